@@ -1,0 +1,41 @@
+# Set up, run the main comparison, test. `make help` lists the targets.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup compare figures test bench lint types clean
+
+help:      ## list the targets
+	@sed -n 's/^\([a-z]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "readhesion needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	@touch $(STAMP)
+
+setup: $(STAMP)      ## create .venv and install (a second call does nothing)
+
+compare: setup       ## the main job: every rule with every controller over the shipped slip events
+	$(BIN)/readhesion compare
+
+figures: setup       ## draw the figures of the papers
+	$(BIN)/readhesion figures
+
+test: setup          ## run the tests
+	$(BIN)/python -m pytest -n 2
+
+bench: setup         ## run the benchmarks
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only -p no:xdist
+
+lint: setup          ## style
+	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+
+types: setup         ## static types
+	$(BIN)/mypy
+
+clean:               ## remove the environment and every result
+	rm -rf $(VENV) build dist *.egg-info results figures

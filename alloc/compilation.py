@@ -1,0 +1,48 @@
+"""How this project compiles: one set of Numba options and a cache that cannot go stale.
+
+Numba keys its cache on the file of the compiled function alone, so a change to an equation in another
+file would go unnoticed. The cache folder therefore carries a hash of every source in `alloc`.
+"""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numba
+from numba.extending import register_jitable
+
+# No `nnan`/`ninf`: a nan must surface. `contract` allows fused multiply-add; `nsz` lets LLVM turn the
+# equations' selections into vector minimum and maximum.
+FASTMATH = {"contract", "nsz"}
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> Path:
+    root = os.environ.get("READHESION_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    base = Path(root) if root else Path.home() / ".cache"
+    folder = base / "readhesion" / f"numba-{_source_hash()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:  # a read-only home must not stop a study
+        folder = Path(tempfile.gettempdir()) / f"readhesion-{os.getuid()}" / folder.name
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(_cache_folder())
+
+jit = numba.njit(cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
+"""Decorator of every compiled entry point and loop."""
+
+equation = register_jitable(error_model="numpy", fastmath=FASTMATH, inline="never")
+"""Decorator of a law that NumPy, Numba and CasADi evaluate from one text."""
