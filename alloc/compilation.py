@@ -44,5 +44,5 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 jit = numba.njit(cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
 """Decorator of every compiled entry point and loop."""
 
-equation = register_jitable(error_model="numpy", fastmath=FASTMATH, inline="never")
+equation = register_jitable(error_model="numpy", fastmath=FASTMATH)
 """Decorator of a law that NumPy, Numba and CasADi evaluate from one text."""

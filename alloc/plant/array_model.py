@@ -1,0 +1,230 @@
+"""The plant on whole arrays: assembly of the same laws for NumPy (single states or lanes) and CasADi (SX).
+
+The environment (peak coefficients, gradients, torque limits) is an argument here, so that a controller can
+put its belief in the place of the truth. `environment_at` evaluates the true one with NumPy.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.plant.adhesion import tangential_coefficient
+from alloc.plant.equations import (
+    axle_load,
+    car_rail_force,
+    coupler_damper_force,
+    coupler_spring_energy,
+    coupler_spring_force,
+    coupler_stretch,
+    cylinder_pressure_rate,
+    gradient_force,
+    hyperbolic_speed_law,
+    motor_torque_rate,
+    running_resistance,
+    shoe_torque,
+    slip_velocity,
+    wheel_acceleration,
+)
+from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
+from alloc.plant.model import Environment, Inputs, Layout, Model, Structure
+from alloc.plant.operations import maximum, minimum, sine
+from alloc.plant.train import EFFORT_SPEED_STEP
+
+Array = Any
+"""NumPy array (rows,) or (rows, lanes), or CasADi column."""
+
+
+class Local(NamedTuple):
+    """The environment where the train is now; rows as named, with or without lanes."""
+
+    peak: Array  # (axles,) peak coefficient
+    grade: Array  # (cars,)
+    air_factor: Array  # (cars,)
+    drive_limit: Array  # (units,) motor torque [N m]
+    brake_limit: Array  # (units,)
+    health: Array  # (units,) 1, or 0 for failed motors
+
+
+def _matrix(index: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    """Selection (len(index), count): row i picks column index[i]; index -1 picks nothing."""
+    matrix = np.zeros((index.size, count))
+    chosen = index >= 0
+    matrix[np.flatnonzero(chosen), index[chosen]] = 1.0
+    return matrix
+
+
+class ArrayModel:
+    """Right side of the plant for whole arrays; build once, call often."""
+
+    def __init__(self, structure: Structure, layout: Layout, curve_kind: int, curve: Array) -> None:
+        self.structure, self.layout = structure, layout
+        self.curve_kind, self.curve = curve_kind, curve
+        self.body_of_axle = _matrix(structure.axle_body, layout.bodies)
+        self.car_of_axle = _matrix(structure.axle_car, layout.cars)
+        self.unit_of_axle = _matrix(structure.axle_unit, layout.units)
+        self.group_of_axle = _matrix(structure.axle_group, layout.groups)
+        self.body_of_car = _matrix(structure.car_body, layout.bodies)
+        n = layout.bodies
+        self.stretch_of_body = np.eye(n)[:-1] - np.eye(n)[1:] if n > 1 else np.zeros((0, n))
+
+    @classmethod
+    def of(cls, model: Model) -> "ArrayModel":
+        """Array form of a built model."""
+        e = model.environment
+        return cls(model.structure, model.layout, e.curve_kind, e.curve)
+
+    def _column(self, values: NDArray[np.float64], like: Array) -> Array:
+        """A parameter (rows,) shaped to act elementwise on `like`."""
+        return values[:, None] if getattr(like, "ndim", 1) == 2 else values
+
+    def unit_rim_speed(self, omega: Array) -> Array:
+        """Mean rim speed of each unit's axles [m/s], (units,)."""
+        s = self.structure
+        scale = s.radius / np.where(s.axle_unit >= 0, s.unit_axles[s.axle_unit], 1.0)
+        return self.unit_of_axle.T @ (self._column(scale, omega) * omega)
+
+    def forces(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
+        """Slip velocity [m/s], coefficient and rail force [N] of every axle."""
+        s, n = self.structure, self.layout
+        speed = self.body_of_axle @ state[n.speed]
+        omega = state[n.omega]
+        radius = self._column(s.radius, omega)
+        slip = slip_velocity(omega, radius, speed)
+        mu = tangential_coefficient(self.curve_kind, self.curve, slip, speed, radius * omega, peak)
+        load, unloading = self._column(s.static_load, mu), self._column(s.unloading, mu)
+        car_force = car_rail_force(self.car_of_axle.T @ (mu * load), self.car_of_axle.T @ (mu * unloading))
+        return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
+
+    def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
+        """Derivative of the state, (rows,) or (rows, lanes); rows as in `Layout`."""
+        s, n = self.structure, self.layout
+        column = self._column
+        speed, omega = state[n.speed], state[n.omega]
+        slip, _, force = self.forces(state, local.peak)
+        axle_speed = self.body_of_axle @ speed
+        radius, inertia = column(s.radius, omega), column(s.inertia, omega)
+        motor = column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
+        a, o, c = (column(s.shoe_friction[:, k], omega) for k in range(3))
+        grip = hyperbolic_speed_law(axle_speed, a, o, c)
+        cylinder = self.group_of_axle @ state[n.pressure]
+        shoe_limit = column(s.shoe_gain, omega) * radius * cylinder * grip
+        shoe = shoe_torque(motor - radius * force, omega, shoe_limit, inertia)
+        omega_rate = wheel_acceleration(motor, force, radius, shoe, inertia)
+
+        car_speed = self.body_of_car @ speed
+        r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
+        drag = running_resistance(car_speed, r0, r1, r2, local.air_factor) + gradient_force(
+            column(s.car_mass, car_speed), local.grade
+        )
+        stiffness, stiffening, damping, slack = (column(s.coupler[:, k], speed) for k in range(4))
+        stretch = coupler_stretch(self.stretch_of_body @ state[n.position], slack)
+        rate = self.stretch_of_body @ speed
+        damper = coupler_damper_force(stretch, rate, damping)
+        tension = coupler_spring_force(stretch, stiffness, stiffening) + damper
+        body_force = (
+            self.body_of_axle.T @ force - self.body_of_car.T @ drag - self.stretch_of_body.T @ tension
+        )
+        torque_rate = motor_torque_rate(
+            state[n.torque],
+            inputs.torque_command,
+            local.drive_limit,
+            local.brake_limit,
+            local.health,
+            column(s.unit_lag, omega),
+        )
+        pressure_rate = cylinder_pressure_rate(
+            state[n.pressure],
+            inputs.pressure_target,
+            inputs.valve,
+            column(s.group_fill, omega),
+            column(s.group_release, omega),
+        )
+        works = (motor * omega, shoe * omega, drag * car_speed, damper * rate)
+        return self._stack(
+            [
+                speed,
+                body_force / column(s.body_mass, speed),
+                omega_rate,
+                torque_rate,
+                pressure_rate,
+                force * slip,
+                *(self._total(power) for power in works),
+            ],
+            state,
+        )
+
+    def _total(self, power: Array) -> Array:
+        if isinstance(power, np.ndarray):
+            return power.sum(axis=0, keepdims=True)
+        import casadi
+
+        return casadi.sum1(power)
+
+    def _stack(self, parts: list[Array], like: Array) -> Array:
+        if isinstance(like, np.ndarray):
+            return np.concatenate(parts, axis=0)
+        import casadi
+
+        return casadi.vertcat(*parts)
+
+    def mechanical_energy(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], per lane."""
+        s, n = self.structure, self.layout
+        speed, omega = state[n.speed], state[n.omega]
+        column = self._column
+        kinetic = (0.5 * column(s.body_mass, speed) * speed**2).sum(axis=0) + (
+            0.5 * column(s.inertia, omega) * omega**2
+        ).sum(axis=0)
+        stretch = coupler_stretch(
+            self.stretch_of_body @ state[n.position], column(s.coupler[:, 3], speed)
+        )
+        elastic = coupler_spring_energy(
+            stretch, column(s.coupler[:, 0], speed), column(s.coupler[:, 1], speed)
+        ).sum(axis=0)
+        return np.asarray(kinetic + elastic)
+
+
+def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Row-wise linear interpolation of `tables` (rows, points) at `x` (rows, lanes) in grid units."""
+    bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
+    k = bounded.astype(np.int64)
+    row = np.arange(tables.shape[0])[:, None]
+    return np.asarray(tables[row, k] + (tables[row, k + 1] - tables[row, k]) * (bounded - k))
+
+
+def environment_at(
+    model: Model, time: float, state: NDArray[np.float64], cleaning: NDArray[np.float64] | None = None
+) -> Local:
+    """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes)."""
+    s, n, e = model.structure, model.layout, model.environment
+    arrays = ArrayModel.of(model)
+    position = state[n.position][s.axle_body] + s.axle_offset[:, None]
+    speed = state[n.speed][s.axle_body]
+    patches = np.ones_like(position)
+    for p in e.patch:
+        weight = window(position, p[1], p[2], p[3])
+        patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
+    knot = position / e.noise_length
+    base = np.floor(knot)
+    k = base.astype(np.int64)
+    lane = np.arange(model.lanes)[None, :]
+    knots = e.noise.shape[1]
+    scatter = interpolate_noise(e.noise[lane, k % knots], e.noise[lane, (k + 1) % knots], knot - base)
+    conditioning = 0.0 if cleaning is None else e.conditioning[0] * cleaning
+    peak = peak_coefficient(
+        speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning
+    )
+    place = (state[n.position][s.car_body] + s.car_offset[:, None] - e.line_origin) / e.line_spacing
+    rim = np.abs(arrays.unit_rim_speed(state[n.omega])) / EFFORT_SPEED_STEP
+    wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
+    receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
+    both = np.broadcast_to
+    return Local(
+        peak=peak,
+        grade=_table(both(e.line[0], (n.cars, e.line.shape[1])), place),
+        air_factor=_table(both(e.line[1], (n.cars, e.line.shape[1])), place),
+        drive_limit=_table(s.drive_table, rim),
+        brake_limit=_table(s.brake_table, rim) * receptivity,
+        health=(time < e.failure_time).astype(float),
+    )

@@ -1,0 +1,127 @@
+"""The train's physical laws, each stated once, elementwise, for NumPy, Numba and CasADi alike.
+
+Traction is positive, braking negative; SI units. The assembly (which axle belongs to which car) is in
+`array_model` and `compiled`; neither states a law of its own.
+"""
+
+from alloc.compilation import equation
+from alloc.plant.operations import absolute, exp, maximum, minimum, sqrt, where
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s2]; the readhesion paper's 9.0855 is a misprint."""
+
+LOCK_TIME = 2e-3
+"""Time constant [s] with which shoe friction brings the last bit of rotation of a locking wheel to rest."""
+
+STANDSTILL_SPEED = 0.05
+"""Speed scale [m/s] on which running resistance changes sign at standstill."""
+
+
+@equation
+def slip_velocity(angular_speed, radius, speed):
+    """Slip velocity [m/s], positive driving: r omega - v, readhesion paper (9)."""
+    return radius * angular_speed - speed
+
+
+@equation
+def shoe_torque(other_torque, angular_speed, limit, inertia):
+    """Torque [N m] of the brake shoes on a wheelset, opposing its rotation.
+
+    Coulomb friction with the bound `limit`: a turning wheel feels all of it; a wheel at rest feels just what
+    holds it, so it stays locked until the other torques exceed the bound. The ramp between the two
+    brings omega to zero with the time constant `LOCK_TIME` instead of jumping.
+    """
+    holding = other_torque + inertia * angular_speed / LOCK_TIME
+    return minimum(maximum(holding, -limit), limit)
+
+
+@equation
+def wheel_acceleration(motor_torque_at_wheel, rail_force, radius, shoe, inertia):
+    """Angular acceleration of a wheelset [rad/s2]: readhesion paper (7), JP4209318 (2), (8)."""
+    return (motor_torque_at_wheel - radius * rail_force - shoe) / inertia
+
+
+@equation
+def motor_torque_rate(torque, command, drive_limit, brake_limit, health, time_constant):
+    """Rate of the motor torque [N m/s]: first-order lag behind the bounded command.
+
+    `brake_limit` already contains the receptivity of the line; `health` 0 is a failed motor.
+    """
+    target = health * minimum(maximum(command, -brake_limit), drive_limit)
+    return (target - torque) / time_constant
+
+
+@equation
+def cylinder_pressure_rate(pressure, target, valve, fill_time, release_time):
+    """Rate of a brake cylinder's pressure [Pa/s].
+
+    `valve` 0: supply valve open, the pressure follows `target`; 1: both shut, held; 2: release valve open.
+    """
+    filling = (target - pressure) / fill_time
+    releasing = -pressure / release_time
+    return where(valve < 0.5, filling, where(valve < 1.5, 0.0 * pressure, releasing))
+
+
+@equation
+def hyperbolic_speed_law(speed, numerator, offset, constant):
+    """a / (V + b) + c with V in km/h: planned adhesion JP5484215 (12), Curtius-Kniffler, shoe friction."""
+    return numerator / (3.6 * absolute(speed) + offset) + constant
+
+
+@equation
+def running_resistance(speed, constant, linear, quadratic, air_factor):
+    """Running resistance [N] against the motion: A + B v + C v^2, its air part raised in tunnels."""
+    magnitude = constant + linear * absolute(speed) + quadratic * air_factor * speed * speed
+    return magnitude * speed / sqrt(speed * speed + STANDSTILL_SPEED * STANDSTILL_SPEED)
+
+
+@equation
+def gradient_force(mass, grade):
+    """Downhill component of the weight [N] against the motion; `grade` is the rise per run, JP H07-322414."""
+    return mass * GRAVITY * grade / sqrt(1.0 + grade * grade)
+
+
+@equation
+def coupler_stretch(elongation, slack):
+    """Elongation [m] beyond the slack (half of it on either side)."""
+    return elongation - minimum(maximum(elongation, -0.5 * slack), 0.5 * slack)
+
+
+@equation
+def coupler_spring_force(stretch, stiffness, stiffening):
+    """Elastic tension of a draft gear [N]: k s + k3 s^3, stiffening as in the RTRI report."""
+    return stretch * (stiffness + stiffening * stretch * stretch)
+
+
+@equation
+def coupler_spring_energy(stretch, stiffness, stiffening):
+    """Elastic energy of a draft gear [J]."""
+    square = stretch * stretch
+    return square * (0.5 * stiffness + 0.25 * stiffening * square)
+
+
+@equation
+def coupler_damper_force(stretch, rate, damping):
+    """Damping tension of a draft gear [N]: none inside the slack, full at 1 mm beyond it."""
+    return damping * rate * minimum(absolute(stretch) / 1e-3, 1.0)
+
+
+@equation
+def car_rail_force(static_force, unloading):
+    """Rail force of a car whose axles are unloaded by that very force.
+
+    F = sum mu_i (N0_i - k_i F), so F = sum mu_i N0_i / (1 + sum mu_i k_i).
+    """
+    return static_force / (1.0 + unloading)
+
+
+@equation
+def axle_load(static_load, unloading, car_force):
+    """Axle load [N] under the pitch of car and bogies: N0 - k F, with sum k = 0 over the car."""
+    return static_load - unloading * car_force
+
+
+@equation
+def conditioning_deposit(slip_ratio, scale):
+    """Degree 0..1 to which a wheel with this slip ratio cleans the rail it passes (JP4209318 par. 0053)."""
+    return 1.0 - exp(-absolute(slip_ratio) / scale)

@@ -1,0 +1,44 @@
+"""The adhesion field: peak coefficient by position, time, speed and what the wheels ahead have done.
+
+peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor. JP5484215
+gives the speed law (12), the increments by axle (15) and the scatter; JP4209318 par. 0051 the conditioning.
+"""
+
+from alloc.compilation import equation
+from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.operations import maximum, minimum
+
+PEAK_FLOOR = 1e-3
+"""Least peak coefficient of the field; scatter must not make adhesion vanish or turn negative."""
+
+
+@equation
+def smooth_step(x):
+    """0 below 0, 1 above 1, twice continuously differentiable between: 6 x^5 - 15 x^4 + 10 x^3."""
+    bounded = minimum(maximum(x, 0.0), 1.0)
+    return bounded * bounded * bounded * (10.0 + bounded * (6.0 * bounded - 15.0))
+
+
+@equation
+def window(x, start, end, edge):
+    """1 between `start` and `end`, 0 outside, with smooth edges of width `edge` centred on the bounds."""
+    return smooth_step((x - start) / edge + 0.5) * smooth_step((end - x) / edge + 0.5)
+
+
+@equation
+def patch_factor(weight_in_space, weight_in_time, factor):
+    """Multiplier of the coefficient under a patch: 1 outside, `factor` inside."""
+    return 1.0 + (factor - 1.0) * weight_in_space * weight_in_time
+
+
+@equation
+def interpolate_noise(before, after, fraction):
+    """Value of the scatter between two knots, with zero slope at the knots."""
+    return before + (after - before) * smooth_step(fraction)
+
+
+@equation
+def peak_coefficient(speed, numerator, offset, constant, patches, increment, scatter, conditioning):
+    """Peak coefficient of one axle; `patches` is the product of the patch factors."""
+    base = hyperbolic_speed_law(speed, numerator, offset, constant) * patches
+    return maximum((base + increment + scatter) * (1.0 + conditioning), PEAK_FLOOR)

@@ -1,0 +1,172 @@
+"""The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients and tunnels."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
+from alloc.plant.errors import PlantError, require_finite
+
+SPEED_LAWS: dict[str, tuple[float, float, float]] = {
+    "none": (0.0, 1.0, 1.0),
+    "shinkansen": (13.6, 85.0, 0.0),  # planned coefficient, JP5484215 (12)
+    "curtius-kniffler": (7.5, 44.0, 0.161),  # Curtius and Kniffler, 1950
+}
+"""Named laws a / (V + b) + c with V in km/h; `none` is 1 at every speed."""
+
+NOISE_KNOTS = 1024
+"""Knots of the scatter's table; the scatter repeats after this many correlation lengths."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A stretch of rail [m] that, for a time [s], multiplies the coefficient by `factor`; smooth edges."""
+
+    factor: float
+    start: float = -1e6
+    end: float = 1e6
+    edge: float = 5.0
+    begin: float = -1e6
+    until: float = 1e6
+    fade: float = 0.2
+
+    def __post_init__(self) -> None:
+        require_finite("patch", self, positive=("factor", "edge", "fade"))
+        for low, high in (("start", "end"), ("begin", "until")):
+            a, b = getattr(self, low), getattr(self, high)
+            if not (math.isfinite(a) and math.isfinite(b) and a < b):
+                raise PlantError(f"patch: {low} = {a!r} must lie before {high} = {b!r}, both finite")
+
+
+def logarithmic_increments(
+    axle_count: int, slope: float = 0.0083, offset: float = -0.0066
+) -> NDArray[np.float64]:
+    """Growth of the adhesion coefficient along the train, JP5484215 (15): slope ln j + offset, (axles,).
+
+    j = 1 is the foremost axle; the mean over the first four axles is zero.
+    """
+    return slope * np.log(np.arange(1, axle_count + 1)) + offset
+
+
+@dataclass(frozen=True)
+class Rail:
+    """Adhesion field. `level` scales the speed law (the coefficient itself where the law is `none`).
+
+    `increments`: one value per axle from the front, or None for zero. `scatter` is the standard deviation of
+    the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
+    from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
+    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned rail.
+    """
+
+    level: float
+    speed_law: str | tuple[float, float, float] = "none"
+    patches: tuple[Patch, ...] = ()
+    increments: tuple[float, ...] | None = None
+    scatter: float = 0.0
+    scatter_length: float = 20.0
+    seed: int = 0
+    conditioning: float = 0.0
+    conditioning_slip: float = 0.05
+    cleaning_spacing: float = 0.1
+    curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
+
+    def __post_init__(self) -> None:
+        require_finite(
+            "rail",
+            self,
+            positive=("level", "scatter_length", "conditioning_slip", "cleaning_spacing"),
+            nonnegative=("scatter", "conditioning"),
+        )
+        if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
+            raise PlantError(
+                f"rail: speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
+            )
+        if self.increments is not None and not np.all(np.isfinite(self.increments)):
+            raise PlantError(f"rail: increments = {self.increments} must be finite")
+
+    def speed_law_coefficients(self) -> tuple[float, float, float]:
+        """Numerator, offset and constant of the speed law, scaled by `level`."""
+        a, b, c = SPEED_LAWS[self.speed_law] if isinstance(self.speed_law, str) else self.speed_law
+        return self.level * a, b, self.level * c
+
+    def noise_table(self) -> NDArray[np.float64]:
+        """Scatter at its knots, (NOISE_KNOTS,)."""
+        if self.scatter == 0.0:
+            return np.zeros(NOISE_KNOTS)
+        generator = np.random.default_rng(self.seed)
+        table: NDArray[np.float64] = self.scatter * generator.standard_normal(NOISE_KNOTS)
+        return table
+
+
+@dataclass(frozen=True)
+class Line:
+    """Gradient and tunnels by position [m]; gradient as rise per run (0.020 = 20 per mille).
+
+    `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the
+    nearest holds. Changes are spread over one `spacing`. In a tunnel the air resistance is multiplied
+    by `tunnel_factor`.
+    """
+
+    stations: tuple[float, ...] = (0.0,)
+    grades: tuple[float, ...] = (0.0,)
+    tunnels: tuple[tuple[float, float], ...] = ()
+    tunnel_factor: float = 1.0
+    spacing: float = 5.0
+
+    def __post_init__(self) -> None:
+        require_finite("line", self, positive=("tunnel_factor", "spacing"))
+        if len(self.stations) != len(self.grades) or not self.stations:
+            raise PlantError(
+                f"line: {len(self.stations)} stations and {len(self.grades)} grades; give as many of "
+                "each, at least one"
+            )
+        if not np.all(np.isfinite(self.stations)) or not np.all(np.isfinite(self.grades)):
+            raise PlantError("line: stations and grades must be finite")
+        if any(b < a for a, b in zip(self.stations, self.stations[1:], strict=False)):
+            raise PlantError("line: stations must not fall")
+        for start, end in self.tunnels:
+            if not start < end:
+                raise PlantError(f"line: tunnel from {start} to {end} m must end beyond its start")
+
+    def tabulate(self, first: float, last: float) -> tuple[float, NDArray[np.float64]]:
+        """Origin [m] and table (2, points) of grade and air factor every `spacing` metres."""
+        origin = math.floor(first / self.spacing) * self.spacing
+        points = max(2, math.ceil((last - origin) / self.spacing) + 2)
+        x = origin + self.spacing * np.arange(points)
+        section = np.clip(np.searchsorted(self.stations, x, side="right") - 1, 0, None)
+        grade = np.asarray(self.grades, dtype=float)[section]
+        inside = np.zeros(points, dtype=bool)
+        for start, end in self.tunnels:
+            inside |= (x >= start) & (x < end)
+        return origin, np.stack([grade, np.where(inside, self.tunnel_factor, 1.0)])
+
+
+@dataclass(frozen=True)
+class Receptivity:
+    """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1]."""
+
+    mean: float = 1.0
+    amplitude: float = 0.0
+    period: float = 3.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(
+            "receptivity", self, positive=("period",), nonnegative=("mean", "amplitude")
+        )
+
+
+SpeedLawName = Literal["none", "shinkansen", "curtius-kniffler"]
+
+
+def axle_values(values: ArrayLike | None, axle_count: int, what: str) -> NDArray[np.float64]:
+    """One finite value per axle, zeros if None; raise `PlantError` naming `what` otherwise."""
+    if values is None:
+        return np.zeros(axle_count)
+    array = np.asarray(values, dtype=float)
+    if array.shape != (axle_count,):
+        raise PlantError(f"{what}: {array.size} values for {axle_count} axles; give one per axle")
+    return array

@@ -1,0 +1,301 @@
+"""What a train is made of: wheelsets, cars, traction units, brakes, couplers. SI units, validated."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.plant.equations import GRAVITY
+from alloc.plant.errors import PlantError, require_finite
+
+InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
+"""Motors per inverter: a whole car, a bogie, an axle."""
+
+EFFORT_SPEED_STEP = 1.0 / 3.6
+"""Spacing [m/s] of tabulated torque limits: 1 km/h, the spacing of published effort curves."""
+EFFORT_TABLE_LENGTH = 402
+"""Tables reach 401 km/h; beyond, the last value holds."""
+
+
+@dataclass(frozen=True)
+class TorqueLimit:
+    """Largest motor torque by rim speed: `peak` [N m] at the shaft, then constant `power` [W] per motor.
+
+    Beyond `pull_out_speed` [m/s] the limit falls with the square of the speed (motor pull-out). If `table` is
+    given (torque per motor every 1 km/h from standstill) it replaces the formula.
+    """
+
+    peak: float
+    power: float
+    pull_out_speed: float = math.inf
+    fade_speed: float = 0.0
+    """Speed [m/s] below which the limit fades to zero linearly (electric brakes); 0: no fading."""
+    table: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        require_finite("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
+        if not self.pull_out_speed > 0.0:
+            raise PlantError(f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0")
+        if self.table is not None and (
+            len(self.table) == 0 or not all(math.isfinite(t) and t >= 0.0 for t in self.table)
+        ):
+            raise PlantError("torque limit: table must hold finite values, 0 or greater")
+
+    def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
+        """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
+        if self.table is not None:
+            values = np.asarray(self.table, dtype=float)
+            padded = np.full(EFFORT_TABLE_LENGTH, values[-1])
+            n = min(values.size, EFFORT_TABLE_LENGTH)
+            padded[:n] = values[:n]
+            return padded
+        speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
+        shaft_speed = gear_ratio * np.maximum(speed, 1e-3) / radius
+        limit = np.minimum(self.peak, self.power / shaft_speed)
+        limit = limit * np.minimum(1.0, self.pull_out_speed / np.maximum(speed, 1e-3))
+        if self.fade_speed > 0.0:
+            limit = limit * np.minimum(1.0, speed / self.fade_speed)
+        return np.asarray(limit)
+
+
+@dataclass(frozen=True)
+class Motors:
+    """Traction motors of a driven car and the inverters that feed them."""
+
+    group: InverterGroup
+    gear_ratio: float
+    drive: TorqueLimit
+    brake: TorqueLimit
+    torque_lag: float = 5e-3
+    """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
+
+    def __post_init__(self) -> None:
+        require_finite("motors", self, positive=("gear_ratio", "torque_lag"))
+        if self.group not in ("1C4M", "1C2M", "1C1M"):
+            raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
+
+
+@dataclass(frozen=True)
+class AirBrake:
+    """Friction brake of a car; one pair of valves per bogie.
+
+    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V), friction(V) =
+    numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
+    """
+
+    maximum_pressure: float
+    force_per_pascal: float
+    fill_time: float = 1.2
+    release_time: float = 1.2
+    dead_time: float = 0.05
+    friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        require_finite(
+            "air brake",
+            self,
+            positive=("maximum_pressure", "fill_time", "release_time"),
+            nonnegative=("force_per_pascal", "dead_time"),
+        )
+
+
+@dataclass(frozen=True)
+class Car:
+    """One car: masses [kg], wheelsets, and what drives and brakes them.
+
+    `axle_positions` [m] are measured from the car's front end; `bogie_of_axle` numbers its bogies from 0.
+    `driven` marks axles with a motor. `load` is the pay load; JP5484215 calls empty mass and load per axle W0, dW.
+    """
+
+    name: str
+    length: float
+    empty_mass: float
+    load: float
+    axle_positions: tuple[float, ...]
+    bogie_of_axle: tuple[int, ...]
+    wheel_radius: float
+    wheel_inertia: tuple[float, ...]
+    """Inertia of each wheelset with everything geared to it [kg m2], at the wheel."""
+    driven: tuple[bool, ...]
+    motors: Motors | None = None
+    air_brake: AirBrake | None = None
+    centre_of_mass_height: float = 1.6
+    pivot_height: float = 0.5
+    axle_load_share: tuple[float, ...] | None = None
+    """Share of the car's weight on each axle; equal if None."""
+
+    def __post_init__(self) -> None:
+        owner = f"car {self.name!r}"
+        require_finite(
+            owner, self, positive=("length", "empty_mass", "wheel_radius"), nonnegative=("load",)
+        )
+        n = len(self.axle_positions)
+        if n == 0:
+            raise PlantError(f"{owner}: has no axles; give axle_positions")
+        for name in ("bogie_of_axle", "wheel_inertia", "driven"):
+            if len(getattr(self, name)) != n:
+                raise PlantError(f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles")
+        if not all(math.isfinite(j) and j > 0.0 for j in self.wheel_inertia):
+            raise PlantError(f"{owner}: wheel_inertia = {self.wheel_inertia} must be finite and > 0")
+        positions = self.axle_positions
+        if any(b <= a for a, b in zip(positions, positions[1:], strict=False)):
+            raise PlantError(f"{owner}: axle_positions = {positions} must grow from the front")
+        if positions[0] < 0.0 or positions[-1] > self.length:
+            raise PlantError(f"{owner}: axle_positions = {positions} leave the car's {self.length} m")
+        if any(self.driven) and self.motors is None:
+            raise PlantError(f"{owner}: has driven axles but no motors")
+        share = self.axle_load_share
+        if share is not None and (len(share) != n or min(share) <= 0 or abs(sum(share) - 1) > 1e-9):
+            raise PlantError(f"{owner}: axle_load_share = {share} must be {n} values > 0 with sum 1")
+
+    @property
+    def mass(self) -> float:
+        """Mass with load [kg]."""
+        return self.empty_mass + self.load
+
+    @property
+    def static_axle_loads(self) -> NDArray[np.float64]:
+        """Load of each axle [N], (axles,)."""
+        n = len(self.axle_positions)
+        share = np.full(n, 1.0 / n) if self.axle_load_share is None else np.array(self.axle_load_share)
+        return np.asarray(self.mass * GRAVITY * share)
+
+    def unloading_factors(self) -> NDArray[np.float64]:
+        """Load [N] lost by each axle per newton of the car's rail force, (axles,), summing to zero.
+
+        Quasi-static pitch: the force acts at the rail, the inertia at the centre of mass, so the car's
+        weight moves from the front bogie to the rear one; within a bogie its share of the force, taken up at
+        pivot height, does the same between its axles.
+        """
+        positions = np.array(self.axle_positions)
+        bogies = np.array(self.bogie_of_axle)
+        factors = np.zeros(positions.size)
+        numbers = np.unique(bogies)
+        centres = np.array([positions[bogies == b].mean() for b in numbers])
+        if numbers.size > 1:
+            arm = centres.mean() - centres  # > 0 in front
+            per_bogie = arm * (self.centre_of_mass_height - self.pivot_height) / np.sum(arm**2)
+            for b, unloading in zip(numbers, per_bogie, strict=True):
+                factors[bogies == b] += unloading / np.sum(bogies == b)
+        driven = np.array(self.driven)
+        for b in numbers:
+            inside = bogies == b
+            arm = positions[inside].mean() - positions[inside]
+            acting = driven if driven.any() else np.ones(driven.size, dtype=bool)
+            share_of_force = np.sum(inside & acting) / np.sum(acting)
+            if np.any(arm != 0.0):
+                factors[inside] += share_of_force * self.pivot_height * arm / np.sum(arm**2)
+        return factors
+
+    def reversed(self) -> "Car":
+        """The same car running the other way round."""
+        n = len(self.axle_positions)
+        last = max(self.bogie_of_axle)
+        share = self.axle_load_share
+        return replace(
+            self,
+            axle_positions=tuple(self.length - p for p in reversed(self.axle_positions)),
+            bogie_of_axle=tuple(last - b for b in reversed(self.bogie_of_axle)),
+            wheel_inertia=self.wheel_inertia[::-1],
+            driven=self.driven[::-1],
+            axle_load_share=None if share is None else share[::-1],
+        ) if n else self
+
+    def units(self) -> list[list[int]]:
+        """Axles of each traction unit of this car (indices from the car's front)."""
+        if self.motors is None:
+            return []
+        axles = [i for i, has_motor in enumerate(self.driven) if has_motor]
+        if self.motors.group == "1C1M":
+            return [[i] for i in axles]
+        if self.motors.group == "1C2M":
+            bogies = sorted({self.bogie_of_axle[i] for i in axles})
+            return [[i for i in axles if self.bogie_of_axle[i] == b] for b in bogies]
+        return [axles] if axles else []
+
+
+@dataclass(frozen=True)
+class Coupler:
+    """Draft gear between two cars: slack [m], stiffness [N/m], stiffening [N/m3], damping [N s/m]."""
+
+    stiffness: float = 2.0e7
+    stiffening: float = 0.0
+    damping: float = 2.0e5
+    slack: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(
+            "coupler", self, positive=("stiffness",), nonnegative=("stiffening", "damping", "slack")
+        )
+
+
+@dataclass(frozen=True)
+class Train:
+    """A train in its running order, foremost car first.
+
+    Running resistance [N] of the whole train: A + B v + C v^2 (A in N, B in N s/m, C in N s2/m2), shared among
+    the cars by mass (A, B) and length (C). `couplers` None: rigid train.
+    """
+
+    name: str
+    cars: tuple[Car, ...]
+    resistance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    couplers: tuple[Coupler, ...] | None = None
+    load_transfer: bool = False
+    planned_acceleration: float = 0.0
+    """Acceleration [m/s2] that the plan asks for on level track."""
+    source: str = ""
+    sources: dict[str, str] = field(default_factory=dict, hash=False, compare=False)
+    """Where each value comes from."""
+
+    def __post_init__(self) -> None:
+        if not self.cars:
+            raise PlantError(f"train {self.name!r}: has no cars")
+        if not all(math.isfinite(c) and c >= 0.0 for c in self.resistance):
+            raise PlantError(
+                f"train {self.name!r}: resistance = {self.resistance} must be finite and >= 0"
+            )
+        if self.couplers is not None and len(self.couplers) != len(self.cars) - 1:
+            raise PlantError(
+                f"train {self.name!r}: {len(self.couplers)} couplers for {len(self.cars)} cars; "
+                f"give {len(self.cars) - 1}, or none for a rigid train"
+            )
+
+    @property
+    def mass(self) -> float:
+        """Mass with load [kg]."""
+        return sum(car.mass for car in self.cars)
+
+    @property
+    def axle_count(self) -> int:
+        """Number of axles."""
+        return sum(len(car.axle_positions) for car in self.cars)
+
+    @property
+    def rotating_mass(self) -> float:
+        """Mass [kg] that the inertia of the wheelsets adds to a train that rolls without slip."""
+        return sum(sum(car.wheel_inertia) / car.wheel_radius**2 for car in self.cars)
+
+    def reversed(self) -> "Train":
+        """The same train running the other way: rearmost car first, each car turned round."""
+        couplers = None if self.couplers is None else self.couplers[::-1]
+        return replace(
+            self, cars=tuple(car.reversed() for car in reversed(self.cars)), couplers=couplers
+        )
+
+    def loaded(self, loads: tuple[float, ...]) -> "Train":
+        """The same train with a pay load [kg] per car."""
+        if len(loads) != len(self.cars):
+            raise PlantError(
+                f"train {self.name!r}: {len(loads)} loads for {len(self.cars)} cars; give one per car"
+            )
+        return replace(
+            self,
+            cars=tuple(replace(car, load=load) for car, load in zip(self.cars, loads, strict=True)),
+        )
+
+    def coupled(self, coupler: Coupler) -> "Train":
+        """The same train with this draft gear between all cars."""
+        return replace(self, couplers=(coupler,) * (len(self.cars) - 1))
