@@ -39,7 +39,7 @@ def _cache_folder() -> Path:
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(_cache_folder())
+    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
 jit = numba.njit(cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
 """Decorator of every compiled entry point and loop."""

@@ -1,0 +1,1 @@
+"""The plant: the train's equations, stated once, their parameters and the integrator."""

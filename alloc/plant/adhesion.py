@@ -27,14 +27,26 @@ the number of substeps. A numerical device, not a property of the rail.
 
 
 @equation
+def parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio):
+    """Curvature C of the parabola, raised where the source's would not make a curve.
+
+    The source needs C >= g1^2 / (4 peak), else its first break point is negative and the curve jumps at the
+    origin; and B > 0, that is C > g2^2 / (4 (peak - mu_inf)), else its tail grows without bound. The
+    smallest C is taken that satisfies the first and leaves the tail half of the fall from the peak: the initial
+    slope stays, and the curve keeps its first derivative.
+    """
+    for_line = 0.25 * micro_slope * micro_slope
+    for_tail = 0.5 * macro_slope * macro_slope / (1.0 - residual_ratio)
+    return maximum(top_curvature, maximum(for_line, for_tail) / peak)
+
+
+@equation
 def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, residual_ratio):
     """Line, parabola, exponential: readhesion paper (1)-(6).
 
-    The source needs `top_curvature >= micro_slope**2 / (4 peak)`, else its first break point is negative and
-    the curve jumps at the origin. On a rail so slippery the parabola is narrowed to the smallest curvature
-    that satisfies this: the line vanishes, the initial slope stays, and the curve keeps its first derivative.
+    On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
     """
-    curvature = maximum(top_curvature, micro_slope * micro_slope / (4.0 * peak))
+    curvature = parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
     magnitude = absolute(slip)
     half_width = micro_slope / (4.0 * curvature)
     line_end = peak / micro_slope - half_width  # (3)
@@ -103,40 +115,48 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak):
 
 
 @equation
-def polach_peak(peak, reference, q):
+def polach_driving(slip, speed, peak, q):
+    """Polach coefficient of an axle that drives: the rim speed is what slip is divided by."""
+    reference = reference_speed(speed, speed + slip)
+    return polach_coefficient(slip, reference, peak, q[0], q[1], q[2], q[3], q[4])
+
+
+@equation
+def polach_peak(peak, speed, q):
     """Largest Polach coefficient over the slip velocity, and where it lies (golden section search).
 
     The curve rises from zero to one maximum and falls, so the search cannot miss it. The bracket
-    (0, one tenth of the reference speed plus 2 m/s) holds the maximum of every published set.
+    (0, one tenth of the speed plus 2 m/s) holds the maximum of every published set.
     """
     golden = 0.6180339887498949
-    low = 0.0 * reference
-    high = 0.1 * reference + 2.0
+    low = 0.0 * (peak + speed)
+    high = low + 0.1 * absolute(speed) + 2.0
     inner_low, inner_high = high - golden * (high - low), low + golden * (high - low)
     for _ in range(60):
-        value_low = polach_coefficient(inner_low, reference, peak, q[0], q[1], q[2], q[3], q[4])
-        value_high = polach_coefficient(inner_high, reference, peak, q[0], q[1], q[2], q[3], q[4])
-        left = value_low > value_high
+        left = polach_driving(inner_low, speed, peak, q) > polach_driving(
+            inner_high, speed, peak, q
+        )
         low = where(left, low, inner_low)
         high = where(left, inner_high, high)
         inner_low = high - golden * (high - low)
         inner_high = low + golden * (high - low)
     top = 0.5 * (low + high)
-    return polach_coefficient(top, reference, peak, q[0], q[1], q[2], q[3], q[4]), top
+    return polach_driving(top, speed, peak, q), top
 
 
 @equation
 def adhesion_limit(kind, q, peak, speed):
-    """Adhesion coefficient (maximum over the slip velocity) and the slip velocity [m/s] where it lies."""
+    """Adhesion coefficient of a driving axle (maximum over the slip velocity), and the slip velocity [m/s] there."""
     if kind == PIECEWISE:
-        curvature = maximum(q[1], q[0] * q[0] / (4.0 * peak))
+        curvature = parabola_curvature(peak, q[0], q[1], q[2], q[3])
         return peak * 1.0, peak / q[0] + q[0] / (4.0 * curvature)
     elif kind == POLACH:
-        return polach_peak(peak, reference_speed(speed, speed), q)
+        return polach_peak(peak, speed, q)
     else:
-        # driving: slip / (v + slip) = x, so slip = v x / (1 - x)
-        reference = reference_speed(speed, speed)
-        return peak * 1.0, reference * q[0] / (1.0 - q[0])
+        # slip / reference = x: the reference is v + slip when driving, or its floor at low speed
+        ratio = q[0]
+        slip = maximum(ratio * CREEPAGE_SPEED_FLOOR, absolute(speed) * ratio / (1.0 - ratio))
+        return peak * 1.0, slip + 0.0 * peak
 
 
 @dataclass(frozen=True)
@@ -170,7 +190,7 @@ class AdhesionCurve:
     def limit(
         self, peak: ArrayLike, speed: ArrayLike = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Adhesion coefficient and the slip velocity [m/s] of the curve's maximum."""
+        """Adhesion coefficient and the slip velocity [m/s] of the curve's maximum, driving at `speed` >= 0 [m/s]."""
         peak, speed = np.asarray(peak, dtype=float), np.asarray(speed, dtype=float)
         coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed)
         return np.asarray(coefficient), np.asarray(slip)
@@ -197,7 +217,9 @@ class PiecewiseCurve(AdhesionCurve):
     kind: ClassVar[int] = PIECEWISE
 
     def __post_init__(self) -> None:
-        require_finite("adhesion curve", self, positive=("micro_slope", "top_curvature", "macro_slope"))
+        require_finite(
+            "adhesion curve", self, positive=("micro_slope", "top_curvature", "macro_slope")
+        )
         if not 0.0 <= self.residual_ratio < 1.0:
             raise PlantError(
                 f"adhesion curve: residual_ratio = {self.residual_ratio} must lie in [0, 1)"

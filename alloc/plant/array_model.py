@@ -27,7 +27,7 @@ from alloc.plant.equations import (
     wheel_acceleration,
 )
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
-from alloc.plant.model import Environment, Inputs, Layout, Model, Structure
+from alloc.plant.model import Inputs, Layout, Model, Structure
 from alloc.plant.operations import maximum, minimum, sine
 from alloc.plant.train import EFFORT_SPEED_STEP
 
@@ -93,7 +93,9 @@ class ArrayModel:
         slip = slip_velocity(omega, radius, speed)
         mu = tangential_coefficient(self.curve_kind, self.curve, slip, speed, radius * omega, peak)
         load, unloading = self._column(s.static_load, mu), self._column(s.unloading, mu)
-        car_force = car_rail_force(self.car_of_axle.T @ (mu * load), self.car_of_axle.T @ (mu * unloading))
+        car_force = car_rail_force(
+            self.car_of_axle.T @ (mu * load), self.car_of_axle.T @ (mu * unloading)
+        )
         return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
@@ -123,7 +125,9 @@ class ArrayModel:
         damper = coupler_damper_force(stretch, rate, damping)
         tension = coupler_spring_force(stretch, stiffness, stiffening) + damper
         body_force = (
-            self.body_of_axle.T @ force - self.body_of_car.T @ drag - self.stretch_of_body.T @ tension
+            self.body_of_axle.T @ force
+            - self.body_of_car.T @ drag
+            - self.stretch_of_body.T @ tension
         )
         torque_rate = motor_torque_rate(
             state[n.torque],
@@ -194,7 +198,10 @@ def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def environment_at(
-    model: Model, time: float, state: NDArray[np.float64], cleaning: NDArray[np.float64] | None = None
+    model: Model,
+    time: float,
+    state: NDArray[np.float64],
+    cleaning: NDArray[np.float64] | None = None,
 ) -> Local:
     """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes)."""
     s, n, e = model.structure, model.layout, model.environment
@@ -210,7 +217,9 @@ def environment_at(
     k = base.astype(np.int64)
     lane = np.arange(model.lanes)[None, :]
     knots = e.noise.shape[1]
-    scatter = interpolate_noise(e.noise[lane, k % knots], e.noise[lane, (k + 1) % knots], knot - base)
+    scatter = interpolate_noise(
+        e.noise[lane, k % knots], e.noise[lane, (k + 1) % knots], knot - base
+    )
     conditioning = 0.0 if cleaning is None else e.conditioning[0] * cleaning
     peak = peak_coefficient(
         speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning

@@ -181,9 +181,7 @@ def _motors(s, e, layout, time, state, command, w, slope):
                 w.unit[0, j, b] += scale * state[omega + i, b]
     for b in range(lanes):
         wave = sine(6.283185307179586 * time / e.receptivity[2, b] + e.receptivity[3, b])
-        w.row[0, b] = minimum(
-            maximum(e.receptivity[0, b] + e.receptivity[1, b] * wave, 0.0), 1.0
-        )
+        w.row[0, b] = minimum(maximum(e.receptivity[0, b] + e.receptivity[1, b] * wave, 0.0), 1.0)
     for j in range(layout.units):
         lag = s.unit_lag[j]
         for b in range(lanes):
@@ -261,7 +259,9 @@ def _wheels(s, layout, state, force, w, slope):
             for b in range(lanes):
                 shoe_limit[b] = 0.0
         for b in range(lanes):
-            slope[omega + i, b] = wheel_acceleration(motor[b], force[i, b], r, shoe_limit[b], inertia)
+            slope[omega + i, b] = wheel_acceleration(
+                motor[b], force[i, b], r, shoe_limit[b], inertia
+            )
         for b in range(lanes):
             slip = slip_velocity(state[omega + i, b], r, state[body, b])
             slope[friction + i, b] = force[i, b] * slip

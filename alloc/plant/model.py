@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.plant.equations import LOCK_TIME
 from alloc.plant.errors import PlantError
 from alloc.plant.rail import Line, Rail, Receptivity, axle_values
 from alloc.plant.train import Train
@@ -21,6 +22,9 @@ Ints = NDArray[np.int64]
 
 STABLE_STEP = 2.0
 """Largest product of stiffness and step; RK4's limit on the negative real axis is 2.78."""
+
+DRAFT_GEAR_TRAVEL = 0.1
+"""Stretch [m] for which the stiffness of a stiffening draft gear is bounded; real ones end at 0.06 to 0.1 m."""
 
 
 class Structure(NamedTuple):
@@ -263,6 +267,8 @@ def _environment(
                 raise PlantError(
                     f"failure: the train has no traction unit {unit + 1}; it has {layout.units}"
                 )
+            if math.isnan(time):
+                raise PlantError(f"failure: time of traction unit {unit + 1} is not a number")
             failure[unit, b] = time
     rail = rails[0]
     length = sum(car.length for car in train.cars)
@@ -284,7 +290,9 @@ def _environment(
         line_origin=origin,
         line_spacing=line.spacing,
         line=table,
-        receptivity=np.array([[r.mean, r.amplitude, r.period, r.phase] for r in receptivity]).T.copy(),
+        receptivity=np.array(
+            [[r.mean, r.amplitude, r.period, r.phase] for r in receptivity]
+        ).T.copy(),
         failure_time=failure,
     )
 
@@ -306,12 +314,19 @@ class Model:
         """Number of scenarios advanced together."""
         return len(self.rails)
 
-    def initial_state(self, speed: float = 0.0, position: float = 0.0) -> Floats:
-        """State (rows, lanes) of a train that rolls without slip, brakes and motors off."""
+    def initial_state(self, speed: float | Floats = 0.0, position: float | Floats = 0.0) -> Floats:
+        """State (rows, lanes) of a train that rolls without slip, brakes and motors off.
+
+        `speed` [m/s] and `position` of the front [m]: one for all lanes, or (lanes,). Coupled cars stand at rest
+        length. Raises `PlantError` if one is not finite.
+        """
+        for name, value in (("speed", speed), ("position", position)):
+            if not np.all(np.isfinite(value)):
+                raise PlantError(f"initial state: {name} = {value!r} must be finite")
         state = np.zeros((self.layout.rows, self.lanes))
         state[self.layout.position] = position
         state[self.layout.speed] = speed
-        state[self.layout.omega] = (speed / self.structure.radius)[:, None]
+        state[self.layout.omega] = np.asarray(speed) / self.structure.radius[:, None]
         return state
 
     def zero_inputs(self) -> Inputs:
@@ -325,17 +340,20 @@ class Model:
         )
 
     def stiffness(self) -> float:
-        """Bound [1/s] of the fastest decay: creep of the lightest wheelset, couplers, motor lag."""
+        """Estimate from above [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
         s = self.structure
-        slope = max(rail.curve.steepest_slope(0.5) for rail in self.rails)
+        slope = max(rail.curve.steepest_slope(rail.greatest_peak()) for rail in self.rails)
         creep = s.static_load * slope * (s.radius**2 / s.inertia + 1.0 / s.body_mass[s.axle_body])
         rates = [float(creep.max())]
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
+        if s.group_fill.size:
+            rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
         if s.coupler.size:
             inverse = float((1.0 / s.body_mass[:-1] + 1.0 / s.body_mass[1:]).max())
+            tangent = s.coupler[:, 0] + 3.0 * s.coupler[:, 1] * DRAFT_GEAR_TRAVEL**2
             rates.append(2.0 * float(s.coupler[:, 2].max()) * inverse)
-            rates.append(2.0 * math.sqrt(float(s.coupler[:, 0].max()) * inverse))
+            rates.append(math.sqrt(2.0 * float(tangent.max()) * inverse))
         return max(rates)
 
     def substeps(self, step: float) -> int:
@@ -360,11 +378,18 @@ def build(
     rails = (rail,) if isinstance(rail, Rail) else tuple(rail)
     if not rails:
         raise PlantError("rail: no lane given; pass at least one Rail")
+    if not (all(math.isfinite(x) for x in span) and span[0] < span[1]):
+        raise PlantError(f"span: {span} must be two finite positions, the smaller one first")
     line = line or Line()
     if receptivity is None or isinstance(receptivity, Receptivity):
         receptivity = [receptivity or Receptivity()] * len(rails)
     if failures is None or isinstance(failures, dict):
         failures = [failures or {}] * len(rails)
+    for name, given in (("receptivity", receptivity), ("failures", failures)):
+        if len(given) != len(rails):
+            raise PlantError(
+                f"{name}: {len(given)} entries for {len(rails)} lanes; give one per lane, or one"
+            )
     structure, layout = _structure(train)
     environment = _environment(layout, train, rails, line, receptivity, failures, span)
     return Model(train, rails, line, layout, structure, environment, span)

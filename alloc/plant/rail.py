@@ -20,6 +20,13 @@ SPEED_LAWS: dict[str, tuple[float, float, float]] = {
 NOISE_KNOTS = 1024
 """Knots of the scatter's table; the scatter repeats after this many correlation lengths."""
 
+KNOT_SCATTER = (181.0 / 231.0) ** -0.5
+"""Scatter at a knot over scatter along the rail.
+
+Between two independent knots the smooth step w mixes them and the variance falls to w^2 + (1 - w)^2 of theirs,
+181/231 on average.
+"""
+
 
 @dataclass(frozen=True)
 class Patch:
@@ -38,7 +45,9 @@ class Patch:
         for low, high in (("start", "end"), ("begin", "until")):
             a, b = getattr(self, low), getattr(self, high)
             if not (math.isfinite(a) and math.isfinite(b) and a < b):
-                raise PlantError(f"patch: {low} = {a!r} must lie before {high} = {b!r}, both finite")
+                raise PlantError(
+                    f"patch: {low} = {a!r} must lie before {high} = {b!r}, both finite"
+                )
 
 
 def logarithmic_increments(
@@ -84,6 +93,14 @@ class Rail:
             raise PlantError(
                 f"rail: speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
             )
+        if not isinstance(self.speed_law, str):
+            a, b, c = self.speed_law if len(self.speed_law) == 3 else (math.nan,) * 3
+            if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c) and b > 0.0):
+                raise PlantError(
+                    f"rail: speed_law = {self.speed_law} must be three finite numbers, the offset > 0"
+                )
+        if not isinstance(self.seed, int) or self.seed < 0:
+            raise PlantError(f"rail: seed = {self.seed!r} must be a whole number, 0 or greater")
         if self.increments is not None and not np.all(np.isfinite(self.increments)):
             raise PlantError(f"rail: increments = {self.increments} must be finite")
 
@@ -92,12 +109,23 @@ class Rail:
         a, b, c = SPEED_LAWS[self.speed_law] if isinstance(self.speed_law, str) else self.speed_law
         return self.level * a, b, self.level * c
 
+    def greatest_peak(self) -> float:
+        """Estimate from above of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
+        a, b, c = self.speed_law_coefficients()
+        base = max(a / b, 0.0) + c
+        for patch in self.patches:
+            base *= max(patch.factor, 1.0)
+        growth = max(self.increments or (0.0,))
+        return (base + max(growth, 0.0) + 4.0 * self.scatter) * (1.0 + self.conditioning)
+
     def noise_table(self) -> NDArray[np.float64]:
-        """Scatter at its knots, (NOISE_KNOTS,)."""
+        """Scatter at its knots, (NOISE_KNOTS,); its standard deviation along the rail is `scatter`."""
         if self.scatter == 0.0:
             return np.zeros(NOISE_KNOTS)
         generator = np.random.default_rng(self.seed)
-        table: NDArray[np.float64] = self.scatter * generator.standard_normal(NOISE_KNOTS)
+        table: NDArray[np.float64] = (
+            self.scatter * KNOT_SCATTER * generator.standard_normal(NOISE_KNOTS)
+        )
         return table
 
 
@@ -154,9 +182,9 @@ class Receptivity:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        require_finite(
-            "receptivity", self, positive=("period",), nonnegative=("mean", "amplitude")
-        )
+        require_finite("receptivity", self, positive=("period",), nonnegative=("mean", "amplitude"))
+        if not math.isfinite(self.phase):
+            raise PlantError(f"receptivity: phase = {self.phase!r} must be finite")
 
 
 SpeedLawName = Literal["none", "shinkansen", "curtius-kniffler"]

@@ -1,5 +1,6 @@
 """What a train is made of: wheelsets, cars, traction units, brakes, couplers. SI units, validated."""
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -9,6 +10,15 @@ from numpy.typing import NDArray
 
 from alloc.plant.equations import GRAVITY
 from alloc.plant.errors import PlantError, require_finite
+
+
+def _triple(
+    owner: str, name: str, values: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    if len(values) != 3 or not all(math.isfinite(value) for value in values):
+        raise PlantError(f"{owner}: {name} = {values} must be three finite numbers")
+    return values
+
 
 InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
 """Motors per inverter: a whole car, a bogie, an axle."""
@@ -37,7 +47,9 @@ class TorqueLimit:
     def __post_init__(self) -> None:
         require_finite("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
         if not self.pull_out_speed > 0.0:
-            raise PlantError(f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0")
+            raise PlantError(
+                f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0"
+            )
         if self.table is not None and (
             len(self.table) == 0 or not all(math.isfinite(t) and t >= 0.0 for t in self.table)
         ):
@@ -99,6 +111,11 @@ class AirBrake:
             positive=("maximum_pressure", "fill_time", "release_time"),
             nonnegative=("force_per_pascal", "dead_time"),
         )
+        numerator, offset, constant = _triple("air brake", "friction", self.friction)
+        if not offset > 0.0 or numerator < 0.0 or constant < 0.0:
+            raise PlantError(
+                f"air brake: friction = {self.friction} needs offset > 0, numerator and constant >= 0"
+            )
 
 
 @dataclass(frozen=True)
@@ -124,31 +141,52 @@ class Car:
     centre_of_mass_height: float = 1.6
     pivot_height: float = 0.5
     axle_load_share: tuple[float, ...] | None = None
-    """Share of the car's weight on each axle; equal if None."""
+    """Share of the car's weight on each axle; equal if None. A sum below 1 leaves the rest of the weight to axles that
+    are not modelled (a single axle with its part of a train)."""
 
     def __post_init__(self) -> None:
         owner = f"car {self.name!r}"
         require_finite(
-            owner, self, positive=("length", "empty_mass", "wheel_radius"), nonnegative=("load",)
+            owner,
+            self,
+            positive=("length", "empty_mass", "wheel_radius"),
+            nonnegative=("load", "centre_of_mass_height", "pivot_height"),
         )
         n = len(self.axle_positions)
         if n == 0:
             raise PlantError(f"{owner}: has no axles; give axle_positions")
         for name in ("bogie_of_axle", "wheel_inertia", "driven"):
             if len(getattr(self, name)) != n:
-                raise PlantError(f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles")
+                raise PlantError(
+                    f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles"
+                )
         if not all(math.isfinite(j) and j > 0.0 for j in self.wheel_inertia):
-            raise PlantError(f"{owner}: wheel_inertia = {self.wheel_inertia} must be finite and > 0")
+            raise PlantError(
+                f"{owner}: wheel_inertia = {self.wheel_inertia} must be finite and > 0"
+            )
         positions = self.axle_positions
-        if any(b <= a for a, b in zip(positions, positions[1:], strict=False)):
+        if not all(math.isfinite(p) for p in positions):
+            raise PlantError(f"{owner}: axle_positions = {positions} must be finite")
+        if any(b <= a for a, b in itertools.pairwise(positions)):
             raise PlantError(f"{owner}: axle_positions = {positions} must grow from the front")
         if positions[0] < 0.0 or positions[-1] > self.length:
-            raise PlantError(f"{owner}: axle_positions = {positions} leave the car's {self.length} m")
+            raise PlantError(
+                f"{owner}: axle_positions = {positions} leave the car's {self.length} m"
+            )
+        steps = [b - a for a, b in itertools.pairwise(self.bogie_of_axle)]
+        if self.bogie_of_axle[0] != 0 or any(step not in (0, 1) for step in steps):
+            raise PlantError(
+                f"{owner}: bogie_of_axle = {self.bogie_of_axle} must count 0, 1, ... from the front"
+            )
         if any(self.driven) and self.motors is None:
             raise PlantError(f"{owner}: has driven axles but no motors")
         share = self.axle_load_share
-        if share is not None and (len(share) != n or min(share) <= 0 or abs(sum(share) - 1) > 1e-9):
-            raise PlantError(f"{owner}: axle_load_share = {share} must be {n} values > 0 with sum 1")
+        if share is not None and not (
+            len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
+        ):
+            raise PlantError(
+                f"{owner}: axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
+            )
 
     @property
     def mass(self) -> float:
@@ -159,7 +197,9 @@ class Car:
     def static_axle_loads(self) -> NDArray[np.float64]:
         """Load of each axle [N], (axles,)."""
         n = len(self.axle_positions)
-        share = np.full(n, 1.0 / n) if self.axle_load_share is None else np.array(self.axle_load_share)
+        share = (
+            np.full(n, 1.0 / n) if self.axle_load_share is None else np.array(self.axle_load_share)
+        )
         return np.asarray(self.mass * GRAVITY * share)
 
     def unloading_factors(self) -> NDArray[np.float64]:
@@ -167,31 +207,32 @@ class Car:
 
         Quasi-static pitch: the force acts at the rail, the inertia at the centre of mass, so the car's
         weight moves from the front bogie to the rear one; within a bogie its share of the force, taken up at
-        pivot height, does the same between its axles.
+        pivot height, does the same between its axles. A bogie of one axle cannot carry such a moment and
+        passes its force on at the rail; a car with one bogie carries all of the moment there. The moment of
+        coupler forces is neglected.
         """
-        positions = np.array(self.axle_positions)
-        bogies = np.array(self.bogie_of_axle)
+        positions, bogies = np.array(self.axle_positions), np.array(self.bogie_of_axle)
         factors = np.zeros(positions.size)
-        numbers = np.unique(bogies)
-        centres = np.array([positions[bogies == b].mean() for b in numbers])
-        if numbers.size > 1:
-            arm = centres.mean() - centres  # > 0 in front
-            per_bogie = arm * (self.centre_of_mass_height - self.pivot_height) / np.sum(arm**2)
-            for b, unloading in zip(numbers, per_bogie, strict=True):
-                factors[bogies == b] += unloading / np.sum(bogies == b)
-        driven = np.array(self.driven)
-        for b in numbers:
-            inside = bogies == b
-            arm = positions[inside].mean() - positions[inside]
-            acting = driven if driven.any() else np.ones(driven.size, dtype=bool)
-            share_of_force = np.sum(inside & acting) / np.sum(acting)
-            if np.any(arm != 0.0):
-                factors[inside] += share_of_force * self.pivot_height * arm / np.sum(arm**2)
+        acting = np.array(self.driven) if any(self.driven) else np.ones(positions.size, dtype=bool)
+        members = [np.flatnonzero(bogies == b) for b in np.unique(bogies)]
+        centres = np.array([positions[inside].mean() for inside in members])
+        body_moment = self.centre_of_mass_height
+        for inside in members:
+            arm = centres[bogies[inside[0]]] - positions[inside]  # > 0 in front
+            if inside.size == 1:
+                continue
+            height = self.pivot_height if len(members) > 1 else self.centre_of_mass_height
+            moment = height * acting[inside].sum() / acting.sum()
+            factors[inside] += moment * arm / np.sum(arm**2)
+            body_moment -= moment
+        if len(members) > 1:
+            arm = centres.mean() - centres
+            for inside, unloading in zip(members, body_moment * arm / np.sum(arm**2), strict=True):
+                factors[inside] += unloading / inside.size
         return factors
 
     def reversed(self) -> "Car":
         """The same car running the other way round."""
-        n = len(self.axle_positions)
         last = max(self.bogie_of_axle)
         share = self.axle_load_share
         return replace(
@@ -201,7 +242,7 @@ class Car:
             wheel_inertia=self.wheel_inertia[::-1],
             driven=self.driven[::-1],
             axle_load_share=None if share is None else share[::-1],
-        ) if n else self
+        )
 
     def units(self) -> list[list[int]]:
         """Axles of each traction unit of this car (indices from the car's front)."""
@@ -253,9 +294,11 @@ class Train:
     def __post_init__(self) -> None:
         if not self.cars:
             raise PlantError(f"train {self.name!r}: has no cars")
-        if not all(math.isfinite(c) and c >= 0.0 for c in self.resistance):
+        if min(_triple(f"train {self.name!r}", "resistance", self.resistance)) < 0.0:
+            raise PlantError(f"train {self.name!r}: resistance = {self.resistance} must be >= 0")
+        if not math.isfinite(self.planned_acceleration):
             raise PlantError(
-                f"train {self.name!r}: resistance = {self.resistance} must be finite and >= 0"
+                f"train {self.name!r}: planned_acceleration = {self.planned_acceleration!r} must be finite"
             )
         if self.couplers is not None and len(self.couplers) != len(self.cars) - 1:
             raise PlantError(

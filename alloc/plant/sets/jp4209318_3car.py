@@ -1,0 +1,68 @@
+"""Three braked cars of the slide protection's demonstration: JP4209318, Table 2."""
+
+from alloc.plant.adhesion import SlipRatioCurve
+from alloc.plant.equations import GRAVITY
+from alloc.plant.rail import Rail
+from alloc.plant.train import AirBrake, Car, Train
+
+SOURCES = {
+    "empty_mass": "JP4209318, Table 2: 4000 kg per wheel, 8 wheels a car",
+    "wheel_inertia": "JP4209318, Table 2: 60 kg m2 per wheel, 120 kg m2 per wheelset",
+    "wheel_radius": "JP4209318, Table 2: 0.43 m",
+    "maximum_pressure": "JP4209318, Table 2: 550 kPa",
+    "dead_time": "JP4209318, Table 2: 0.05 s",
+    "fill_time": "JP4209318, Table 2: 1.2 s",
+    "release_time": "JP4209318, Table 2: 1.2 s, one value for the cylinder",
+    "friction": "JP4209318, Table 2: constant",
+    "bogie_of_axle": "JP4209318: 4 axles a car, one supply and one release valve per bogie",
+    "force_per_pascal": "assumed: 0.14 of the axle load at 550 kPa, with which a trial reproduction met Table 3",
+    "axle_positions": "assumed: 20 m car, bogie centres 13.8 m, wheelbase 2.1 m, usual in Japan",
+    "resistance": "assumed zero: the source prints none, and it is below 2 % of the brake force",
+    "rail": "assumed: the source's Fig. 2 is lost; orderings as in its text, level so that wheels slide",
+}
+
+SHOE_FORCE_SHARE = 0.14
+"""Shoe force per axle load at the maximum pressure."""
+AXLE_MASS = 8000.0
+
+
+def train(cars: int = 3) -> Train:
+    """The train with 1, 2 or 3 `cars` (Table 3), or any other number."""
+    pressure = 550e3
+    brake = AirBrake(
+        maximum_pressure=pressure,
+        force_per_pascal=SHOE_FORCE_SHARE * AXLE_MASS * GRAVITY / pressure,
+        fill_time=1.2,
+        release_time=1.2,
+        dead_time=0.05,
+        friction=(0.0, 1.0, 1.0),
+    )
+    car = Car(
+        name="car",
+        length=20.0,
+        empty_mass=4 * AXLE_MASS,
+        load=0.0,
+        axle_positions=(2.05, 4.15, 15.85, 17.95),
+        bogie_of_axle=(0, 0, 1, 1),
+        wheel_radius=0.43,
+        wheel_inertia=(120.0,) * 4,
+        driven=(False,) * 4,
+        air_brake=brake,
+    )
+    return Train(
+        name=f"jp4209318-{cars}car",
+        cars=(car,) * cars,
+        source="JP4209318, Table 2",
+        sources=SOURCES,
+    )
+
+
+def rail() -> Rail:
+    """Wet rail as the text tells it: falls with speed, and slid-on rail is better for the wheels behind."""
+    return Rail(
+        level=0.125,
+        speed_law=(150.0, 150.0, 0.0),  # 1 / (1 + V / 150 km/h)
+        conditioning=0.25,
+        conditioning_slip=0.05,
+        curve=SlipRatioCurve(peak_slip_ratio=0.03, residual_ratio=1.0),
+    )
