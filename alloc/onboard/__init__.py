@@ -1,0 +1,25 @@
+"""What runs on board: sensing, slip detection, estimates, readhesion control, telegrams.
+
+It never reads the plant's state."""
+
+from alloc.onboard.parameters import (
+    Belief,
+    CutAndRamp,
+    Detector,
+    Observer,
+    Onboard,
+    OnboardError,
+    Sensors,
+    Telegrams,
+)
+
+__all__ = [
+    "Belief",
+    "CutAndRamp",
+    "Detector",
+    "Observer",
+    "Onboard",
+    "OnboardError",
+    "Sensors",
+    "Telegrams",
+]

@@ -1,0 +1,159 @@
+"""Parameters of what runs on board; what the train believes is kept apart from what is true."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
+
+
+class OnboardError(ValueError):
+    """A parameter of the on-board equipment is impossible; the message names it and what to do."""
+
+
+def _check(
+    owner: str, record: Any, positive: Iterable[str] = (), nonnegative: Iterable[str] = ()
+) -> None:
+    for names, low, text in (
+        (positive, False, "greater than 0"),
+        (nonnegative, True, "0 or greater"),
+    ):
+        for name in names:
+            value = getattr(record, name)
+            if not isinstance(value, (int, float)) or math.isnan(value) or value < 0.0:
+                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
+            if value == 0.0 and not low:
+                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
+
+
+@dataclass(frozen=True)
+class Detector:
+    """Slip detector with hysteresis (JP5484215 Fig. 5): mean computed axle acceleration of the unit.
+
+    `on`, `off` [m/s2]: signal on above `on`, off at or below `off` < `on`, measured in the direction of the demand.
+    `pole` [1/s]: of the differentiator that computes the accelerations. `speed_on` [m/s]: signal also on where the
+    slip of the unit's worst axle against the reference speed exceeds it, since a small deficit accelerates the wheels too
+    little for `on`, and one slipping axle of four moves the mean too little (not in the patent; inf switches it off);
+    off again below half of it.
+    """
+
+    on: float = 1.8
+    off: float = 0.9
+    pole: float = 40.0
+    speed_on: float = 0.6
+
+    def __post_init__(self) -> None:
+        _check("detector", self, positive=("on", "pole", "speed_on"))
+        if not self.off < self.on:
+            raise OnboardError(f"detector: off = {self.off!r} must be below on = {self.on!r}")
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Minimal-order disturbance observer, JP5484215 (3); `pole` a [1/s]."""
+
+    pole: float = 25.0
+
+    def __post_init__(self) -> None:
+        _check("observer", self, positive=("pole",))
+
+
+@dataclass(frozen=True)
+class CutAndRamp:
+    """Readhesion control on the observer's estimate, after Kadowaki and Ohishi.
+
+    On detection the torque is cut to `cut` times the torque that the estimate says the rail can carry; once the wheels
+    have readhered it is held at `recover` times that torque for `hold` [s], then raised to the target in `ramp` [s]
+    per unit of expected torque. Values assumed (the sources print none), typical of published controllers.
+    """
+
+    cut: float = 0.5
+    recover: float = 0.9
+    hold: float = 0.1
+    ramp: float = 3.0
+
+    def __post_init__(self) -> None:
+        _check("cut-and-ramp", self, positive=("ramp",), nonnegative=("cut", "recover", "hold"))
+        if not self.cut <= self.recover <= 1.0:
+            raise OnboardError(
+                f"cut-and-ramp: needs cut <= recover <= 1, got {self.cut!r} and {self.recover!r}"
+            )
+
+
+@dataclass(frozen=True)
+class Telegrams:
+    """Periodic telegrams of the train monitor system; times in s, `loss` a probability.
+
+    A unit that has heard nothing for `silence` falls back to its planned limit.
+    """
+
+    period: float = 0.1
+    latency: float = 0.05
+    jitter: float = 0.0
+    loss: float = 0.0
+    silence: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check("telegrams", self, positive=("period", "silence"), nonnegative=("latency", "jitter"))
+        if not 0.0 <= self.loss <= 1.0:
+            raise OnboardError(f"telegrams: loss = {self.loss!r} must lie in [0, 1]")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Axle speed sensors and load signals.
+
+    `speed_noise` [m/s at the rim], standard deviation per sample; `speed_quantum` [m/s at the rim], 0: none; `load_error`:
+    standard deviation of the relative error of the load signals, drawn once per run. `seed` draws all of them.
+    """
+
+    speed_noise: float = 0.0
+    speed_quantum: float = 0.0
+    load_error: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What the train takes for true: growth of adhesion per axle from the front, and the adhesion curve.
+
+    `increments` None: all zero. JP5484215 (15) gives Shinkansen values.
+    """
+
+    increments: tuple[float, ...] | None = None
+    curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
+
+
+@dataclass(frozen=True)
+class Onboard:
+    """Equipment of a train.
+
+    `hold_time` [s]: time without slip after which limits return to the plan. `rise_time` [s]: time in which
+    a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
+    `limit_rate`: largest change of a limit per allocation, for the rules that know rates.
+    """
+
+    detector: Detector = field(default_factory=Detector)
+    observer: Observer = field(default_factory=Observer)
+    readhesion: CutAndRamp = field(default_factory=CutAndRamp)
+    telegrams: Telegrams = field(default_factory=Telegrams)
+    sensors: Sensors = field(default_factory=Sensors)
+    belief: Belief = field(default_factory=Belief)
+    hold_time: float = 5.0
+    rise_time: float = 1.0
+    period: float = 0.01
+    limit_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        _check("on board", self, positive=("hold_time", "rise_time", "period"))
+        if self.limit_rate is not None and not self.limit_rate > 0.0:
+            raise OnboardError(f"on board: limit_rate = {self.limit_rate!r} must exceed 0")
+        if self.telegrams.period < self.period:
+            raise OnboardError(
+                f"telegrams: period = {self.telegrams.period!r} must not be below the control period "
+                f"{self.period!r}"
+            )
