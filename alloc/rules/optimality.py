@@ -1,0 +1,87 @@
+"""One checker of optimality for every rule's answer: the Karush-Kuhn-Tucker residuals of the allocation's QP.
+
+    minimise 1/2 sum m (x - Mu_z)^2   subject to   sum m x = attainable sum m,   lower <= x <= upper.
+
+With the level L as multiplier of the sum, a unit inside its bounds must stand at L; at its upper bound L may lie
+above it, at its lower bound below it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.rules.allocation import Allocation
+from alloc.rules.exact import box_limits
+from alloc.rules.problem import AllocationProblem, Floats
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Optimality:
+    """Residuals as coefficients, all >= 0 and zero for the optimum; `gap` is what the rule gives away."""
+
+    primal: float
+    """Largest violation of a bound, or of the sum over n."""
+    dual: float
+    """Largest multiplier of the wrong sign: a unit at its upper bound though above L, or at its lower though below."""
+    complementarity: float
+    """Largest distance from its bound of a unit whose multiplier is not zero, or that multiplier if smaller."""
+    stationarity: float
+    """Largest distance from L of a unit at neither bound."""
+    gap: float
+    """Root mean square, weighted with mass, of the distance from the optimum."""
+    level: float
+    """L: the rule's own level where it is one of the sum's multipliers, else the one that fits its limits best."""
+
+    @property
+    def worst(self) -> float:
+        """Largest of the four residuals."""
+        return max(self.primal, self.dual, self.complementarity, self.stationarity)
+
+
+def optimality(
+    problem: AllocationProblem, allocation: Allocation, tolerance: float = 1e-9
+) -> Optimality:
+    """Residuals of `allocation` as an answer to `problem`.
+
+    `tolerance`: distance from a bound, relative to the plan, within which a unit counts as standing at it.
+    """
+    x, weight = allocation.limit, problem.weight
+    lower, upper = problem.box
+    near = tolerance * problem.expected
+    at_upper, at_lower = upper - x <= near, x - lower <= near
+    free = ~at_upper & ~at_lower
+    level = _multiplier(problem, allocation, free, at_upper)
+    excess = x - level
+    at_one = at_upper ^ at_lower  # where both bounds meet, a multiplier of either sign is right
+    wrong = np.where(at_upper, excess, -excess)
+    distance = np.where(at_upper, np.abs(upper - x), np.abs(x - lower))
+    slack = np.where(at_upper | at_lower, np.minimum(distance, np.abs(excess)), 0.0)
+    missed = abs(float(np.average(x, weights=weight)) - problem.attainable)
+    best = np.empty(problem.n)
+    box_limits(lower, upper, weight, problem.expected, best)
+    return Optimality(
+        primal=max(missed, _largest(lower - x), _largest(x - upper)),
+        dual=_largest(wrong[at_one]),
+        complementarity=_largest(slack),
+        stationarity=_largest(np.abs(excess[free])),
+        gap=float(np.sqrt(np.average((x - best) ** 2, weights=weight))),
+        level=level,
+    )
+
+
+def _largest(values: Floats) -> float:
+    return max(float(values.max(initial=0.0)), 0.0)
+
+
+def _multiplier(
+    problem: AllocationProblem, allocation: Allocation, free: Flags, at_upper: Flags
+) -> float:
+    x = allocation.limit
+    if np.isfinite(allocation.level):
+        return allocation.level
+    if free.any():
+        return float(np.average(x[free], weights=problem.weight[free]))
+    return float(x[at_upper].max()) if at_upper.any() else float(x.min())

@@ -1,0 +1,227 @@
+"""What a rule is asked: adhesion caps along the train, the plan, and what else bounds the limits."""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.rules.greedy import ROUNDING
+
+Floats = NDArray[np.float64]
+
+_ADVICE = {
+    "cap": "check the estimate of the foremost unit and the increments added to it",
+    "mass": "every unit moves some mass; leave mass out for equal ones",
+    "limit_max": "give the torque limit as a coefficient, inf for none",
+    "previous": "give the limits in force, or leave previous out",
+    "rate": "give the largest change of a limit per call as a coefficient, or leave rate out",
+    "delivered": "give the magnitude of the coefficient that each unit delivers now",
+    "truth": "give the available coefficients, or leave truth out",
+}
+
+
+class AllocationError(ValueError):
+    """A rule was asked for what cannot be; the message names the field, its value and what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class AllocationProblem:
+    """Caps, plan and further bounds of n traction units, unit 1 foremost in the running direction.
+
+    Every array is copied to a read-only float array of shape (n,); coefficients are dimensionless and
+    count positive in the direction of the demand. Raises `AllocationError` naming the field at fault.
+    Source: JP5484215, equations (5) to (11).
+    """
+
+    cap: ArrayLike
+    """Upper bound of the tangential force coefficient of each unit, equation (5); >= 0."""
+    expected: float
+    """Coefficient that the planned acceleration needs of every unit, the patent's Mu_z; > 0."""
+    mass: ArrayLike | None = None
+    """Mass on the axles of each unit, any unit of mass, > 0. None: equal."""
+    slip: bool = True
+    """False: no slip, or none for a set time; then every limit is the plan."""
+    limit_max: ArrayLike | None = None
+    """Torque limit of each unit expressed as a coefficient, >= 0, inf for none."""
+    previous: ArrayLike | None = None
+    """Limits in force. None: the plan."""
+    rate: ArrayLike | None = None
+    """Largest change of a limit against `previous` per call; a number or one per unit."""
+    delivered: ArrayLike | None = None
+    """Coefficient each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps carry."""
+    truth: ArrayLike | None = None
+    """Coefficients truly available; read by `oracle` alone. None: the caps are true."""
+    n: int = field(init=False)
+    """Number of units."""
+
+    def __post_init__(self) -> None:
+        cap = _coefficients("cap", self.cap, None)
+        put = object.__setattr__
+        put(self, "n", cap.size)
+        put(self, "cap", cap)
+        put(self, "expected", _expected(self.expected))
+        if not isinstance(self.slip, bool | np.bool_):
+            raise AllocationError(f"slip = {self.slip!r} must be True or False")
+        for name in ("mass", "limit_max", "previous", "delivered", "truth"):
+            given = getattr(self, name)
+            if given is not None:
+                put(self, name, _coefficients(name, given, cap.size))
+        if self.rate is not None:
+            if self.previous is None:
+                raise AllocationError(
+                    f"rate = {self.rate!r} bounds the change against `previous`: give previous too"
+                )
+            rate = np.full(cap.size, self.rate) if np.ndim(self.rate) == 0 else self.rate
+            put(self, "rate", _coefficients("rate", rate, cap.size))
+
+    @cached_property
+    def weight(self) -> Floats:
+        """Mass of each unit, ones where none was given, (n,)."""
+        return _frozen(np.ones(self.n)) if self.mass is None else _array(self.mass)
+
+    @cached_property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper bound of every limit, two (n,), from cap, torque limit and rate; lower <= upper.
+
+        Where adhesion or torque fell further than the rate allows to follow, adhesion and torque prevail.
+        Without slip nothing is bounded.
+        """
+        if not self.slip:
+            return np.zeros(self.n), np.full(self.n, np.inf)
+        lower, upper = self.rate_box
+        upper = np.minimum(upper, _array(self.cap))
+        return np.minimum(lower, upper), upper
+
+    @cached_property
+    def torque_limit(self) -> Floats:
+        """`limit_max`, infinite where none was given, (n,)."""
+        return (
+            _frozen(np.full(self.n, np.inf)) if self.limit_max is None else _array(self.limit_max)
+        )
+
+    @cached_property
+    def rate_box(self) -> tuple[Floats, Floats]:
+        """As `box`, without the caps: what bounds a unit that knows nothing of adhesion."""
+        lower, upper = np.zeros(self.n), self.torque_limit
+        if self.previous is not None and self.rate is not None:
+            previous, rate = _array(self.previous), _array(self.rate)
+            upper = np.minimum(upper, previous + rate)
+            lower = np.minimum(np.maximum(previous - rate, 0.0), upper)
+        return lower, upper
+
+    @cached_property
+    def in_force(self) -> Floats:
+        """`previous`, the plan where none was given, (n,)."""
+        if self.previous is None:
+            return _frozen(np.full(self.n, self.expected))
+        return _array(self.previous)
+
+    @cached_property
+    def obtained(self) -> Floats:
+        """`delivered`; where none was given, what the caps carry of the limits in force, (n,)."""
+        if self.delivered is None:
+            return _frozen(np.minimum(self.in_force, _array(self.cap)))
+        return _array(self.delivered)
+
+    @cached_property
+    def available(self) -> Floats:
+        """`truth`, the caps where none was given, (n,)."""
+        return _array(self.cap if self.truth is None else self.truth)
+
+    @cached_property
+    def within_reach(self) -> bool:
+        """Whether the box allows more than the plan: case B."""
+        if not self.slip:
+            return True
+        most = float(np.dot(self.weight, self.box[1] - self.expected))
+        return most > ROUNDING * self.expected * float(self.weight.sum())
+
+    def changed(self, **values: Any) -> "AllocationProblem":
+        """A copy with other values of these fields."""
+        fields = (
+            "cap",
+            "expected",
+            "mass",
+            "slip",
+            "limit_max",
+            "previous",
+            "rate",
+            "delivered",
+            "truth",
+        )
+        return AllocationProblem(**({name: getattr(self, name) for name in fields} | values))
+
+    @cached_property
+    def attainable(self) -> float:
+        """Mean coefficient, weighted with mass, nearest to the plan that the box allows."""
+        if not self.slip:
+            return self.expected
+        lower, upper = self.box
+        most, least = (float(np.average(bound, weights=self.weight)) for bound in (upper, lower))
+        return min(max(self.expected, least), most)
+
+
+def import_solver(module: str, rule: str) -> Any:
+    """The solver's module; raises `AllocationError` naming the rule where it is not installed."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise AllocationError(
+            f"rule {rule!r} needs {module!r}, which cannot be imported ({error}): install it with "
+            f"`pip install {module}`, or choose another rule"
+        ) from None
+
+
+def _frozen(array: Floats) -> Floats:
+    """`array`, made read-only: like those given, so that compiled rules need one version only."""
+    array.flags.writeable = False
+    return array
+
+
+def _array(values: Any) -> Floats:
+    """An attribute that construction has already made an array."""
+    return values
+
+
+def _expected(value: Any) -> float:
+    if isinstance(value, bool) or not np.isscalar(value):
+        raise AllocationError(f"expected = {value!r} must be a number greater than 0")
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise AllocationError(f"expected = {value!r} must be a number greater than 0") from None
+    if not math.isfinite(number) or number <= 0.0:
+        raise AllocationError(
+            f"expected = {value!r} must be finite and greater than 0; without demand there is nothing to share"
+        )
+    return number
+
+
+def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
+    """A read-only copy of `values`, (n,); raises `AllocationError` where it is none."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise AllocationError(f"{name} = {values!r} must be an array of numbers") from None
+    if n is None and (array.ndim != 1 or array.size == 0):
+        raise AllocationError(
+            f"{name} has shape {array.shape}, must be (n,) with n >= 1: one coefficient per traction unit"
+        )
+    if n is not None and array.shape != (n,):
+        raise AllocationError(f"{name} has shape {array.shape}, must be ({n},) as cap has")
+    may_be_infinite = name in ("limit_max", "rate")
+    wrong = np.isnan(array) | (array < 0.0)
+    if not may_be_infinite:
+        wrong |= np.isinf(array)
+    if name == "mass":
+        wrong |= array == 0.0
+    if wrong.any():
+        j = int(np.argmax(wrong))
+        kind = "a number" if may_be_infinite else "finite and"
+        bound = "greater than 0" if name == "mass" else "0 or greater"
+        raise AllocationError(f"{name}[{j}] = {array[j]} must be {kind} {bound}: {_ADVICE[name]}")
+    return _frozen(array)

@@ -1,0 +1,119 @@
+"""The allocation as a quadratic program, solved by OSQP: set up once per number of units, then updated.
+
+With z = limit / expected, w = mass / mean mass and T = the attainable sum over the plan's:
+
+    minimise    1/2 sum w (z - 1)^2
+    subject to  sum w z = n T,   lower <= expected z <= upper.
+
+The scaling makes every number of order one, which OSQP's absolute tolerances need.
+"""
+
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from alloc.rules.allocation import CASE_A, CASE_B, Allocation, allocation
+from alloc.rules.problem import AllocationProblem, Floats, import_solver
+from alloc.rules.rule import Rule, exact_in_box
+
+SETTINGS = {
+    "eps_abs": 1e-10,
+    "eps_rel": 1e-10,
+    "delta": 1e-7,  # regularisation of the polishing step
+    "polishing": True,
+    "max_iter": 20_000,
+    "check_termination": 25,
+}
+"""OSQP's defaults (1e-3) would leave a tenth of a per cent of the train's effort to chance."""
+
+FEASIBLE = 1e-8
+"""Largest violation, relative to the plan, with which an answer is taken."""
+
+
+class Workspace:
+    """OSQP's problem for n units. Not for use by several threads at once."""
+
+    def __init__(self, n: int) -> None:
+        osqp = import_solver("osqp", "qp")
+        from scipy import sparse
+
+        self.solved = osqp.SolverStatus.OSQP_SOLVED
+        self.n = n
+        self.weight = np.ones(n)
+        self.lower, self.upper = np.zeros(n + 1), np.ones(n + 1)
+        quadratic = sparse.eye(n, format="csc")
+        matrix = sparse.vstack([np.ones((1, n)), sparse.eye(n)]).tocsc()
+        matrix.sort_indices()
+        self.matrix_data = matrix.data.copy()
+        self.solver = osqp.OSQP()
+        self.solver.setup(
+            quadratic, -np.ones(n), matrix, self.lower, self.upper, verbose=False, **SETTINGS
+        )
+
+    def solve(
+        self, weight: Floats, lower: Floats, upper: Floats, total: float
+    ) -> tuple[Floats, str]:
+        """Solution z (n,) of the scaled problem, and "ok" or what went wrong; all inputs scaled as well."""
+        changes: dict[str, Any] = {}
+        if not np.array_equal(weight, self.weight):
+            self.weight = weight.copy()
+            self.matrix_data[::2] = (
+                weight  # each column holds its entry of the sum, then of the box
+            )
+            changes = {"Px": self.weight, "q": -self.weight, "Ax": self.matrix_data}
+        self.lower[0] = self.upper[0] = total
+        self.lower[1:], self.upper[1:] = lower, upper
+        self.solver.update(l=self.lower, u=self.upper, **changes)
+        result = self.solver.solve(raise_error=False)
+        if result.info.status_val != self.solved:
+            return np.full(self.n, np.nan), result.info.status
+        z = np.clip(result.x, lower, upper)
+        missed = abs(float(weight @ z) - total) / self.n
+        if not missed <= FEASIBLE:
+            return z, f"constraints missed by {missed:.1e}"
+        return z, "ok"
+
+
+@lru_cache(maxsize=256)
+def workspace(n: int) -> Workspace:
+    """The workspace for n units, set up on first use."""
+    return Workspace(n)
+
+
+def answer_qp(rule: Rule, problem: AllocationProblem) -> Allocation:
+    """Limits by OSQP; where it fails, the exact ones, and the status says so."""
+    work = workspace(problem.n)
+    started = time.perf_counter()
+    weight, lower, upper, total = scaled(problem)
+    z, status = work.solve(weight, lower, upper, total)
+    return finished(rule, problem, z, status, started)
+
+
+def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
+    """w, lower and upper bounds of z, and the sum of w z that the bounds allow, nearest to n."""
+    lower, upper = problem.box
+    weight = problem.weight / problem.weight.mean()
+    return (
+        weight,
+        lower / problem.expected,
+        upper / problem.expected,
+        problem.n * problem.attainable / problem.expected,
+    )
+
+
+def finished(
+    rule: Rule, problem: AllocationProblem, z: Floats, status: str, started: float
+) -> Allocation:
+    """The answer with the limits `z` times the plan, or with the exact ones unless `status` is "ok"."""
+    upper = problem.box[1]
+    limit = z * problem.expected
+    if status == "ok":
+        case = CASE_B if problem.within_reach else CASE_A
+        spare = limit < upper * (1.0 - FEASIBLE)
+        level = float(limit[spare].max()) if spare.any() else float(upper.max())
+    else:
+        status = f"{rule.name} failed ({status}): exact level used"
+        level, case = exact_in_box(problem, False, limit)
+    return allocation(problem, limit, level, case, time.perf_counter() - started, status)
