@@ -1,0 +1,372 @@
+"""One run: a train with its computers meets one slip event under one rule and one readhesion controller.
+
+The loop is compiled. It returns to Python only where a rule or a controller lives there (QP solvers, MPC), says what it
+needs, and goes on with the answer; so compiled and hosted parts see exactly the same run.
+"""
+
+import math
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.compilation import jit
+from alloc.onboard import computer as oc
+from alloc.onboard.host import HostController, HostControllerFactory, UnitContext, UnitSense
+from alloc.onboard.parameters import Onboard, OnboardError
+from alloc.plant import compiled
+from alloc.plant.adhesion import adhesion_limit
+from alloc.plant.equations import GRAVITY
+from alloc.plant.model import Floats, Model
+from alloc.recording import Record, Tally, to_dataset
+from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
+from alloc.rules.kernels import allocate_compiled
+
+CONTROLLERS: dict[str, int] = {
+    "none": oc.CONTROLLER_NONE,
+    "cut-and-ramp": oc.CONTROLLER_CUT_AND_RAMP,
+}
+"""Built-in readhesion controllers; others come as host controllers."""
+
+REPORT_DELAY = 0.1
+"""Time [s] after which the train knows that a unit has failed."""
+
+NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
+PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
+
+
+class SimulationError(ValueError):
+    """A run cannot be made as asked; the message names the reason and what to do."""
+
+
+@dataclass(frozen=True)
+class DriverCommand:
+    """Acceleration [m/s2] asked for on level track, from each of `times` [s] on; before the first: zero."""
+
+    times: tuple[float, ...]
+    accelerations: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.accelerations) or not self.times:
+            raise SimulationError(
+                f"driver command: {len(self.times)} times and {len(self.accelerations)} accelerations; "
+                "give as many of each, at least one"
+            )
+        if not np.all(np.isfinite(self.times)) or not np.all(np.isfinite(self.accelerations)):
+            raise SimulationError("driver command: times and accelerations must be finite")
+        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise SimulationError(f"driver command: times {self.times} must grow")
+
+    def sampled(self, instants: Floats) -> Floats:
+        """Command at `instants` [s]."""
+        index = np.searchsorted(self.times, instants + 1e-9, side="right") - 1
+        return np.where(index >= 0, np.asarray(self.accelerations)[np.maximum(index, 0)], 0.0)
+
+
+@dataclass(frozen=True)
+class Event:
+    """What every rule and controller of a comparison meets alike: train, rail, line, driver, noise."""
+
+    name: str
+    model: Model
+    command: DriverCommand
+    onboard: Onboard = field(default_factory=Onboard)
+    duration: float = 30.0
+    initial_speed: float = 0.0
+    initial_position: float = 0.0
+    step: float = 1e-3
+    record_period: float = 0.01
+    target_speed: float | None = None
+    """Speed [m/s] to which time and distance are measured."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.model.lanes != 1:
+            raise SimulationError(f"event: the model has {self.model.lanes} lanes; a run takes one")
+        for name in ("duration", "step", "record_period"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise SimulationError(
+                    f"event: {name} = {value!r} must be finite and greater than 0"
+                )
+        if self.step > self.onboard.period * (1 + 1e-9):
+            raise SimulationError(
+                f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"
+            )
+
+
+@jit
+def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
+    """True adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first."""
+    compiled.peak_field(s, e, layout, time, state, cleaning, w, w.peak)
+    truth[:] = np.inf
+    for i in range(layout.axles):
+        j = eq.axle_unit[i]
+        if j >= 0:
+            v = state[layout.bodies + s.axle_body[i], 0]
+            limit, _ = adhesion_limit(e.curve_kind, e.curve, w.peak[i, 0], v)
+            truth[j] = min(truth[j], limit)
+
+
+@jit
+def _write_record(s, e, layout, time, state, inputs, w, m, commanded, k, r):
+    compiled.derivative(
+        s,
+        e,
+        layout,
+        time,
+        state,
+        inputs.torque_command,
+        w.target,
+        w.valve,
+        inputs.cleaning,
+        w,
+        w.slope,
+    )
+    r.time[k] = time
+    r.state[k] = state[:, 0]
+    r.peak[k] = w.peak[:, 0]
+    r.body_acceleration[k] = w.slope[layout.bodies : 2 * layout.bodies, 0]
+    r.command[k] = m.command
+    r.target[k] = m.target
+    r.limit[k] = m.limit
+    r.estimate[k] = m.estimate
+    r.slipping[k] = m.slipping
+    r.train[k, 0] = m.held[oc.HELD_CASE]
+    r.train[k, 1] = m.held[oc.HELD_LEVEL]
+    r.train[k, 2] = commanded
+    r.train[k, 3] = m.reference[0]
+    r.train[k, 4] = m.held[oc.HELD_EXPECTED]
+
+
+@jit
+def _run(
+    s, e, layout, eq, st, m, state, inputs, w, progress, ticks, period, step, steps,
+    commanded, noise, noisy, draws, loss, record_ticks, r,
+):  # fmt: skip
+    """Run until the end, or until something in Python must answer; return what is needed."""
+    units = eq.axles.size
+    while progress[0] < ticks:
+        tick = progress[0]
+        time = tick * period
+        a = commanded[tick]
+        if progress[1] == PHASE_SENSE:
+            for j in range(units):
+                m.in_service[j] = time < e.failure_time[j, 0] + REPORT_DELAY
+            first = 2 * layout.bodies
+            torque = first + layout.axles
+            oc.sense(
+                eq, st, m, time, a,
+                state[first : first + layout.axles, 0], state[torque : torque + units, 0],
+                noise[tick if noisy else 0],
+            )  # fmt: skip
+            needed = oc.prepare_allocation(eq, st, m, time, tick, a)
+            if needed and st.needs_truth:
+                _true_limits(s, e, layout, eq, time, state, inputs.cleaning, w, m.truth)
+            progress[1] = PHASE_DISTRIBUTE
+            if needed:
+                m.counter[oc.RULE_CALLS] += 1
+                if st.rule < 0:
+                    return NEEDS_ALLOCATION
+                m.held[oc.HELD_LEVEL], m.held[oc.HELD_CASE] = allocate_compiled(
+                    st.rule, m.cap, m.held[oc.HELD_EXPECTED], eq.mass, m.limit_max, m.limit_wanted,
+                    m.delivered, m.truth, st.rule_parameters, m.limit_wanted,
+                )  # fmt: skip
+        if progress[1] == PHASE_DISTRIBUTE:
+            row = (tick // st.telegram_ticks) % draws.shape[1]
+            oc.distribute(eq, st, m, time, tick, draws[0, row], draws[1, row], loss)
+            oc.set_targets(eq, st, m, a)
+            progress[1] = PHASE_ADVANCE
+            if st.controller == oc.CONTROLLER_HOST:
+                return NEEDS_CONTROL
+            oc.control(eq, st, m, a)
+        for j in range(units):
+            inputs.torque_command[j, 0] = m.command[j]
+        if tick % record_ticks == 0:
+            _write_record(s, e, layout, time, state, inputs, w, m, a, tick // record_ticks, r)
+        compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
+        progress[0] += 1
+        progress[1] = PHASE_SENSE
+    return NEEDS_NOTHING
+
+
+def _allocate_in_python(
+    rule: Rule, eq: oc.Equipment, m: oc.Memory, onboard: Onboard, tally: Tally
+) -> None:
+    problem = AllocationProblem(
+        cap=m.cap.copy(),
+        expected=float(m.held[oc.HELD_EXPECTED]),
+        mass=eq.mass,
+        limit_max=m.limit_max.copy(),
+        previous=m.limit_wanted.copy(),
+        rate=onboard.limit_rate,
+        delivered=np.maximum(m.delivered, 0.0),
+        truth=m.truth.copy(),
+    )
+    answer: Allocation = rule(problem)
+    m.limit_wanted[:] = answer.limit
+    m.held[oc.HELD_LEVEL] = answer.level
+    m.held[oc.HELD_CASE] = {"none": 0.0, "A": 1.0, "B": 2.0}[answer.case]
+    tally.rule_time += answer.solve_time
+    if answer.status != "ok":
+        tally.rule_failures += 1
+        tally.note(f"rule: {answer.status}")
+
+
+def _control_in_python(
+    hosts: list[HostController], eq: oc.Equipment, st: oc.Settings, m: oc.Memory,
+    time: float, commanded: float, torque: Floats, tally: Tally,
+) -> None:  # fmt: skip
+    # the built-in controller runs along, so that it is in step wherever a host controller gives up
+    for j, host in enumerate(hosts):
+        previous = m.command[j]
+        oc.cut_and_ramp_unit(eq, st, m, j, commanded)
+        fallback = m.command[j]
+        m.command[j] = previous
+        sense = UnitSense(
+            time=time,
+            speed=float(m.reference[0]),
+            omega=m.axle_omega[eq.axle_unit == j],
+            torque=float(torque[j]),
+            target=float(m.target[j]),
+            drive_limit=float(m.drive_limit[j]),
+            brake_limit=float(m.brake_limit[j]),
+            coefficient=float(m.estimate[j]),
+            slipping=bool(m.slipping[j]),
+        )
+        decision = host.decide(sense)
+        tally.controller_calls += 1
+        tally.controller_time += decision.solve_time
+        tally.controller_times.append(decision.solve_time)
+        if decision.ok and math.isfinite(decision.torque):
+            m.command[j] = decision.torque
+        else:
+            tally.controller_failures += 1
+            tally.note(f"controller: {decision.status}")
+            m.command[j] = fallback
+
+
+def _contexts(model: Model, eq: oc.Equipment, onboard: Onboard) -> list[UnitContext]:
+    mass = model.train.mass
+    weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
+    return [
+        UnitContext(
+            unit=j,
+            axles=int(eq.axles[j]),
+            radius=float(eq.radius[j]),
+            inertia=float(eq.inertia[j]),
+            gear_ratio=float(eq.gear[j]),
+            axle_load=float((eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY),
+            mass=float(mass * weight[j] / weight.sum()),
+            torque_lag=float(model.structure.unit_lag[j]),
+            curve=onboard.belief.curve,
+            period=onboard.period,
+        )
+        for j in range(eq.axles.size)
+    ]
+
+
+def simulate(
+    event: Event,
+    rule: str | Rule = "greedy",
+    controller: str = "cut-and-ramp",
+    host_factories: Mapping[str, HostControllerFactory] | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Run `event` under a rule and a readhesion controller; returns the recorded run (see `alloc.recording`).
+
+    `controller` is a name in `CONTROLLERS` or in `host_factories`. `on_progress` is told the share done, 0 to 1.
+    Raises `SimulationError`, `AllocationError` or `OnboardError` for what cannot be run.
+    """
+    host_factories = host_factories or {}
+    known = [*CONTROLLERS, *host_factories]
+    if controller not in known:
+        from difflib import get_close_matches
+
+        near = get_close_matches(controller, known, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise SimulationError(f"unknown controller {controller!r}{hint} Known: {', '.join(known)}")
+    chosen = find_rule(rule) if isinstance(rule, str) else rule
+    onboard, model = event.onboard, event.model
+    s, e, layout = model.structure, model.environment, compiled.rows(model.layout)
+    eq = oc.equipment(model, onboard)
+    hosted = controller not in CONTROLLERS
+    compiled_rule = chosen.compiled_id if onboard.limit_rate is None else None
+    st = oc.settings(
+        onboard,
+        -1 if compiled_rule is None else compiled_rule,
+        oc.ALLOCATE_PERIODICALLY if chosen.periodic else oc.ALLOCATE_ON_SLIP,
+        chosen.needs_truth,
+        oc.CONTROLLER_HOST if hosted else CONTROLLERS[controller],
+        np.asarray(chosen.parameters, dtype=float),
+    )
+    period = onboard.period
+    ticks = round(event.duration / period)
+    steps = round(period / event.step)
+    steps *= model.substeps(period / steps)
+    step = period / steps
+    record_ticks = max(1, round(event.record_period / period))
+    commanded = event.command.sampled(period * np.arange(ticks, dtype=np.float64))
+    m = oc.memory(eq, event.initial_speed, abs(float(commanded[0])) * eq.planned_share)
+    state = model.initial_state(event.initial_speed, event.initial_position)
+    inputs, w = model.zero_inputs(), compiled.workspace(model, step)
+    noise, draws = _draws(onboard, ticks, model.layout.axles, model.layout.units, st.telegram_ticks)
+    records = (ticks + record_ticks - 1) // record_ticks
+    record = Record.allocate(records, model.layout)
+    tally = Tally()
+    hosts = (
+        [host_factories[controller](context) for context in _contexts(model, eq, onboard)]
+        if hosted
+        else []
+    )
+    progress = np.zeros(2, dtype=np.int64)
+    n = model.layout
+    started = clock.perf_counter()
+    chunk = ticks if on_progress is None else max(1, ticks // 50)
+    stop = 0
+    while stop < ticks:
+        stop = min(ticks, stop + chunk)
+        while True:
+            need = _run(
+                s, e, layout, eq, st, m, state, inputs, w, progress, stop, period, step, steps,
+                commanded, noise, onboard.sensors.speed_noise > 0.0, draws, onboard.telegrams.loss,
+                record_ticks, record,
+            )  # fmt: skip
+            if need == NEEDS_NOTHING:
+                break
+            time = progress[0] * period
+            if need == NEEDS_ALLOCATION:
+                _allocate_in_python(chosen, eq, m, onboard, tally)
+            else:
+                _control_in_python(
+                    hosts, eq, st, m, time, float(commanded[progress[0]]),
+                    state[n.torque, 0], tally,
+                )  # fmt: skip
+        if on_progress is not None:
+            on_progress(stop / ticks)
+    tally.wall_time = clock.perf_counter() - started
+    return to_dataset(event, chosen.name, controller, record, m.counter, tally)
+
+
+def _draws(
+    onboard: Onboard, ticks: int, axles: int, units: int, telegram_ticks: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Common random numbers: sensor noise (ticks or 1, axles), draws for jitter and loss (2, telegrams, units)."""
+    generator = np.random.default_rng([onboard.sensors.seed, 1])
+    sigma = onboard.sensors.speed_noise
+    noise = sigma * generator.standard_normal((ticks if sigma > 0.0 else 1, axles))
+    generator = np.random.default_rng([onboard.sensors.seed, 2])
+    return noise, generator.random((2, ticks // telegram_ticks + 1, units))
+
+
+__all__ = [
+    "CONTROLLERS",
+    "DriverCommand",
+    "Event",
+    "OnboardError",
+    "SimulationError",
+    "simulate",
+]
