@@ -9,13 +9,10 @@ above it, at its lower bound below it.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.rules.allocation import Allocation
 from alloc.rules.exact import box_limits
 from alloc.rules.problem import AllocationProblem, Floats
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,9 @@ def optimality(
     near = tolerance * problem.expected
     at_upper, at_lower = upper - x <= near, x - lower <= near
     free = ~at_upper & ~at_lower
-    level = _multiplier(problem, allocation, free, at_upper)
+    level = allocation.level
+    if not np.isfinite(level):
+        level = fitted_level(x, problem, tolerance)
     excess = x - level
     at_one = at_upper ^ at_lower  # where both bounds meet, a multiplier of either sign is right
     wrong = np.where(at_upper, excess, -excess)
@@ -76,12 +75,12 @@ def _largest(values: Floats) -> float:
     return max(float(values.max(initial=0.0)), 0.0)
 
 
-def _multiplier(
-    problem: AllocationProblem, allocation: Allocation, free: Flags, at_upper: Flags
-) -> float:
-    x = allocation.limit
-    if np.isfinite(allocation.level):
-        return allocation.level
+def fitted_level(limit: Floats, problem: AllocationProblem, tolerance: float = 1e-9) -> float:
+    """The level that fits `limit` best: that of the units at neither bound, or one that explains who stands at which."""
+    lower, upper = problem.box
+    near = tolerance * problem.expected
+    at_upper = upper - limit <= near
+    free = ~at_upper & (limit - lower > near)
     if free.any():
-        return float(np.average(x[free], weights=problem.weight[free]))
-    return float(x[at_upper].max()) if at_upper.any() else float(x.min())
+        return float(np.average(limit[free], weights=problem.weight[free]))
+    return float(limit[at_upper].max()) if at_upper.any() else float(limit.min())

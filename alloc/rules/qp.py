@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from alloc.rules.allocation import CASE_A, CASE_B, Allocation, allocation
+from alloc.rules.optimality import fitted_level
 from alloc.rules.problem import AllocationProblem, Floats, import_solver
 from alloc.rules.rule import Rule, exact_in_box
 
@@ -23,6 +24,9 @@ SETTINGS = {
     "eps_rel": 1e-10,
     "delta": 1e-7,  # regularisation of the polishing step
     "polishing": True,
+    # the bounds always allow a solution; a tight box must not look like none
+    "eps_prim_inf": 1e-15,
+    "eps_dual_inf": 1e-15,
     "max_iter": 20_000,
     "check_termination": 25,
 }
@@ -39,7 +43,11 @@ class Workspace:
         osqp = import_solver("osqp", "qp")
         from scipy import sparse
 
-        self.solved = osqp.SolverStatus.OSQP_SOLVED
+        # "inaccurate" is within ten times the tolerances; what matters is checked below
+        self.solved = (
+            osqp.SolverStatus.OSQP_SOLVED,
+            osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
+        )
         self.n = n
         self.weight = np.ones(n)
         self.lower, self.upper = np.zeros(n + 1), np.ones(n + 1)
@@ -67,7 +75,7 @@ class Workspace:
         self.lower[1:], self.upper[1:] = lower, upper
         self.solver.update(l=self.lower, u=self.upper, **changes)
         result = self.solver.solve(raise_error=False)
-        if result.info.status_val != self.solved:
+        if result.info.status_val not in self.solved:
             return np.full(self.n, np.nan), result.info.status
         z = np.clip(result.x, lower, upper)
         missed = abs(float(weight @ z) - total) / self.n
@@ -107,12 +115,10 @@ def finished(
     rule: Rule, problem: AllocationProblem, z: Floats, status: str, started: float
 ) -> Allocation:
     """The answer with the limits `z` times the plan, or with the exact ones unless `status` is "ok"."""
-    upper = problem.box[1]
     limit = z * problem.expected
     if status == "ok":
         case = CASE_B if problem.within_reach else CASE_A
-        spare = limit < upper * (1.0 - FEASIBLE)
-        level = float(limit[spare].max()) if spare.any() else float(upper.max())
+        level = fitted_level(limit, problem, FEASIBLE)
     else:
         status = f"{rule.name} failed ({status}): exact level used"
         level, case = exact_in_box(problem, False, limit)

@@ -1,6 +1,7 @@
 """The quadratic program of `alloc.rules.qp` as one would write it on paper: the readable reference."""
 
 import time
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from alloc.rules.rule import Rule
 
 SOLVER = "CLARABEL"
 """An interior-point solver: another method than `qp`'s, so that the two check each other."""
-SETTINGS = {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12, "max_iter": 200}
+SETTINGS = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
 
 
 class Formulation:
@@ -50,7 +51,10 @@ def answer_qp_cvxpy(rule: Rule, problem: AllocationProblem) -> Allocation:
     stated.lower.value, stated.upper.value, stated.total.value = lower, upper, total
     z, status = np.full(problem.n, np.nan), "ok"
     try:
-        stated.problem.solve(solver=SOLVER, **SETTINGS)
+        with warnings.catch_warnings():
+            # "may be inaccurate": whether it is, is checked below
+            warnings.simplefilter("ignore", UserWarning)
+            stated.problem.solve(solver=SOLVER, **SETTINGS)
     except import_solver("cvxpy", "qp-cvxpy").SolverError as error:
         status = str(error)
     if stated.problem.status not in ("optimal", "optimal_inaccurate"):

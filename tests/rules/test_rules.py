@@ -1,0 +1,181 @@
+"""The contract that all rules share, the prior art's rules, and what happens without a solver."""
+
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, kernels, qp, qp_cvxpy
+from alloc.rules.allocation import CASES
+from tests.rules.strategies import EXPECTED, caps, problems
+
+NAMES = [
+    "alone",
+    "preset",
+    "sharing",
+    "greedy",
+    "greedy-claim",
+    "exact",
+    "qp",
+    "qp-cvxpy",
+    "oracle",
+]
+
+
+def test_names_are_the_contract():
+    assert list(RULES) == NAMES
+    for name, rule in RULES.items():
+        assert rule.name == name
+        assert rule.description
+
+
+@pytest.mark.parametrize("rule", NAMES)
+@given(cap=caps(largest=8))
+@settings(max_examples=20)
+def test_without_slip_every_limit_is_the_plan(rule, cap):
+    answer = find_rule(rule)(AllocationProblem(cap, EXPECTED, slip=False))
+    assert answer.limit.tolist() == [EXPECTED] * cap.size
+    assert (answer.case, answer.unmet, answer.status) == ("none", 0.0, "ok")
+    assert np.isnan(answer.level)
+
+
+@pytest.mark.parametrize("rule", NAMES)
+@given(problem=problems(bounded=True, largest=8))
+@settings(max_examples=25)
+def test_what_every_answer_holds(rule, problem):
+    answer = find_rule(rule)(problem)
+    assert answer.limit.shape == (problem.n,)
+    assert not answer.limit.flags.writeable
+    assert np.all(answer.limit >= 0.0)
+    assert answer.case in CASES
+    assert answer.status == "ok"
+    assert answer.unmet >= 0.0
+    assert answer.unmet == pytest.approx(max(EXPECTED - answer.effort(problem), 0.0), abs=1e-12)
+    assert np.all(answer.limit <= problem.rate_box[1] + 1e-12)
+    if rule not in ("alone", "preset", "sharing"):  # who knows the caps keeps to them
+        assert np.all(answer.limit <= problem.cap + 1e-12)
+
+
+@pytest.mark.parametrize("rule", ["exact", "qp", "qp-cvxpy", "greedy"])
+def test_limits_follow_no_faster_than_the_rate(rule):
+    problem = AllocationProblem(
+        [0.14, 0.20, 0.25], 0.17, previous=[0.17, 0.17, 0.17], rate=[0.05, 0.01, 0.02]
+    )
+    answer = find_rule(rule)(problem)
+    assert np.all(np.abs(answer.limit - 0.17) <= np.array([0.05, 0.01, 0.02]) + 1e-9)
+    assert answer.limit == pytest.approx([0.14, 0.18, 0.19], abs=1e-8)
+
+
+def test_caps_prevail_over_the_rate():
+    answer = find_rule("exact")(
+        AllocationProblem([0.05, 0.30], 0.17, previous=[0.17, 0.17], rate=0.02)
+    )
+    assert answer.limit == pytest.approx([0.05, 0.19])
+
+
+def test_oracle_is_the_exact_level_on_the_truth():
+    cap, truth = np.array([0.15, 0.20, 0.21]), np.array([0.16, 0.13, 0.25])
+    oracle = find_rule("oracle")(AllocationProblem(cap, 0.17, truth=truth))
+    assert oracle.limit == pytest.approx(find_rule("exact")(AllocationProblem(truth, 0.17)).limit)
+    assert RULES["oracle"].needs_truth
+    assert not any(RULES[name].needs_truth for name in NAMES if name != "oracle")
+
+
+def test_alone_keeps_the_plan():
+    answer = find_rule("alone")(AllocationProblem([0.10, 0.30], 0.17, limit_max=[np.inf, 0.16]))
+    assert answer.limit.tolist() == [0.17, 0.16]
+
+
+@given(problem=problems(bounded=True))
+def test_preset_pattern_delivers_the_plan_where_torque_allows(problem):
+    answer = find_rule("preset")(problem.changed(limit_max=None, previous=None, rate=None))
+    assert answer.effort(problem) == pytest.approx(EXPECTED, rel=1e-12)
+    assert np.all(np.diff(answer.limit) >= 0.0)
+
+
+def test_dynamic_sharing_settles_at_the_plan_step_by_step():
+    # the prior art's weakness: each step hands on a part, so torque wanders until it settles
+    adhesion = np.array([0.12, 0.16, 0.20, 0.21])
+    limit, efforts = np.full(4, 0.17), []
+    for _ in range(40):
+        delivered = np.minimum(limit, adhesion)
+        answer = find_rule("sharing")(
+            AllocationProblem(adhesion, 0.17, previous=limit, delivered=delivered)
+        )
+        limit = answer.limit
+        efforts.append(np.minimum(limit, adhesion).mean())
+    assert efforts[0] < 0.999 * 0.17
+    assert efforts[-1] == pytest.approx(0.17, rel=0.01)
+    assert next(k for k, effort in enumerate(efforts) if effort > 0.99 * 0.17) >= 2
+
+
+@given(problem=problems())
+def test_compiled_call_equals_the_python_call(problem):
+    for name, rule in RULES.items():
+        if rule.compiled_id is None:
+            continue
+        limit = np.empty(problem.n)
+        level, case = kernels.allocate_compiled(
+            rule.compiled_id, problem.cap, problem.expected, problem.weight, problem.torque_limit,
+            problem.in_force, problem.obtained, problem.available, np.asarray(rule.parameters), limit,
+        )  # fmt: skip
+        answer = find_rule(name)(problem)
+        assert limit.tolist() == answer.limit.tolist()
+        assert CASES[case] == answer.case
+        np.testing.assert_equal(level, answer.level)
+
+
+@pytest.mark.parametrize(
+    ("name", "near"), [("greedi", "greedy"), ("exakt", "exact"), ("qp_cvxpy", "qp-cvxpy")]
+)
+def test_unknown_rule_is_refused_with_the_nearest_name(name, near):
+    with pytest.raises(AllocationError, match=f"{name}.*did you mean '{near}'"):
+        find_rule(name)
+
+
+@pytest.mark.parametrize(("rule", "module"), [("qp", "osqp"), ("qp-cvxpy", "cvxpy")])
+def test_missing_solver_is_named(rule, module, monkeypatch):
+    qp.workspace.cache_clear()
+    qp_cvxpy.formulation.cache_clear()
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(
+        AllocationError, match=f"rule '{rule}' needs '{module}'.*pip install {module}"
+    ):
+        find_rule(rule)(AllocationProblem([0.1, 0.2], 0.15))
+
+
+@pytest.mark.parametrize("limit_name", ["max_iter", "constraints"])
+def test_failing_solver_gives_the_exact_level_and_says_so(limit_name, monkeypatch):
+    problem = AllocationProblem(np.linspace(0.12, 0.22, 11), 0.17, mass=np.linspace(1.0, 2.0, 11))
+    qp.workspace.cache_clear()
+    if limit_name == "max_iter":
+        monkeypatch.setitem(qp.SETTINGS, "max_iter", 1)
+    else:
+        monkeypatch.setattr(qp, "FEASIBLE", -1.0)
+    answer = find_rule("qp")(problem)
+    qp.workspace.cache_clear()
+    assert answer.status.startswith("qp failed (")
+    assert answer.status.endswith("exact level used")
+    exact = find_rule("exact")(problem)
+    assert answer.limit.tolist() == exact.limit.tolist()
+    assert answer.level == exact.level
+
+
+def test_workspace_is_set_up_once_per_size():
+    qp.workspace.cache_clear()
+    rule = find_rule("qp")
+    generator = np.random.default_rng(5)
+    for _ in range(20):
+        rule(AllocationProblem(EXPECTED * generator.uniform(0.5, 1.5, 8), EXPECTED))
+        rule(AllocationProblem(EXPECTED * generator.uniform(0.5, 1.5, 3), EXPECTED))
+    assert qp.workspace.cache_info().misses == 2
+
+
+def test_change_of_masses_reaches_the_workspace():
+    cap = [0.12, 0.30, 0.30]
+    for mass in ([2.0, 1.0, 1.0], [1.0, 1.0, 4.0], None, [2.0, 1.0, 1.0]):
+        problem = AllocationProblem(cap, 0.17, mass=mass)
+        assert find_rule("qp")(problem).limit == pytest.approx(
+            find_rule("exact")(problem).limit, abs=1e-9
+        )
