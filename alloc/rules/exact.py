@@ -12,46 +12,42 @@ from alloc.rules.greedy import ROUNDING, highest_cap
 
 
 @jit
-def water_level(upper, mass, expected):
-    """Root L of sum m min(upper, L) = expected sum m, and whether the plan is within reach.
-
-    Newton's method from L = expected: the function is concave, so the iterates rise, and stop exactly as soon as no
-    further unit reaches its bound, after n steps at most. Out of reach: the highest bound, and False.
-    """
-    free, deficit, spare, total = 0.0, 0.0, 0.0, 0.0
-    for j in range(upper.size):
-        gap = mass[j] * (upper[j] - expected)
-        total += mass[j]
-        if gap > 0.0:
-            free += mass[j]
-            spare += gap
-        else:
-            deficit -= gap
-    if spare - deficit <= ROUNDING * expected * total:
-        return highest_cap(upper), False
-    level = expected + deficit / free
-    while True:
-        still_free, deficit = 0.0, 0.0
-        for j in range(upper.size):
-            if upper[j] > level:
-                still_free += mass[j]
-            else:
-                deficit += mass[j] * (expected - upper[j])
-        if still_free == free or still_free == 0.0:
-            return level, True
-        free = still_free
-        level = expected + deficit / free
-
-
-@jit
 def exact_limits(cap, expected, mass, limit_max, limit_out):
-    """Fill `limit_out` with min(cap, limit_max, L); returns L and whether the plan is within reach."""
+    """Fill `limit_out` with min(cap, limit_max, L); returns the level L and whether the plan is within reach.
+
+    L is the root of sum m min(upper, L) = expected sum m. Newton's method from L = expected: the function is
+    concave, so the iterates rise, and stop exactly as soon as they pass no further unit's bound, after n steps at
+    most. Out of reach: the highest bound, and False.
+    """
+    free, balance, deficit, total, nearest = 0.0, 0.0, 0.0, 0.0, np.inf
+    # sums without branches: which unit is above the level follows no pattern that a processor could predict
     for j in range(cap.size):
-        limit_out[j] = min(cap[j], limit_max[j])
-    level, reached = water_level(limit_out, mass, expected)
+        upper = min(cap[j], limit_max[j])
+        limit_out[j] = upper
+        gap = mass[j] * (upper - expected)
+        above = gap > 0.0
+        total += mass[j]
+        balance += gap
+        free += mass[j] if above else 0.0
+        deficit -= 0.0 if above else gap
+        nearest = min(nearest, upper if above else np.inf)
+    if balance <= ROUNDING * expected * total:
+        return highest_cap(limit_out), False
+    level = expected + deficit / free
+    while nearest < level:
+        free, deficit, nearest = 0.0, 0.0, np.inf
+        for j in range(cap.size):
+            gap = mass[j] * (expected - limit_out[j])
+            above = limit_out[j] > level
+            free += mass[j] if above else 0.0
+            deficit += 0.0 if above else gap
+            nearest = min(nearest, limit_out[j] if above else np.inf)
+        if free == 0.0:  # rounding at the edge of what is within reach
+            break
+        level = expected + deficit / free
     for j in range(cap.size):
         limit_out[j] = min(limit_out[j], level)
-    return level, reached
+    return level, True
 
 
 @jit
