@@ -1,0 +1,137 @@
+"""Slides counted per axle: reading, writing, and drawing synthetic tables from the model of JP5484215 (12) to (14).
+
+Under automatic brake whose force follows the planned coefficient, measured coefficients scatter about it as a normal
+distribution. Half of all brakings make an axle of the lead car slide, fewer an axle whose rail was wiped before.
+"""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from alloc.estimation.errors import EstimationError
+
+SIGMA = 0.012
+"""Standard deviation of measured coefficients about the planned one, JP5484215 par. 0055."""
+
+LEAD_AXLES = 4
+"""Axles of the lead car, whose mean is the reference."""
+
+SYNTHETIC_TABLE = Path(__file__).parent / "slide_counts_synthetic.csv"
+"""Table that is shipped in place of JP5484215 Fig. 11, whose counts are lost: drawn from the model, not measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlideCounts:
+    """Number of slides of each axle over the same brakings, axle 1 foremost, (axles,)."""
+
+    slides: NDArray[np.int64]
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        slides = np.asarray(self.slides)
+        if slides.ndim != 1 or slides.size <= LEAD_AXLES:
+            raise EstimationError(
+                f"slide counts: shape {slides.shape}; give one count per axle of more than {LEAD_AXLES} axles"
+            )
+        if (
+            not np.all(np.isfinite(slides))
+            or np.any(slides < 0)
+            or np.any(slides != slides.round())
+        ):
+            bad = int(
+                np.flatnonzero(
+                    ~(np.isfinite(slides) & (slides >= 0) & (slides == np.round(slides)))
+                )[0]
+            )
+            raise EstimationError(
+                f"slide counts: axle {bad + 1} has {slides[bad]}; counts are whole numbers, 0 or greater"
+            )
+        if slides[:LEAD_AXLES].sum() == 0:
+            raise EstimationError("slide counts: the lead car never slid, so there is no reference")
+        object.__setattr__(self, "slides", slides.astype(np.int64))
+
+    @property
+    def axle_count(self) -> int:
+        """Number of axles."""
+        return self.slides.size
+
+    @property
+    def lead_mean(self) -> float:
+        """Mean count of the lead car's axles, fr_avg of JP5484215 (13) times the number of brakings."""
+        return float(self.slides[:LEAD_AXLES].mean())
+
+
+def read_slide_counts(path: str | Path) -> SlideCounts:
+    """Read a CSV table with the columns `axle` (1, 2, ...) and `slides`; lines that start with # are comments.
+
+    Raises `EstimationError` naming the file, the line and what is wrong with it.
+    """
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            lines = file.readlines()
+    except OSError as error:
+        raise EstimationError(
+            f"slide counts {str(path)!r} cannot be read: {error.strerror}"
+        ) from None
+    remarks = [line[1:].strip() for line in lines if line.startswith("#")]
+    rows = [
+        (k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")
+    ]
+    header = [name.strip() for name in next(csv.reader([rows[0][1]]))] if rows else []
+    if sorted(header) != ["axle", "slides"]:
+        raise EstimationError(
+            f"slide counts {str(path)!r}: the columns are {header}, must be axle, slides"
+        )
+    slides: list[int] = []
+    for number, line in rows[1:]:
+        cells = dict(zip(header, next(csv.reader([line])), strict=False))
+        try:
+            axle, count = int(cells["axle"]), int(cells["slides"])
+        except (KeyError, ValueError):
+            raise EstimationError(
+                f"slide counts {str(path)!r}, line {number}: {line.strip()!r} is no pair of whole numbers"
+            ) from None
+        if axle != len(slides) + 1:
+            raise EstimationError(
+                f"slide counts {str(path)!r}, line {number}: axle {axle} where {len(slides) + 1} was due"
+            )
+        slides.append(count)
+    return SlideCounts(np.array(slides), " ".join(remarks))
+
+
+def write_slide_counts(counts: SlideCounts, path: str | Path) -> None:
+    """Write a table that `read_slide_counts` reads back."""
+    lines = [f"# {counts.source}\n"] if counts.source else []
+    lines += ["axle,slides\n"]
+    lines += [f"{axle},{slides}\n" for axle, slides in enumerate(counts.slides, 1)]
+    Path(path).write_text("".join(lines), encoding="utf-8")
+
+
+def slide_probability(
+    shift: NDArray[np.float64], lead: NDArray[np.float64], sigma: float = SIGMA
+) -> NDArray[np.float64]:
+    """Slides of each axle over the lead car's mean, (14): Phi(-shift / sigma) over its mean for `lead`.
+
+    `shift` (axles,), `lead` (any,): how much higher the mean coefficients lie than the planned one.
+    """
+    return np.asarray(norm.cdf(-shift / sigma) / norm.cdf(-lead / sigma).mean())
+
+
+def draw_slide_counts(
+    increments: NDArray[np.float64], slides_per_lead_axle: float, seed: int, sigma: float = SIGMA
+) -> SlideCounts:
+    """A synthetic table for axles with `increments` (axles,), drawn from (14): Poisson counts.
+
+    `slides_per_lead_axle`: expected count of an axle at the planned coefficient, which fixes the sampling error.
+    """
+    expected = 2.0 * slides_per_lead_axle * norm.cdf(-np.asarray(increments) / sigma)
+    slides = np.random.default_rng(seed).poisson(expected)
+    source = (
+        f"SYNTHETIC, drawn from JP5484215 (14): seed {seed}, {slides_per_lead_axle:g} slides expected of an axle at "
+        f"the planned coefficient, standard deviation {sigma:g}"
+    )
+    return SlideCounts(slides, source)

@@ -1,0 +1,160 @@
+"""Slide counts to increments: the pipeline gives (15) back, within the sampling error that it states."""
+
+import numpy as np
+import pytest
+
+from alloc.estimation.errors import EstimationError
+from alloc.estimation.increments import (
+    AxleShifts,
+    axle_shifts,
+    conventional_increments,
+    fit_increments,
+    unit_increments,
+)
+from alloc.estimation.slide_counts import (
+    SYNTHETIC_TABLE,
+    SlideCounts,
+    draw_slide_counts,
+    read_slide_counts,
+    slide_probability,
+    write_slide_counts,
+)
+from alloc.plant.rail import logarithmic_increments
+
+SLOPE, OFFSET = 0.0083, -0.0066  # JP5484215 (15)
+TRUE = logarithmic_increments(64)
+
+
+def test_expected_counts_give_the_increments_back_exactly():
+    # without sampling error only the lead car's mean, which is not quite the planned coefficient, shifts all alike
+    expected = 1e9 * slide_probability(TRUE, TRUE[:4])
+    shifts = axle_shifts(SlideCounts(expected.round()))
+    common = shifts.shift - TRUE
+    assert np.ptp(common) < 2e-4
+    assert abs(common.mean()) < 5e-4
+
+
+def test_mean_slide_of_the_lead_car_is_one():
+    assert slide_probability(TRUE[:4], TRUE[:4]).mean() == pytest.approx(1.0)
+
+
+def test_stated_errors_are_those_of_repeated_counts():
+    fits = [
+        fit_increments(axle_shifts(draw_slide_counts(TRUE, 250.0, seed))) for seed in range(300)
+    ]
+    slopes = np.array([fit.slope for fit in fits])
+    stated = np.array([fit.slope_deviation for fit in fits])
+    # 300 draws know a standard deviation to 4 %; linearisation and weighting with noisy counts cost a few more
+    assert slopes.std() == pytest.approx(stated.mean(), rel=0.15)
+    # the rear axles' few counts enter (14) through a curved function: the slope is 0.8 % low, half its standard error
+    assert abs(slopes.mean() - SLOPE) < 0.7 * stated.mean()
+    covered = np.abs(slopes - SLOPE) < 1.96 * stated
+    assert 0.88 < covered.mean() < 0.99
+
+
+def test_shipped_synthetic_table_recovers_the_printed_fit():
+    counts = read_slide_counts(SYNTHETIC_TABLE)
+    assert counts.source.startswith("SYNTHETIC")
+    fit = fit_increments(axle_shifts(counts))
+    assert abs(fit.slope - SLOPE) < 1.96 * fit.slope_deviation
+    # the printed offset is rounded to four places
+    assert abs(fit.offset - OFFSET) < 1.96 * fit.offset_deviation + 0.5e-4
+    assert fit.slope_deviation < 0.1 * SLOPE
+
+
+def test_shipped_table_is_what_its_seed_draws():
+    counts = read_slide_counts(SYNTHETIC_TABLE)
+    assert counts.slides.tolist() == draw_slide_counts(TRUE, 250.0, seed=1).slides.tolist()
+
+
+def test_offset_makes_the_lead_car_the_reference():
+    fit = fit_increments(axle_shifts(read_slide_counts(SYNTHETIC_TABLE)))
+    assert fit.increments()[:4].mean() == pytest.approx(0.0, abs=1e-15)
+
+
+def test_band_holds_the_curve_and_is_narrowest_at_the_lead_car():
+    fit = fit_increments(axle_shifts(read_slide_counts(SYNTHETIC_TABLE)))
+    low, high = fit.band(0.95)
+    curve = fit.increments()
+    assert np.all((low <= curve) & (curve <= high))
+    assert np.argmin(high - low) < 4
+    wider = fit.band(0.99)
+    assert np.all(wider[1] - wider[0] >= high - low)
+
+
+def test_line_through_exact_shifts():
+    shift = 0.01 * np.log(np.arange(1, 13)) + 0.003
+    fit = fit_increments(AxleShifts(shift, 1e-8 * np.eye(12)))
+    assert fit.slope == pytest.approx(0.01)
+    assert fit.offset == pytest.approx(-0.01 * np.log([1, 2, 3, 4]).mean())
+
+
+@pytest.mark.parametrize(
+    "axle_unit",
+    [
+        [-1, -1, -1, -1, 0, 0, 0, 0, 1, 1, 1, 1],  # 1C4M behind a trailer
+        [0, 0, 1, 1, -1, -1, -1, -1, 2, 2, 3, 3],  # 1C2M
+        [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11],  # 1C1M
+    ],
+)
+def test_increment_of_a_unit_is_its_axles_mean_over_the_foremost_units(axle_unit):
+    axle_unit = np.array(axle_unit)
+    increments = unit_increments(TRUE[:12], axle_unit)
+    assert increments[0] == 0.0
+    for j, value in enumerate(increments):
+        assert value == pytest.approx(
+            TRUE[:12][axle_unit == j].mean() - TRUE[:12][axle_unit == 0].mean()
+        )
+
+
+def test_conventional_correction_grows_with_speed_and_keeps_the_reference():
+    slow, fast = (conventional_increments(TRUE, v / 3.6) for v in (30.0, 130.0))
+    assert np.all(np.abs(fast) >= np.abs(slow))
+    assert slow[:4].mean() == pytest.approx(0.0, abs=5e-5)
+    # by hand at 130 km/h: (7.5 / 174 + 0.161) / (13.6 / 215) = 3.227
+    assert fast[63] / TRUE[63] == pytest.approx((7.5 / 174 + 0.161) / (13.6 / 215))
+
+
+def test_axles_without_information_are_left_out():
+    slides = np.array([50, 48, 40, 40, 30, 0, 25, 200])
+    shifts = axle_shifts(SlideCounts(slides))
+    assert np.isnan(shifts.shift).tolist() == [False] * 5 + [True, False, True]
+    assert np.isfinite(fit_increments(shifts).slope)
+
+
+def test_table_reads_back(tmp_path):
+    counts = draw_slide_counts(TRUE[:16], 40.0, seed=3)
+    write_slide_counts(counts, tmp_path / "counts.csv")
+    again = read_slide_counts(tmp_path / "counts.csv")
+    assert again.slides.tolist() == counts.slides.tolist()
+    assert again.source == counts.source
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("axle,slides\n1,5\n3,4\n", "line 3: axle 3 where 2 was due"),
+        ("axle,slides\n1,5\n2,many\n", "line 3: '2,many' is no pair"),
+        ("axle,count\n1,5\n", r"columns are \['axle', 'count'\]"),
+        ("", r"columns are \[\]"),
+        ("axle,slides\n1,5\n2,4\n", "more than 4 axles"),
+        ("axle,slides\n1,0\n2,0\n3,0\n4,0\n5,1\n", "lead car never slid"),
+        ("axle,slides\n1,5\n2,4\n3,3\n4,2\n5,-1\n", "axle 5 has -1"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path, text, message):
+    path = tmp_path / "counts.csv"
+    path.write_text(text)
+    with pytest.raises(EstimationError, match=message):
+        read_slide_counts(path)
+
+
+def test_bad_values_are_refused(tmp_path):
+    with pytest.raises(EstimationError, match="cannot be read"):
+        read_slide_counts(tmp_path / "none.csv")
+    with pytest.raises(EstimationError, match="law = 'dry'"):
+        conventional_increments(TRUE, 10.0, "dry")
+    with pytest.raises(EstimationError, match="speed = nan"):
+        conventional_increments(TRUE, float("nan"))
+    with pytest.raises(EstimationError, match="at least 3"):
+        fit_increments(axle_shifts(SlideCounts(np.array([10, 10, 0, 0, 0]))))
