@@ -94,8 +94,8 @@ def fit_increments(shifts: AxleShifts) -> IncrementFit:
     """Fit slope and intercept by least squares, each axle weighted with its own counting error, then shift as (15).
 
     The slope's error takes the correlation of the axles into account; not its bias, for small counts enter (14) through
-    a curved function (with 250 slides per lead axle and 64 axles: -0.8 %, half a standard error). Raises `EstimationError` where fewer than three
-    axles carry information.
+    a curved function (with 250 slides per lead axle and 64 axles: -0.8 %, half a standard error).
+    Raises `EstimationError` where fewer than three axles carry information.
     """
     usable = np.flatnonzero(np.isfinite(shifts.shift))
     if usable.size < 3:

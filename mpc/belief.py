@@ -1,0 +1,104 @@
+"""Belief about the peak coefficient of each axle, from disturbance observers of single axles.
+
+An axle that slips to the peak and beyond feels what the rail can carry: the believed curve at its slip says which share of
+the peak that is. An axle that does not slip proves only that the peak is not less than what it feels; belief then rises
+slowly until the rail contradicts it.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import jit
+from alloc.onboard.host import UnitContext
+from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
+from alloc.plant.adhesion import adhesion_limit, tangential_coefficient
+from alloc.plant.equations import slip_velocity
+from mpc.settings import PeakBelief
+
+Floats = NDArray[np.float64]
+
+INERTIA, RADIUS, AXLE_LOAD, POLE, KEEP, OLD, NEW = range(7)
+TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(7, 15)
+CONSTANTS = 15
+
+NOISE_TIME = 1.0
+"""Time [s] over which the mean deviation of measured slip is taken: long against a slip's growth."""
+
+
+@jit
+def _update(
+    kind, q, c, speed, omega, torque, fresh,
+    filtered, last, slips, noise, coefficient, peak, top,
+):  # fmt: skip
+    """One control period, all in the direction of the demand, `torque` at the wheel; fills the arrays of the second line."""
+    for i in range(omega.size):
+        measured = slip_velocity(omega[i], c[RADIUS], speed)
+        if fresh:  # start in equilibrium
+            slips[i] = measured
+            last[i] = filtered[i] = torque + c[POLE] * c[INERTIA] * omega[i]
+        filtered[i], last[i], load_torque = observe(
+            filtered[i], last[i], torque, omega[i], c[INERTIA], c[POLE], c[KEEP], c[OLD], c[NEW]
+        )
+        felt = tangential_coefficient_estimate(load_torque, c[AXLE_LOAD], c[RADIUS])
+        coefficient[i] = felt
+        limit, top_slip = adhesion_limit(kind, q, peak[i], speed)
+        # as late as the observer's coefficient, so that both belong to one point of the curve
+        slips[i] = slip = c[KEEP] * slips[i] + (1.0 - c[KEEP]) * measured
+        noise[i] += c[NOISE_SHARE] * (abs(measured - slip) - noise[i])
+        tells = c[INFORMATIVE] * top_slip + c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
+        if slip >= tells:
+            here = tangential_coefficient(kind, q, slip, speed, speed + slip, peak[i])
+            peak[i] += c[TAKE_OVER] * (peak[i] * felt / here - peak[i])
+        elif felt > limit:
+            peak[i] += c[TAKE_OVER] * (peak[i] * felt / limit - peak[i])
+        else:
+            peak[i] *= c[PROBE]
+        peak[i] = min(max(peak[i], c[FLOOR]), c[CEILING])
+        limit, top[i] = adhesion_limit(kind, q, peak[i], speed)
+
+
+class PeakObserver:
+    """Belief of one unit about the peak coefficient of its axles."""
+
+    def __init__(self, context: UnitContext, belief: PeakBelief) -> None:
+        self._kind, self._q = context.curve.kind, context.curve.q
+        self._gear = context.gear_ratio
+        self._constants = np.empty(CONSTANTS)
+        self._constants[:POLE] = context.inertia, context.radius, context.axle_load
+        self._constants[POLE] = belief.pole
+        self._constants[KEEP : NEW + 1] = observer_gains(belief.pole, context.period)
+        self._constants[TAKE_OVER:] = (
+            -math.expm1(-belief.gain * context.period),
+            math.exp(belief.probe * context.period),
+            belief.informative,
+            belief.slip_error,
+            belief.noise_margin,
+            -math.expm1(-context.period / NOISE_TIME),
+            belief.floor,
+            belief.ceiling,
+        )
+        n = context.axles
+        self._filtered, self._last = np.zeros(n), np.zeros(n)
+        self._slip, self._noise = np.zeros(n), np.full(n, belief.slip_error)  # until it is known
+        self._fresh = True
+        self.coefficient = np.zeros(n)
+        """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
+        self.peak = np.full(n, belief.initial)
+        """Believed peak coefficient, (axles,)."""
+        self.peak_slip = np.zeros(n)
+        """Slip velocity of the believed curve's maximum [m/s], (axles,)."""
+
+    def forget_forces(self) -> None:
+        """Start the observers anew at the next update; the belief about the peak stays."""
+        self._fresh = True
+
+    def update(self, speed: float, omega: Floats, torque: float) -> None:
+        """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand."""
+        _update(
+            self._kind, self._q, self._constants, speed, omega, torque * self._gear, self._fresh,
+            self._filtered, self._last, self._slip, self._noise, self.coefficient, self.peak,
+            self.peak_slip,
+        )  # fmt: skip
+        self._fresh = False

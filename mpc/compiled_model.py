@@ -1,0 +1,68 @@
+"""A unit's model and its derivatives as Numba functions, with the places of their nonzeros."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc.generated import compile_functions
+from mpc.unit_model import UnitModel
+
+Ints = NDArray[np.int64]
+
+
+class CompiledModel(NamedTuple):
+    """Functions of the model as the sweeps of `mpc.shooting` call them; the last of a point is the torque."""
+
+    slope: Callable[..., Any]
+    rate: Callable[..., Any]
+    curvature: Callable[..., Any]
+    row: Ints
+    """Row of each nonzero of the Jacobian of the slopes by (state, torque)."""
+    column: Ints
+    upper_row: Ints
+    """Row of each nonzero of the upper triangle of the weighted slopes' Hessian by (state, torque)."""
+    upper_column: Ints
+
+
+_compiled: dict[int, tuple[UnitModel, CompiledModel]] = {}
+
+
+def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
+    """The three functions as CasADi has them; what the Numba functions are translated from."""
+    x, u, p, f = model.state, model.torque, model.parameters, model.rate
+    point = cs.vertcat(x, u)
+    weights = cs.SX.sym("weights", model.states)
+    jacobian = cs.jacobian(f, point)
+    hessian = cs.triu(cs.hessian(cs.dot(weights, f), point)[0])
+    names = ["state", "torque", "parameters"]
+
+    def function(name: str, inputs: list[cs.SX], outputs: dict[str, cs.SX]) -> cs.Function:
+        extra = ["weights"] if len(inputs) == 4 else []
+        together = cs.cse(list(outputs.values()))
+        return cs.Function(name, inputs, together, names + extra, list(outputs))
+
+    return {
+        "slope": function("slope", [x, u, p], {"slopes": f}),
+        "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": jacobian}),
+        "curvature": function("curvature", [x, u, p, weights], {"nonzeros": hessian}),
+    }
+
+
+def compiled_model(model: UnitModel) -> CompiledModel:
+    """Compile `model`, once per process; Numba's cache keeps the result across processes."""
+    key = id(model)
+    if key not in _compiled:
+        functions = symbolic_functions(model)
+        row, column = functions["rate"].sparsity_out(1).get_triplet()
+        upper = functions["curvature"].sparsity_out(0).get_triplet()
+        made = compile_functions(list(functions.values()))
+        places = [np.array(values, dtype=np.int64) for values in (row, column, *upper)]
+        # the model is kept along: its id must not be given to another one
+        _compiled[key] = (
+            model,
+            CompiledModel(made["slope"], made["rate"], made["curvature"], *places),
+        )
+    return _compiled[key][1]

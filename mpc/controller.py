@@ -1,0 +1,101 @@
+"""The readhesion MPC of one traction unit, as the simulation calls it.
+
+Once per control period: update the belief about the peaks, ask the real-time iteration for the best torques over the
+horizon, command the first. Whatever goes wrong is answered with ok = False; the unit then cuts and ramps.
+"""
+
+import math
+import time as clock
+
+import numpy as np
+
+from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
+from mpc.belief import PeakObserver
+from mpc.horizon import HorizonProblem
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.unit_model import parameters, torque_per_coefficient
+
+
+class MpcController:
+    """Readhesion MPC of one unit; a `HostController`.
+
+    Follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque; see
+    `MpcSettings` for the weights. Braking is driving mirrored: every law of the unit is odd.
+    """
+
+    def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
+        self.settings = settings or MpcSettings()
+        self.belief = PeakObserver(context, self.settings.belief)
+        self._solver = RealTimeIteration(context, self.settings)
+        self._context = context
+        self._carried = torque_per_coefficient(context)
+        self._parameters = parameters(context, self.belief.peak)
+        self._state = np.zeros(context.axles + 2)
+        self._omega = np.zeros(context.axles)
+        self._slip_limit = np.zeros(context.axles)
+        self._shifts = math.isclose(context.period, self.settings.step)
+        self._sign = 0.0
+        self._before = 0.0
+
+    def decide(self, sense: UnitSense) -> TorqueDecision:
+        """Torque command for the coming control period; never raises."""
+        started = clock.perf_counter()
+        try:
+            torque, status = self._decide(sense, started)
+        except Exception as error:  # a controller on board must answer, whatever happens
+            torque, status = math.nan, f"{type(error).__name__}: {error}"
+        elapsed = clock.perf_counter() - started
+        if status == "ok" and elapsed > self.settings.deadline:
+            status = "late"
+        if status != "ok":
+            self._sign = 0.0  # start anew: what the unit does meanwhile is not known here
+            return TorqueDecision(0.0, False, status, elapsed)
+        return TorqueDecision(torque, True, status, elapsed)
+
+    def _decide(self, sense: UnitSense, started: float) -> tuple[float, str]:
+        readings = (sense.speed, sense.torque, sense.target, sense.drive_limit, sense.brake_limit)
+        if not (all(map(math.isfinite, readings)) and np.isfinite(sense.omega).all()):
+            return math.nan, "reading not finite"
+        sign = math.copysign(1.0, sense.target) if sense.target else self._sign or 1.0
+        if sign != self._sign:
+            self.belief.forget_forces()
+            self._before = max(sign * sense.torque, 0.0)
+            self._solver.restart(self._before)
+            self._sign = sign
+        elif self._shifts:
+            self._solver.shift()
+        np.multiply(sense.omega, sign, out=self._omega)
+        speed, torque = sign * sense.speed, sign * sense.torque
+        self.belief.update(speed, self._omega, torque)
+        if sense.target == 0.0:
+            self._before = 0.0
+            self._solver.restart(0.0)
+            return 0.0, "ok"
+        solution = self._solver.solve(
+            self._problem(sense, speed, torque), started + 0.5 * self.settings.deadline
+        )
+        self._before = float(solution.torques[0])
+        return sign * self._before, solution.status
+
+    def _problem(self, sense: UnitSense, speed: float, torque: float) -> HorizonProblem:
+        n = self._context.axles
+        self._state[0], self._state[1 : n + 1], self._state[n + 1] = speed, self._omega, torque
+        self._parameters[:n] = self.belief.peak
+        np.multiply(self.belief.peak_slip, self.settings.slip_limit, out=self._slip_limit)
+        limit = sense.drive_limit if sense.target > 0.0 else sense.brake_limit
+        carried = (1.0 + self.settings.headroom) * self.belief.peak.min() * self._carried
+        target = abs(sense.target)
+        return HorizonProblem(
+            state=self._state,
+            parameters=self._parameters,
+            slip_limit=self._slip_limit,
+            target=target,
+            before=self._before,
+            upper=float(min(target, limit, carried)),
+        )
+
+
+def factory(context: UnitContext) -> MpcController:
+    """Controller of a unit with default settings; a `HostControllerFactory`."""
+    return MpcController(context)

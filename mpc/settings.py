@@ -1,0 +1,112 @@
+"""What the readhesion MPC is asked to do: horizon, weights, belief, deadline."""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+
+class MpcError(ValueError):
+    """A setting of the MPC is impossible; the message names it and what to do."""
+
+
+def _check(
+    owner: str, record: Any, zero: tuple[str, ...] = (), infinite: tuple[str, ...] = ()
+) -> None:
+    """Every number of `record` must be finite and above 0; those named in `zero` and `infinite` may be that too."""
+    for item in fields(record):
+        if item.type not in (int, float):
+            continue
+        value = getattr(record, item.name)
+        kinds = (int,) if item.type is int else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds):
+            kind = "an integer" if item.type is int else "a number"
+            raise MpcError(f"{owner}: {item.name} = {value!r} must be {kind}")
+        if (value == 0.0 and item.name in zero) or (value == math.inf and item.name in infinite):
+            continue
+        if not (math.isfinite(value) and value > 0.0):
+            least = "0 or greater" if item.name in zero else "greater than 0"
+            most = "" if item.name in infinite else "finite and "
+            raise MpcError(f"{owner}: {item.name} = {value!r} must be {most}{least}")
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the cost per prediction step; dimensionless, since every term is divided by its scale.
+
+    tracking: ((torque - target) / torque scale)^2. slip: mean over the axles of
+    (excess over the slip limit / `slip_scale`)^2, zero below the limit. rate: (change of torque from step to
+    step / torque scale)^2. The torque scale is the motor torque of a coefficient of `coefficient_scale`.
+    """
+
+    tracking: float = 1.0
+    slip: float = 2.0
+    rate: float = 0.3
+    coefficient_scale: float = 0.1
+    slip_scale: float = 0.05
+    """[m/s]"""
+
+    def __post_init__(self) -> None:
+        _check("weights", self, zero=("slip", "rate"))
+
+
+@dataclass(frozen=True)
+class PeakBelief:
+    """Parameters of the belief about the peak coefficient, see `mpc.belief`.
+
+    `initial`: before anything was felt. `pole` [1/s] of the observers of single axles: that of the unit's own.
+    `gain` [1/s]: how fast the belief takes over what slipping axles feel. `probe` [1/s]: relative rate at which an
+    untested belief rises. `informative`: slip, as a multiple of the peak's, from which an axle's coefficient tells the
+    peak; `slip_error` [m/s], the error of measured slip, and `noise_margin` times its mean deviation are added to it.
+    Without them, noise on a slippery rail passes for slip, and belief and torque pull each other down to the `floor`.
+    `floor`, `ceiling`: bounds of the belief.
+    """
+
+    initial: float = 0.2
+    pole: float = 25.0
+    gain: float = 60.0
+    probe: float = 0.04
+    informative: float = 0.9
+    slip_error: float = 0.015
+    noise_margin: float = 4.0
+    floor: float = 0.01
+    ceiling: float = 0.5
+
+    def __post_init__(self) -> None:
+        _check("belief", self, zero=("probe", "slip_error", "noise_margin"))
+        if not self.floor < self.initial <= self.ceiling:
+            raise MpcError(
+                f"belief: needs floor < initial <= ceiling, got {self.floor!r}, {self.initial!r} and "
+                f"{self.ceiling!r}"
+            )
+
+
+@dataclass(frozen=True)
+class MpcSettings:
+    """Settings of the readhesion MPC; times in s.
+
+    `horizon` steps of `step`. `slip_limit`: multiple of the believed curve's peak slip that the slip should stay below.
+    `headroom`: the torque command never exceeds what the believed peak carries by more than this share, whatever the
+    optimiser says. `iterations`: most SQP steps per control period, taken while the optimality residual exceeds
+    `tolerance` and half of the deadline is left. `deadline`: longest solve; a later answer counts as failed. It is
+    infinite by default, for with a deadline a run's result depends on the machine's speed. `exact_hessian`: second
+    derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton.
+    """
+
+    horizon: int = 20
+    step: float = 0.01
+    slip_limit: float = 1.0
+    headroom: float = 0.1
+    iterations: int = 1
+    tolerance: float = 1e-4
+    deadline: float = math.inf
+    exact_hessian: bool = False
+    weights: Weights = field(default_factory=Weights)
+    belief: PeakBelief = field(default_factory=PeakBelief)
+
+    def __post_init__(self) -> None:
+        _check("mpc", self, zero=("headroom", "tolerance", "deadline"), infinite=("deadline",))
+        for name, kind in (("weights", Weights), ("belief", PeakBelief)):
+            if not isinstance(getattr(self, name), kind):
+                raise MpcError(f"mpc: {name} = {getattr(self, name)!r} must be a {kind.__name__}")
+        if self.horizon < 2:
+            raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")

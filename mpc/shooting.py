@@ -1,0 +1,177 @@
+"""Single shooting over the horizon: states, their sensitivities, and the second-order terms, compiled.
+
+From the measured state on, the torques alone decide the trajectory, so they are the only unknowns. Slip below the
+peak is strongly stable and slip beyond it grows by a factor of three or so over the horizon: no need to keep the
+states as unknowns too.
+"""
+
+from numba import float64, int64, njit, types, void
+
+from alloc.compilation import FASTMATH
+
+VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
+INDEX = int64[::1]
+SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
+"""Model: (state, torque, parameters, slope)."""
+RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
+"""Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
+CURVATURE = RATE
+"""Second derivatives: (state, torque, parameters, weights of the slopes, nonzeros of the upper Hessian)."""
+
+
+def sweep(signature):
+    """Decorator of a compiled sweep; the signature is given, for the model is an argument of it."""
+    return njit(signature, cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
+
+
+@sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))
+def simulate(model, torques, parameters, step, substeps, nodes, scratch):
+    """Fill `nodes` (horizon + 1, states) from its first row on under `torques` (horizon,).
+
+    `step` [s] is that of one Runge-Kutta step, of which `substeps` make a prediction step; `scratch` (3, states).
+    """
+    slope, point, total = scratch[0], scratch[1], scratch[2]
+    states = nodes.shape[1]
+    for k in range(torques.size):
+        torque = torques[k : k + 1]
+        now = nodes[k + 1]
+        now[:] = nodes[k]
+        for _ in range(substeps):
+            point[:] = now
+            total[:] = now
+            for stage in range(4):
+                model(point, torque, parameters, slope)
+                ahead = step if stage == 2 else 0.5 * step
+                share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                for i in range(states):
+                    point[i] = now[i] + ahead * slope[i]
+                    total[i] += share * slope[i]
+            now[:] = total
+
+
+@sweep(
+    void(
+        RATE, INDEX, INDEX, VECTOR, VECTOR, float64, int64, MATRIX, CUBE, MATRIX, MATRIX, CUBE, CUBE
+    )
+)  # fmt: skip
+def linearise(
+    model, row, column, torques, parameters, step, substeps,
+    nodes, sensitivity, points, jacobians, spread, scratch,
+):  # fmt: skip
+    """As `simulate`, and fill `sensitivity` (horizon, states, states + 1) of each node to the node and torque before.
+
+    `row`, `column` place the Jacobian's nonzeros. Kept for `second_order`, per evaluation of the model: `points`
+    (evaluations, states), `jacobians` (evaluations, nonzeros), and `spread` (evaluations, states, states + 1), the
+    sensitivity of the point. `scratch` (3, states, states + 1).
+    """
+    states = nodes.shape[1]
+    slope = scratch[2, 0, :states]
+    change, total_change = scratch[0], scratch[1]
+    total = scratch[2, 1, :states]
+    e = 0
+    for k in range(torques.size):
+        torque = torques[k : k + 1]
+        now, moved = nodes[k + 1], sensitivity[k]
+        now[:] = nodes[k]
+        moved[:] = 0.0
+        for i in range(states):
+            moved[i, i] = 1.0
+        for _ in range(substeps):
+            total[:] = now
+            total_change[:] = moved
+            points[e] = now
+            spread[e] = moved
+            for stage in range(4):
+                model(points[e], torque, parameters, slope, jacobians[e])
+                change[:] = 0.0
+                for j in range(row.size):
+                    i, c, value = row[j], column[j], jacobians[e, j]
+                    if c == states:
+                        change[i, c] += value
+                    else:
+                        for m in range(states + 1):
+                            change[i, m] += value * spread[e, c, m]
+                share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                for i in range(states):
+                    total[i] += share * slope[i]
+                    for m in range(states + 1):
+                        total_change[i, m] += share * change[i, m]
+                e += 1
+                if stage < 3:
+                    ahead = step if stage == 2 else 0.5 * step
+                    for i in range(states):
+                        points[e, i] = now[i] + ahead * slope[i]
+                        for m in range(states + 1):
+                            spread[e, i, m] = moved[i, m] + ahead * change[i, m]
+            now[:] = total
+            moved[:] = total_change
+
+
+@sweep(
+    void(
+        CURVATURE, INDEX, INDEX, INDEX, INDEX, VECTOR, VECTOR, float64, int64,
+        MATRIX, MATRIX, CUBE, MATRIX, CUBE, MATRIX,
+    )
+)  # fmt: skip
+def second_order(
+    curvature, row, column, upper_row, upper_column, torques, parameters, step, substeps,
+    points, jacobians, spread, adjoint, hessians, scratch,
+):  # fmt: skip
+    """Fill `hessians` (horizon, states + 1, states + 1): second derivatives of adjoint[k + 1] . node[k + 1].
+
+    They are by the node and torque before. Only evaluations of the model are nonlinear, so it is the sum over them of
+    their Hessians, weighted with what the step's end owes to each slope, seen through `spread`. `upper_row`,
+    `upper_column` place the upper Hessian's nonzeros; `scratch` (6, at least the number of nonzeros).
+    """
+    states = adjoint.shape[1]
+    owed, point_owed, base_owed = scratch[0], scratch[1], scratch[2]
+    weight = scratch[3, :states]
+    values = scratch[4, : upper_row.size]
+    for k in range(torques.size - 1, -1, -1):
+        torque = torques[k : k + 1]
+        whole = hessians[k]
+        whole[:] = 0.0
+        for i in range(states):
+            owed[i] = adjoint[k + 1, i]
+        for s in range(substeps - 1, -1, -1):
+            first = (k * substeps + s) * 4
+            for i in range(states):
+                point_owed[i] = 0.0
+                base_owed[i] = owed[i]
+            for stage in range(3, -1, -1):
+                e = first + stage
+                share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                ahead = step if stage == 2 else 0.5 * step
+                for i in range(states):
+                    weight[i] = share * owed[i]
+                    if stage < 3:
+                        weight[i] += ahead * point_owed[i]
+                    point_owed[i] = 0.0
+                for j in range(row.size):
+                    if column[j] < states:
+                        point_owed[column[j]] += jacobians[e, j] * weight[row[j]]
+                for i in range(states):
+                    base_owed[i] += point_owed[i]
+                curvature(points[e], torque, parameters, weight, values)
+                for j in range(values.size):
+                    a, b, value = upper_row[j], upper_column[j], values[j]
+                    if value == 0.0:
+                        continue
+                    # the torque is constant over the step: its own row of the spread would be (0, ..., 0, 1)
+                    factor = value if a != b else 0.5 * value
+                    for m in range(states + 1):
+                        left = spread[e, a, m] if a < states else (1.0 if m == states else 0.0)
+                        right = spread[e, b, m] if b < states else (1.0 if m == states else 0.0)
+                        for n in range(m, states + 1):
+                            left_n = (
+                                spread[e, a, n] if a < states else (1.0 if n == states else 0.0)
+                            )
+                            right_n = (
+                                spread[e, b, n] if b < states else (1.0 if n == states else 0.0)
+                            )
+                            whole[m, n] += factor * (left * right_n + right * left_n)
+            for i in range(states):
+                owed[i] = base_owed[i]
+        for m in range(states + 1):
+            for n in range(m):
+                whole[m, n] = whole[n, m]

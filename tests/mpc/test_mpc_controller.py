@@ -1,0 +1,154 @@
+"""One decision of the controller: what it answers, and that it always answers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mpc import MpcController, MpcSettings, PeakBelief, factory
+
+READINGS = ("speed", "torque", "target", "drive_limit", "omega")
+
+
+def test_without_slip_it_follows_the_target(context, make_sense):
+    controller = factory(context)
+    torque = 0.0
+    for _ in range(100):
+        torque = controller.decide(make_sense(slip=0.004, torque=torque, target=200.0)).torque
+    assert torque == pytest.approx(200.0, rel=1e-3)
+
+
+def test_with_slip_it_reduces_the_torque_and_the_more_the_lower_the_believed_peak(
+    context, make_sense
+):
+    torques = []
+    for initial in (0.12, 0.1, 0.08):
+        # a belief that stays, for these readings go with one peak only
+        settings = MpcSettings(belief=PeakBelief(initial=initial, gain=1e-9, probe=0.0))
+        controller = MpcController(context, settings)
+        for _ in range(5):
+            decision = controller.decide(make_sense(slip=0.07, torque=600.0))
+        assert decision.ok
+        torques.append(decision.torque)
+    assert 600.0 > torques[0] > torques[1] > torques[2]
+
+
+@pytest.mark.parametrize(
+    ("limit", "bound"), [({"target": 150.0}, 150.0), ({"drive_limit": 120.0}, 120.0)]
+)
+def test_target_and_motor_bound_the_torque(context, make_sense, limit, bound):
+    controller = factory(context)
+    for _ in range(50):
+        torque = controller.decide(make_sense(slip=0.0, torque=bound, **limit)).torque
+        assert 0.0 <= torque <= bound
+    assert torque == pytest.approx(bound, rel=1e-3)
+
+
+def test_believed_peak_and_headroom_bound_the_torque(context, make_sense):
+    settings = MpcSettings(headroom=0.05, belief=PeakBelief(initial=0.03, probe=0.0))
+    controller = MpcController(context, settings)
+    carried = 0.03 * 78e3 * 0.43 / 7.07 * (1 + 4 * 155.0 / (0.43**2 * 55e3))
+    torque = 0.0
+    for _ in range(50):
+        torque = controller.decide(make_sense(slip=0.005, torque=0.0)).torque
+    assert 0.8 * carried < torque <= 1.05 * carried * (1 + 1e-12)
+
+
+def test_braking_mirrors_driving(context, make_sense):
+    driving, braking = factory(context), factory(context)
+    for k in range(40):
+        sense = make_sense(slip=0.01 * k, torque=400.0)
+        mirrored = sense._replace(
+            speed=-sense.speed, omega=-sense.omega, torque=-sense.torque, target=-sense.target
+        )
+        assert braking.decide(mirrored).torque == -driving.decide(sense).torque
+
+
+def test_braking_forwards_is_driving_with_the_opposite_slip(context, make_sense):
+    # the piecewise curve does not know the speed
+    driving, braking = factory(context), factory(context)
+    for _ in range(20):
+        torque = driving.decide(make_sense(slip=0.1, torque=500.0)).torque
+        mirrored = make_sense(slip=-0.1, torque=-500.0, target=-900.0)
+        assert braking.decide(mirrored).torque == pytest.approx(-torque, rel=1e-6)
+
+
+def test_no_demand_means_no_torque(context, make_sense):
+    controller = factory(context)
+    controller.decide(make_sense())
+    decision = controller.decide(make_sense(target=0.0))
+    assert decision.ok
+    assert decision.torque == 0.0
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_reading_that_is_no_number_fails_and_is_forgotten(context, make_sense, reading):
+    controller = factory(context)
+    good = controller.decide(make_sense())
+    bad = np.full(4, np.nan) if reading == "omega" else np.nan
+    decision = controller.decide(make_sense()._replace(**{reading: bad}))
+    assert not decision.ok
+    assert decision.status == "reading not finite"
+    after = controller.decide(make_sense())
+    assert after.ok
+    assert after.torque == pytest.approx(good.torque, rel=0.2)
+
+
+def test_lateness_fails(context, make_sense):
+    controller = MpcController(context, MpcSettings(deadline=0.0))
+    decision = controller.decide(make_sense())
+    assert not decision.ok
+    assert decision.status == "late"
+    assert decision.solve_time > 0.0
+
+
+class _Failing:
+    """A QP solver that finds nothing."""
+
+    def update(self, **_):
+        return 0
+
+    def solve(self):
+        return np.full(20, np.nan), np.nan, -1, {}
+
+
+class _Raising:
+    def update(self, **_):
+        raise RuntimeError("broken")
+
+
+@pytest.mark.parametrize(
+    ("solver", "status"), [(_Failing, "QP flag -1"), (_Raising, "RuntimeError: broken")]
+)
+def test_solver_failure_fails_and_does_not_stick(context, make_sense, solver, status):
+    controller = factory(context)
+    sound = controller._solver._solver
+    assert controller.decide(make_sense()).ok
+    controller._solver._solver = solver()
+    slipping = make_sense(slip=0.3, torque=600.0)
+    decision = controller.decide(slipping)
+    assert not decision.ok
+    assert decision.status == status
+    controller._solver._solver = sound
+    assert controller.decide(slipping).ok
+
+
+def test_wrong_number_of_axles_fails_instead_of_raising(context, make_sense):
+    decision = factory(context).decide(make_sense(axles=3))
+    assert not decision.ok
+    assert "ValueError" in decision.status
+
+
+def test_units_of_other_sizes_and_curves(make_context, make_sense):
+    for axles, curve in ((1, "piecewise"), (4, "polach"), (4, "slip-ratio")):
+        controller = factory(make_context(curve, axles=axles))
+        for slip in (0.0, 0.1, 1.0):
+            assert controller.decide(make_sense(slip=slip, axles=axles)).ok
+
+
+def test_prediction_step_may_differ_from_the_control_period(context, make_sense):
+    settings = replace(MpcSettings(), horizon=10, step=0.02)
+    controller = MpcController(context, settings)
+    for _ in range(60):
+        decision = controller.decide(make_sense(slip=0.004, torque=200.0, target=200.0))
+    assert decision.torque == pytest.approx(200.0, rel=1e-3)

@@ -1,0 +1,159 @@
+"""Sensitivities, gradient and Hessians of the condensed cost against CasADi and finite differences."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from mpc.condensing import TORQUE_SCALE, condense, trajectory_cost
+from mpc.horizon import weight_vector
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.shooting import simulate
+from mpc.unit_model import unit_model
+
+SETTINGS = MpcSettings(horizon=6, exact_hessian=True)
+
+
+def _linearised(context, problem, seed):
+    solver = RealTimeIteration(context, SETTINGS)
+    solver.torques[:] = np.random.default_rng(seed).uniform(100.0, 900.0, SETTINGS.horizon)
+    solver._linearise(problem)
+    return solver
+
+
+def _cost(solver, problem, torques):
+    nodes = np.zeros_like(solver._nodes)
+    nodes[0] = problem.state
+    simulate(
+        solver._model.slope, torques, problem.parameters, solver._small_step, solver._substeps,
+        nodes, solver._rows,
+    )  # fmt: skip
+    return trajectory_cost(
+        nodes, torques, solver._slip, problem.slip_limit, problem.target, problem.before,
+        solver._weights,
+    )  # fmt: skip
+
+
+def _central(function, x, width):
+    """Derivative of `function` by each entry of `x`, last dimension."""
+    columns = []
+    for k in range(x.size):
+        ahead, behind = x.copy(), x.copy()
+        ahead[k] += width
+        behind[k] -= width
+        columns.append((function(ahead) - function(behind)) / (2.0 * width))
+    return np.stack(columns, axis=-1)
+
+
+@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+def test_sensitivities_equal_casadi(make_context, random_problem, curve):
+    context = make_context(curve)
+    model = unit_model(context)
+    for seed in range(4):
+        problem = random_problem(context, seed)
+        solver = _linearised(context, problem, seed)
+        step = model.step_function(SETTINGS.step, solver._substeps)
+        x, u, p = model.state, model.torque, model.parameters
+        end = step(x, u, p)
+        jacobian = cs.Function("jacobian", [x, u, p], [cs.jacobian(end, cs.vertcat(x, u))])
+        for k in range(SETTINGS.horizon):
+            arguments = (solver._nodes[k], solver.torques[k], problem.parameters)
+            np.testing.assert_allclose(
+                solver._nodes[k + 1], np.asarray(step(*arguments)).ravel(), rtol=1e-12
+            )
+            np.testing.assert_allclose(
+                solver._sensitivity[k], np.asarray(jacobian(*arguments)), rtol=1e-8, atol=1e-10
+            )
+
+
+@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+@pytest.mark.parametrize("seed", range(4))
+def test_gradient_equals_finite_differences_of_the_cost(make_context, random_problem, curve, seed):
+    context = make_context(curve)
+    problem = random_problem(context, seed)
+    solver = _linearised(context, problem, seed)
+    scale = solver._weights[TORQUE_SCALE]
+
+    def cost(scaled):
+        return _cost(solver, problem, scaled * scale)
+
+    expected = _central(cost, solver.torques / scale, 1e-5)
+    assert np.abs(expected).max() > 0.1
+    # central differences: 1e-5 squared, times the third derivatives that kinks leave undefined
+    np.testing.assert_allclose(solver._gradient, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, random_problem):
+    # below the break point of the line the model is linear, and the cost quadratic
+    problem = random_problem(context, 0)._replace(
+        state=np.array([10.0, *[10.01 / 0.43] * 4, 100.0]), slip_limit=np.zeros(4)
+    )
+    problem.parameters[:4] = 0.4
+    solver = _linearised(context, problem, 0)
+    solver.torques[:] = 100.0
+    solver._linearise(problem)
+    scale = solver._weights[TORQUE_SCALE]
+    hessian = solver._hessian.copy()
+    assert np.linalg.eigvalsh(hessian)[0] > 0.0
+
+    def gradient(scaled):
+        solver.torques[:] = scaled * scale
+        solver._linearise(problem)
+        return solver._gradient.copy()
+
+    expected = _central(gradient, np.full(SETTINGS.horizon, 100.0 / scale), 1e-3)
+    np.testing.assert_allclose(hessian, expected, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_exact_hessian_equals_finite_differences_of_the_gradient(
+    make_context, random_problem, seed, monkeypatch
+):
+    # Polach's curve is smooth, so that the second derivative exists along the whole trajectory
+    context = make_context("polach")
+    # and a slip limit below any slip, so that the penalty is smooth too
+    problem = random_problem(context, seed)._replace(slip_limit=np.full(4, -1.0))
+    solver = _linearised(context, problem, seed)
+    scale = solver._weights[TORQUE_SCALE]
+    start = solver.torques / scale
+    identity = np.eye(SETTINGS.horizon)
+    monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
+    solver._make_exact(problem)
+    hessian = solver._hessian.copy()
+
+    def gradient(scaled):
+        solver.torques[:] = scaled * scale
+        solver._linearise(problem)
+        return solver._gradient.copy()
+
+    expected = _central(gradient, start, 1e-5)
+    gauss_newton = (solver._linearise(problem), solver._hessian)[1]
+    assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
+    np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+
+
+def test_cost_is_the_documented_sum(context):
+    # nodes without slip: only tracking and rate are left
+    weights = weight_vector(context, SETTINGS)
+    torques = np.array([100.0, 300.0])
+    nodes = np.zeros((3, 6))
+    slip = np.zeros((4, 6))
+    scale, w = weights[TORQUE_SCALE], SETTINGS.weights
+    cost = trajectory_cost(nodes, torques, slip, np.ones(4), 400.0, 50.0, weights)
+    expected = w.tracking * (300.0**2 + 100.0**2) + w.rate * (50.0**2 + 200.0**2)
+    assert cost == pytest.approx(expected / scale**2, rel=1e-12)
+    over = trajectory_cost(nodes, torques, slip, np.array([-0.1, 1, 1, 1]), 400.0, 50.0, weights)
+    assert over - cost == pytest.approx(2 * w.slip / 4 * (0.1 / w.slip_scale) ** 2, rel=1e-12)
+
+
+def test_condensing_leaves_no_state_from_call_to_call(context, random_problem):
+    problem = random_problem(context, 1)
+    solver = _linearised(context, problem, 1)
+    first = solver._hessian.copy(), solver._gradient.copy()
+    condense(
+        solver._nodes, solver._sensitivity, solver.torques, solver._slip, problem.slip_limit,
+        problem.target, problem.before, solver._weights, solver._hessian, solver._adjoint,
+        solver._row, solver._gradient, solver._influence,
+    )  # fmt: skip
+    np.testing.assert_array_equal(solver._hessian, first[0])
+    np.testing.assert_array_equal(solver._gradient, first[1])
