@@ -8,6 +8,7 @@ import hashlib
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.extending import register_jitable
@@ -44,5 +45,12 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 jit = numba.njit(cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
 """Decorator of every compiled entry point and loop."""
 
-equation = register_jitable(error_model="numpy", fastmath=FASTMATH)
+# (`Any`: Numba's own annotation of such options is private.)
+INLINED: Any = {"error_model": "numpy", "fastmath": FASTMATH, "forceinline": True}
+"""Options of what is inlined where it is called.
+
+LLVM vectorises a loop over lanes only if no call is left in it, and would not inline the longer laws by itself.
+"""
+
+equation = register_jitable(**INLINED)
 """Decorator of a law that NumPy, Numba and CasADi evaluate from one text."""

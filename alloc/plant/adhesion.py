@@ -125,8 +125,8 @@ def polach_driving(slip, speed, peak, q):
 def polach_peak(peak, speed, q):
     """Largest Polach coefficient over the slip velocity, and where it lies (golden section search).
 
-    The curve rises from zero to one maximum and falls, so the search cannot miss it. The bracket
-    (0, one tenth of the speed plus 2 m/s) holds the maximum of every published set.
+    The curve rises from zero to its maximum and falls; where creepage still grows far beyond, it recovers a little.
+    The bracket (0, one tenth of the speed plus 2 m/s) holds the maximum of every published set and ends before that.
     """
     golden = 0.6180339887498949
     low = 0.0 * (peak + speed)

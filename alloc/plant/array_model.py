@@ -81,8 +81,8 @@ class ArrayModel:
     def unit_rim_speed(self, omega: Array) -> Array:
         """Mean rim speed of each unit's axles [m/s], (units,)."""
         s = self.structure
-        scale = s.radius / np.where(s.axle_unit >= 0, s.unit_axles[s.axle_unit], 1.0)
-        return self.unit_of_axle.T @ (self._column(scale, omega) * omega)
+        total = self.unit_of_axle.T @ (self._column(s.radius, omega) * omega)
+        return total / self._column(s.unit_axles, omega)
 
     def forces(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
         """Slip velocity [m/s], coefficient and rail force [N] of every axle."""
@@ -202,10 +202,15 @@ def environment_at(
     time: float,
     state: NDArray[np.float64],
     cleaning: NDArray[np.float64] | None = None,
+    arrays: ArrayModel | None = None,
 ) -> Local:
-    """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes)."""
+    """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes).
+
+    `cleaning` (axles, lanes) is what the wheels ahead left, none if None. `arrays`: the array form of `model`
+    where it exists already.
+    """
     s, n, e = model.structure, model.layout, model.environment
-    arrays = ArrayModel.of(model)
+    arrays = arrays or ArrayModel.of(model)
     position = state[n.position][s.axle_body] + s.axle_offset[:, None]
     speed = state[n.speed][s.axle_body]
     patches = np.ones_like(position)

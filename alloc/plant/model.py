@@ -343,8 +343,10 @@ class Model:
         """Estimate from above [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
         s = self.structure
         slope = max(rail.curve.steepest_slope(rail.greatest_peak()) for rail in self.rails)
-        creep = s.static_load * slope * (s.radius**2 / s.inertia + 1.0 / s.body_mass[s.axle_body])
-        rates = [float(creep.max())]
+        # wheels and body together: the fastest wheel's rate plus that of the body under all its axles
+        wheel = float((s.static_load * s.radius**2 / s.inertia).max())
+        load = np.bincount(s.axle_body, s.static_load, minlength=s.body_mass.size)
+        rates = [slope * (wheel + float((load / s.body_mass).max()))]
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
         if s.group_fill.size:

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload, register_jitable
+from numba.extending import intrinsic, overload
 
-from alloc.compilation import FASTMATH
-
-_OPTIONS = {"error_model": "numpy", "fastmath": FASTMATH}
+from alloc.compilation import INLINED, equation
 
 
 def _casadi(*operands: Any) -> Any:
@@ -81,7 +79,7 @@ def sine(x: Any) -> Any:
 # --- Numba ---------------------------------------------------------------------------------------
 
 
-@overload(where, jit_options=_OPTIONS)
+@overload(where, jit_options=INLINED)
 def _where(condition, if_true, if_false):
     def select(condition, if_true, if_false):
         return if_true if condition else if_false
@@ -89,7 +87,7 @@ def _where(condition, if_true, if_false):
     return select
 
 
-@overload(minimum, jit_options=_OPTIONS)
+@overload(minimum, jit_options=INLINED)
 def _minimum(a, b):
     def smaller(a, b):
         return a if a < b else b
@@ -97,7 +95,7 @@ def _minimum(a, b):
     return smaller
 
 
-@overload(maximum, jit_options=_OPTIONS)
+@overload(maximum, jit_options=INLINED)
 def _maximum(a, b):
     def larger(a, b):
         return a if a > b else b
@@ -105,7 +103,7 @@ def _maximum(a, b):
     return larger
 
 
-@overload(absolute, jit_options=_OPTIONS)
+@overload(absolute, jit_options=INLINED)
 def _absolute(x):
     def magnitude(x):
         return math.fabs(x)
@@ -113,7 +111,7 @@ def _absolute(x):
     return magnitude
 
 
-@overload(sqrt, jit_options=_OPTIONS)
+@overload(sqrt, jit_options=INLINED)
 def _sqrt(x):
     def root(x):
         return math.sqrt(x)
@@ -121,9 +119,7 @@ def _sqrt(x):
     return root
 
 
-@intrinsic
-def _power_of_two(typing_context, k):
-    """2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
+def _write_exponent(typing_context, k):
 
     def generate(context, builder, signature, arguments):
         integer = ir.IntType(64)
@@ -133,13 +129,16 @@ def _power_of_two(typing_context, k):
     return types.float64(types.float64), generate
 
 
+_power_of_two: Any = intrinsic(_write_exponent)
+"""2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
+
 # exp(r) on |r| <= ln(2)/2: Taylor terms up to r**13/13!, remainder below 5e-18.
 _EXP = tuple(1.0 / math.factorial(k) for k in range(14))
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # Cody and Waite
 _LOG2_E = 1.4426950408889634
 
 
-@register_jitable(**_OPTIONS)
+@equation
 def _exp_polynomial(x):
     # Beyond these bounds the result is 0 or inf to double precision for the plant's purposes.
     # (Written so that a nan passes through.)
@@ -164,7 +163,7 @@ def _exp_polynomial(x):
     return p * _power_of_two(k)
 
 
-@overload(exp, jit_options=_OPTIONS)
+@overload(exp, jit_options=INLINED)
 def _exp(x):
     def exponential(x):
         return _exp_polynomial(x + 0.0)
@@ -190,7 +189,7 @@ _ATAN_Q = (
 _TAN_3PI_8 = 2.41421356237309504880
 
 
-@register_jitable(**_OPTIONS)
+@equation
 def _atan_polynomial(x):
     a = math.fabs(x)
     large, middle = a > _TAN_3PI_8, a > 0.66
@@ -206,7 +205,7 @@ def _atan_polynomial(x):
     return y if x >= 0.0 else -y
 
 
-@overload(atan, jit_options=_OPTIONS)
+@overload(atan, jit_options=INLINED)
 def _atan(x):
     def inverse_tangent(x):
         return _atan_polynomial(x + 0.0)
@@ -217,7 +216,7 @@ def _atan(x):
 _PI_HIGH, _PI_LOW = 3.14159265160560607910, 1.98418714791870343106e-09
 
 
-@register_jitable(**_OPTIONS)
+@equation
 def _sine_polynomial(x):
     k = np.floor(x * (1.0 / math.pi) + 0.5)
     r = (x - k * _PI_HIGH) - k * _PI_LOW
@@ -238,7 +237,7 @@ def _sine_polynomial(x):
     return p * (1.0 - 2.0 * odd)
 
 
-@overload(sine, jit_options=_OPTIONS)
+@overload(sine, jit_options=INLINED)
 def _sine(x):
     def polynomial_sine(x):
         return _sine_polynomial(x + 0.0)

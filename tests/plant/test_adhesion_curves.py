@@ -1,0 +1,151 @@
+"""Laws of every adhesion curve: odd, continuous, once differentiable, greatest where `limit` says."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from alloc.plant.adhesion import (
+    CREEPAGE_SPEED_FLOOR,
+    POLACH_DRY,
+    POLACH_WET,
+    PiecewiseCurve,
+    PolachCurve,
+    SlipRatioCurve,
+    parabola_curvature,
+    tangential_coefficient,
+)
+
+CURVES = {
+    "piecewise": PiecewiseCurve(),
+    "piecewise-flat-tail": PiecewiseCurve(macro_slope=1e-3, residual_ratio=0.0),
+    "piecewise-steep-tail": PiecewiseCurve(macro_slope=2.0, residual_ratio=0.95),
+    "polach-dry": POLACH_DRY,
+    "polach-wet": POLACH_WET,
+    "slip-ratio": SlipRatioCurve(0.03, 1.0),
+    "slip-ratio-falling": SlipRatioCurve(0.1, 0.4),
+}
+peaks = st.floats(1e-3, 1.0)
+speeds = st.floats(0.0, 100.0)
+every_curve = pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+once = settings(max_examples=60, deadline=None, derandomize=True)
+
+
+def _slips(curve, peak, speed) -> np.ndarray:
+    """Slip velocities up to 30 m/s, dense around the maximum, with the curve's own break points."""
+    top = float(curve.limit(peak, speed)[1])
+    breaks = [top]
+    if isinstance(curve, PiecewiseCurve):
+        c = float(parabola_curvature(peak, *curve.q[:4]))
+        half = curve.micro_slope / (4.0 * c)
+        breaks += [peak / curve.micro_slope - half, top + curve.macro_slope / (2.0 * c)]
+    grid = np.concatenate([np.linspace(0.0, 3.0 * top, 400), np.geomspace(1e-6, 30.0, 200)])
+    return np.concatenate([grid, breaks])
+
+
+@every_curve
+@once
+@given(peak=peaks, speed=speeds, slip=st.floats(-30.0, 30.0))
+def test_odd(curve, peak, speed, slip):
+    """Turning slip, speed and rim speed round turns the force round."""
+
+    def value(sign):
+        v, w = sign * speed, sign * slip
+        return float(tangential_coefficient(curve.kind, curve.q, w, v, v + w, peak))
+
+    assert abs(value(-1.0) + value(1.0)) <= 1e-15 * peak
+    assert value(1.0) * np.sign(slip) >= 0.0
+
+
+@every_curve
+@once
+@given(peak=peaks, speed=speeds)
+def test_bounded_by_the_peak(curve, peak, speed):
+    slip = _slips(curve, peak, speed)
+    value = curve.coefficient(np.concatenate([slip, -slip]), peak, speed)
+    assert np.all(np.isfinite(value))
+    assert np.abs(value).max() <= peak * (1.0 + 1e-12)
+
+
+@every_curve
+@once
+@given(peak=peaks, speed=speeds)
+def test_greatest_at_the_limit(curve, peak, speed):
+    limit, top = curve.limit(peak, speed)
+    value = curve.coefficient(_slips(curve, peak, speed), peak, speed)
+    assert value.max() <= limit * (1.0 + 1e-9)
+    np.testing.assert_allclose(curve.coefficient(top, peak, speed), limit, rtol=1e-9)
+
+
+@every_curve
+@once
+@given(peak=peaks, speed=st.floats(CREEPAGE_SPEED_FLOOR, 100.0))
+def test_continuous_and_once_differentiable(curve, peak, speed):
+    """Slopes from the left and from the right agree, at break points and at the origin too."""
+    slip = _slips(curve, peak, speed)
+    d = 1e-7 * peak
+    left, here, right = (curve.coefficient(slip + k * d, peak, speed) for k in (-1.0, 0.0, 1.0))
+    steepest = curve.steepest_slope(peak)
+    assert np.abs(right - here).max() <= 1.001 * steepest * d
+    np.testing.assert_allclose((here - left) / d, (right - here) / d, rtol=0, atol=1e-4 * steepest)
+
+
+@pytest.mark.parametrize("name", [name for name in CURVES if name.startswith("piecewise")])
+@once
+@given(peak=peaks)
+def test_piecewise_slope_jumps_nowhere(name, peak):
+    """Second differences on a gapless grid stay within the curvature of parabola and tail."""
+    curve = CURVES[name]
+    g2, residual = curve.macro_slope, curve.residual_ratio
+    c = float(parabola_curvature(peak, *curve.q[:4]))
+    top = float(curve.limit(peak)[1])
+    end = 1.2 * (top + g2 / c)
+    slip, d = np.linspace(0.0, end, 20001, retstep=True)
+    second = np.abs(np.diff(curve.coefficient(slip, peak), 2))
+    bound = max(2.0 * c, g2**2 / (peak * (1.0 - residual) - g2**2 / (4.0 * c)))
+    assert second.max() <= 1.001 * bound * d**2 + 1e-15 * peak
+
+
+@every_curve
+@once
+@given(peak=peaks, speed=speeds)
+def test_rises_to_the_limit_and_falls_beyond(curve, peak, speed):
+    """Polach's curve recovers a little far beyond its maximum, where creepage still grows: only its rise is tested."""
+    slip = np.sort(_slips(curve, peak, speed))
+    limit, top = curve.limit(peak, speed)
+    step = np.diff(curve.coefficient(slip, peak, speed))
+    rounding = 1e-9 * limit
+    assert np.all(step[slip[1:] <= top] >= -rounding)
+    if not isinstance(curve, PolachCurve):
+        assert np.all(step[slip[:-1] >= top] <= rounding)
+
+
+@once
+@given(peak=st.floats(0.02, 1.0))
+def test_published_parabola_is_kept_where_it_makes_a_curve(peak):
+    """Readhesion paper: C = 40 wherever the rail is not too slippery for it."""
+    curve = PiecewiseCurve()
+    narrowest = max(5.0**2 / 4.0, 0.05**2 / (2.0 * (1.0 - curve.residual_ratio))) / peak
+    assert float(parabola_curvature(peak, *curve.q[:4])) == max(40.0, narrowest)
+
+
+def test_published_points_of_the_piecewise_curve():
+    """Readhesion paper (1)-(6) at mu_max = 0.18 by hand: slope 5, top at 0.036 + 5/160, residual 0.9."""
+    curve, peak = PiecewiseCurve(), 0.18
+    assert float(curve.coefficient(1e-3, peak)) == pytest.approx(5e-3, rel=1e-12)
+    limit, top = curve.limit(peak)
+    assert (float(limit), float(top)) == pytest.approx((0.18, 0.036 + 5.0 / 160.0))
+    assert float(curve.coefficient(100.0, peak)) == pytest.approx(0.9 * 0.18, rel=1e-6)
+
+
+def test_polach_initial_slope():
+    """Polach (2005), (6): small creepage gives 2/pi (kA + kS) G pi abc11 / (4 Q) times creepage."""
+    speed, creepage = 20.0, 1e-8
+    value = POLACH_WET.coefficient(creepage * speed, 0.3, speed)
+    assert float(value) == pytest.approx(2.0 / np.pi * 0.4 * 186.0 * creepage, rel=1e-4)
+
+
+def test_slip_ratio_curve_is_flat_beyond_its_peak():
+    curve, speed = SlipRatioCurve(0.03, 1.0), 20.0
+    braking = curve.coefficient(-speed * np.array([0.03, 0.1, 0.5, 1.0]), 0.1, speed)
+    np.testing.assert_allclose(braking, -0.1, rtol=1e-12)

@@ -1,0 +1,178 @@
+"""The adhesion field: speed laws, patches in space and time, increments, scatter, and rail cleaned by wheels ahead."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from alloc.plant.array_model import environment_at
+from alloc.plant.equations import conditioning_deposit, hyperbolic_speed_law
+from alloc.plant.field import PEAK_FLOOR, smooth_step, window
+from alloc.plant.model import build
+from alloc.plant.rail import SPEED_LAWS, Patch, Rail, logarithmic_increments
+from alloc.plant.train import Train
+
+
+def _peak(train, rail, speed=20.0, position=500.0, time=0.0) -> np.ndarray:
+    model = build(train, rail)
+    return environment_at(model, time, model.initial_state(speed, position)).peak[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("law", "kmh", "expected"),
+    [
+        ("shinkansen", 0.0, 13.6 / 85.0),
+        ("shinkansen", 100.0, 13.6 / 185.0),
+        ("shinkansen", 300.0, 13.6 / 385.0),
+        ("curtius-kniffler", 0.0, 7.5 / 44.0 + 0.161),
+        ("curtius-kniffler", 80.0, 7.5 / 124.0 + 0.161),
+        ("none", 250.0, 1.0),
+    ],
+)
+def test_speed_laws(train, law, kmh, expected):
+    """JP5484215 (12) and Curtius and Kniffler (1950), V in km/h; the level scales them."""
+    assert hyperbolic_speed_law(kmh / 3.6, *SPEED_LAWS[law]) == pytest.approx(expected, rel=1e-14)
+    assert _peak(train("M"), Rail(0.9, law), kmh / 3.6) == pytest.approx(0.9 * expected)
+
+
+def test_increments_add_by_axle(train):
+    """JP5484215 (15): 0.0083 ln j - 0.0066, mean of the first four axles near zero."""
+    growth = logarithmic_increments(12)
+    assert abs(growth[:4].mean()) < 5e-5
+    assert growth[9] == pytest.approx(0.0083 * np.log(10.0) - 0.0066)
+    peak = _peak(train("TMT"), Rail(0.12, increments=tuple(growth)))
+    np.testing.assert_allclose(peak, 0.12 + growth, rtol=1e-12)
+
+
+def test_patch_acts_where_and_when_it_lies(train):
+    """Front at 500 m: axles at -2.5, -5, -15, -17.5 m from it."""
+    patch = Patch(0.5, start=484.0, end=496.0, edge=1.0, begin=1.0, until=2.0, fade=0.2)
+    rail = Rail(0.2, patches=(patch,))
+    np.testing.assert_allclose(_peak(train("M"), rail, time=1.5), [0.2, 0.1, 0.1, 0.2])
+    np.testing.assert_allclose(_peak(train("M"), rail, time=2.2), 0.2)
+    np.testing.assert_allclose(
+        _peak(train("M"), rail, time=2.0)[1], 0.15
+    )  # half way through the fade
+
+
+def test_patches_multiply(train):
+    rail = Rail(0.2, patches=(Patch(0.5), Patch(0.6)))
+    np.testing.assert_allclose(_peak(train("M"), rail), 0.2 * 0.5 * 0.6)
+
+
+def test_window_is_twice_continuously_differentiable():
+    for x in (0.0, 1.0):
+        d = 1e-4
+        around = smooth_step(x + d * np.arange(-3, 4))
+        assert np.abs(np.diff(around, 2)).max() < 1000.0 * d**3
+    assert window(5.0, 0.0, 10.0, 1.0) == 1.0
+    assert window(0.0, 0.0, 10.0, 1.0) == 0.5
+    assert window(-0.5, 0.0, 10.0, 1.0) == 0.0
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(level=st.floats(1e-4, 1.0), scatter=st.floats(0.0, 0.3), seed=st.integers(0, 10**6))
+def test_peak_never_falls_below_its_floor(level, scatter, seed):
+    from tests.plant.conftest import make_car
+
+    rail = Rail(level, scatter=scatter, seed=seed)
+    peak = _peak(Train("one", (make_car(),)), rail)
+    assert np.all(peak >= PEAK_FLOOR)
+
+
+def test_scatter_is_reproducible_and_seeded():
+    table = Rail(0.2, scatter=0.012, seed=5).noise_table()
+    np.testing.assert_array_equal(table, Rail(0.2, scatter=0.012, seed=5).noise_table())
+    assert not np.array_equal(table, Rail(0.2, scatter=0.012, seed=6).noise_table())
+
+
+def test_scatter_has_its_standard_deviation_along_the_rail(train):
+    """Over 60 seeds and 1 km each; JP5484215 gives 0.012."""
+    spots = np.linspace(400.0, 1400.0, 97)
+    rails = [Rail(0.2, scatter=0.012, seed=seed) for seed in range(60)]
+    model = build(train("M"), rails)
+    values = [environment_at(model, 0.0, model.initial_state(20.0, x)).peak[0] - 0.2 for x in spots]
+    assert np.std(values) == pytest.approx(0.012, rel=0.05)
+    assert abs(np.mean(values)) < 0.001
+
+
+def test_axles_meet_the_same_scatter_one_after_the_other(train):
+    """The rail stays where it is: what the first axle met at x, the last one meets there."""
+    rail = Rail(0.2, scatter=0.012, seed=3)
+    first = _peak(train("M"), rail, position=500.0)[0]
+    last = _peak(train("M"), rail, position=515.0)[3]
+    assert last == pytest.approx(first, rel=1e-12)
+
+
+def _sliding_train(car):
+    """Foremost bogie slides, all others roll."""
+    return Train("pair", (car(False), car(False, brake=False), car(False, brake=False)))
+
+
+def test_cleaned_rail_arrives_after_distance_over_speed(run, car):
+    """JP4209318 par. 0051: what the second axle leaves at a place, the third one meets d / v later."""
+    gain, scale = 0.5, 0.05
+    rail = Rail(0.08, conditioning=gain, conditioning_slip=scale)
+    model = build(_sliding_train(car), rail)
+    trace = run(
+        model, 4.0, 20.0, position=100.0,
+        pressure=lambda t: np.array([200e3 if 0.5 < t < 1.2 else 0.0, 0.0]),
+    )  # fmt: skip
+    speed = trace.rows("speed")[:, 0, 0]
+    rim = 0.43 * trace.rows("omega")[:, :, 0]
+    ratio = (rim - speed[:, None]) / np.maximum(rim, speed[:, None])
+    deposit = conditioning_deposit(ratio[:, :2], scale).max(axis=1)
+    assert deposit.max() > 0.5
+    position = trace.rows("position")[:, 0, 0]
+    offset = model.structure.axle_offset
+
+    def left(where):
+        """The greater of what axles 1 and 2 left at a place."""
+        return np.maximum(
+            *(
+                np.interp(where, position + offset[i], conditioning_deposit(ratio[:, i], scale))
+                for i in (0, 1)
+            )
+        )
+
+    where = position + offset[2]
+    passed = where > position[0] + 1.0
+    met = trace.cleaning[passed, 2, 0]
+    cells = [left(where + k * rail.cleaning_spacing)[passed] for k in (-2, -1, 0, 1, 2)]
+    assert np.all(met >= np.min(cells, axis=0) - 5e-3)
+    assert np.all(met <= np.max(cells, axis=0) + 5e-3)
+    assert met.max() > 0.5
+    met = trace.cleaning[:, 2, 0]
+    begin_deposit, begin_met = (trace.time[np.argmax(x > 0.5)] for x in (deposit, met))
+    assert begin_met - begin_deposit == pytest.approx((offset[1] - offset[2]) / speed[0], abs=0.02)
+
+
+def test_foremost_axle_meets_uncleaned_rail(run, car):
+    model = build(_sliding_train(car), Rail(0.05, conditioning=0.5))
+    trace = run(model, 2.0, 20.0, pressure=np.array([300e3, 300e3]), sample=0.01)
+    assert np.all(trace.cleaning[:, 0] == 0.0)
+    assert trace.cleaning[-1, 2:8].min() > 0.1
+
+
+def test_rolling_wheels_clean_nothing(run, car):
+    model = build(_sliding_train(car), Rail(0.2, conditioning=0.5))
+    trace = run(model, 2.0, 20.0, sample=0.01)
+    assert trace.cleaning.max() < 1e-6
+
+
+def test_cleaning_raises_all_of_the_peak(train):
+    """(law x patches + increment + scatter) x (1 + gain x cleaning)."""
+    rail = Rail(
+        0.1, patches=(Patch(0.8),), increments=(0.0, 0.01, 0.02, 0.03), scatter=0.01, seed=2,
+        conditioning=0.3,
+    )  # fmt: skip
+    model = build(train("M"), rail)
+    cleaning = np.array([0.0, 0.5, 1.0, 0.2])[:, None]
+    state = model.initial_state(20.0, 333.0)
+    dirty, clean = (environment_at(model, 0.0, state, c).peak for c in (None, cleaning))
+    np.testing.assert_allclose(clean, dirty * (1.0 + 0.3 * cleaning), rtol=1e-12)
+    bare = environment_at(build(train("M"), Rail(1e-6, scatter=0.01, seed=2)), 0.0, state).peak
+    above = bare > 2.0 * PEAK_FLOOR  # where the floor does not hide the scatter
+    expected = 0.08 - 1e-6 + np.array(rail.increments)[:, None] + bare
+    np.testing.assert_allclose(dirty[above], expected[above], rtol=1e-12)
+    assert above.any()

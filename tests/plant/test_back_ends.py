@@ -1,0 +1,128 @@
+"""NumPy, Numba and CasADi evaluate the same equations: 1e-12 relative on random states."""
+
+import casadi
+import numpy as np
+import pytest
+
+from alloc.plant import compiled
+from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.array_model import ArrayModel, Local, environment_at
+from alloc.plant.model import Inputs, Model, build
+from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
+from alloc.plant.sets import SETS
+
+LANES = 3
+TIME = 1.7
+CURVES = {
+    "piecewise": PiecewiseCurve(),
+    "polach-dry": POLACH_DRY,
+    "polach-wet": POLACH_WET,
+    "slip-ratio": SlipRatioCurve(0.04, 0.7),
+}
+LINE = Line((0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6)
+
+
+def _model(name: str, curve: str, law: str) -> Model:
+    train = SETS[name]()
+    rails = [
+        Rail(
+            1.0 if law == "shinkansen" else 0.5 + 0.1 * b,
+            law,
+            patches=(Patch(0.6, 250.0, 350.0, 20.0, 1.0, 3.0 + b, 0.5), Patch(1.2, 300.0 + b)),
+            increments=tuple(logarithmic_increments(train.axle_count)),
+            scatter=0.012,
+            seed=b,
+            conditioning=0.3,
+            curve=CURVES[curve],
+        )
+        for b in range(LANES)
+    ]
+    receptivity = [Receptivity(0.8, 0.3, 2.0, 0.4 * b) for b in range(LANES)]
+    failures = [{} if train.cars[-1].motors is None else {0: 1.5 + 0.1 * b} for b in range(LANES)]
+    return build(train, rails, LINE, receptivity, failures)
+
+
+def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs]:
+    """States from standstill to speed, with slip, slide and locked wheels; any brake and motor command."""
+    rng = np.random.default_rng(seed)
+    n, s, lanes = model.layout, model.structure, model.lanes
+    state = np.zeros((n.rows, lanes))
+    state[n.position] = rng.uniform(200, 450, lanes) + rng.uniform(-0.05, 0.05, (n.bodies, lanes))
+    state[n.speed] = rng.choice([0.0, 2.0, 30.0], lanes) + rng.uniform(-0.5, 1.0, (n.bodies, lanes))
+    rolling = state[n.speed][s.axle_body] / s.radius[:, None]
+    slip = rng.normal(0.0, 1.0, rolling.shape) * 10.0 ** rng.uniform(-3, 1, rolling.shape)
+    state[n.omega] = (rolling + slip) * (rng.random(rolling.shape) > 0.1)
+    state[n.torque] = rng.uniform(-2000.0, 2000.0, (n.units, lanes))
+    state[n.pressure] = rng.uniform(0.0, 4e5, (n.groups, lanes))
+    inputs = Inputs(
+        rng.uniform(-4000.0, 4000.0, (n.units, lanes)),
+        rng.uniform(0.0, 4e5, (n.groups, lanes)),
+        rng.integers(0, 3, (n.groups, lanes)).astype(float),
+        rng.random((n.axles, lanes)),
+    )
+    return state, inputs
+
+
+def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
+    # a rate is a difference of larger terms: the scale is the largest of its kind
+    first = 0
+    for size in (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 1, 1, 1, 1):
+        part = slice(first, first + size)
+        scale = np.abs(expected[part]).max(initial=0.0)
+        np.testing.assert_allclose(actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale)
+        first += size
+
+
+@pytest.mark.parametrize("law", SPEED_LAWS)
+@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("name", SETS)
+def test_numpy_and_numba_agree(name, curve, law):
+    model = _model(name, curve, law)
+    n, w = model.layout, compiled.workspace(model, 1e-3)
+    arrays = ArrayModel.of(model)
+    for seed in range(3):
+        state, inputs = _random(model, seed)
+        local = environment_at(model, TIME, state, inputs.cleaning, arrays)
+        slope = np.full((n.rows, LANES), np.nan)
+        compiled.derivative(
+            model.structure, model.environment, compiled.rows(n), TIME, state,
+            inputs.torque_command, inputs.pressure_target, inputs.valve, inputs.cleaning, w, slope,
+        )  # fmt: skip
+        np.testing.assert_allclose(w.peak, local.peak, rtol=1e-12)
+        _assert_agree(slope, arrays.derivative(state, inputs, local), n)
+
+
+def _casadi_function(model: Model) -> casadi.Function:
+    """Derivative of one lane as an SX function of state, inputs and environment."""
+    n = model.layout
+    state = casadi.SX.sym("state", n.rows)
+    sizes = (n.units, n.groups, n.groups, n.axles, n.axles, n.cars, n.cars, *(n.units,) * 3)
+    arguments = [casadi.SX.sym(f"a{k}", size) for k, size in enumerate(sizes)]
+    slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:4]), Local(*arguments[4:]))
+    return casadi.Function("derivative", [state, *arguments], [slope])
+
+
+@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("name", SETS)
+def test_numpy_and_casadi_agree(name, curve):
+    model = _model(name, curve, "none")
+    arrays, function = ArrayModel.of(model), _casadi_function(model)
+    for seed in range(3):
+        state, inputs = _random(model, seed)
+        local = environment_at(model, TIME, state, inputs.cleaning, arrays)
+        expected = arrays.derivative(state, inputs, local)
+        for b in range(LANES):
+            lane = [np.ascontiguousarray(values[:, b]) for values in (state, *inputs, *local)]
+            symbolic = np.asarray(function(*lane)).ravel()
+            _assert_agree(symbolic, expected[:, b], model.layout)
+
+
+def test_casadi_numbers_are_accepted_as_they_are():
+    model = _model("commuter-8car", "polach-wet", "none")
+    arrays = ArrayModel.of(model)
+    state, inputs = _random(model, 5)
+    local = environment_at(model, TIME, state, inputs.cleaning, arrays)
+    lane = [casadi.DM(values[:, 0]) for values in (state, *inputs, *local)]
+    numeric = arrays.derivative(lane[0], Inputs(*lane[1:5]), Local(*lane[5:]))
+    expected = arrays.derivative(state, inputs, local)[:, 0]
+    _assert_agree(np.asarray(numeric).ravel(), expected, model.layout)

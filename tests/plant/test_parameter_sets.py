@@ -1,0 +1,98 @@
+"""Every named set builds, weighs what its source says, and can do what its plan asks for."""
+
+import numpy as np
+import pytest
+
+from alloc.plant.equations import GRAVITY
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import SETS, find_set, freight, high_speed_16car, jp4209318_3car, one_axle
+
+MASS = {
+    "one-axle": 20e3,  # readhesion paper, Table 1
+    "jp4209318-3car": 3 * 8 * 4000.0,  # JP4209318, Table 2: 4000 kg per wheel
+    "commuter-8car": 4 * 32e3 + 4 * 27e3,
+    "high-speed-16car": 700e3,  # series N700
+    "freight-5": 96e3 + 5 * 59e3,  # DF200 and loaded Koki wagons
+    "freight-17": 96e3 + 17 * 59e3,
+}
+AXLES = {
+    "one-axle": 1,
+    "jp4209318-3car": 12,
+    "commuter-8car": 32,
+    "high-speed-16car": 64,
+    "freight-5": 26,
+    "freight-17": 74,
+}
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_weighs_what_its_source_says(name):
+    train = find_set(name)
+    assert train.name == name
+    assert train.mass == pytest.approx(
+        MASS[name], rel=0.002 if name == "high-speed-16car" else 1e-12
+    )
+    assert train.axle_count == AXLES[name]
+    assert train.source
+    assert train.sources
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_builds_and_runs(run, name):
+    model = build(find_set(name), Rail(0.2))
+    step = 1e-3 / model.substeps(1e-3)
+    trace = run(model, 0.2, 15.0, position=500.0, step=step, sample=0.05)
+    assert np.all(np.isfinite(trace.state))
+    np.testing.assert_allclose(trace.rows("speed")[-1], 15.0, rtol=0.01)
+
+
+@pytest.mark.parametrize("name", [name for name in SETS if name != "jp4209318-3car"])
+def test_motors_can_do_what_the_plan_asks(name):
+    """At 10 km/h the driven axles carry the planned acceleration of train and wheelsets."""
+    train = find_set(name)
+    s = build(train, Rail(0.5)).structure
+    torque = s.drive_table[:, 10]
+    effort = (torque * s.unit_axles * s.unit_gear).sum() / s.radius[0]
+    assert effort >= (train.mass + train.rotating_mass) * train.planned_acceleration
+
+
+def test_planned_coefficients():
+    """Readhesion paper, Table 2: 0.17 on the driven axle. Freight: 0.16 of the locomotive's axles."""
+    single = find_set("one-axle")
+    load = single.cars[0].static_axle_loads[0]
+    assert single.mass * single.planned_acceleration / load == pytest.approx(0.17, abs=5e-4)
+    for name in ("freight-5", "freight-17"):
+        train = find_set(name)
+        force = (train.mass + train.rotating_mass) * train.planned_acceleration
+        assert force / (train.cars[0].mass * GRAVITY) == pytest.approx(freight.PLANNED_COEFFICIENT)
+
+
+def test_freight_brake_is_that_of_the_report():
+    """RTRI report 3.2.2: about 60 kN on the locomotive in the third step, wagons in proportion to mass."""
+    cars = find_set("freight-5").cars
+    force = [c.air_brake.force_per_pascal * 350e3 * len(c.axle_positions) for c in cars]
+    assert force[0] == pytest.approx(60e3)
+    np.testing.assert_allclose(np.array(force) / [c.mass for c in cars], 60e3 / 96e3)
+
+
+def test_dead_time_grows_along_the_freight_train():
+    dead = [car.air_brake.dead_time for car in find_set("freight-17").cars]
+    assert np.all(np.diff(dead) > 0.0)
+    assert dead[-1] == pytest.approx(0.3 + (19.6 + 16 * 20.4) / 250.0)
+
+
+def test_rails_of_the_sets():
+    paper = one_axle.rail(0.12)
+    assert paper.level * paper.patches[0].factor == pytest.approx(0.12)
+    assert (paper.patches[0].begin, paper.patches[0].until) == (6.0, 14.0)
+    fast = high_speed_16car.rail(3)
+    assert (fast.scatter, fast.seed, len(fast.increments)) == (0.012, 3, 64)
+    assert jp4209318_3car.rail().conditioning > 0.0
+
+
+@pytest.mark.parametrize("cars", [1, 2, 3])
+def test_slide_train_by_number_of_cars(cars):
+    train = jp4209318_3car.train(cars)
+    assert train.mass == cars * 32e3
+    assert train.axle_count == 4 * cars
