@@ -1,0 +1,1 @@
+"""Scenarios, the grid that compares rules and controllers over them, its table, and the command line."""

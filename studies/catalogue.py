@@ -1,0 +1,48 @@
+"""What there is to choose from, by kind and name."""
+
+import sys
+from collections.abc import Mapping
+
+from alloc.metrics import METRICS
+from alloc.plant.sets import SETS, find_set
+from alloc.rules import RULES
+from studies.controllers import controller_names
+from studies.scenario import load_scenario, shipped_scenarios
+
+CONTROLLER_MEANINGS = {
+    "none": "torque follows the limit whatever the wheels do",
+    "cut-and-ramp": "cut on slip to what the observer says the rail carries, hold, ramp back",
+    "mpc": "model predictive control of each unit (CasADi)",
+}
+
+
+def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Kind -> name -> one line of meaning, for scenarios, rules, controllers, trains, figures and metrics.
+
+    `figures`: name -> meaning; the figures stand above this package and come from outside.
+    """
+    scenarios = {name: load_scenario(name) for name in shipped_scenarios()}
+    return {
+        "scenarios": {name: item.title for name, item in scenarios.items()},
+        "rules": {name: _first_line(rule) for name, rule in RULES.items()},
+        "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
+        "trains": {name: _train(name) for name in SETS},
+        "figures": dict(figures),
+        "metrics": {
+            name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")
+            for name, m in METRICS.items()
+        },
+    }
+
+
+def _train(name: str) -> str:
+    """Meaning of a train set: what its module says, and its size."""
+    train = find_set(name)
+    cars = len(train.cars)
+    module = sys.modules[SETS[name].__module__]
+    return f"{_first_line(module)} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
+
+
+def _first_line(item: object) -> str:
+    text = getattr(item, "description", None) or item.__doc__ or ""
+    return str(text).strip().splitlines()[0] if str(text).strip() else ""

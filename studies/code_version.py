@@ -1,0 +1,24 @@
+"""Which code made a result: a hash of every source that decides what a run yields."""
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+PACKAGES = ("alloc", "mpc")
+"""Packages all of whose sources count."""
+STUDY_SOURCES = ("scenario.py", "rail_keys.py", "onboard_keys.py", "train_keys.py", "units.py",
+                 "railtoolkit.py", "railtoolkit_train.py", "job.py")  # fmt: skip
+"""Sources of this package that turn a scenario into a run; report, store and command line do not count."""
+
+
+@lru_cache(maxsize=1)
+def code_hash() -> str:
+    """Hash of the sources behind a result; it changes with any of them, and with nothing else."""
+    root = Path(__file__).parent.parent
+    sources = [path for package in PACKAGES for path in sorted((root / package).rglob("*.py"))]
+    sources += [Path(__file__).parent / name for name in STUDY_SOURCES]
+    digest = hashlib.sha256()
+    for path in sources:
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

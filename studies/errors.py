@@ -1,0 +1,22 @@
+"""What is raised when a study is asked for something that cannot be done: one line, naming the thing and the remedy."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class StudyError(ValueError):
+    """A study cannot be made as asked; the message is one line that names the thing and what to do."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that `name` most resembles, None if there is none."""
+    found = get_close_matches(name, list(known), 1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
+    """Error for an unknown name of a `kind` of thing, with the nearest known one."""
+    known = list(known)
+    near = nearest(name, known)
+    hint = f"did you mean {near!r}? " if near else ""
+    return StudyError(f"unknown {kind} {name!r}; {hint}known: {', '.join(known)}")

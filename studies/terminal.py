@@ -1,0 +1,39 @@
+"""What a person at a terminal sees: console and progress bar."""
+
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+PLAIN_WIDTH = 170
+"""Width of tables that do not go to a terminal."""
+
+
+def console() -> Console:
+    """Where tables are printed: as wide as the terminal, or `PLAIN_WIDTH` where there is none."""
+    found = Console()
+    return found if found.is_terminal else Console(width=PLAIN_WIDTH)
+
+
+class progress:
+    """Progress bar on stderr; gives the function that is told of each finished row."""
+
+    def __enter__(self) -> Callable[[str, int, int], None]:
+        self.bar = Progress(
+            TextColumn("[progress.description]{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self.bar.start()
+        self.task = self.bar.add_task("starting", total=None)
+
+        def on_row(label: str, done: int, total: int) -> None:
+            self.bar.update(self.task, description=label, completed=done, total=total)
+
+        return on_row
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()

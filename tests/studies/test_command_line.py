@@ -1,0 +1,292 @@
+"""The command as a user meets it: what it prints, what it writes, and one clear line for what cannot be."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import alloc.rules.qp
+from alloc.metrics import METRICS
+from alloc.recording import load
+from alloc.rules import RULES
+from studies.command_line import run
+from studies.scenario import shipped_scenarios
+from studies.store import Store
+
+PNG, PDF = b"\x89PNG", b"%PDF"
+
+
+@pytest.fixture
+def call(capsys):
+    """Run the command in this process; gives exit code, stdout and stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def refused(call):
+    """Run the command on bad input; gives the one line that it prints."""
+
+    def refused(*arguments: object) -> str:
+        code, out, err = call(*arguments)
+        lines = [line for line in err.splitlines() if line.strip()]
+        assert code == 2
+        assert out == ""
+        assert len(lines) == 1, err
+        assert lines[0].startswith("readhesion: ")
+        return lines[0]
+
+    return refused
+
+
+@pytest.fixture
+def small(short_file, tmp_path):
+    """Options of a comparison that takes no time."""
+    return (
+        "--scenario", short_file, "--rules", "alone", "exact", "--controllers", "none",
+        "--jobs", 1, "--out", tmp_path / "out",
+    )  # fmt: skip
+
+
+def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tmp_path):
+    code, out, _ = call("compare", *small)
+    assert code == 0
+    assert "two slippery seconds" in out
+    assert "2 runs" in out
+    table = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    assert table["rule"].tolist() == ["alone", "exact"]
+    assert set(METRICS) <= set(table.columns)
+    for name in ("rule-comparison", "utilisation-damage"):
+        stem = tmp_path / "out" / "figures" / name
+        assert stem.with_suffix(".png").read_bytes().startswith(PNG)
+        assert stem.with_suffix(".pdf").read_bytes().startswith(PDF)
+
+
+def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
+    code, out, _ = call("compare", *small, "--no-figures", "--json", "--seeds", 2)
+    content = json.loads(out)
+    assert code == 0
+    assert [row["rule"] for row in content["rows"]] == ["alone", "exact"]
+    assert all(set(METRICS) <= set(row["metrics"]) for row in content["rows"])
+    assert content["about"]["scenarios"]["short"]["case"] == "A"
+    assert content["about"]["seeds"] == [0, 1]
+    assert {"code", "cores", "version_numba", "git_revision"} <= set(content["about"])
+
+
+def test_a_second_call_runs_nothing(call, small, monkeypatch):
+    first = call("compare", *small, "--no-figures", "--json")
+    monkeypatch.setattr("studies.runner.run_job", None)
+    assert call("compare", *small, "--no-figures", "--json")[1] == first[1]
+
+
+def test_names_may_be_given_with_commas(call, small):
+    options = [option if option != "alone" else "alone,greedy" for option in small]
+    _, out, _ = call("compare", *options, "--no-figures", "--json")
+    assert [row["rule"] for row in json.loads(out)["rows"]] == ["alone", "greedy", "exact"]
+
+
+def test_chosen_runs_are_recorded(call, small, tmp_path):
+    call("compare", *small, "--no-figures", "--keep", "short/exact/*/0")
+    (path,) = (tmp_path / "out" / "runs").rglob("*.nc")
+    assert load(path).attrs["rule"] == "exact"
+
+
+def test_if_every_run_fails_the_exit_code_says_so(call, small, monkeypatch):
+    def broken(*_, **__):
+        raise RuntimeError("power cut")
+
+    monkeypatch.setattr("studies.job.simulate", broken)
+    code, out, _ = call("compare", *small)
+    assert code == 1
+    assert "RuntimeError at broken: power cut" in out
+    assert "2 failed" in out
+
+
+def test_one_event_is_simulated(call, short_file, tmp_path):
+    code, out, _ = call(
+        "simulate", short_file, "--rule", "exact", "--out", tmp_path / "run.nc",
+        "--figure", tmp_path / "run.png",
+    )  # fmt: skip
+    assert code == 0
+    assert all(name in out for name in METRICS)
+    assert load(tmp_path / "run.nc").attrs["rule"] == "exact"
+    assert (tmp_path / "run.png").read_bytes().startswith(PNG)
+
+
+def test_one_event_as_json(call, short_file):
+    _, out, _ = call("simulate", short_file, "--json", "--seed", 3)
+    content = json.loads(out)
+    assert (content["scenario"], content["seed"]) == ("short", 3)
+    assert set(content["metrics"]) == set(METRICS)
+    assert content["metrics"]["coupler_peak"] is None
+
+
+def test_everything_that_can_be_chosen_is_listed(call):
+    code, out, _ = call("list", "--json")
+    content = json.loads(out)
+    assert code == 0
+    assert list(content["scenarios"]) == shipped_scenarios()
+    assert list(content["rules"]) == list(RULES)
+    assert list(content["controllers"]) == ["none", "cut-and-ramp", "mpc"]
+    assert "[kJ]" in content["metrics"]["damage"]
+    assert all(meaning for kind in content.values() for meaning in kind.values())
+    _, printed, _ = call("list")
+    assert "[kJ]" in printed
+
+
+def test_misspelt_names_bring_the_nearest_one(refused, small):
+    assert "unknown rule 'exakt'; did you mean 'exact'?" in refused("compare", "--rules", "exakt")
+    assert "unknown rule 'gredy'; did you mean 'greedy'?" in refused(
+        "simulate", "wet-start", "--rule", "gredy"
+    )
+    assert "unknown scenario 'wet-strat'; did you mean 'wet-start'?" in refused(
+        "compare", "--scenario", "wet-strat"
+    )
+    assert "unknown controller 'mcp'; did you mean 'mpc'?" in refused(
+        "compare", "--controllers", "mcp"
+    )
+    assert "unknown figure 'slipevent'; did you mean 'slip-event'?" in refused(
+        "figures", "slipevent"
+    )
+    assert "compare" in refused("compar")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["compare", "--seeds", "0"], "--seeds 0"),
+        (["compare", "--seeds", "1.5"], "'1.5' is not a whole number"),
+        (["compare", "--jobs", "0"], "--jobs 0"),
+        (["compare", "--rules"], "an option for names was given without one"),
+        (["simulate", "wet-start", "--seed", "-1"], "--seed -1"),
+        (["simulate"], "scenario"),
+        (["simulate", "none.toml"], "scenario file 'none.toml' does not exist"),
+        (["compare", "--line", "none.yaml"], "running path file 'none.yaml' does not exist"),
+        (["compare", "--train", "none.yaml"], "rolling stock file 'none.yaml' does not exist"),
+        (["simulate", "wet-start", "--out", "no/where.nc"], "'no/where.nc' cannot be written"),
+        (["simulate", "wet-start", "--figure", "no/where.pdf"], "cannot be written"),
+        (["compare", "--unheard-of"], "--unheard-of"),
+    ],
+)
+def test_bad_input_is_one_clear_line(refused, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(*arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_refused(refused, short_file):
+    inside_a_file = short_file / "results"
+    line = refused("compare", "--scenario", short_file, "--out", inside_a_file)
+    assert f"output folder '{inside_a_file}' cannot be written" in line
+
+
+def test_a_figure_in_a_format_that_does_not_exist_is_refused(refused, short_file, tmp_path):
+    assert "'xyz' is not supported" in refused(
+        "simulate", short_file, "--figure", tmp_path / "run.xyz"
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("level = 0.05", "level = nan", "key 'rail.level' = nan"),
+        ("level = 0.05", "levl = 0.05", "unknown key 'rail.levl'; did you mean 'level'?"),
+        ("level = 0.05", "level = -0.05", "level = -0.05"),
+    ],
+)
+def test_a_faulty_scenario_file_is_refused(refused, write_scenario, old, new, words):
+    path = write_scenario(write_scenario.short, (old, new))
+    assert words in refused("compare", "--scenario", path)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "words"),
+    [("mass: 0.0", "key 'vehicles[1].mass' = 0.0"), ("mass: .nan", "key 'vehicles[1].mass'")],
+)
+def test_a_train_without_mass_is_refused(refused, tmp_path, vehicle, words):
+    path = tmp_path / "train.yaml"
+    path.write_text(
+        "schema: https://railtoolkit.org/schema/rolling-stock.json\nschema_version: '2022.05'\n"
+        f"vehicles: [{{name: n, id: i, vehicle_type: multiple unit, length: 20.0, {vehicle}}}]\n"
+    )
+    assert words in refused("compare", "--train", path)
+
+
+def test_an_empty_train_is_refused(refused, tmp_path):
+    path = tmp_path / "train.yaml"
+    path.write_text(
+        "schema: https://railtoolkit.org/schema/rolling-stock.json\nschema_version: '2022.05'\n"
+        "trains: [{name: n, id: i, formation: []}]\n"
+        "vehicles: [{name: n, id: i, vehicle_type: freight, length: 20.0, mass: 80.0}]\n"
+    )
+    assert "key 'trains[1].formation'" in refused("compare", "--train", path)
+
+
+def test_a_solver_that_is_not_installed_is_named(refused, short_file, monkeypatch):
+    alloc.rules.qp.workspace.cache_clear()
+    monkeypatch.setitem(sys.modules, "osqp", None)
+    line = refused("compare", "--scenario", short_file, "--rules", "exact", "qp")
+    assert "osqp" in line
+    assert "qp" in line
+
+
+def test_a_controller_that_is_not_installed_is_named(refused, short_file, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mpc", None)
+    line = refused("compare", "--scenario", short_file, "--controllers", "mpc")
+    assert "controller 'mpc' needs something that is not installed" in line
+
+
+def process(*arguments: object, **options) -> subprocess.Popen:
+    command = [sys.executable, "-c", "from studies.command_line import main; main()"]
+    return subprocess.Popen(
+        [*command, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
+    )  # fmt: skip
+
+
+def test_as_a_process_bad_input_ends_with_code_2():
+    running = process("simulate", "wet-start", "--rule", "exat")
+    out, err = running.communicate(timeout=60)
+    assert (running.returncode, out) == (2, "")
+    assert (
+        err == f"readhesion: unknown rule 'exat'; did you mean 'exact'? known: {', '.join(RULES)}\n"
+    )
+
+
+@pytest.mark.slow
+def test_an_interrupted_comparison_keeps_its_rows_and_goes_on(short_file, tmp_path):
+    out = tmp_path / "out"
+    arguments = (
+        "compare", "--scenario", short_file, "--rules", "alone", "--controllers", "none",
+        "--seeds", 200, "--jobs", 2, "--no-figures", "--out", out,
+    )  # fmt: skip
+    running = process(*arguments, start_new_session=True)
+    _wait_for(out / "runs.parquet", running)
+    os.killpg(running.pid, signal.SIGINT)  # as the keyboard does: to every process
+    _, err = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert "finished rows are kept" in err
+    assert "Traceback" not in err
+    assert "Warning" not in err
+    kept = Store(out).read()
+    assert (kept["status"] == "ok").all()
+    assert 0 < len(kept) < 200
+
+
+def _wait_for(path: Path, running: subprocess.Popen) -> None:
+    deadline = time.monotonic() + 240.0
+    while not path.exists():
+        assert running.poll() is None, running.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

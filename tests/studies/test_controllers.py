@@ -1,0 +1,45 @@
+"""Controllers by name: built-in ones need nothing, hosted ones bring their factory, and a rehearsal asks each of them."""
+
+import pytest
+
+from alloc.onboard.host import TorqueDecision
+from studies.controllers import HOSTED, controller_names, host_factories, rehearse
+from studies.errors import StudyError
+
+
+class Recorder:
+    """Host controller that remembers what it was asked."""
+
+    asked: list = []  # noqa: RUF012 (one list for all units, read by the test)
+
+    def __init__(self, context) -> None:
+        self.context = context
+
+    def decide(self, sense) -> TorqueDecision:
+        self.asked.append((self.context, sense))
+        return TorqueDecision(0.0, True, "ok", 0.0)
+
+
+def test_built_in_controllers_need_no_factory():
+    assert controller_names() == ["none", "cut-and-ramp", "mpc"]
+    assert host_factories("none") == {}
+    rehearse("cut-and-ramp")
+
+
+def test_the_mpc_brings_its_factory():
+    assert list(host_factories("mpc")) == ["mpc"]
+
+
+def test_an_unknown_controller_is_refused():
+    with pytest.raises(StudyError, match="did you mean 'cut-and-ramp'"):
+        host_factories("cut-and-rampp")
+
+
+def test_a_rehearsal_asks_what_a_unit_could_ask(monkeypatch):
+    monkeypatch.setitem(HOSTED, "recorder", lambda: Recorder)
+    rehearse("recorder")
+    times = [sense.time for _, sense in Recorder.asked]
+    assert times == sorted(set(times))
+    for context, sense in Recorder.asked:
+        assert sense.omega.shape == (context.axles,)
+        assert sense.omega * context.radius == pytest.approx(sense.speed)

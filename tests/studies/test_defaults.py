@@ -1,0 +1,46 @@
+"""What a comparison consists of when nothing is said, and what a word about it changes."""
+
+from fnmatch import fnmatchcase
+
+import pytest
+
+from alloc.rules import RULES
+from studies.defaults import KEPT_RUNS, MPC_CELLS, SLOW_RULES, default_grid, make_grid
+from studies.errors import StudyError
+from studies.scenario import load_scenario, shipped_scenarios
+
+
+def test_by_default_every_scenario_meets_every_rule_but_the_slow_ones():
+    grid = default_grid()
+    assert [scenario.name for scenario in grid.scenarios] == shipped_scenarios()
+    assert set(grid.rules) == set(RULES) - set(SLOW_RULES)
+    assert grid.seeds == (0,)
+
+
+def test_the_mpc_joins_in_where_it_is_meant_to():
+    labels = {(s.name, rule, controller) for s, rule, controller in default_grid().extra}
+    assert labels == {(name, rule, "mpc") for name, rule in MPC_CELLS}
+
+
+def test_every_pattern_of_runs_to_keep_matches_a_cell():
+    labels = [job.key.label for job in default_grid().jobs()]
+    for pattern in KEPT_RUNS:
+        assert any(fnmatchcase(label, pattern) for label in labels)
+
+
+def test_named_controllers_are_all_that_is_run():
+    grid = make_grid([load_scenario("wet-start")], ["exact", "exact"], ["none"], 2)
+    assert [job.key.label for job in grid.jobs()] == [
+        "wet-start/exact/none/0",
+        "wet-start/exact/none/1",
+    ]
+
+
+def test_slow_rules_run_when_they_are_asked_for():
+    assert make_grid([load_scenario("wet-start")], ["qp-cvxpy"], ["none"], 1).rules == ("qp-cvxpy",)
+
+
+@pytest.mark.parametrize("seeds", [0, -1])
+def test_at_least_one_seed_is_needed(seeds):
+    with pytest.raises(StudyError, match="--seeds"):
+        make_grid([load_scenario("wet-start")], None, None, seeds)

@@ -1,0 +1,189 @@
+"""Lines and trains from railtoolkit files: what they say arrives, what they leave open is assumed as documented."""
+
+import numpy as np
+import pytest
+import yaml
+
+from alloc.plant.equations import GRAVITY
+from studies.errors import StudyError
+from studies.railtoolkit import read_path, read_train
+from studies.real_input import with_real_input
+from studies.scenario import load_scenario
+
+PATH = {
+    "schema": "https://railtoolkit.org/schema/running-path.json",
+    "schema_version": "2022.05",
+    "paths": [
+        {
+            "name": "up and down",
+            "id": "p1",
+            "characteristic_sections": [
+                [0.0, 80, 0.0], [400.0, 80, 12.5], [900.0, 60, -4.0], [1500.0, 60, 0.0],
+            ],
+        }
+    ],
+}  # fmt: skip
+RAILCAR = {
+    "name": "railcar",
+    "id": "R1",
+    "vehicle_type": "multiple unit",
+    "picture": "a key that this project has no use for",
+    "length": 41.0,
+    "mass": 66.0,
+    "mass_traction": 44.0,
+    "rotation_mass": 1.1,
+    "base_resistance": 3.0,
+    "rolling_resistance": 1.5,
+    "air_resistance": 4.0,
+    "tractive_effort": [[0.0, 90e3], [10.0, 80e3], [50.0, 30e3]],
+}
+COACH = {"name": "coach", "id": "C1", "vehicle_type": "passenger", "length": 26.4, "mass": 50.0,
+         "base_resistance": 1.9, "rolling_resistance": 0.25, "air_resistance": 2.2}  # fmt: skip
+
+
+def stock(*vehicles, formation=None) -> dict:
+    content = {
+        "schema": "https://railtoolkit.org/schema/rolling-stock.json",
+        "schema_version": "2022.05",
+        "vehicles": list(vehicles),
+    }
+    if formation is not None:
+        content["trains"] = [{"name": "a train", "id": "T", "formation": formation}]
+    return content
+
+
+@pytest.fixture
+def write(tmp_path):
+    def to_file(content, name="file.yaml") -> str:
+        path = tmp_path / name
+        path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+        return str(path)
+
+    return to_file
+
+
+def test_a_gradient_holds_from_its_section_to_the_next(write):
+    path = read_path(write(PATH))
+    assert [(s.start, s.end) for s in path.sections] == [(0, 400), (400, 900), (900, 1500)]
+    assert [s.grade for s in path.sections] == pytest.approx([0.0, 0.0125, -0.004])
+    assert (path.steepest().start, path.steepest().end) == (400.0, 900.0)
+    line = path.line()
+    assert line.stations == (0.0, 400.0, 900.0)
+
+
+def test_masses_add_up_and_sit_where_the_file_says(write):
+    train = read_train(write(stock(RAILCAR, COACH, formation=["R1", "C1", "R1"])))
+    assert train.name == "a train"
+    assert [car.mass for car in train.cars] == pytest.approx([66e3, 50e3, 66e3])
+    railcar = train.cars[0]
+    driven = np.array(railcar.driven)
+    assert driven.sum() == 4
+    assert np.array(railcar.axle_load_share)[driven].sum() * railcar.mass == pytest.approx(44e3)
+
+
+def test_rotating_mass_is_what_the_factor_says(write):
+    train = read_train(write(stock(RAILCAR)))
+    assert train.rotating_mass == pytest.approx(0.1 * 66e3)
+
+
+def test_the_motors_deliver_the_effort_of_the_file(write):
+    car = read_train(write(stock(RAILCAR))).cars[0]
+    table = np.array(car.motors.drive.table)
+    effort = table * car.motors.gear_ratio / car.wheel_radius * sum(car.driven)
+    assert effort[[0, 5, 10, 30, 50]] == pytest.approx([90e3, 85e3, 80e3, 55e3, 30e3])
+    assert effort[51] == 0.0
+
+
+def test_resistance_of_a_driving_vehicle_follows_its_formula(write):
+    a, b, c = read_train(write(stock(RAILCAR))).resistance
+    weight = 66.0 * GRAVITY  # per mille of it in N
+    for speed in (0.0, 20.0):
+        mean = 3.0 * 44 / 66 + 1.5 * 22 / 66
+        expected = weight * (mean + 4.0 * ((speed + 15 / 3.6) / (100 / 3.6)) ** 2)
+        assert a + b * speed + c * speed**2 == pytest.approx(expected)
+
+
+def test_a_file_without_trains_is_one_vehicle(write):
+    assert len(read_train(write(stock(RAILCAR, COACH))).cars) == 1
+
+
+def changed(content, **values):
+    return content | values
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("{", "is not YAML"),
+        ("- 1", "no keys at the top"),
+        ({}, "key 'schema' is missing"),
+        (changed(stock(RAILCAR), schema_version="2021.01"), "must be '2022.05'"),
+        (PATH, "must be 'https://railtoolkit.org/schema/rolling-stock.json'"),
+        (stock(), "key 'vehicles'"),
+        (stock(RAILCAR, formation=[]), "key 'trains[1].formation'"),
+        (stock(RAILCAR, formation=["R2"]), "unknown vehicle 'R2'; did you mean 'R1'?"),
+        (stock(COACH), "no vehicle of the train has traction"),
+        (stock(changed(RAILCAR, mass=0.0)), "key 'vehicles[1].mass' = 0.0: "),
+        (stock(changed(RAILCAR, mass=float("nan"))), "key 'vehicles[1].mass'"),
+        (stock(changed(RAILCAR, mass_traction=67.0)), "exceeds mass"),
+        (stock(changed(RAILCAR, length=-1.0)), "key 'vehicles[1].length' = -1.0"),
+        (stock(changed(RAILCAR, tractive_effort=[[0, 1], [0, 2]])), "speeds must grow"),
+        (stock(changed(RAILCAR, tractive_effort=None)), "tractive_effort is missing"),
+    ],
+)
+def test_a_faulty_train_file_is_refused_with_file_key_and_reason(write, content, words):
+    path = write(content)
+    with pytest.raises(StudyError) as error:
+        read_train(path)
+    assert path in str(error.value)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ([[0, 80, 0]], "characteristic_sections"),
+        ([[0, 80, 0], [0, 80, 1]], "section 2: start 0 m must lie beyond"),
+        ([[0, 0, 0], [9, 80, 1]], "section 1: speed limit 0 km/h must exceed 0"),
+        ([[0, 80, float("inf")], [9, 80, 1]], "finite"),
+    ],
+)
+def test_a_faulty_line_file_is_refused(write, sections, words):
+    content = changed(PATH, paths=[{"name": "n", "id": "i", "characteristic_sections": sections}])
+    with pytest.raises(StudyError) as error:
+        read_path(write(content))
+    assert words in str(error.value)
+
+
+def test_the_event_moves_to_the_steepest_climb(write):
+    line, train = write(PATH, "hills.yaml"), write(stock(RAILCAR), "car.yaml")
+    scenario = with_real_input(load_scenario("gradient-start"), line, train)
+    event = scenario.event()
+    assert scenario.name == "gradient-start+hills+car"
+    assert "400 m to 900 m, 12.5 per mille" in scenario.title
+    assert event.initial_position == 400.0
+    assert event.model.train.mass == pytest.approx(66e3)
+    assert event.model.line.grades == pytest.approx((0.0, 0.0125, -0.004))
+
+
+def test_the_hash_follows_the_content_of_the_files(write):
+    scenario = load_scenario("gradient-start")
+    one = with_real_input(scenario, write(PATH, "a.yaml"), None)
+    same = with_real_input(scenario, write(PATH, "b.yaml"), None)
+    assert one.hash() == same.hash()
+    write(changed(PATH, note="another"), "b.yaml")
+    assert one.hash() != same.hash()
+
+
+def test_a_train_of_ones_own_does_not_take_on_the_scenarios_loads(write):
+    with pytest.raises(StudyError, match="choose another --scenario"):
+        with_real_input(load_scenario("uneven-load"), None, write(stock(RAILCAR)))
+
+
+def test_a_scenario_file_can_name_line_and_train_beside_it(write, write_scenario):
+    write(PATH, "hills.yaml"), write(stock(RAILCAR), "car.yaml")
+    text = write_scenario.short + '\n[line]\nfile = "hills.yaml"\n'
+    event = load_scenario(write_scenario(text, ("commuter-8car", "car.yaml"))).event()
+    assert event.model.train.mass == pytest.approx(66e3)
+    assert event.model.line.stations == (0.0, 400.0, 900.0)

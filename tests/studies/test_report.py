@@ -1,0 +1,113 @@
+"""Means over seeds, the printed table, and the JSON that holds everything."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from alloc.metrics import METRICS
+from studies.comparison_table import tables
+from studies.report import RULE_CALL_TIME, mean_of, summarise, to_json
+
+
+def rows(scenario="event", rule="exact", controller="none", seeds=3, **values) -> list[dict]:
+    return [
+        dict.fromkeys(METRICS, 0.5)
+        | {"scenario": scenario, "rule": rule, "controller": controller, "seed": seed}
+        | {"status": "ok", "reason": ""}
+        | {
+            name: value[seed] if isinstance(value, list) else value
+            for name, value in values.items()
+        }
+        for seed in range(seeds)
+    ]
+
+
+def render(table: pd.DataFrame, width: int) -> str:
+    screen = Console(file=io.StringIO(), width=width)
+    for item in tables(summarise(table), {"event": "a [strange] title"}, width):
+        screen.print(item)
+    return screen.file.getvalue()
+
+
+def test_the_interval_of_a_mean_is_students():
+    # three values 1, 2, 3: s = 1, t(0.975, 2) = 4.303 from tables
+    mean = mean_of(pd.Series([1.0, 2.0, 3.0]))
+    assert (mean.value, mean.count) == (2.0, 3)
+    assert mean.half_width == pytest.approx(4.303 / math.sqrt(3), rel=1e-3)
+
+
+def test_runs_to_which_a_metric_does_not_apply_are_left_out():
+    mean = mean_of(pd.Series([1.0, np.nan, 3.0]))
+    assert (mean.value, mean.count) == (2.0, 2)
+    assert mean_of(pd.Series([np.nan])).count == 0
+
+
+def test_one_seed_has_no_interval():
+    assert math.isnan(mean_of(pd.Series([1.0])).half_width)
+
+
+def test_failed_runs_count_but_do_not_enter_the_mean():
+    table = pd.DataFrame(
+        rows(damage=[1.0, 2.0, 99.0], status=["ok", "ok", "failed"], reason=["", "", "fell off"])
+    )
+    (line,) = summarise(table)
+    assert (line.seeds, line.failed, line.reasons) == (3, 1, ("fell off",))
+    assert line.metrics["damage"].value == 1.5
+
+
+def test_the_time_of_a_call_follows_from_time_and_calls():
+    (line,) = summarise(pd.DataFrame(rows(rule_time=[2.0, 4.0, 0.0], rule_calls=[4.0, 4.0, 0.0])))
+    assert line.metrics[RULE_CALL_TIME].value == pytest.approx(0.75)
+
+
+def test_json_holds_every_metric_of_every_line_and_no_nan():
+    def forbidden(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    table = pd.DataFrame(rows(coupler_peak=np.nan) + rows(rule="qp", seeds=1))
+    content = json.loads(to_json(summarise(table), {"seeds": [0]}), parse_constant=forbidden)
+    assert set(METRICS) <= set(content["metrics"])
+    for row in content["rows"]:
+        assert set(METRICS) <= set(row["metrics"])
+    assert content["rows"][0]["metrics"]["coupler_peak"] == {"mean": None, "half_width": None}
+    assert content["rows"][1]["metrics"]["damage"] == {"mean": 0.5, "half_width": None}
+    assert content["metrics"]["damage"]["unit"] == "kJ"
+
+
+@pytest.mark.parametrize("width", [95, 120, 170])
+def test_a_table_fits_the_terminal(width):
+    large = {"energy": 123.4, "telegrams": 1200.0, "damage": 98765.0, "coupler_peak": 1234.0}
+    table = pd.DataFrame(rows(rule="greedy-claim", controller="cut-and-ramp", seeds=1, **large))
+    text = render(table, width)
+    assert all(len(line.rstrip()) <= width for line in text.splitlines())
+    assert "…" not in text
+    assert ("not shown for want of width: telegrams" in text) == (width < 170)
+    assert "98765" in text
+
+
+def test_a_line_is_named_once_per_rule_and_shows_its_interval():
+    text = render(pd.DataFrame(rows(damage=[1.0, 2.0, 3.0]) + rows(controller="mpc")), 170)
+    assert text.count("exact") == 1
+    assert "2 ±2" in text
+    assert "a [strange] title" in text
+
+
+def test_failures_are_shown_with_their_reason():
+    some = rows(rule="exact", status=["ok", "failed", "ok"], reason=["", "lost [its] way", ""])
+    every = rows(rule="qp", status="failed", reason="no solver", seeds=1)
+    text = render(pd.DataFrame(some + every), 170)
+    assert "exact, none: 1 of 3 runs failed: lost [its] way" in text
+    assert "qp, none: 1 of 1 runs failed: no solver" in text
+    assert "failed" in next(line for line in text.splitlines() if line.strip().startswith("qp"))
+
+
+def test_columns_that_apply_to_nothing_are_left_out():
+    rigid = pd.DataFrame(rows(coupler_peak=np.nan, controller_median=0.0))
+    text = render(rigid, 170)
+    assert "coupler" not in text
+    assert "control" not in text.replace("controller", "")

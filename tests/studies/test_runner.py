@@ -1,0 +1,160 @@
+"""The grid: in parallel as in a row, resumed as begun, and nothing lost on the way."""
+
+import numpy as np
+import pytest
+
+import studies.job
+import studies.runner
+from alloc.metrics import METRICS
+from alloc.recording import load
+from studies.controllers import HOSTED
+from studies.errors import StudyError
+from studies.job import Job, run_job, simulate_job
+from studies.runner import Grid, run_grid
+from studies.store import Store
+
+MEASURED = ("rule_time", "controller_median", "controller_p99")
+"""Metrics that are wall times; all others follow from the event alone."""
+
+
+@pytest.fixture
+def grid(short):
+    return Grid((short,), ("alone", "exact"), ("none", "cut-and-ramp"), (0, 1))
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    """Labels of the cells that are run in this process."""
+    labels: list[str] = []
+
+    def counted(job, *rest):
+        labels.append(job.key.label)
+        return run_job(job, *rest)
+
+    monkeypatch.setattr(studies.runner, "run_job", counted)
+    return labels
+
+
+def broken_controller(context):
+    raise RuntimeError("no\nbattery")
+
+
+def numbers(table):
+    return table[[name for name in METRICS if name not in MEASURED]].to_numpy(dtype=float)
+
+
+def test_in_parallel_the_numbers_are_the_same(grid, tmp_path):
+    serial = run_grid(grid, Store(tmp_path / "serial"), jobs=1)
+    parallel = run_grid(grid, Store(tmp_path / "parallel"), jobs=2)
+    assert (serial["status"] == "ok").all()
+    assert serial[["rule", "controller", "seed"]].equals(parallel[["rule", "controller", "seed"]])
+    np.testing.assert_array_equal(numbers(serial), numbers(parallel))
+
+
+def test_what_differs_in_rule_or_controller_alone_meets_the_same_event(short):
+    hashes = {
+        simulate_job(Job(short, rule, controller, 1), {}).attrs["event_hash"]
+        for rule, controller in (("alone", "none"), ("exact", "cut-and-ramp"))
+    }
+    other = simulate_job(Job(short, "alone", "none", 2), {}).attrs["event_hash"]
+    assert len(hashes) == 1
+    assert other not in hashes
+
+
+def test_every_cell_runs_once_in_the_order_of_the_grid(short):
+    other = short.changed(name="other")
+    grid = Grid((short, other), ("exact", "alone"), ("none",), (0, 1), ((short, "exact", "mpc"),))
+    labels = [job.key.label for job in grid.jobs()]
+    assert labels == [
+        "short/exact/none/0", "short/exact/none/1", "short/exact/mpc/0", "short/exact/mpc/1",
+        "short/alone/none/0", "short/alone/none/1",
+        "other/exact/none/0", "other/exact/none/1", "other/alone/none/0", "other/alone/none/1",
+    ]  # fmt: skip
+
+
+def test_two_scenarios_of_one_name_are_refused(short):
+    with pytest.raises(StudyError, match="two different scenarios are named 'short'"):
+        Grid((short, short.changed(duration_s=1.0)), ("exact",), ("none",), (0,)).jobs()
+
+
+def test_rows_that_exist_are_not_run_again(grid, tmp_path, runs):
+    first = run_grid(grid, Store(tmp_path))
+    assert len(runs) == 8
+    second = run_grid(grid, Store(tmp_path))
+    assert len(runs) == 8
+    np.testing.assert_array_equal(numbers(first), numbers(second))
+
+
+def test_only_what_is_new_is_run(short, tmp_path, runs):
+    run_grid(Grid((short,), ("alone",), ("none",), (0,)), Store(tmp_path))
+    run_grid(Grid((short,), ("alone", "exact"), ("none",), (0,)), Store(tmp_path))
+    changed = short.changed(duration_s=1.0)
+    run_grid(Grid((changed,), ("alone",), ("none",), (0,)), Store(tmp_path))
+    assert runs == ["short/alone/none/0", "short/exact/none/0", "short/alone/none/0"]
+
+
+def test_rows_of_other_code_do_not_count(short, tmp_path, runs, monkeypatch):
+    grid = Grid((short,), ("alone",), ("none",), (0,))
+    run_grid(grid, Store(tmp_path))
+    monkeypatch.setattr(studies.job, "code_hash", lambda: "other code")
+    assert len(run_grid(grid, Store(tmp_path))) == 1
+    assert len(runs) == 2
+    assert len(Store(tmp_path).read()) == 2
+
+
+def test_a_worker_with_other_code_refuses(short):
+    outcome = run_job(Job(short, "alone", "none", 0), code="older code")
+    assert outcome.row["status"] == "failed"
+    assert "the sources changed while the study ran" in outcome.row["reason"]
+    assert outcome.key.code_hash == "older code"
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_interrupt_keeps_what_is_finished(grid, tmp_path, jobs):
+    def interrupt(label, done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_grid(grid, Store(tmp_path), jobs=jobs, on_row=interrupt)
+    assert len(Store(tmp_path).keys()) == 3
+    steps = []
+    table = run_grid(grid, Store(tmp_path), on_row=lambda *step: steps.append(step[1:]))
+    assert steps == [(3, 8), (4, 8), (5, 8), (6, 8), (7, 8), (8, 8)]
+    assert (table["status"] == "ok").all()
+
+
+def test_a_failed_cell_becomes_a_row_with_its_reason_and_the_rest_goes_on(
+    short, tmp_path, runs, monkeypatch
+):
+    monkeypatch.setitem(HOSTED, "mpc", lambda: broken_controller)
+    grid = Grid((short,), ("alone",), ("mpc", "none"), (0,))
+    table = run_grid(grid, Store(tmp_path), keep=["*"])
+    assert table["status"].tolist() == ["failed", "ok"]
+    assert table.loc[0, "reason"] == "RuntimeError at broken_controller: no battery"
+    run_grid(grid, Store(tmp_path), keep=["*"])
+    assert len(runs) == 2
+    monkeypatch.setitem(HOSTED, "mpc", lambda: lambda context: AlwaysIdle())
+    mended = run_grid(grid, Store(tmp_path), retry_failed=True)
+    assert mended["status"].tolist() == ["ok", "ok"]
+    assert len(runs) == 3
+
+
+class AlwaysIdle:
+    def decide(self, sense):
+        from alloc.onboard.host import TorqueDecision
+
+        return TorqueDecision(0.0, True, "ok", 1e-4)
+
+
+def test_runs_that_are_to_be_kept_are_recorded_even_if_their_row_exists(short, tmp_path):
+    grid = Grid((short,), ("alone", "exact"), ("none",), (0,))
+    store = Store(tmp_path)
+    run_grid(grid, store)
+    run_grid(grid, store, keep=["short/exact/*/0"])
+    kept = [job for job in grid.jobs() if store.run_path(job.key).exists()]
+    assert [job.rule for job in kept] == ["exact"]
+    run = load(store.run_path(kept[0].key))
+    assert run.identical(
+        simulate_job(kept[0], {}).assign_attrs(wall_time_s=run.attrs["wall_time_s"])
+    )

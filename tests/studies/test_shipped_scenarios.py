@@ -1,0 +1,139 @@
+"""Every shipped scenario does what it is there for: something slips, and it meets the case that it states."""
+
+import numpy as np
+import pytest
+
+from alloc.simulation import simulate
+from studies.scenario import load_scenario, shipped_scenarios
+
+REQUIRED = {
+    "wet-start", "very-low-adhesion", "wet-patch", "falling-adhesion", "gradient-start",
+    "uneven-load", "failed-unit", "wrong-increments",
+}  # fmt: skip
+CASE_NUMBER = {"A": 1, "B": 2}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Run of each scenario under a rule, with the standard controller; each is made once."""
+    made = {}
+
+    def run(name, rule="greedy", controller="cut-and-ramp"):
+        key = (name, rule, controller)
+        if key not in made:
+            made[key] = simulate(load_scenario(name).event(), rule, controller)
+        return made[key]
+
+    return run
+
+
+def test_the_events_of_the_study_are_there():
+    assert set(shipped_scenarios()) >= REQUIRED
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_a_scenario_says_what_it_is_for(name):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert len(scenario.title) > 10
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_wheels_slip_and_the_rule_is_asked(name, runs):
+    run = runs(name)
+    assert run.attrs["detections"] > 0
+    assert run.attrs["rule_calls"] > 0
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_the_train_gets_to_its_speed_under_the_reference_rule(name, runs):
+    run = runs(name)
+    assert run["speed"].values[-1] >= run.attrs["target_speed"]
+
+
+@pytest.mark.parametrize("name", [n for n in shipped_scenarios() if load_scenario(n).case])
+def test_the_stated_case_is_met_at_every_allocation(name, runs):
+    case = runs(name)["case"].values
+    allocated = case[case > 0.0]
+    assert allocated.size
+    # a scenario of case B may start with a detection while adhesion is still building up
+    share = np.mean(allocated == CASE_NUMBER[load_scenario(name).case])
+    assert share > 0.9
+
+
+def test_where_the_plan_is_attainable_redistribution_attains_it(runs):
+    shortfall = {}
+    for rule in ("alone", "greedy", "oracle"):
+        run = runs("wet-start", rule)
+        asked = run["driver_command"].values
+        shortfall[rule] = 1.0 - run["acceleration"].values.sum() / asked.sum()
+    # of what the units alone lose against the best that can be had, the reference regains most
+    regained = (shortfall["alone"] - shortfall["greedy"]) / (
+        shortfall["alone"] - shortfall["oracle"]
+    )
+    assert regained > 0.5
+
+
+def test_a_wet_patch_is_met_by_car_after_car(runs):
+    run = runs("wet-patch", "alone", "none")
+    limit = run["adhesion_limit"].values
+    time = run["time"].values
+    driven = np.flatnonzero(run["axle_unit"].values >= 0)
+    met = np.array([time[np.argmax(limit[:, i] < 0.8 * limit[0, i])] for i in driven])
+    assert (met > 0.0).all()
+    assert (np.diff(met) > 0.0).all()
+    slipping = run["slipping"].values.astype(bool)
+    first = [time[np.argmax(slipping[:, j])] for j in range(run.sizes["unit"])]
+    assert slipping.any(axis=0).all()
+    assert (np.diff(first) > 0.0).all()
+
+
+def test_adhesion_falls_with_time_everywhere_at_once_and_comes_back(runs):
+    run = runs("falling-adhesion")
+    limit = run["adhesion_limit"].sel(time=[3.0, 10.0, 18.0], method="nearest").values
+    assert (limit[1] < 0.75 * limit[0]).all()
+    assert limit[2] == pytest.approx(limit[0])
+
+
+def test_the_failed_unit_stops_pulling_and_the_next_one_leads(runs):
+    run = runs("failed-unit")
+    late = run.sel(time=slice(8.0, None))
+    assert np.abs(late["motor_torque"].values[:, 0]).max() < 1.0
+    assert late["motor_torque"].values[-1, 1:].min() > 100.0
+    assert late["case"].values.max() > 0.0
+
+
+def test_wrong_increments_make_the_rear_slip_and_right_ones_do_not(runs):
+    wrong = runs("wrong-increments")
+    scenario = load_scenario("wrong-increments")
+    right = simulate(scenario.changed(belief={}).event(), "greedy", "cut-and-ramp")
+    rear = wrong["axle_unit"].values == wrong.sizes["unit"] - 1
+
+    def slipping(run):
+        beyond = run["slip_velocity"].values > 2.0 * run["peak_slip"].values
+        return beyond[:, rear].sum()
+
+    assert slipping(wrong) > 5 * max(slipping(right), 1)
+
+
+def test_the_gradient_is_climbed(runs):
+    run = runs("gradient-start")
+    position = run["position"].values
+    climbed = 0.020 * (position[-1] - position[0])
+    energy = run.attrs["train_mass"] * 9.81 * climbed
+    assert run["resistance_work"].values[-1] > energy
+
+
+def test_draft_gear_is_stretched_in_the_freight_train(runs):
+    assert np.abs(runs("freight-start")["coupler_force"].values).max() > 1e4
+
+
+def test_loads_are_uneven(runs):
+    load = runs("uneven-load")["unit_static_load"].values
+    assert load[-1] > 1.2 * load[0]
+
+
+def test_seeds_differ_where_adhesion_scatters():
+    scenario = load_scenario("scattered-rail")
+    peaks = [simulate(scenario.event(seed), "alone")["adhesion_limit"].values for seed in (0, 1)]
+    assert not np.allclose(*peaks)
