@@ -1,0 +1,128 @@
+"""Figures of the papers and of the comparison: one module each, data in, figure out."""
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from studies.store import Store
+
+
+class FigureEntry(NamedTuple):
+    """A figure: module of this package with a function ``figure(source) -> Figure``, and what it shows."""
+
+    module: str
+    description: str
+    of_comparison: bool = False
+    """Whether it shows the rows of a comparison, and is drawn with one."""
+
+
+FIGURES: dict[str, FigureEntry] = {
+    "adhesion-curve": FigureEntry(
+        "adhesion_curve",
+        "adhesion curves with regions and peak (JP5484215 Fig. 17, readhesion paper Fig. 1)",
+    ),
+    "allocation-bars": FigureEntry(
+        "allocation_bars", "limits of all rules for high and low adhesion (JP5484215 Fig. 6 a, b)"
+    ),
+    "slip-event": FigureEntry(
+        "slip_event", "one slip event over time: speeds, slip, torque and limit per car"
+    ),
+    "rule-comparison": FigureEntry(
+        "rule_comparison", "rules over all events: effort, adhesion used, damage, jerk", True
+    ),
+    "utilisation-damage": FigureEntry(
+        "utilisation_damage", "adhesion used against wheel damage, event by event", True
+    ),
+}
+"""Every figure by name."""
+
+
+def draw_figures(
+    names: Sequence[str],
+    out: str | Path,
+    results: str | Path,
+    jobs: int = 1,
+    on_row: "Callable[[str, int, int], None] | None" = None,
+) -> list[Path]:
+    """Draw figures by name into `out` as PDF and PNG; returns the files.
+
+    What `results` lacks is run first, in `jobs` processes.
+    """
+    from paper_figs.source import Source
+
+    source = Source.of_folder(results, jobs, on_row)
+    written = []
+    for name in names:
+        figure = import_module(f"paper_figs.{FIGURES[name].module}").figure(source)
+        written += save_figure(figure, Path(out) / name)
+    return written
+
+
+def comparison_figures(table: "pd.DataFrame", store: "Store", out: str | Path) -> list[str]:
+    """Draw the figures of a comparison from its `table` into `out`; returns their names (none if every row failed)."""
+    from paper_figs.source import Source
+
+    source = Source(store, table)
+    if source.table.empty:
+        return []
+    names = [name for name, entry in FIGURES.items() if entry.of_comparison]
+    for name in names:
+        figure = import_module(f"paper_figs.{FIGURES[name].module}").figure(source)
+        save_figure(figure, Path(out) / name)
+    return names
+
+
+def draw_run(run: "xr.Dataset", path: str | Path) -> None:
+    """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
+    import matplotlib as mpl
+
+    from paper_figs.slip_event import draw
+    from paper_figs.style import STYLE_FILE
+    from studies.errors import StudyError
+
+    figure = draw([run])
+    try:
+        with mpl.rc_context(fname=STYLE_FILE):
+            figure.savefig(path)
+    except ValueError as error:
+        raise StudyError(f"figure {str(path)!r}: {error}") from None
+
+
+def save_figure(figure: "Figure", path: Path) -> list[Path]:
+    """Write a figure as `path`.pdf and `path`.png, without the date so that equal figures are equal files."""
+    import matplotlib as mpl
+
+    from paper_figs.style import STYLE_FILE
+    from studies.errors import StudyError
+
+    files = [path.with_name(path.name + ending) for ending in (".pdf", ".png")]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with mpl.rc_context(fname=STYLE_FILE):
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # laid out once: both files are the same to the point
+            figure.savefig(files[0], metadata={"CreationDate": None})
+            figure.savefig(files[1])
+    except OSError as error:
+        raise StudyError(
+            f"figure folder {str(path.parent)!r} cannot be written: {error.strerror}; choose another with --out"
+        ) from None
+    return files
+
+
+__all__ = [
+    "FIGURES",
+    "FigureEntry",
+    "comparison_figures",
+    "draw_figures",
+    "draw_run",
+    "save_figure",
+]

@@ -1,0 +1,199 @@
+"""Figures show what was computed, on axes that say what and in which unit, and look alike."""
+
+import re
+from importlib import import_module
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from alloc.plant.adhesion import PiecewiseCurve
+from alloc.rules import RULES
+from paper_figs import (
+    FIGURES,
+    adhesion_curve,
+    allocation_bars,
+    comparison_figures,
+    draw_run,
+    rule_comparison,
+    save_figure,
+    slip_event,
+    utilisation_damage,
+)
+from paper_figs.style import CONTROLLER_FILL, RULE_COLOURS, RULE_MARKERS, STYLE_FILE, rule_colour
+from studies.controllers import controller_names
+from studies.errors import StudyError
+from studies.job import Job, simulate_job
+from studies.report import summarise
+from studies.scenario import load_scenario
+
+UNIT = re.compile(r"\[(–|%|s|m/s|m/s³|km/h|N m|kJ)\]$")
+COUNTED = {"unit", "traction unit (1 = foremost)"}
+"""Labels of axes that count things, which have no unit."""
+
+
+@pytest.fixture(scope="module")
+def runs():
+    scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
+    return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0), {}) for rule in ("alone", "exact")]
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs) -> dict[str, Figure]:
+    """Every figure, from small runs."""
+    return {
+        "adhesion-curve": adhesion_curve.draw(),
+        "allocation-bars": allocation_bars.draw(tuple(RULES)),
+        "slip-event": slip_event.draw(runs),
+        "rule-comparison": rule_comparison.draw(source.table),
+        "utilisation-damage": utilisation_damage.draw(source.table),
+    }
+
+
+def lines_of(axes):
+    """Lines that carry data; error bars have theirs among them."""
+    return [line for line in axes.get_lines() if len(line.get_xdata()) > 0]
+
+
+def test_every_figure_is_drawn(drawn):
+    assert list(drawn) == list(FIGURES)
+
+
+def test_every_figure_of_the_register_has_its_function():
+    for entry in FIGURES.values():
+        assert callable(import_module(f"paper_figs.{entry.module}").figure)
+        assert len(entry.description) > 20
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_axes_carry_quantity_and_unit(drawn, name):
+    labels = [
+        label
+        for axes in drawn[name].axes
+        if axes.get_visible()
+        for label in (axes.get_xlabel(), axes.get_ylabel())
+        if label
+    ]
+    assert len(labels) >= 2
+    for label in labels:
+        assert UNIT.search(label) or label in COUNTED, label
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_fits_a_page_and_nothing_is_cut_off(drawn, name):
+    figure = drawn[name]
+    width, height = figure.get_size_inches()
+    assert width <= 7.2
+    assert height <= 10.0
+    with mpl.rc_context(fname=STYLE_FILE):  # as files are written
+        figure.draw_without_rendering()
+        whole = figure.get_tightbbox()
+    assert min(whole.x0, whole.y0) >= -0.01
+    assert whole.x1 <= width + 0.01
+    assert whole.y1 <= height + 0.01
+    notes = [text for axes in figure.axes for text in axes.texts]  # some stand outside the layout
+    for box in (note.get_window_extent() for note in notes):
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, tmp_path):
+    pdf, png = save_figure(drawn[name], tmp_path / name)
+    assert pdf.read_bytes().startswith(b"%PDF")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    again = save_figure(drawn[name], tmp_path / "again" / name)
+    assert pdf.read_bytes() == again[0].read_bytes()
+
+
+def test_every_rule_and_controller_has_a_look_of_its_own():
+    assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
+    assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
+    assert set(CONTROLLER_FILL) == set(controller_names())
+    assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
+
+
+def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
+    rules = list(dict.fromkeys(source.table["rule"]))
+    for name in ("rule-comparison", "utilisation-damage"):
+        shown = {to_hex(line.get_color()) for axes in drawn[name].axes for line in lines_of(axes)}
+        assert {rule_colour(rule) for rule in rules} <= shown
+        (legend,) = drawn[name].legends
+        of_label = {
+            text.get_text(): to_hex(handle.get_color())
+            for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+        }
+        assert {rule: of_label[rule] for rule in rules} == {r: rule_colour(r) for r in rules}
+    columns = drawn["allocation-bars"].axes[: len(RULES)]
+    for rule, axes in zip(RULES, columns, strict=True):
+        assert axes.get_title() == rule
+        assert to_hex(axes.patches[0].get_facecolor()) == rule_colour(rule)
+    titles = drawn["slip-event"].axes[:2]
+    assert [to_hex(axes.title.get_color()) for axes in titles] == ["#000000", "#000000"]
+    left = [axes._left_title for axes in titles]
+    assert [to_hex(t.get_color()) for t in left] == [rule_colour("alone"), rule_colour("exact")]
+
+
+def test_the_curve_drawn_is_the_plants(drawn):
+    curve, left = PiecewiseCurve(), drawn["adhesion-curve"].axes[0]
+    for line in left.get_lines()[:3]:
+        slip, mu = line.get_xdata(), line.get_ydata()
+        np.testing.assert_allclose(mu, curve.coefficient(np.asarray(slip), adhesion_curve.PEAK))
+    peak, top = curve.limit(adhesion_curve.PEAK)
+    marked = left.get_lines()[3]
+    assert (marked.get_xdata()[0], marked.get_ydata()[0]) == (float(top), float(peak))
+
+
+def test_the_bars_are_the_rules_answers(drawn):
+    for k, rule in enumerate(RULES):
+        for row, found in enumerate((allocation_bars.HIGH, allocation_bars.LOW)):
+            axes = drawn["allocation-bars"].axes[row * len(RULES) + k]
+            heights = [bar.get_height() for bar in axes.patches[: allocation_bars.UNITS]]
+            np.testing.assert_allclose(heights, allocation_bars.allocate(rule, found).limit)
+
+
+def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
+    assert allocation_bars.allocate("exact", allocation_bars.HIGH).case == "B"
+    assert allocation_bars.allocate("exact", allocation_bars.LOW).case == "A"
+
+
+def test_the_event_shows_the_recorded_run(drawn, runs):
+    axes = np.array(drawn["slip-event"].axes[:8]).reshape(4, 2)
+    for column, run in enumerate(runs):
+        for unit, line in enumerate(lines_of(axes[2, column])):
+            np.testing.assert_array_equal(line.get_ydata(), run["motor_torque"].values[:, unit])
+        train = next(line for line in lines_of(axes[0, column]) if line.get_label() == "train")
+        np.testing.assert_allclose(train.get_ydata(), 3.6 * run["speed"].values)
+
+
+def test_the_comparison_shows_the_means_of_the_table(drawn, source):
+    axes = drawn["rule-comparison"].axes[2]
+    shown = {round(float(line.get_xdata()[0]), 6) for line in lines_of(axes)}
+    means = {round(line.metrics["damage"].value, 6) for line in summarise(source.table)}
+    assert means <= shown
+
+
+def test_a_comparisons_figures_are_drawn_with_it(source, tmp_path):
+    names = comparison_figures(source.table, source.store, tmp_path)
+    assert names == [name for name, entry in FIGURES.items() if entry.of_comparison]
+    assert {path.stem for path in tmp_path.iterdir()} == set(names)
+
+
+def test_a_comparison_in_which_all_failed_has_no_figures(source, tmp_path):
+    failed = source.table.assign(status="failed")
+    assert comparison_figures(failed, source.store, tmp_path) == []
+
+
+def test_one_run_is_drawn_alone(runs, tmp_path):
+    draw_run(runs[0], tmp_path / "run.svg")
+    assert "<svg" in (tmp_path / "run.svg").read_text()
+    with pytest.raises(StudyError, match="'xyz' is not supported"):
+        draw_run(runs[0], tmp_path / "run.xyz")
+
+
+def test_a_folder_that_cannot_be_written_is_refused(drawn, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="cannot be written"):
+        save_figure(drawn["adhesion-curve"], tmp_path / "file" / "figure")
