@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.onboard import computer as oc
+from alloc.onboard import memory as om
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import coupler_damper_force, coupler_spring_force, coupler_stretch
 from alloc.plant.model import Layout, Model
@@ -39,7 +39,9 @@ VARIABLES: dict[str, Variable] = {
     "acceleration": Variable(("time",), "m s-2", "mean acceleration of the train"),
     "driver_command": Variable(("time",), "m s-2", "acceleration asked for on level track"),
     "expected": Variable(("time",), "1", "coefficient that the plan needs of every unit"),
-    "reference_speed": Variable(("time",), "m s-1", "reference speed on board"),
+    "reference_speed": Variable(
+        ("time",), "m s-1", "reference speed of the foremost traction unit"
+    ),
     "case": Variable(("time",), "1", "case of the allocation: 0 none, 1 A, 2 B"),
     "level": Variable(("time",), "1", "level of the last allocation"),
     "car_speed": Variable(("time", "car"), "m s-1", "speed of the car"),
@@ -172,12 +174,12 @@ def to_dataset(
         "train": model.train.name,
         "train_mass": model.train.mass,
         "train_rotating_mass": model.train.rotating_mass,
-        "detections": int(counter[oc.DETECTIONS]),
-        "unit_detections": int(counter[oc.UNIT_DETECTIONS]),
-        "telegrams_sent": int(counter[oc.TELEGRAMS]),
-        "telegrams_lost": int(counter[oc.LOST]),
-        "fallbacks": int(counter[oc.FALLBACKS]),
-        "rule_calls": int(counter[oc.RULE_CALLS]),
+        "detections": int(counter[om.DETECTIONS]),
+        "unit_detections": int(counter[om.UNIT_DETECTIONS]),
+        "telegrams_sent": int(counter[om.TELEGRAMS]),
+        "telegrams_lost": int(counter[om.LOST]),
+        "fallbacks": int(counter[om.FALLBACKS]),
+        "rule_calls": int(counter[om.RULE_CALLS]),
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,
         "controller_calls": tally.controller_calls,

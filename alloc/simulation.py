@@ -14,25 +14,32 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
-from alloc.onboard import computer as oc
-from alloc.onboard.host import HostController, HostControllerFactory, UnitContext, UnitSense
+from alloc.onboard import memory as om
+from alloc.onboard.distribution import distribute, prepare_allocation
+from alloc.onboard.equipment import Equipment, equipment
+from alloc.onboard.host import HostController, HostControllerFactory, UnitSense, unit_contexts
 from alloc.onboard.parameters import Onboard, OnboardError
+from alloc.onboard.sensing import sense
+from alloc.onboard.torque import control, cut_and_ramp_unit, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion import adhesion_limit
-from alloc.plant.equations import GRAVITY
 from alloc.plant.model import Floats, Model
 from alloc.recording import Record, Tally, to_dataset
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
 from alloc.rules.kernels import allocate_compiled
 
 CONTROLLERS: dict[str, int] = {
-    "none": oc.CONTROLLER_NONE,
-    "cut-and-ramp": oc.CONTROLLER_CUT_AND_RAMP,
+    "none": om.CONTROLLER_NONE,
+    "cut-and-ramp": om.CONTROLLER_CUT_AND_RAMP,
 }
 """Built-in readhesion controllers; others come as host controllers."""
 
 REPORT_DELAY = 0.1
 """Time [s] after which the train knows that a unit has failed."""
+
+STABLE_SHARE = 0.97
+"""Share of the true adhesion that the oracle's units may use. At the very peak a torque is not held: any change of the
+rail between two telegrams carries the slip over it."""
 
 NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
 PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
@@ -100,7 +107,7 @@ class Event:
 
 @jit
 def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
-    """True adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first."""
+    """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
     compiled.peak_field(s, e, layout, time, state, cleaning, w, w.peak)
     truth[:] = np.inf
     for i in range(layout.axles):
@@ -108,11 +115,11 @@ def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
         if j >= 0:
             v = state[layout.bodies + s.axle_body[i], 0]
             limit, _ = adhesion_limit(e.curve_kind, e.curve, w.peak[i, 0], v)
-            truth[j] = min(truth[j], limit)
+            truth[j] = min(truth[j], STABLE_SHARE * limit)
 
 
 @jit
-def _write_record(s, e, layout, time, state, inputs, w, m, commanded, k, r):
+def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
     compiled.derivative(
         s,
         e,
@@ -135,11 +142,11 @@ def _write_record(s, e, layout, time, state, inputs, w, m, commanded, k, r):
     r.limit[k] = m.limit
     r.estimate[k] = m.estimate
     r.slipping[k] = m.slipping
-    r.train[k, 0] = m.held[oc.HELD_CASE]
-    r.train[k, 1] = m.held[oc.HELD_LEVEL]
+    r.train[k, 0] = m.held[om.HELD_CASE]
+    r.train[k, 1] = m.held[om.HELD_LEVEL]
     r.train[k, 2] = commanded
-    r.train[k, 3] = m.reference[0]
-    r.train[k, 4] = m.held[oc.HELD_EXPECTED]
+    r.train[k, 3] = m.reference[eq.unit_body[int(m.held[om.HELD_FIRST])]]
+    r.train[k, 4] = m.held[om.HELD_EXPECTED]
 
 
 @jit
@@ -158,35 +165,35 @@ def _run(
                 m.in_service[j] = time < e.failure_time[j, 0] + REPORT_DELAY
             first = 2 * layout.bodies
             torque = first + layout.axles
-            oc.sense(
+            sense(
                 eq, st, m, time, a,
                 state[first : first + layout.axles, 0], state[torque : torque + units, 0],
                 noise[tick if noisy else 0],
             )  # fmt: skip
-            needed = oc.prepare_allocation(eq, st, m, time, tick, a)
+            needed = prepare_allocation(eq, st, m, time, tick, a)
             if needed and st.needs_truth:
                 _true_limits(s, e, layout, eq, time, state, inputs.cleaning, w, m.truth)
             progress[1] = PHASE_DISTRIBUTE
             if needed:
-                m.counter[oc.RULE_CALLS] += 1
+                m.counter[om.RULE_CALLS] += 1
                 if st.rule < 0:
                     return NEEDS_ALLOCATION
-                m.held[oc.HELD_LEVEL], m.held[oc.HELD_CASE] = allocate_compiled(
-                    st.rule, m.cap, m.held[oc.HELD_EXPECTED], eq.mass, m.limit_max, m.limit_wanted,
+                m.held[om.HELD_LEVEL], m.held[om.HELD_CASE] = allocate_compiled(
+                    st.rule, m.cap, m.held[om.HELD_EXPECTED], eq.mass, m.limit_max, m.limit_wanted,
                     m.delivered, m.truth, st.rule_parameters, m.limit_wanted,
                 )  # fmt: skip
         if progress[1] == PHASE_DISTRIBUTE:
             row = (tick // st.telegram_ticks) % draws.shape[1]
-            oc.distribute(eq, st, m, time, tick, draws[0, row], draws[1, row], loss)
-            oc.set_targets(eq, st, m, a)
+            distribute(eq, st, m, time, tick, draws[0, row], draws[1, row], loss)
+            set_targets(eq, st, m, a)
             progress[1] = PHASE_ADVANCE
-            if st.controller == oc.CONTROLLER_HOST:
+            if st.controller == om.CONTROLLER_HOST:
                 return NEEDS_CONTROL
-            oc.control(eq, st, m, a)
+            control(eq, st, m, a)
         for j in range(units):
             inputs.torque_command[j, 0] = m.command[j]
         if tick % record_ticks == 0:
-            _write_record(s, e, layout, time, state, inputs, w, m, a, tick // record_ticks, r)
+            _write_record(s, e, layout, eq, time, state, inputs, w, m, a, tick // record_ticks, r)
         compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
         progress[0] += 1
         progress[1] = PHASE_SENSE
@@ -194,11 +201,11 @@ def _run(
 
 
 def _allocate_in_python(
-    rule: Rule, eq: oc.Equipment, m: oc.Memory, onboard: Onboard, tally: Tally
+    rule: Rule, eq: Equipment, m: om.Memory, onboard: Onboard, tally: Tally
 ) -> None:
     problem = AllocationProblem(
         cap=m.cap.copy(),
-        expected=float(m.held[oc.HELD_EXPECTED]),
+        expected=float(m.held[om.HELD_EXPECTED]),
         mass=eq.mass,
         limit_max=m.limit_max.copy(),
         previous=m.limit_wanted.copy(),
@@ -208,8 +215,8 @@ def _allocate_in_python(
     )
     answer: Allocation = rule(problem)
     m.limit_wanted[:] = answer.limit
-    m.held[oc.HELD_LEVEL] = answer.level
-    m.held[oc.HELD_CASE] = {"none": 0.0, "A": 1.0, "B": 2.0}[answer.case]
+    m.held[om.HELD_LEVEL] = answer.level
+    m.held[om.HELD_CASE] = {"none": 0.0, "A": 1.0, "B": 2.0}[answer.case]
     tally.rule_time += answer.solve_time
     if answer.status != "ok":
         tally.rule_failures += 1
@@ -217,18 +224,18 @@ def _allocate_in_python(
 
 
 def _control_in_python(
-    hosts: list[HostController], eq: oc.Equipment, st: oc.Settings, m: oc.Memory,
+    hosts: list[HostController], eq: Equipment, st: om.Settings, m: om.Memory,
     time: float, commanded: float, torque: Floats, tally: Tally,
 ) -> None:  # fmt: skip
     # the built-in controller runs along, so that it is in step wherever a host controller gives up
     for j, host in enumerate(hosts):
         previous = m.command[j]
-        oc.cut_and_ramp_unit(eq, st, m, j, commanded)
+        cut_and_ramp_unit(eq, st, m, j, commanded)
         fallback = m.command[j]
         m.command[j] = previous
-        sense = UnitSense(
+        reading = UnitSense(
             time=time,
-            speed=float(m.reference[0]),
+            speed=float(m.reference[eq.unit_body[j]]),
             omega=m.axle_omega[eq.axle_unit == j],
             torque=float(torque[j]),
             target=float(m.target[j]),
@@ -237,7 +244,7 @@ def _control_in_python(
             coefficient=float(m.estimate[j]),
             slipping=bool(m.slipping[j]),
         )
-        decision = host.decide(sense)
+        decision = host.decide(reading)
         tally.controller_calls += 1
         tally.controller_time += decision.solve_time
         tally.controller_times.append(decision.solve_time)
@@ -247,26 +254,6 @@ def _control_in_python(
             tally.controller_failures += 1
             tally.note(f"controller: {decision.status}")
             m.command[j] = fallback
-
-
-def _contexts(model: Model, eq: oc.Equipment, onboard: Onboard) -> list[UnitContext]:
-    mass = model.train.mass
-    weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
-    return [
-        UnitContext(
-            unit=j,
-            axles=int(eq.axles[j]),
-            radius=float(eq.radius[j]),
-            inertia=float(eq.inertia[j]),
-            gear_ratio=float(eq.gear[j]),
-            axle_load=float((eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY),
-            mass=float(mass * weight[j] / weight.sum()),
-            torque_lag=float(model.structure.unit_lag[j]),
-            curve=onboard.belief.curve,
-            period=onboard.period,
-        )
-        for j in range(eq.axles.size)
-    ]
 
 
 def simulate(
@@ -292,15 +279,15 @@ def simulate(
     chosen = find_rule(rule) if isinstance(rule, str) else rule
     onboard, model = event.onboard, event.model
     s, e, layout = model.structure, model.environment, compiled.rows(model.layout)
-    eq = oc.equipment(model, onboard)
+    eq = equipment(model, onboard)
     hosted = controller not in CONTROLLERS
     compiled_rule = chosen.compiled_id if onboard.limit_rate is None else None
-    st = oc.settings(
+    st = om.settings(
         onboard,
         -1 if compiled_rule is None else compiled_rule,
-        oc.ALLOCATE_PERIODICALLY if chosen.periodic else oc.ALLOCATE_ON_SLIP,
+        om.ALLOCATE_PERIODICALLY if chosen.periodic else om.ALLOCATE_ON_SLIP,
         chosen.needs_truth,
-        oc.CONTROLLER_HOST if hosted else CONTROLLERS[controller],
+        om.CONTROLLER_HOST if hosted else CONTROLLERS[controller],
         np.asarray(chosen.parameters, dtype=float),
     )
     period = onboard.period
@@ -310,7 +297,7 @@ def simulate(
     step = period / steps
     record_ticks = max(1, round(event.record_period / period))
     commanded = event.command.sampled(period * np.arange(ticks, dtype=np.float64))
-    m = oc.memory(eq, event.initial_speed, abs(float(commanded[0])) * eq.planned_share)
+    m = om.memory(eq, event.initial_speed, abs(float(commanded[0])) * eq.planned_share)
     state = model.initial_state(event.initial_speed, event.initial_position)
     inputs, w = model.zero_inputs(), compiled.workspace(model, step)
     noise, draws = _draws(onboard, ticks, model.layout.axles, model.layout.units, st.telegram_ticks)
@@ -318,7 +305,7 @@ def simulate(
     record = Record.allocate(records, model.layout)
     tally = Tally()
     hosts = (
-        [host_factories[controller](context) for context in _contexts(model, eq, onboard)]
+        [host_factories[controller](context) for context in unit_contexts(model, eq, onboard)]
         if hosted
         else []
     )

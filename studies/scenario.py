@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from alloc.onboard import OnboardError
-from alloc.onboard.computer import equipment
+from alloc.onboard.equipment import equipment
 from alloc.plant.errors import PlantError
 from alloc.plant.model import build
 from alloc.simulation import DriverCommand, Event, SimulationError

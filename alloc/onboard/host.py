@@ -9,7 +9,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.onboard.equipment import Equipment
+from alloc.onboard.parameters import Onboard
 from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.equations import GRAVITY
+from alloc.plant.model import Model
 
 
 @dataclass(frozen=True)
@@ -80,10 +84,32 @@ class HostControllerFactory(Protocol):
         ...
 
 
+def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitContext]:
+    """What each unit's computer knows of its equipment, foremost unit first."""
+    mass = model.train.mass
+    weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
+    return [
+        UnitContext(
+            unit=j,
+            axles=int(eq.axles[j]),
+            radius=float(eq.radius[j]),
+            inertia=float(eq.inertia[j]),
+            gear_ratio=float(eq.gear[j]),
+            axle_load=float((eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY),
+            mass=float(mass * weight[j] / weight.sum()),
+            torque_lag=float(model.structure.unit_lag[j]),
+            curve=onboard.belief.curve,
+            period=onboard.period,
+        )
+        for j in range(eq.axles.size)
+    ]
+
+
 __all__ = [
     "HostController",
     "HostControllerFactory",
     "TorqueDecision",
     "UnitContext",
     "UnitSense",
+    "unit_contexts",
 ]

@@ -134,7 +134,9 @@ class Onboard:
 
     `hold_time` [s]: time without slip after which limits return to the plan. `rise_time` [s]: time in which
     a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
-    `limit_rate`: largest change of a limit per allocation, for the rules that know rates.
+    `limit_rate`: largest change of a limit per allocation, for the rules that know rates. `inertia_in_limit`: a unit's
+    torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients at the
+    rail; without it (6) as printed, whose torque delivers less at the rail than the cap by that part.
     """
 
     detector: Detector = field(default_factory=Detector)
@@ -147,6 +149,7 @@ class Onboard:
     rise_time: float = 1.0
     period: float = 0.01
     limit_rate: float | None = None
+    inertia_in_limit: bool = True
 
     def __post_init__(self) -> None:
         _check("on board", self, positive=("hold_time", "rise_time", "period"))

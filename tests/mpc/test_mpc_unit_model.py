@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from alloc.onboard import Belief, Onboard
-from alloc.onboard import computer as oc
+from alloc.onboard.equipment import equipment
+from alloc.onboard.host import unit_contexts
 from alloc.plant import compiled
 from alloc.plant.array_model import environment_at
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
-from alloc.simulation import _contexts
 from mpc.unit_model import (
     parameters,
     slip_matrix,
@@ -40,7 +40,7 @@ def _compare(curve, slip, step):
     """State after a control period by plant and by prediction, in the model's order."""
     plant = _plant(curve)
     onboard = Onboard(belief=Belief(curve=curve))
-    context = _contexts(plant, oc.equipment(plant, onboard), onboard)[0]
+    context = unit_contexts(plant, equipment(plant, onboard), onboard)[0]
     n = plant.layout
     state = plant.initial_state(12.0)
     state[n.omega, 0] += np.array(slip) / 0.43

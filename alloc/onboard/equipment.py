@@ -1,0 +1,90 @@
+"""What the train's computers know of their train: believed values, never the plant's state."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.onboard.parameters import Onboard, OnboardError
+from alloc.plant.equations import GRAVITY
+from alloc.plant.model import Model
+
+Floats = NDArray[np.float64]
+
+
+class Equipment(NamedTuple):
+    """What the computers know of the train; believed values, one row per unit unless said otherwise."""
+
+    axle_unit: NDArray[np.int64]  # (axles,)
+    axle_body: NDArray[
+        np.int64
+    ]  # (axles,) body whose speed an axle tells: its car, or the whole rigid train
+    unit_body: NDArray[np.int64]
+    axle_radius: Floats  # (axles,)
+    axles: Floats
+    radius: Floats
+    inertia: Floats
+    gear: Floats
+    empty_axle_mass: Floats
+    load_per_axle: Floats
+    mass: Floats  # relative mass on the unit's axles, mean 1
+    increment: Floats  # of each unit over the train's mean axle position: mean over its own axles
+    drive_table: Floats
+    brake_table: Floats
+    own_inertia: (
+        Floats  # torque that turns a unit's own wheelsets, relative to what the rail receives
+    )
+    planned_share: float  # expected coefficient per m/s2 of commanded acceleration
+
+
+def equipment(model: Model, onboard: Onboard) -> Equipment:
+    """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
+    s, n = model.structure, model.layout
+    if n.units == 0:
+        raise OnboardError(
+            "on board: the train has no traction unit; give at least one driven axle"
+        )
+    cars = model.train.cars
+    generator = np.random.default_rng(onboard.sensors.seed)
+    load_signal = np.array([car.load for car in cars]) * (
+        1.0 + onboard.sensors.load_error * generator.standard_normal(len(cars))
+    )
+    share = s.static_load / np.array([car.mass for car in cars])[s.axle_car] / GRAVITY
+    empty = np.array([car.empty_mass for car in cars])[s.axle_car] * share
+    load = np.maximum(load_signal, 0.0)[s.axle_car] * share
+    increments = onboard.belief.increments
+    if increments is not None and len(increments) != n.axles:
+        raise OnboardError(
+            f"belief: {len(increments)} increments for {n.axles} axles; give one per axle from the front"
+        )
+    per_axle = np.zeros(n.axles) if increments is None else np.asarray(increments, dtype=float)
+
+    def mean(values: Floats) -> Floats:
+        return np.array([values[s.axle_unit == j].mean() for j in range(n.units)])
+
+    axles = np.bincount(s.axle_unit[s.axle_unit >= 0], minlength=n.units).astype(float)
+    empty_mean = mean(empty)
+    turning = s.inertia / s.radius**2  # mass that would resist like the turning wheelset
+    weight = mean(empty + load) * axles
+    moved = sum(car.empty_mass for car in cars) + float(np.maximum(load_signal, 0.0).sum())
+    moved += float(turning[s.axle_unit < 0].sum() if onboard.inertia_in_limit else turning.sum())
+    own = mean(turning) / mean(empty + load) if onboard.inertia_in_limit else np.zeros(n.units)
+    planned_share = moved / (GRAVITY * float(weight.sum()))
+    return Equipment(
+        axle_unit=s.axle_unit,
+        axle_body=s.axle_body,
+        unit_body=np.array([s.axle_body[s.axle_unit == j][0] for j in range(n.units)]),
+        axle_radius=s.radius,
+        axles=axles,
+        radius=mean(s.radius),
+        inertia=mean(s.inertia),
+        gear=s.unit_gear,
+        empty_axle_mass=empty_mean,
+        load_per_axle=mean(load),
+        mass=weight / weight.mean(),
+        increment=mean(per_axle),
+        drive_table=s.drive_table,
+        brake_table=s.brake_table,
+        own_inertia=own / (GRAVITY * planned_share),
+        planned_share=planned_share,
+    )

@@ -1,0 +1,165 @@
+"""What differs between runs (`Settings`) and what the train's computers remember (`Memory`); nothing is allocated later."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.equipment import Equipment
+from alloc.onboard.observer import observer_gains
+from alloc.onboard.parameters import Onboard
+
+Floats = NDArray[np.float64]
+
+CONTROLLER_NONE, CONTROLLER_CUT_AND_RAMP, CONTROLLER_HOST = 0, 1, 2
+
+ALLOCATE_ON_SLIP, ALLOCATE_PERIODICALLY = 0, 1
+"""When a rule acts: at each detection by B1, or with every telegram."""
+
+# Counters of a run
+DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, COUNTERS = 0, 1, 2, 3, 4, 5, 6
+
+SLOTS = 16
+"""Telegrams that can be on their way to one unit."""
+
+
+class Settings(NamedTuple):
+    """Parameters of the on-board functions for one run."""
+
+    rule: int  # compiled identifier; -1: the rule is called through the host
+    when: int
+    always: bool  # the rule acts without slip too
+    needs_truth: bool
+    controller: int
+    period: float
+    detector: Floats  # on, off, pole, gain, speed_on
+    observer: Floats  # pole, keep, old, new
+    readhesion: Floats  # cut, recover, hold, ramp
+    telegram: Floats  # latency, jitter, silence
+    telegram_ticks: int
+    hold_time: float
+    rise_time: float
+    rule_parameters: Floats
+    speed_quantum: float
+
+
+class Memory(NamedTuple):
+    """What the computers remember; (units,) unless said otherwise."""
+
+    reference: Floats  # (bodies,) reference speed
+    candidate: Floats  # (bodies,) speed of its slowest axle driving, fastest braking, in the direction of the demand
+    differentiator: Floats
+    acceleration: Floats
+    observer: Floats
+    observer_input: Floats
+    estimate: Floats
+    slipping: NDArray[np.bool_]
+    speed: Floats  # mean rim speed
+    worst_slip: Floats  # largest slip of the unit's axles against the reference speed, in the direction of the demand
+    axle_omega: Floats  # (axles,) as measured
+    cap: Floats
+    limit_wanted: Floats  # what B1 wants
+    limit: Floats  # in force in each unit
+    delivered: Floats  # snapshot sent with the last telegram
+    held: Floats  # (HELD,) what B1 holds, see the HELD_ indices
+    last_heard: Floats
+    mail_time: Floats  # (units, SLOTS) arrival; inf: empty
+    mail_limit: Floats  # (units, SLOTS)
+    target: Floats  # torque target per motor, signed
+    rise: Floats  # slew-limited magnitude of the expected torque
+    phase: NDArray[np.int64]
+    clock: Floats
+    base: Floats
+    command: Floats  # torque command per motor, signed
+    drive_limit: Floats
+    brake_limit: Floats
+    limit_max: Floats
+    truth: Floats  # filled for the oracle only
+    in_service: NDArray[np.bool_]
+    fallen_back: NDArray[np.bool_]
+    counter: NDArray[np.int64]  # (COUNTERS,)
+
+
+# What B1 holds: coefficient at its last detection, time of that, time of the last slip of any unit, expected coefficient,
+# level and case of the last allocation, number of the unit that is B1, whether something changed that needs a new allocation
+HELD_ESTIMATE, HELD_TIME, HELD_ANY_TIME, HELD_EXPECTED, HELD_LEVEL, HELD_CASE = range(6)
+HELD_FIRST, HELD_ALLOCATE, HELD = 6, 7, 8
+
+
+def settings(
+    onboard: Onboard,
+    rule: int,
+    when: int,
+    needs_truth: bool,
+    controller: int,
+    rule_parameters: Floats,
+) -> Settings:
+    """Settings of a run from the on-board parameters."""
+    d, o, r, t = onboard.detector, onboard.observer, onboard.readhesion, onboard.telegrams
+    keep, old, new = observer_gains(o.pole, onboard.period)
+    gain = differentiator_gain(d.pole, onboard.period)
+    return Settings(
+        rule=rule,
+        when=when,
+        always=needs_truth,  # who knows the rail need not wait for slip
+        needs_truth=needs_truth,
+        controller=controller,
+        period=onboard.period,
+        detector=np.array([d.on, d.off, d.pole, gain, d.speed_on]),
+        observer=np.array([o.pole, keep, old, new]),
+        readhesion=np.array([r.cut, r.recover, r.hold, r.ramp]),
+        telegram=np.array([t.latency, t.jitter, t.silence]),
+        telegram_ticks=max(1, round(t.period / onboard.period)),
+        hold_time=onboard.hold_time,
+        rise_time=onboard.rise_time,
+        rule_parameters=rule_parameters,
+        speed_quantum=onboard.sensors.speed_quantum,
+    )
+
+
+def memory(eq: Equipment, speed: float, expected: float) -> Memory:
+    """Memory at the start of a run, the train rolling at `speed` [m/s]."""
+    n = eq.axles.size
+    held = np.zeros(HELD)
+    held[HELD_TIME] = held[HELD_ANY_TIME] = -np.inf
+    held[HELD_EXPECTED] = expected
+    held[HELD_LEVEL] = np.nan
+
+    def zeros() -> Floats:
+        return np.zeros(n)
+
+    return Memory(
+        reference=np.full(eq.axle_body.max() + 1, speed),
+        candidate=np.zeros(eq.axle_body.max() + 1),
+        differentiator=np.full(n, speed),
+        acceleration=zeros(),
+        observer=np.full(n, np.nan),
+        observer_input=zeros(),
+        estimate=zeros(),
+        slipping=np.zeros(n, dtype=np.bool_),
+        speed=np.full(n, speed),
+        worst_slip=zeros(),
+        axle_omega=speed / eq.axle_radius,
+        cap=np.full(n, expected),
+        limit_wanted=np.full(n, expected),
+        limit=np.full(n, expected),
+        delivered=np.full(n, expected),
+        held=held,
+        last_heard=zeros(),
+        mail_time=np.full((n, SLOTS), np.inf),
+        mail_limit=np.zeros((n, SLOTS)),
+        target=zeros(),
+        rise=zeros(),
+        phase=np.zeros(n, dtype=np.int64),
+        clock=zeros(),
+        base=zeros(),
+        command=zeros(),
+        drive_limit=zeros(),
+        brake_limit=zeros(),
+        limit_max=np.full(n, np.inf),
+        truth=zeros(),
+        in_service=np.ones(n, dtype=np.bool_),
+        fallen_back=np.zeros(n, dtype=np.bool_),
+        counter=np.zeros(COUNTERS, dtype=np.int64),
+    )
