@@ -109,7 +109,8 @@ class Event:
 def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
     """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
     compiled.peak_field(s, e, layout, time, state, cleaning, w, w.peak)
-    truth[:] = np.inf
+    for j in range(truth.size):
+        truth[j] = np.inf
     for i in range(layout.axles):
         j = eq.axle_unit[i]
         if j >= 0:
@@ -121,27 +122,22 @@ def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
 @jit
 def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
     compiled.derivative(
-        s,
-        e,
-        layout,
-        time,
-        state,
-        inputs.torque_command,
-        w.target,
-        w.valve,
-        inputs.cleaning,
-        w,
-        w.slope,
-    )
+        s, e, layout, time, state, inputs.torque_command, w.target, w.valve, inputs.cleaning, w, w.slope
+    )  # fmt: skip
+    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
     r.time[k] = time
-    r.state[k] = state[:, 0]
-    r.peak[k] = w.peak[:, 0]
-    r.body_acceleration[k] = w.slope[layout.bodies : 2 * layout.bodies, 0]
-    r.command[k] = m.command
-    r.target[k] = m.target
-    r.limit[k] = m.limit
-    r.estimate[k] = m.estimate
-    r.slipping[k] = m.slipping
+    for i in range(state.shape[0]):
+        r.state[k, i] = state[i, 0]
+    for i in range(layout.axles):
+        r.peak[k, i] = w.peak[i, 0]
+    for i in range(layout.bodies):
+        r.body_acceleration[k, i] = w.slope[layout.bodies + i, 0]
+    for j in range(layout.units):
+        r.command[k, j] = m.command[j]
+        r.target[k, j] = m.target[j]
+        r.limit[k, j] = m.limit[j]
+        r.estimate[k, j] = m.estimate[j]
+        r.slipping[k, j] = m.slipping[j]
     r.train[k, 0] = m.held[om.HELD_CASE]
     r.train[k, 1] = m.held[om.HELD_LEVEL]
     r.train[k, 2] = commanded

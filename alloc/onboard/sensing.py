@@ -28,7 +28,8 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
     sign = 1.0 if commanded >= 0.0 else -1.0
     for j in range(units):
         m.speed[j] = 0.0
-    m.candidate[:] = np.inf
+    for body in range(m.candidate.size):
+        m.candidate[body] = np.inf
     for i in range(omega.size):
         rim = eq.axle_radius[i] * omega[i] + noise[i]
         if st.speed_quantum > 0.0:

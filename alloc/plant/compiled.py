@@ -22,11 +22,19 @@ def _combine(total, share, state, reach, slope, stage):
 
 
 @jit
+def _copy(source, to):
+    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
+    for i in range(source.shape[0]):
+        for b in range(source.shape[1]):
+            to[i, b] = source[i, b]
+
+
+@jit
 def runge_kutta_step(s, e, layout, time, step, state, command, target, valve, cleaning, w):
     """Advance `state` in place by one step of the classical fourth-order method."""
     k, stage, total = w.slope, w.stage, w.total
     half = 0.5 * step
-    total[:] = state
+    _copy(state, total)
     derivative(s, e, layout, time, state, command, target, valve, cleaning, w, k)
     _combine(total, step / 6.0, state, half, k, stage)
     derivative(s, e, layout, time + half, stage, command, target, valve, cleaning, w, k)
@@ -35,7 +43,7 @@ def runge_kutta_step(s, e, layout, time, step, state, command, target, valve, cl
     _combine(total, step / 3.0, state, step, k, stage)
     derivative(s, e, layout, time + step, stage, command, target, valve, cleaning, w, k)
     _combine(total, step / 6.0, state, 0.0, k, stage)
-    state[:] = total
+    _copy(total, state)
 
 
 @jit
