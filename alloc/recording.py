@@ -8,19 +8,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.event import Event
 from alloc.onboard import memory as om
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import coupler_damper_force, coupler_spring_force, coupler_stretch
 from alloc.plant.model import Layout, Model
-
-if TYPE_CHECKING:
-    from alloc.simulation import Event
 
 Floats = NDArray[np.float64]
 
@@ -137,7 +135,7 @@ class Tally:
 
 
 def to_dataset(
-    event: "Event",
+    event: Event,
     rule: str,
     controller: str,
     record: Record,
@@ -248,7 +246,7 @@ def _physical(model: Model, record: Record) -> dict[str, NDArray[Any]]:
     }
 
 
-def event_hash(event: "Event") -> str:
+def event_hash(event: Event) -> str:
     """Hash of everything that defines an event: equal events have equal hashes."""
     model = event.model
     parts = (

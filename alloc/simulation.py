@@ -7,13 +7,13 @@ needs, and goes on with the answer; so compiled and hosted parts see exactly the
 import math
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
+from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard import memory as om
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment, equipment
@@ -23,7 +23,7 @@ from alloc.onboard.sensing import sense
 from alloc.onboard.torque import control, cut_and_ramp_unit, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion import adhesion_limit
-from alloc.plant.model import Floats, Model
+from alloc.plant.model import Floats
 from alloc.recording import Record, Tally, to_dataset
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
 from alloc.rules.kernels import allocate_compiled
@@ -43,66 +43,6 @@ rail between two telegrams carries the slip over it."""
 
 NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
 PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
-
-
-class SimulationError(ValueError):
-    """A run cannot be made as asked; the message names the reason and what to do."""
-
-
-@dataclass(frozen=True)
-class DriverCommand:
-    """Acceleration [m/s2] asked for on level track, from each of `times` [s] on; before the first: zero."""
-
-    times: tuple[float, ...]
-    accelerations: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.times) != len(self.accelerations) or not self.times:
-            raise SimulationError(
-                f"driver command: {len(self.times)} times and {len(self.accelerations)} accelerations; "
-                "give as many of each, at least one"
-            )
-        if not np.all(np.isfinite(self.times)) or not np.all(np.isfinite(self.accelerations)):
-            raise SimulationError("driver command: times and accelerations must be finite")
-        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise SimulationError(f"driver command: times {self.times} must grow")
-
-    def sampled(self, instants: Floats) -> Floats:
-        """Command at `instants` [s]."""
-        index = np.searchsorted(self.times, instants + 1e-9, side="right") - 1
-        return np.where(index >= 0, np.asarray(self.accelerations)[np.maximum(index, 0)], 0.0)
-
-
-@dataclass(frozen=True)
-class Event:
-    """What every rule and controller of a comparison meets alike: train, rail, line, driver, noise."""
-
-    name: str
-    model: Model
-    command: DriverCommand
-    onboard: Onboard = field(default_factory=Onboard)
-    duration: float = 30.0
-    initial_speed: float = 0.0
-    initial_position: float = 0.0
-    step: float = 1e-3
-    record_period: float = 0.01
-    target_speed: float | None = None
-    """Speed [m/s] to which time and distance are measured."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.model.lanes != 1:
-            raise SimulationError(f"event: the model has {self.model.lanes} lanes; a run takes one")
-        for name in ("duration", "step", "record_period"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise SimulationError(
-                    f"event: {name} = {value!r} must be finite and greater than 0"
-                )
-        if self.step > self.onboard.period * (1 + 1e-9):
-            raise SimulationError(
-                f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"
-            )
 
 
 @jit

@@ -28,7 +28,8 @@ class Equipment(NamedTuple):
     empty_axle_mass: Floats
     load_per_axle: Floats
     mass: Floats  # relative mass on the unit's axles, mean 1
-    increment: Floats  # of each unit over the train's mean axle position: mean over its own axles
+    increment: Floats  # of each unit; only differences between units count
+    deviation: Floats  # standard deviation of each unit's cap about the truth
     drive_table: Floats
     brake_table: Floats
     own_inertia: (
@@ -58,6 +59,13 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
             f"belief: {len(increments)} increments for {n.axles} axles; give one per axle from the front"
         )
     per_axle = np.zeros(n.axles) if increments is None else np.asarray(increments, dtype=float)
+    belief = onboard.belief
+    for name in ("unit_increments", "unit_deviation"):
+        given = getattr(belief, name)
+        if given is not None and (len(given) != n.units or not np.all(np.isfinite(given))):
+            raise OnboardError(
+                f"belief: {name} = {given} must be {n.units} finite numbers, one per traction unit"
+            )
 
     def mean(values: Floats) -> Floats:
         return np.array([values[s.axle_unit == j].mean() for j in range(n.units)])
@@ -82,7 +90,12 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         empty_axle_mass=empty_mean,
         load_per_axle=mean(load),
         mass=weight / weight.mean(),
-        increment=mean(per_axle),
+        increment=mean(per_axle)
+        if belief.unit_increments is None
+        else np.asarray(belief.unit_increments, dtype=float),
+        deviation=np.zeros(n.units)
+        if belief.unit_deviation is None
+        else np.asarray(belief.unit_deviation, dtype=float),
         drive_table=s.drive_table,
         brake_table=s.brake_table,
         own_inertia=own / (GRAVITY * planned_share),

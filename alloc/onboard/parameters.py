@@ -121,10 +121,14 @@ class Sensors:
 class Belief:
     """What the train takes for true: growth of adhesion per axle from the front, and the adhesion curve.
 
-    `increments` None: all zero. JP5484215 (15) gives Shinkansen values.
+    `increments` None: all zero. JP5484215 (15) gives Shinkansen values. `unit_increments`: increment of each traction unit
+    over the foremost one, as learnt; stands in place of `increments`, from which it is otherwise the mean over the
+    unit's axles. `unit_deviation`: standard deviation of each unit's cap about the truth, for rules that know risk.
     """
 
     increments: tuple[float, ...] | None = None
+    unit_increments: tuple[float, ...] | None = None
+    unit_deviation: tuple[float, ...] | None = None
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
 
