@@ -64,6 +64,17 @@ VARIABLES: dict[str, Variable] = {
         ("time", "unit"), "1", "observer's estimate of the coefficient"
     ),
     "slipping": Variable(("time", "unit"), "1", "signal of the slip detector"),
+    "fallen_back": Variable(
+        ("time", "unit"), "1", "unit has heard nothing for too long and keeps the plan"
+    ),
+    "computed_acceleration": Variable(
+        ("time", "unit"),
+        "m s-2",
+        "acceleration of the unit's axles as its slip detector computes it",
+    ),
+    "air_brake_force": Variable(
+        ("time", "unit"), "N", "air brake force commanded per axle of the unit, at the rim"
+    ),
     "cylinder_pressure": Variable(("time", "brake_group"), "Pa", "brake cylinder pressure"),
     "coupler_force": Variable(("time", "coupler"), "N", "coupler force, tension positive"),
     "motor_work": Variable(("time",), "J", "work of the motors at the wheels"),
@@ -93,6 +104,9 @@ class Record(NamedTuple):
     limit: Floats
     estimate: Floats
     slipping: NDArray[np.bool_]
+    fallen_back: NDArray[np.bool_]
+    acceleration: Floats
+    air: Floats
     train: Floats
 
     @classmethod
@@ -112,6 +126,9 @@ class Record(NamedTuple):
             limit=unit(),
             estimate=unit(),
             slipping=np.zeros((records, n.units), dtype=np.bool_),
+            fallen_back=np.zeros((records, n.units), dtype=np.bool_),
+            acceleration=unit(),
+            air=unit(),
             train=np.zeros((records, 5)),
         )
 
@@ -156,6 +173,9 @@ def to_dataset(
         "limit": record.limit,
         "coefficient_estimate": record.estimate,
         "slipping": record.slipping.astype(np.int8),
+        "fallen_back": record.fallen_back.astype(np.int8),
+        "computed_acceleration": record.acceleration,
+        "air_brake_force": record.air,
     }
     data = {
         name: (v.dims, values[name], {"units": v.units, "long_name": v.long_name})
@@ -172,6 +192,7 @@ def to_dataset(
         "train": model.train.name,
         "train_mass": model.train.mass,
         "train_rotating_mass": model.train.rotating_mass,
+        "blended_brakes": int(model.layout.groups > 0 and event.onboard.braking.blended),
         "detections": int(counter[om.DETECTIONS]),
         "unit_detections": int(counter[om.UNIT_DETECTIONS]),
         "telegrams_sent": int(counter[om.TELEGRAMS]),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from alloc.compilation import jit
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard import memory as om
+from alloc.onboard.brakes import brake_receiver, set_brake_targets
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.host import HostController, HostControllerFactory, UnitSense, unit_contexts
@@ -40,6 +41,9 @@ REPORT_DELAY = 0.1
 STABLE_SHARE = 0.97
 """Share of the true adhesion that the oracle's units may use. At the very peak a torque is not held: any change of the
 rail between two telegrams carries the slip over it."""
+
+STOPPED = 0.5
+"""Speed [m/s] below which a braking train counts as stopped: the driver releases, and a run ends rolling."""
 
 NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
 PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
@@ -78,6 +82,9 @@ def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
         r.limit[k, j] = m.limit[j]
         r.estimate[k, j] = m.estimate[j]
         r.slipping[k, j] = m.slipping[j]
+        r.fallen_back[k, j] = m.fallen_back[j]
+        r.acceleration[k, j] = m.acceleration[j]
+        r.air[k, j] = m.air[j]
     r.train[k, 0] = m.held[om.HELD_CASE]
     r.train[k, 1] = m.held[om.HELD_LEVEL]
     r.train[k, 2] = commanded
@@ -96,6 +103,8 @@ def _run(
         tick = progress[0]
         time = tick * period
         a = commanded[tick]
+        if a < 0.0 and m.reference[0] < STOPPED:
+            a = 0.0
         if progress[1] == PHASE_SENSE:
             for j in range(units):
                 m.in_service[j] = time < e.failure_time[j, 0] + REPORT_DELAY
@@ -121,13 +130,17 @@ def _run(
         if progress[1] == PHASE_DISTRIBUTE:
             row = (tick // st.telegram_ticks) % draws.shape[1]
             distribute(eq, st, m, time, tick, draws[0, row], draws[1, row], loss)
-            set_targets(eq, st, m, a)
+            if eq.blended and a < 0.0:
+                set_brake_targets(eq, st, m)
+            else:
+                set_targets(eq, st, m, a)
             progress[1] = PHASE_ADVANCE
             if st.controller == om.CONTROLLER_HOST:
                 return NEEDS_CONTROL
             control(eq, st, m, a)
         for j in range(units):
             inputs.torque_command[j, 0] = m.command[j]
+        brake_receiver(eq, st, m, eq.blended and a < 0.0, inputs.pressure_target, inputs.valve)
         if tick % record_ticks == 0:
             _write_record(s, e, layout, eq, time, state, inputs, w, m, a, tick // record_ticks, r)
         compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
@@ -148,6 +161,7 @@ def _allocate_in_python(
         rate=onboard.limit_rate,
         delivered=np.maximum(m.delivered, 0.0),
         truth=m.truth.copy(),
+        deviation=eq.deviation,
     )
     answer: Allocation = rule(problem)
     m.limit_wanted[:] = answer.limit
@@ -233,7 +247,8 @@ def simulate(
     step = period / steps
     record_ticks = max(1, round(event.record_period / period))
     commanded = event.command.sampled(period * np.arange(ticks, dtype=np.float64))
-    m = om.memory(eq, event.initial_speed, abs(float(commanded[0])) * eq.planned_share)
+    share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
+    m = om.memory(eq, event.initial_speed, abs(float(commanded[0])) * share)
     state = model.initial_state(event.initial_speed, event.initial_position)
     inputs, w = model.zero_inputs(), compiled.workspace(model, step)
     noise, draws = _draws(onboard, ticks, model.layout.axles, model.layout.units, st.telegram_ticks)

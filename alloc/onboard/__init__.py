@@ -4,6 +4,7 @@ It never reads the plant's state."""
 
 from alloc.onboard.parameters import (
     Belief,
+    Braking,
     CutAndRamp,
     Detector,
     Observer,
@@ -15,6 +16,7 @@ from alloc.onboard.parameters import (
 
 __all__ = [
     "Belief",
+    "Braking",
     "CutAndRamp",
     "Detector",
     "Observer",

@@ -12,7 +12,8 @@ def prepare_allocation(eq, st, m, time, tick, commanded):
 
     Without slip the limits are the plan and no rule is called.
     """
-    expected = abs(commanded) * eq.planned_share
+    blended = eq.blended and commanded < 0.0
+    expected = abs(commanded) * (eq.brake_share if blended else eq.planned_share)
     changed = expected != m.held[om.HELD_EXPECTED]
     m.held[om.HELD_EXPECTED] = expected
     first = int(m.held[om.HELD_FIRST])
@@ -49,9 +50,9 @@ def distribute(eq, st, m, time, tick, arrival_draw, loss_draw, loss):
             for k in range(om.SLOTS):
                 if np.isinf(m.mail_time[j, k]):
                     m.mail_time[j, k] = time + st.telegram[0] + st.telegram[1] * arrival_draw[j]
-                    m.mail_limit[j, k] = m.limit_wanted[j]
+                    m.mail_limit[j, k] = m.limit_wanted[j] if m.held[om.HELD_CASE] else np.inf
                     break
-    m.limit[first] = m.limit_wanted[first]
+    m.received[first] = m.limit_wanted[first] if m.held[om.HELD_CASE] else np.inf
     m.last_heard[first] = time
     for j in range(units):
         if j == first:
@@ -60,7 +61,7 @@ def distribute(eq, st, m, time, tick, arrival_draw, loss_draw, loss):
             k = int(np.argmin(m.mail_time[j]))
             if m.mail_time[j, k] > time + 1e-9:
                 break
-            m.limit[j] = m.mail_limit[j, k]
+            m.received[j] = m.mail_limit[j, k]
             m.last_heard[j] = time
             m.fallen_back[j] = False
             m.mail_time[j, k] = np.inf
@@ -68,4 +69,6 @@ def distribute(eq, st, m, time, tick, arrival_draw, loss_draw, loss):
             if not m.fallen_back[j]:
                 m.counter[om.FALLBACKS] += 1
             m.fallen_back[j] = True
-            m.limit[j] = m.held[om.HELD_EXPECTED]
+            m.received[j] = np.inf
+    for j in range(units):  # who is told nothing keeps to the driver's command
+        m.limit[j] = m.received[j] if np.isfinite(m.received[j]) else m.held[om.HELD_EXPECTED]

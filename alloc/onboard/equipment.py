@@ -36,6 +36,17 @@ class Equipment(NamedTuple):
         Floats  # torque that turns a unit's own wheelsets, relative to what the rail receives
     )
     planned_share: float  # expected coefficient per m/s2 of commanded acceleration
+    blended: bool  # whether every car brakes itself, with air where it has no motors
+    brake_inertia: Floats  # as own_inertia, braking
+    brake_share: float  # as planned_share, braking
+    axle_group: NDArray[np.int64]  # (axles,) air brake group, -1: none
+    group_unit: NDArray[np.int64]  # (groups,) unit on whose axles it acts, -1: a trailer's
+    group_body: NDArray[np.int64]  # (groups,)
+    group_weight: Floats  # (groups,) load of an axle [N]
+    group_inertia: Floats  # (groups,) as brake_inertia
+    group_gain: Floats  # (groups,) force at the rim per axle and pascal
+    group_friction: Floats  # (groups, 3)
+    group_pressure: Floats  # (groups,) highest pressure [Pa]
 
 
 def equipment(model: Model, onboard: Onboard) -> Equipment:
@@ -78,6 +89,17 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     moved += float(turning[s.axle_unit < 0].sum() if onboard.inertia_in_limit else turning.sum())
     own = mean(turning) / mean(empty + load) if onboard.inertia_in_limit else np.zeros(n.units)
     planned_share = moved / (GRAVITY * float(weight.sum()))
+    blended = n.groups > 0 and onboard.braking.blended
+    braked = (s.axle_unit >= 0) | (s.axle_group >= 0) if blended else s.axle_unit >= 0
+    loaded = empty + load
+    brake_moved = sum(car.empty_mass for car in cars) + float(np.maximum(load_signal, 0.0).sum())
+    brake_moved += float(turning[~braked].sum() if onboard.inertia_in_limit else turning.sum())
+    brake_share = brake_moved / (GRAVITY * float(loaded[braked].sum()))
+    foremost = [np.flatnonzero(s.axle_group == g)[0] for g in range(n.groups)]
+    group_unit = np.array(
+        [s.axle_unit[s.axle_group == g].max() for g in range(n.groups)], dtype=np.int64
+    )
+    pressures = [car.air_brake.maximum_pressure if car.air_brake else 0.0 for car in cars]
     return Equipment(
         axle_unit=s.axle_unit,
         axle_body=s.axle_body,
@@ -100,4 +122,17 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         brake_table=s.brake_table,
         own_inertia=own / (GRAVITY * planned_share),
         planned_share=planned_share,
+        blended=blended,
+        brake_inertia=own / (GRAVITY * brake_share),
+        brake_share=brake_share,
+        axle_group=s.axle_group,
+        group_unit=group_unit,
+        group_body=s.axle_body[foremost],
+        group_weight=loaded[foremost] * GRAVITY,
+        group_inertia=float(onboard.inertia_in_limit)
+        * (turning / loaded)[foremost]
+        / (GRAVITY * brake_share),
+        group_gain=s.shoe_gain[foremost],
+        group_friction=s.shoe_friction[foremost],
+        group_pressure=np.array(pressures)[s.axle_car[foremost]],
     )

@@ -42,6 +42,10 @@ class Settings(NamedTuple):
     rise_time: float
     rule_parameters: Floats
     speed_quantum: float
+    speed_pole: float  # of the speed estimate without sensors [1/s]; 0: sensors
+    brake_inertia: float  # 1: the estimate (18) counts the wheelsets' deceleration; 0: as printed
+    blend_time: float
+    slide: Floats  # slip ratios above which an air brake releases, and holds
 
 
 class Memory(NamedTuple):
@@ -55,11 +59,17 @@ class Memory(NamedTuple):
     observer_input: Floats
     estimate: Floats
     slipping: NDArray[np.bool_]
-    speed: Floats  # mean rim speed
+    torque: Floats  # as the inverters know it
+    air: Floats  # air brake force commanded per axle, at the rim [N]
+    brake_rise: Floats  # (1,) share of the plan that the trailers' brakes have risen to
+    group_slide: Floats  # (groups,) how much slower than the reference its slowest axle turns [m/s]
+    mean_speed: Floats  # mean rim speed of the unit's axles as read
+    speed: Floats  # mean rim speed as the unit knows it
     worst_slip: Floats  # largest slip of the unit's axles against the reference speed, in the direction of the demand
     axle_omega: Floats  # (axles,) as measured
     cap: Floats
     limit_wanted: Floats  # what B1 wants
+    received: Floats  # last limit received; inf: none, the plan stands
     limit: Floats  # in force in each unit
     delivered: Floats  # snapshot sent with the last telegram
     held: Floats  # (HELD,) what B1 holds, see the HELD_ indices
@@ -115,6 +125,10 @@ def settings(
         rise_time=onboard.rise_time,
         rule_parameters=rule_parameters,
         speed_quantum=onboard.sensors.speed_quantum,
+        speed_pole=onboard.sensors.sensorless_pole or 0.0,
+        brake_inertia=float(onboard.braking.inertia_in_estimate),
+        blend_time=onboard.braking.blend_time,
+        slide=np.array([onboard.braking.release, onboard.braking.hold]),
     )
 
 
@@ -138,11 +152,17 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         observer_input=zeros(),
         estimate=zeros(),
         slipping=np.zeros(n, dtype=np.bool_),
+        torque=zeros(),
+        air=zeros(),
+        brake_rise=np.zeros(1),
+        group_slide=np.zeros(eq.group_unit.size),
+        mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         worst_slip=zeros(),
         axle_omega=speed / eq.axle_radius,
         cap=np.full(n, expected),
         limit_wanted=np.full(n, expected),
+        received=np.full(n, np.inf),
         limit=np.full(n, expected),
         delivered=np.full(n, expected),
         held=held,

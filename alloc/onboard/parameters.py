@@ -106,15 +106,47 @@ class Sensors:
 
     `speed_noise` [m/s at the rim], standard deviation per sample; `speed_quantum` [m/s at the rim], 0: none; `load_error`:
     standard deviation of the relative error of the load signals, drawn once per run. `seed` draws all of them.
+    `sensorless_pole` [1/s]: motor speeds are estimated without sensors, known per unit as the mean of its axles through a
+    low-pass filter of this pole; None: every axle has a sensor. Axles without motor keep theirs.
     """
 
     speed_noise: float = 0.0
     speed_quantum: float = 0.0
     load_error: float = 0.0
     seed: int = 0
+    sensorless_pole: float | None = None
 
     def __post_init__(self) -> None:
         _check("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
+        if self.sensorless_pole is not None:
+            _check("sensors", self, positive=("sensorless_pole",))
+
+
+@dataclass(frozen=True)
+class Braking:
+    """Brakes of the train. `blended`: every car brakes itself, the air brake filling what the electric brake lacks and
+    serving the trailers alone, as JP5484215, embodiment 3; else the motors brake the whole train. A train without air brakes
+    is never blended.
+
+    `blend_time` [s]: time in which the motors take over a full brake from the air (assumed: a few times the cylinders' lag).
+    `inertia_in_estimate`: (18) counts what decelerates the wheelsets; as printed it does not, and finds more adhesion than
+    there is in wheels that are just being braked to a slide.
+    `release`, `hold`: slip ratios above which a bogie's air brake releases, and keeps its pressure; a plain threshold slide
+    protection (assumed), which the patent does not describe and without which a trailer's wheels would lock.
+    """
+
+    blended: bool = True
+    blend_time: float = 4.0
+    inertia_in_estimate: bool = True
+    release: float = 0.15
+    hold: float = 0.08
+
+    def __post_init__(self) -> None:
+        _check("braking", self, positive=("release", "hold", "blend_time"))
+        if not self.hold <= self.release:
+            raise OnboardError(
+                f"braking: hold = {self.hold!r} must not exceed release = {self.release!r}"
+            )
 
 
 @dataclass(frozen=True)
@@ -149,6 +181,7 @@ class Onboard:
     telegrams: Telegrams = field(default_factory=Telegrams)
     sensors: Sensors = field(default_factory=Sensors)
     belief: Belief = field(default_factory=Belief)
+    braking: Braking = field(default_factory=Braking)
     hold_time: float = 5.0
     rise_time: float = 1.0
     period: float = 0.01

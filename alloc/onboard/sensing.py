@@ -18,40 +18,67 @@ def _limit_at(table, speed):
 
 
 @jit
-def sense(eq, st, m, time, commanded, omega, torque, noise):
-    """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note B1's detection.
-
-    `omega` (axles,) true angular speeds as the sensors see them, `noise` (axles,) [m/s at the rim], `torque` (units,) motor
-    torque known to the inverters.
-    """
+def _read_speeds(eq, st, m, omega, noise):
+    """Rim speeds as sensors tell them, (axles,) and mean per unit."""
     units = eq.axles.size
-    sign = 1.0 if commanded >= 0.0 else -1.0
     for j in range(units):
-        m.speed[j] = 0.0
-    for body in range(m.candidate.size):
-        m.candidate[body] = np.inf
+        m.mean_speed[j] = 0.0
     for i in range(omega.size):
         rim = eq.axle_radius[i] * omega[i] + noise[i]
         if st.speed_quantum > 0.0:
             rim = np.floor(rim / st.speed_quantum + 0.5) * st.speed_quantum
         m.axle_omega[i] = rim / eq.axle_radius[i]
-        body = eq.axle_body[i]
-        m.candidate[body] = min(m.candidate[body], sign * rim)
         j = eq.axle_unit[i]
         if j >= 0:
-            m.speed[j] += rim / eq.axles[j]
+            m.mean_speed[j] += rim / eq.axles[j]
+    share = 1.0 if st.speed_pole == 0.0 else -np.expm1(-st.speed_pole * st.period)
+    for j in range(units):
+        m.speed[j] += share * (m.mean_speed[j] - m.speed[j])
+    if st.speed_pole > 0.0:  # the inverter knows no single axle
+        for i in range(omega.size):
+            if eq.axle_unit[i] >= 0:
+                m.axle_omega[i] = m.speed[eq.axle_unit[i]] / eq.axle_radius[i]
+
+
+@jit
+def _compare_with_reference(eq, st, m, sign, commanded):
+    """Reference speeds, and how far the worst axle of each unit and brake group is from them."""
+    for body in range(m.candidate.size):
+        m.candidate[body] = np.inf
+    for i in range(m.axle_omega.size):
+        rim = eq.axle_radius[i] * m.axle_omega[i]
+        body = eq.axle_body[i]
+        m.candidate[body] = min(m.candidate[body], sign * rim)
     for body in range(m.reference.size):
         m.reference[body] = follow_reference(
             m.reference[body], sign * m.candidate[body], commanded, st.period
         )
-    for j in range(units):
+    for j in range(m.worst_slip.size):
         m.worst_slip[j] = -np.inf
-    for i in range(omega.size):
-        j = eq.axle_unit[i]
+    for g in range(m.group_slide.size):
+        m.group_slide[g] = -np.inf
+    for i in range(m.axle_omega.size):
+        slip = eq.axle_radius[i] * m.axle_omega[i] - m.reference[eq.axle_body[i]]
+        j, g = eq.axle_unit[i], eq.axle_group[i]
         if j >= 0:
-            reference = m.reference[eq.axle_body[i]]
-            slip = sign * (eq.axle_radius[i] * m.axle_omega[i] - reference)
-            m.worst_slip[j] = max(m.worst_slip[j], slip)
+            m.worst_slip[j] = max(m.worst_slip[j], sign * slip)
+        if g >= 0:
+            m.group_slide[g] = max(m.group_slide[g], -slip)
+
+
+@jit
+def sense(eq, st, m, time, commanded, omega, torque, noise):
+    """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note B1's detection.
+
+    `omega` (axles,) true angular speeds as the sensors see them, `noise` (axles,) [m/s at the rim], `torque` (units,)
+    motor torque known to the inverters. Under blended brakes the estimate is (18): electric force as known, air brake
+    force as commanded, and what the wheelsets' own deceleration takes of them.
+    """
+    units = eq.axles.size
+    sign = 1.0 if commanded >= 0.0 else -1.0
+    blended = eq.blended and commanded < 0.0
+    _read_speeds(eq, st, m, omega, noise)
+    _compare_with_reference(eq, st, m, sign, commanded)
     first = 0
     while first < units - 1 and not m.in_service[first]:
         first += 1
@@ -81,6 +108,11 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
         )
         axle_load = (eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY
         m.estimate[j] = sign * tangential_coefficient_estimate(load_torque, axle_load, eq.radius[j])
+        m.torque[j] = torque[j]
+        if blended:
+            electric = -torque[j] * eq.gear[j] / eq.radius[j]
+            turning = st.brake_inertia * eq.inertia[j] / eq.radius[j] ** 2 * m.acceleration[j]
+            m.estimate[j] = (electric + m.air[j] + turning) / axle_load
         was = m.slipping[j]
         m.slipping[j] = slip_signal(
             was, sign * m.acceleration[j], m.worst_slip[j], on, off, speed_on
@@ -98,4 +130,7 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
         m.brake_limit[j] = _limit_at(eq.brake_table[j], m.speed[j])
         bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]
         at_rail = bound * eq.gear[j] / (axle_load * eq.radius[j] * (1.0 + eq.own_inertia[j]))
-        m.limit_max[j] = at_rail if m.in_service[j] else 0.0
+        if blended:
+            m.limit_max[j] = np.inf  # what the motors cannot, the air brake can
+        else:
+            m.limit_max[j] = at_rail if m.in_service[j] else 0.0

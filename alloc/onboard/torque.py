@@ -21,6 +21,8 @@ def set_targets(eq, st, m, commanded):
         bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]
         m.rise[j] = min(min(wanted, bound), m.rise[j] + step) if commanded != 0.0 else 0.0
         m.target[j] = sign * m.rise[j]
+        m.air[j] = 0.0
+    m.brake_rise[0] = 0.0
 
 
 @jit
@@ -31,6 +33,8 @@ def cut_and_ramp_unit(eq, st, m, j, commanded):
     to_torque = axle_load * eq.radius[j] / eq.gear[j]
     cut, recover, hold, ramp = st.readhesion
     rate = m.held[om.HELD_EXPECTED] * to_torque / ramp
+    # what the air brake takes of the rail's force is not the motors' to have
+    air = m.air[j] * eq.radius[j] / eq.gear[j]
     m.phase[j], m.clock[j], m.base[j], torque = cut_and_ramp(
         m.phase[j],
         m.clock[j],
@@ -38,7 +42,7 @@ def cut_and_ramp_unit(eq, st, m, j, commanded):
         sign * m.command[j],
         sign * m.target[j],
         m.slipping[j],
-        m.estimate[j] * to_torque,
+        m.estimate[j] * to_torque - air,
         cut,
         recover,
         hold,

@@ -8,6 +8,7 @@ from alloc.rules.optimality import Optimality, optimality
 from alloc.rules.problem import AllocationError, AllocationProblem
 from alloc.rules.qp import answer_qp
 from alloc.rules.qp_cvxpy import answer_qp_cvxpy
+from alloc.rules.robust import QP_ROBUST, robust_rule
 from alloc.rules.rule import Rule, answer_compiled
 
 _COMPILED = (
@@ -37,6 +38,7 @@ _COMPILED = (
 _SOLVED = (
     Rule("qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp),
     Rule("qp-cvxpy", "the same program stated in cvxpy: readable reference, slow", answer_qp_cvxpy),
+    QP_ROBUST,
 )
 _ORACLE = Rule(
     "oracle", "the exact level on the true coefficients: what could be had at best", answer_compiled,
@@ -66,4 +68,5 @@ __all__ = [
     "Rule",
     "find_rule",
     "optimality",
+    "robust_rule",
 ]

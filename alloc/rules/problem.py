@@ -21,6 +21,7 @@ _ADVICE = {
     "rate": "give the largest change of a limit per call as a coefficient, or leave rate out",
     "delivered": "give the magnitude of the coefficient that each unit delivers now",
     "truth": "give the available coefficients, or leave truth out",
+    "deviation": "give the standard deviation of each cap about the truth, or leave deviation out",
 }
 
 
@@ -55,6 +56,8 @@ class AllocationProblem:
     """Coefficient each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps carry."""
     truth: ArrayLike | None = None
     """Coefficients truly available; read by `oracle` alone. None: the caps are true."""
+    deviation: ArrayLike | None = None
+    """Standard deviation of each cap about the truth, >= 0; read by `qp-robust` alone. None: the caps are certain."""
     n: int = field(init=False)
     """Number of units."""
 
@@ -66,7 +69,7 @@ class AllocationProblem:
         put(self, "expected", _expected(self.expected))
         if not isinstance(self.slip, bool | np.bool_):
             raise AllocationError(f"slip = {self.slip!r} must be True or False")
-        for name in ("mass", "limit_max", "previous", "delivered", "truth"):
+        for name in ("mass", "limit_max", "previous", "delivered", "truth", "deviation"):
             given = getattr(self, name)
             if given is not None:
                 put(self, name, _coefficients(name, given, cap.size))
@@ -152,6 +155,7 @@ class AllocationProblem:
             "rate",
             "delivered",
             "truth",
+            "deviation",
         )
         return AllocationProblem(**({name: getattr(self, name) for name in fields} | values))
 

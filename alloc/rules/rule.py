@@ -39,8 +39,8 @@ class Rule:
     """Whether it is asked with every telegram, instead of once per detection of slip."""
     needs_truth: bool = False
     """Whether it reads what nobody on board can know."""
-    parameters: tuple[float, float, float] = (PRESET_MOVED, SHARING_GAIN, SHARING_TOLERANCE)
-    """`rule_parameters` of `allocate_compiled`."""
+    parameters: tuple[float, ...] = (PRESET_MOVED, SHARING_GAIN, SHARING_TOLERANCE)
+    """Numbers of the rule: `rule_parameters` of `allocate_compiled` where it is compiled, else as its module says."""
 
     def __call__(self, problem: AllocationProblem) -> Allocation:
         """The rule's answer to `problem`."""

@@ -35,6 +35,9 @@ GOOD = {"cap": [0.1, 0.2], "expected": 0.15}
         ({"previous": [0.1, 0.1], "rate": [0.1, 0.1, 0.1]}, r"rate has shape \(3,\)"),
         ({"delivered": [np.nan, 0.1]}, r"delivered\[0\] = nan"),
         ({"truth": [0.1, -0.2]}, r"truth\[1\] = -0.2"),
+        ({"deviation": [0.01, -0.01]}, r"deviation\[1\] = -0.01"),
+        ({"deviation": [0.01, np.inf]}, r"deviation\[1\] = inf"),
+        ({"deviation": 0.01}, r"deviation has shape \(\), must be \(2,\)"),
         ({"slip": "yes"}, "slip = 'yes' must be True or False"),
     ],
 )

@@ -19,6 +19,7 @@ NAMES = [
     "exact",
     "qp",
     "qp-cvxpy",
+    "qp-robust",
     "oracle",
 ]
 

@@ -1,0 +1,103 @@
+"""How well slip was detected and adhesion estimated, against the plant's truth."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.metrics.registry import SLIP_FACTOR, mean_or_nan, metric, record_period, under_demand
+
+BEFORE, AFTER = 0.1, 0.3
+"""Times [s] before a slip and after its end within which a detection belongs to it."""
+
+
+class Slip(NamedTuple):
+    """A slip of one unit: from the instant that an axle passes the curve's peak until all are back below it."""
+
+    unit: int
+    start: int
+    stop: int
+    """Index of the first instant after it."""
+
+
+@metric(
+    "estimate_error",
+    "1",
+    "error of B1's held estimate against the true adhesion at its detections",
+    0,
+)
+def estimate_error(run: xr.Dataset) -> float:
+    """Mean over the foremost unit's detections of estimate minus true adhesion coefficient (mean of its axles)."""
+    signal = run["slipping"].values[:, 0].astype(bool)
+    onset = np.flatnonzero(signal[1:] & ~signal[:-1]) + 1
+    if onset.size == 0:
+        return float("nan")
+    axles = run["axle_unit"].values == 0
+    truth = run["adhesion_limit"].values[:, axles].mean(axis=1)
+    return float((run["coefficient_estimate"].values[onset, 0] - truth[onset]).mean())
+
+
+def slips(run: xr.Dataset) -> Iterator[Slip]:
+    """The slips of all units: those in which an axle exceeds `SLIP_FACTOR` times the slip velocity of the peak."""
+    relative = np.abs(run["slip_velocity"].values) / run["peak_slip"].values
+    relative = np.where(under_demand(run)[:, None], relative, 0.0)
+    unit_of_axle = run["axle_unit"].values
+    for unit in range(run.sizes["unit"]):
+        worst = relative[:, unit_of_axle == unit].max(axis=1)
+        for start, stop in _spans(worst > 1.0):
+            if worst[start:stop].max() > SLIP_FACTOR:
+                yield Slip(unit, start, stop)
+
+
+def _spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _onsets(run: xr.Dataset, unit: int) -> NDArray[np.int64]:
+    signal = run["slipping"].values[:, unit].astype(bool) & under_demand(run)
+    return np.asarray(np.flatnonzero(signal[1:] & ~signal[:-1]) + 1)
+
+
+def _delays(run: xr.Dataset) -> list[float]:
+    """Time from each slip's start to its detection [s]; nan where it was missed."""
+    period = record_period(run)
+    before, after = round(BEFORE / period), round(AFTER / period)
+    delays = []
+    for slip in slips(run):
+        onsets = _onsets(run, slip.unit)
+        own = onsets[(onsets >= slip.start - before) & (onsets < slip.stop + after)]
+        delays.append(float((own[0] - slip.start) * period) if own.size else float("nan"))
+    return delays
+
+
+@metric(
+    "detection_delay", "s", "mean time from an axle passing the curve's peak to the detection", -1
+)
+def detection_delay(run: xr.Dataset) -> float:
+    """Mean over the slips that were detected [s]; nan where there were none."""
+    delays = np.array(_delays(run))
+    return mean_or_nan(delays[np.isfinite(delays)])
+
+
+@metric("missed_slips", "1", "slips that were not detected", -1)
+def missed_slips(run: xr.Dataset) -> float:
+    """Number of slips without a detection."""
+    return float(np.isnan(_delays(run)).sum())
+
+
+@metric("false_alarms", "1", "detections while no axle of the unit was past the curve's peak", -1)
+def false_alarms(run: xr.Dataset) -> float:
+    """Number of detections that belong to no axle past the peak."""
+    period = record_period(run)
+    before, after = round(BEFORE / period), round(AFTER / period)
+    past = np.abs(run["slip_velocity"].values) > run["peak_slip"].values
+    unit_of_axle = run["axle_unit"].values
+    alarms = 0
+    for unit in range(run.sizes["unit"]):
+        slipping = past[:, unit_of_axle == unit].any(axis=1)
+        for onset in _onsets(run, unit):
+            alarms += not slipping[max(onset - after, 0) : onset + before + 1].any()
+    return float(alarms)

@@ -1,0 +1,169 @@
+"""Effort, adhesion used, slip, damage, ride and energy of a run."""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from alloc.metrics.registry import (
+    SLIP_FACTOR,
+    acting_axles,
+    direction,
+    mean_or_nan,
+    metric,
+    record_period,
+    under_demand,
+)
+
+JERK_CUT_OFF = 5.0
+"""Cut-off frequency [Hz] of the low-pass on car acceleration before it is differentiated.
+
+Longitudinal ride comfort is a matter of a few hertz."""
+
+
+@metric("acceleration", "m/s2", "mean acceleration under demand, in its direction", +1)
+def acceleration(run: xr.Dataset) -> float:
+    """Mean acceleration of the train under demand [m/s2]."""
+    return mean_or_nan((direction(run) * run["acceleration"].values)[under_demand(run)])
+
+
+@metric("acceleration_ratio", "1", "acceleration reached, relative to the plan", +1)
+def acceleration_ratio(run: xr.Dataset) -> float:
+    """Mean acceleration under demand over the mean acceleration asked for.
+
+    Running resistance and gradients count as loss here; `effort_ratio` leaves them out.
+    """
+    demand = under_demand(run)
+    asked = np.abs(run["driver_command"].values[demand]).sum()
+    reached = (direction(run) * run["acceleration"].values)[demand].sum()
+    return float(reached / asked) if asked else float("nan")
+
+
+@metric("effort_ratio", "1", "tractive effort delivered, relative to the plan", +1)
+def effort_ratio(run: xr.Dataset) -> float:
+    """Mean rail force of the axles that pull or brake over the force that the plan asks for.
+
+    The plan's force accelerates the train and its rotating parts; the rail carries what is left for the train and the
+    unpowered wheelsets, so a run without slip on which nothing limits the motors has a ratio close to 1.
+    """
+    demand = under_demand(run)
+    force = (
+        direction(run) * np.where(acting_axles(run), run["rail_force"].values, 0.0).sum(axis=1)
+    )[demand]
+    planned = np.abs(run["driver_command"].values)[demand] * run.attrs["train_mass"]
+    return float(force.sum() / planned.sum()) if planned.sum() else float("nan")
+
+
+@metric(
+    "utilisation", "1", "adhesion used: rail force over the force available to acting axles", +1
+)
+def utilisation(run: xr.Dataset) -> float:
+    """Sum of the acting axles' rail force over the sum of their available force, under demand."""
+    counted = acting_axles(run) & under_demand(run)[:, None]
+    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
+    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
+    return float(used / available) if available else float("nan")
+
+
+@metric("utilisation_slipping", "1", "adhesion used while any driven axle slips", +1)
+def utilisation_slipping(run: xr.Dataset) -> float:
+    """Utilisation over the instants and units in which an axle of the unit slips or its detector has signalled."""
+    sign = direction(run)
+    unit = run["axle_unit"].values
+    driven = unit >= 0
+    active = run["slipping"].values.astype(bool)[:, unit] & driven & under_demand(run)[:, None]
+    used = (sign[:, None] * run["rail_force"].values)[active].sum()
+    available = (run["adhesion_limit"].values * run["axle_load"].values)[active].sum()
+    return float(used / available) if available else float("nan")
+
+
+@metric("slip_time", "s", "time spent slipping, summed over axles", -1)
+def slip_time(run: xr.Dataset) -> float:
+    """Axle-seconds beyond `SLIP_FACTOR` times the slip velocity of the curve's peak."""
+    slip = np.abs(run["slip_velocity"].values)
+    slipping = slip > SLIP_FACTOR * run["peak_slip"].values
+    return float(slipping.sum() * record_period(run))
+
+
+@metric("slip_peak", "m/s", "largest slip velocity of any axle", -1)
+def slip_peak(run: xr.Dataset) -> float:
+    """Largest magnitude of the slip velocity [m/s]."""
+    return float(np.abs(run["slip_velocity"].values).max())
+
+
+@metric("damage", "kJ", "wheel damage Q: work dissipated between wheels and rail", -1)
+def damage(run: xr.Dataset) -> float:
+    """Wheel damage Q of JP4209318 (28), for driving too [kJ]; integrated with the plant's own step."""
+    work = run["friction_work"].values
+    return float((work[-1] - work[0]).sum() / 1e3)
+
+
+@metric("distance", "m", "distance run until the end, or until the target speed", 0)
+def distance(run: xr.Dataset) -> float:
+    """Distance [m] until the target speed is reached; until the end of the run where there is none."""
+    end = _target_index(run)
+    if end < 0:
+        return float("nan")
+    position = run["position"].values
+    return float(position[end] - position[0])
+
+
+@metric("time_to_speed", "s", "time from the first demand to the target speed", -1)
+def time_to_speed(run: xr.Dataset) -> float:
+    """Time [s] from the first demand to the target speed; nan if it is not reached or none is set."""
+    if not np.isfinite(run.attrs["target_speed"]):
+        return float("nan")
+    end = _target_index(run)
+    if end < 0:
+        return float("nan")
+    time = run["time"].values
+    return float(time[end] - time[int(np.argmax(under_demand(run)))])
+
+
+def _target_index(run: xr.Dataset) -> int:
+    target = run.attrs["target_speed"]
+    speed = run["speed"].values
+    if not np.isfinite(target):
+        return int(speed.size - 1)
+    reached = (speed - target) * np.sign(target - speed[0]) >= 0.0
+    return int(np.argmax(reached)) if reached.any() else -1
+
+
+def jerk(run: xr.Dataset) -> NDArray[np.float64]:
+    """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`."""
+    period = record_period(run)
+    values = run["car_acceleration"].values
+    nyquist = 0.5 / period
+    if nyquist > JERK_CUT_OFF and values.shape[0] > 30:
+        sections = butter(2, JERK_CUT_OFF / nyquist, output="sos")
+        # mirrored at its ends: an odd extension would turn what vibrates there into a step
+        values = sosfiltfilt(sections, values, axis=0, padtype="even")
+    return np.asarray(np.gradient(values, period, axis=0))
+
+
+@metric("jerk_rms", "m/s3", "jerk of the worst car, root mean square under demand", -1)
+def jerk_rms(run: xr.Dataset) -> float:
+    """Root mean square jerk of the car that has it worst [m/s3]."""
+    values = jerk(run)[under_demand(run)]
+    return float(np.sqrt((values**2).mean(axis=0)).max()) if values.size else float("nan")
+
+
+@metric("jerk_peak", "m/s3", "largest jerk of any car under demand", -1)
+def jerk_peak(run: xr.Dataset) -> float:
+    """Largest magnitude of the jerk of any car [m/s3]."""
+    values = jerk(run)[under_demand(run)]
+    return float(np.abs(values).max()) if values.size else float("nan")
+
+
+@metric("coupler_peak", "kN", "largest coupler force", -1)
+def coupler_peak(run: xr.Dataset) -> float:
+    """Largest magnitude of any coupler force [kN]; nan for a rigid train."""
+    force = run["coupler_force"].values
+    return float(np.abs(force).max() / 1e3) if force.size else float("nan")
+
+
+@metric("energy", "MJ", "work of the motors at the wheels", 0)
+def energy(run: xr.Dataset) -> float:
+    """Work of the motors [MJ]."""
+    work = run["motor_work"].values
+    return float((work[-1] - work[0]) / 1e6)

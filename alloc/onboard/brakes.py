@@ -1,0 +1,73 @@
+"""Blended braking, JP5484215 embodiment 3: the electric brake first, the air brake fills what it falls short of.
+
+While a unit receives limits it holds its air brake, which is too slow for readhesion, and controls the motors to what
+the limit leaves beside it.
+"""
+
+import numpy as np
+
+from alloc.compilation import jit
+from alloc.onboard import memory as om
+from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+
+LOWEST_SPEED = 1.0
+"""Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
+
+
+@jit
+def set_brake_targets(eq, st, m):
+    """Torque targets and air brake forces of the units while the train brakes."""
+    expected = m.held[om.HELD_EXPECTED]
+    for j in range(eq.axles.size):
+        weight = (eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY
+        to_torque = (1.0 + eq.brake_inertia[j]) * weight * eq.radius[j] / eq.gear[j]
+        at_rim = eq.gear[j] / eq.radius[j]
+        step = expected * to_torque * st.period / st.rise_time
+        m.rise[j] = min(m.limit[j] * to_torque, m.rise[j] + step)
+        pattern = m.rise[j]
+        if np.isfinite(
+            m.received[j]
+        ):  # limits arrive: the unit's own pattern following is suppressed
+            m.air[j] = min(m.air[j], pattern * at_rim)
+            pattern = max(pattern - m.air[j] / at_rim, 0.0)
+        else:
+            electric = max(-m.torque[j], 0.0)
+            # what the line does not take; what the unit's own readhesion control takes away is not to be filled
+            lacking = max(-m.command[j] - electric, 0.0)
+            # beyond what the air brake leaves the motors take over slowly, for cylinders empty slowly
+            slow = expected * to_torque * st.period / st.blend_time
+            wanted = min(pattern, m.brake_limit[j])
+            wanted = min(wanted, max(pattern - m.air[j] / at_rim, electric + slow))
+            m.air[j] = (pattern - wanted + min(lacking, wanted)) * at_rim
+            pattern = wanted
+        m.target[j] = -min(pattern, m.brake_limit[j])
+    m.brake_rise[0] = min(m.brake_rise[0] + st.period / st.rise_time, 1.0)
+
+
+@jit
+def brake_receiver(eq, st, m, braking, pressure, valve):
+    """Cylinder pressures [Pa] and valves of every brake group: force wanted of it, and release where its wheels slide.
+
+    `pressure`, `valve` (groups, 1) are filled. A trailer follows the plan by air alone.
+    """
+    for g in range(eq.group_unit.size):
+        if not braking:
+            pressure[g, 0], valve[g, 0] = 0.0, 0.0
+            continue
+        reference = max(m.reference[eq.group_body[g]], LOWEST_SPEED)
+        unit = eq.group_unit[g]
+        if unit >= 0:
+            force = m.air[unit]
+        else:
+            planned = m.held[om.HELD_EXPECTED] * m.brake_rise[0]
+            force = planned * eq.group_weight[g] * (1.0 + eq.group_inertia[g])
+        numerator, offset, constant = eq.group_friction[g]
+        friction = hyperbolic_speed_law(reference, numerator, offset, constant)
+        pressure[g, 0] = min(force / (eq.group_gain[g] * friction), eq.group_pressure[g])
+        slide = m.group_slide[g] / reference
+        if slide > st.slide[0]:
+            valve[g, 0] = 2.0
+        elif slide > st.slide[1]:
+            valve[g, 0] = 1.0
+        else:
+            valve[g, 0] = 0.0
