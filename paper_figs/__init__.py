@@ -35,11 +35,51 @@ FIGURES: dict[str, FigureEntry] = {
     "slip-event": FigureEntry(
         "slip_event", "one slip event over time: speeds, slip, torque and limit per car"
     ),
+    "blended-braking": FigureEntry(
+        "blended_braking", "electric and air brake under limits (JP5484215 Fig. 16)"
+    ),
+    "sharing-wanders": FigureEntry(
+        "sharing_wanders", "limits, torque and jerk of dynamic sharing beside the reference rule"
+    ),
     "rule-comparison": FigureEntry(
         "rule_comparison", "rules over all events: effort, adhesion used, damage, jerk", True
     ),
     "utilisation-damage": FigureEntry(
         "utilisation_damage", "adhesion used against wheel damage, event by event", True
+    ),
+    "claim-a": FigureEntry(
+        "claim_a",
+        "claim (a) of JP5484215 over random events: the plan reached where alone does not",
+    ),
+    "claim-b": FigureEntry(
+        "claim_b", "claim (b) of JP5484215 over random events: in case A every unit at its bound"
+    ),
+    "claim-c": FigureEntry(
+        "claim_c", "claim (c) of JP5484215 over random events: adhesion used under caps too high"
+    ),
+    "claim-d": FigureEntry(
+        "claim_d", "claim (d) of JP5484215 over random events: jerk against dynamic sharing"
+    ),
+    "claim-e": FigureEntry(
+        "claim_e", "claim (e) of JP5484215 over random events: effort and slip against the preset"
+    ),
+    "differences": FigureEntry(
+        "differences", "where greedy and exact level differ: random problems and closed loop"
+    ),
+    "slip-detection": FigureEntry(
+        "slip_detection", "acceleration of a unit, thresholds and slip signal (JP5484215 Fig. 5)"
+    ),
+    "planned-curves": FigureEntry(
+        "planned_curves", "planned coefficients over speed (JP5484215 Fig. 10)"
+    ),
+    "axle-shifts": FigureEntry(
+        "axle_shifts", "shift of each axle's coefficient, synthetic counts (JP5484215 Figs. 11, 12)"
+    ),
+    "unit-increments": FigureEntry(
+        "unit_increments", "increments per unit by drive and line (JP5484215 Fig. 13)"
+    ),
+    "learning": FigureEntry(
+        "learning", "error of the increments against stations, by learner (sweep learning)"
     ),
 }
 """Every figure by name."""

@@ -26,9 +26,13 @@ NOTES = 0.024
 """Height above the longest bar that the notes take up."""
 
 
+SHOWN = tuple(name for name in RULES if name != "qp-robust")
+"""Rules shown: without deviations of the caps `qp-robust` is `qp`."""
+
+
 def figure(source: Source) -> Figure:
     """The figure; it needs no data from `source`."""
-    return draw(tuple(RULES))
+    return draw(SHOWN)
 
 
 def caps(coefficient: float) -> NDArray[np.float64]:
@@ -65,7 +69,7 @@ def draw(rules: Sequence[str]) -> Figure:
         axes[0, 0].set_ylim(top=axes[0, 0].get_ylim()[1] + NOTES)
         for column, rule in enumerate(rules):
             axes[0, column].set_title(
-                rule, color=rule_colour(rule), fontweight="bold", loc="center", fontsize=7
+                rule, color=rule_colour(rule), fontweight="bold", loc="center", fontsize=6.3
             )
             axes[1, column].set_xlabel("unit")
         axes[0, 0].set_ylabel("(a) high adhesion, case B\ncoefficient [–]")
@@ -91,7 +95,7 @@ def _bars(axes: Axes, rule: str, coefficient: float) -> None:
     told /= EXPECTED
     note = axes.text(
         0.04, 0.995, f"told {told[0]:.1f} %\nused {told[1]:.1f} %",
-        transform=axes.transAxes, va="top", fontsize=5.8,
+        transform=axes.transAxes, va="top", fontsize=5.0,
     )  # fmt: skip
     note.set_in_layout(False)
     axes.set(ylim=(BOTTOM, None), xlim=(0.3, UNITS + 0.7))

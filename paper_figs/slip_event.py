@@ -46,7 +46,7 @@ def draw(runs: Sequence[xr.Dataset]) -> Figure:
             )
             axes[3, column].set_xlabel("time [s]")
             axes[3, column].set_xlim(0.0, float(run["time"].values[-1]))
-        axes[0, 0].legend(loc="upper left")
+        axes[0, 0].legend(loc="best")
         axes[3, 0].legend(loc="best")
         axes[3, 0].xaxis.set_major_locator(MultipleLocator(5.0))
         axes[0, 0].set_ylabel("speed [km/h]")

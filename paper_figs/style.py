@@ -18,6 +18,7 @@ RULE_COLOURS: dict[str, str] = {
     "exact": "#0072b2",
     "qp": "#56b4e9",
     "qp-cvxpy": "#009e73",
+    "qp-robust": "#7b3294",
     "oracle": "#000000",
 }
 """After Okabe and Ito's palette for colour-blind readers, its yellow darkened to show on white."""
@@ -26,7 +27,7 @@ OTHER_COLOUR = "#882255"
 
 RULE_MARKERS: dict[str, str] = {
     "alone": "o", "preset": "v", "sharing": "^", "greedy": "s", "greedy-claim": "D",
-    "exact": "P", "qp": "X", "qp-cvxpy": "<", "oracle": "*",
+    "exact": "P", "qp": "X", "qp-cvxpy": "<", "qp-robust": ">", "oracle": "*",
 }  # fmt: skip
 
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}

@@ -8,6 +8,7 @@ from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.controllers import controller_names
 from studies.scenario import load_scenario, shipped_scenarios
+from studies.sweeps import SWEEPS
 
 CONTROLLER_MEANINGS = {
     "none": "torque follows the limit whatever the wheels do",
@@ -17,7 +18,7 @@ CONTROLLER_MEANINGS = {
 
 
 def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Kind -> name -> one line of meaning, for scenarios, rules, controllers, trains, figures and metrics.
+    """Kind -> name -> one line of meaning, for scenarios, rules, controllers, trains, sweeps, figures and metrics.
 
     `figures`: name -> meaning; the figures stand above this package and come from outside.
     """
@@ -27,6 +28,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},
         "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
         "trains": {name: _train(name) for name in SETS},
+        "sweeps": {name: sweep.DESCRIPTION for name, sweep in SWEEPS.items()},
         "figures": dict(figures),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")

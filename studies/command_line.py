@@ -197,6 +197,65 @@ def simulate(
 
 
 @app.command
+def sweep(
+    name: str,
+    *,
+    events: Whole | None = None,
+    jobs: Whole | None = None,
+    out: Path = Path("results"),
+    seed: Whole = 0,
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+) -> int:
+    """Ask one question over many random events, and state what the answer is.
+
+    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+
+    Parameters
+    ----------
+    name
+        Sweep; `readhesion list` names them.
+    events
+        Number of random events [default: the sweep's own]; more of them extend fewer.
+    jobs
+        Number of processes [default: one per core].
+    out
+        Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
+    seed
+        Seed of the events, 0 or greater.
+    as_json
+        Print JSON instead of text.
+    """
+    from studies.sweeps import find_sweep, sweep_folder
+    from studies.sweeps.report import about, printed
+
+    chosen = find_sweep(name)
+    if events is not None and events < 1:
+        raise StudyError(f"--events {events}: give the number of events, 1 or more")
+    if seed < 0:
+        raise StudyError(f"--seed {seed}: must be 0 or greater")
+    count = chosen.DEFAULT_EVENTS if events is None else events
+    folder = sweep_folder(out, name)
+    with progress() as on_row:
+        table = chosen.run(folder, count, seed, process_count(jobs), on_row)
+    failed = int((table["status"] != "ok").sum()) if "status" in table else 0
+    found = [] if failed == len(table) else chosen.statements(table)
+    if as_json:
+        content = about(name, count, seed, folder, len(table), failed)
+        content["statements"] = [statement.content() for statement in found]
+        print(json.dumps(content, indent=2, allow_nan=False))
+    else:
+        screen = console()
+        for item in printed(found):
+            screen.print(item)
+        screen.print(
+            f"{len(table)} rows"
+            + (f", [red]{failed} failed[/red]" if failed else "")
+            + f"; tables in {folder}"
+        )
+    return ALL_FAILED if failed == len(table) else 0
+
+
+@app.command
 def figures(
     *names: str,
     out: Path = Path("figures"),
@@ -231,7 +290,7 @@ def figures(
 
 @app.command(name="list")
 def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = False) -> None:
-    """List scenarios, rules, controllers, train sets, figures and metrics.
+    """List scenarios, rules, controllers, train sets, sweeps, figures and metrics.
 
     Parameters
     ----------

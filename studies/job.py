@@ -2,7 +2,7 @@
 
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,6 +15,10 @@ from studies.code_version import code_hash
 from studies.controllers import host_factories
 from studies.errors import StudyError
 from studies.scenario import Scenario
+
+Measure = Callable[[xr.Dataset], dict[str, float]]
+"""What a study reads from a recorded run beside the metrics: column -> number. A function of a module, since it travels to
+other processes; its module counts among the sources of `studies.code_version`."""
 
 KEY = ("scenario", "scenario_hash", "rule", "controller", "seed", "code_hash")
 """Columns that identify a row."""
@@ -66,9 +70,12 @@ class Outcome(NamedTuple):
     run: xr.Dataset | None
 
 
-def run_job(job: Job, keep: bool = False, code: str | None = None) -> Outcome:
+def run_job(
+    job: Job, keep: bool = False, code: str | None = None, measure: Measure | None = None
+) -> Outcome:
     """Run a job. Whatever goes wrong in it becomes a row with status "failed" and the reason.
 
+    `measure`: gives further columns of the row.
     `code`: hash of the code that the caller runs. A worker that was started after the sources changed has loaded
     others; its result would pass for one of the caller's code, so it refuses.
     """
@@ -83,6 +90,7 @@ def run_job(job: Job, keep: bool = False, code: str | None = None) -> Outcome:
         row |= {"status": "ok", "reason": "", "messages": str(run.attrs["messages"])}
         row |= {"duration": float(run["time"].values[-1] - run["time"].values[0])}
         row |= evaluate(run)
+        row |= {} if measure is None else measure(run)
     except Exception as error:  # a study of a hundred runs goes on without this one
         where = traceback.extract_tb(error.__traceback__)[-1]
         reason = " ".join(str(error).split()) or "no message"

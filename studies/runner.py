@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import partial
 
 import joblib
 import numpy as np
@@ -19,7 +20,7 @@ from alloc.simulation import CONTROLLERS
 from studies.code_version import code_hash
 from studies.controllers import HOSTED, rehearse
 from studies.errors import StudyError
-from studies.job import Job, Outcome, run_job, simulate_job
+from studies.job import Job, Measure, Outcome, run_job, simulate_job
 from studies.scenario import Scenario
 from studies.store import Store, select
 
@@ -77,7 +78,19 @@ def run_grid(
     Rows that failed are kept with their reason and not run again unless `retry_failed`. `on_row` is told the label of
     each finished cell, how many are finished and how many there are. On an interrupt what is computed is kept.
     """
-    cells = grid.jobs()
+    return run_jobs(grid.jobs(), store, jobs, keep, retry_failed, on_row)
+
+
+def run_jobs(
+    cells: Sequence[Job],
+    store: Store,
+    jobs: int = 1,
+    keep: Sequence[str] = (),
+    retry_failed: bool = False,
+    on_row: Callable[[str, int, int], None] | None = None,
+    measure: Measure | None = None,
+) -> pd.DataFrame:
+    """As `run_grid`, for cells of any choice; `measure` adds columns that no metric has to the rows (see `run_job`)."""
     succeeded = store.keys()
     present = succeeded if retry_failed else store.keys(failed_too=True)
 
@@ -99,7 +112,7 @@ def run_grid(
         warm_up(missing)
     pending: list[dict[str, object]] = []
     flushed = time.monotonic()
-    outcomes = _outcomes([(job, wanted(job)) for job in missing], jobs)
+    outcomes = _outcomes([(job, wanted(job)) for job in missing], jobs, measure)
     try:
         with closing(outcomes):
             for outcome in outcomes:
@@ -122,15 +135,17 @@ def run_grid(
     return select(store.read(), [job.key for job in cells])
 
 
-def _outcomes(work: Sequence[tuple[Job, bool]], jobs: int) -> Generator[Outcome, None, None]:
+def _outcomes(
+    work: Sequence[tuple[Job, bool]], jobs: int, measure: Measure | None
+) -> Generator[Outcome, None, None]:
     if jobs == 1 or len(work) <= 1:
         for job, keep in work:
-            yield run_job(job, keep)
+            yield _with(measure)(job, keep)
         return
     code = code_hash()
     with joblib.parallel_config("loky", initializer=_ignore_interrupt):
         parallel = joblib.Parallel(n_jobs=min(jobs, len(work)), return_as="generator_unordered")
-    outcomes = parallel(joblib.delayed(run_job)(job, keep, code) for job, keep in work)
+    outcomes = parallel(joblib.delayed(_with(measure))(job, keep, code) for job, keep in work)
     try:
         for outcome in outcomes:  # noqa: UP028 (a close must not reach joblib, which warns of unused results)
             yield outcome
@@ -139,6 +154,11 @@ def _outcomes(work: Sequence[tuple[Job, bool]], jobs: int) -> Generator[Outcome,
             outcomes.close()
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
         raise
+
+
+def _with(measure: Measure | None) -> Callable[..., Outcome]:
+    """`run_job`, bound to `measure` where there is one."""
+    return run_job if measure is None else partial(run_job, measure=measure)
 
 
 def _ignore_interrupt() -> None:

@@ -9,17 +9,32 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
+from alloc.onboard import Detector
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.rules import RULES
 from paper_figs import (
     FIGURES,
     adhesion_curve,
     allocation_bars,
+    axle_shifts,
+    blended_braking,
+    claim_a,
+    claim_b,
+    claim_c,
+    claim_d,
+    claim_e,
     comparison_figures,
+    differences,
     draw_run,
+    learning,
+    planned_curves,
     rule_comparison,
     save_figure,
+    sharing_wanders,
+    slip_detection,
     slip_event,
+    unit_increments,
     utilisation_damage,
 )
 from paper_figs.style import CONTROLLER_FILL, RULE_COLOURS, RULE_MARKERS, STYLE_FILE, rule_colour
@@ -28,9 +43,14 @@ from studies.errors import StudyError
 from studies.job import Job, simulate_job
 from studies.report import summarise
 from studies.scenario import load_scenario
+from tests.studies.learning_tables import falling, synthetic
+from tests.studies.sweep_tables import claim_table, difference_table
 
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s³|km/h|N m|kJ)\]$")
-COUNTED = {"unit", "traction unit (1 = foremost)"}
+CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
+UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|N m|kN|kPa|kJ)\]$")
+COUNTED = {
+    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+}  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
 
@@ -41,14 +61,29 @@ def runs():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs) -> dict[str, Figure]:
+def stop():
+    scenario = load_scenario("wet-stop").changed(duration_s=6.0)
+    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0), {})
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
-        "allocation-bars": allocation_bars.draw(tuple(RULES)),
+        "allocation-bars": allocation_bars.draw(allocation_bars.SHOWN),
         "slip-event": slip_event.draw(runs),
         "rule-comparison": rule_comparison.draw(source.table),
         "utilisation-damage": utilisation_damage.draw(source.table),
+        **{f"claim-{claim}": module.draw(claim_table(60)) for claim, module in CLAIMS.items()},
+        "differences": differences.draw(difference_table()),
+        "blended-braking": blended_braking.draw(stop),
+        "sharing-wanders": sharing_wanders.draw(runs),
+        "slip-detection": slip_detection.draw(runs[0], Detector()),
+        "planned-curves": planned_curves.draw(),
+        "axle-shifts": axle_shifts.draw(read_slide_counts(SYNTHETIC_TABLE)),
+        "unit-increments": unit_increments.draw(),
+        "learning": learning.draw(synthetic(falling, trains=2)),
     }
 
 
@@ -58,7 +93,7 @@ def lines_of(axes):
 
 
 def test_every_figure_is_drawn(drawn):
-    assert list(drawn) == list(FIGURES)
+    assert set(drawn) == set(FIGURES)
 
 
 def test_every_figure_of_the_register_has_its_function():
@@ -126,8 +161,8 @@ def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
             for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
         }
         assert {rule: of_label[rule] for rule in rules} == {r: rule_colour(r) for r in rules}
-    columns = drawn["allocation-bars"].axes[: len(RULES)]
-    for rule, axes in zip(RULES, columns, strict=True):
+    columns = drawn["allocation-bars"].axes[: len(allocation_bars.SHOWN)]
+    for rule, axes in zip(allocation_bars.SHOWN, columns, strict=True):
         assert axes.get_title() == rule
         assert to_hex(axes.patches[0].get_facecolor()) == rule_colour(rule)
     titles = drawn["slip-event"].axes[:2]
@@ -147,9 +182,9 @@ def test_the_curve_drawn_is_the_plants(drawn):
 
 
 def test_the_bars_are_the_rules_answers(drawn):
-    for k, rule in enumerate(RULES):
+    for k, rule in enumerate(allocation_bars.SHOWN):
         for row, found in enumerate((allocation_bars.HIGH, allocation_bars.LOW)):
-            axes = drawn["allocation-bars"].axes[row * len(RULES) + k]
+            axes = drawn["allocation-bars"].axes[row * len(allocation_bars.SHOWN) + k]
             heights = [bar.get_height() for bar in axes.patches[: allocation_bars.UNITS]]
             np.testing.assert_allclose(heights, allocation_bars.allocate(rule, found).limit)
 

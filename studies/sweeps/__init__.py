@@ -1,0 +1,49 @@
+"""Sweeps: one question each, asked over many random events; a table out, and plain statements with their numbers."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import pandas as pd
+
+from studies.errors import unknown
+from studies.sweeps import claims, differences, learning
+from studies.sweeps.statement import Statement
+
+OnRow = Callable[[str, int, int], None]
+
+
+class Sweep(Protocol):
+    """What a module of this package offers to be a sweep."""
+
+    DESCRIPTION: str
+    """One line: the question."""
+    DEFAULT_EVENTS: int
+    """Events where none are asked for."""
+
+    def run(
+        self, folder: Path, events: int, seed: int, jobs: int, on_row: OnRow | None = None
+    ) -> pd.DataFrame:
+        """The table of so many events drawn from `seed`; what `folder` holds already is not run again."""
+
+    def statements(self, table: pd.DataFrame) -> list[Statement]:
+        """What the table says, computed from it by thresholds that the module states."""
+
+
+SWEEPS: dict[str, Sweep] = {"claims": claims, "differences": differences, "learning": learning}
+"""Every sweep by name."""
+
+
+def find_sweep(name: str) -> Sweep:
+    """The sweep called `name`; raises `StudyError` with the nearest name for one that does not exist."""
+    if name not in SWEEPS:
+        raise unknown("sweep", name, SWEEPS)
+    return SWEEPS[name]
+
+
+def sweep_folder(out: str | Path, name: str) -> Path:
+    """Where a sweep keeps its table under the results' folder `out`."""
+    return Path(out) / "sweeps" / name
+
+
+__all__ = ["SWEEPS", "Statement", "Sweep", "find_sweep", "sweep_folder"]

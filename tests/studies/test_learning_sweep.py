@@ -1,0 +1,129 @@
+"""The sweep `learning`: same rails for every arm, memory across stations, and statements that follow from the table."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.estimation.learning import DIRECTIONS, load_learning
+from studies.sweeps import SWEEPS, learning
+from studies.sweeps.learning_arms import ARMS
+from studies.sweeps.learning_series import PARTS, TOLERANCE, per_series
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
+from tests.studies.learning_tables import falling, synthetic
+
+SHORT = 2.0
+"""Length of a start [s] in which the foremost units slip a few times."""
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("learning")
+    return folder, learning.run(folder, 4, 0, 1, duration=SHORT)
+
+
+def named(table):
+    return {statement.name: statement for statement in learning.statements(table)}
+
+
+def test_the_sweep_is_registered():
+    assert SWEEPS["learning"] is learning
+    assert len(learning.DESCRIPTION) > 20
+
+
+def test_every_arm_meets_the_same_rails_and_others_meet_others(swept):
+    _, table = swept
+    assert len(table) == 4 * len(learning.RAILS) * len(learning.STORED) * len(ARMS)
+    keys = ["rail", "stored", "train", "direction", "station"]
+    for _, rows in table.groupby(keys):
+        assert rows["arm"].tolist() == list(ARMS)
+        assert rows["seed"].nunique() == rows["level"].nunique() == 1
+    assert table["seed"].nunique() == len(table) / len(ARMS)
+    assert table["level"].sub(learning.LEVEL).abs().max() <= learning.HALF_WIDTH
+
+
+def test_before_anything_is_learnt_learners_do_what_no_learning_does(swept):
+    _, table = swept
+    first = table[table["station"] == 1].set_index("arm")
+    for name in ("effort_ratio", "slip_time", "damage", "unit_detections"):
+        kept = first.loc["no learning", name].to_numpy()
+        for arm in ("running mean", "running mean, held", "Gaussian"):
+            np.testing.assert_array_equal(first.loc[arm, name].to_numpy(), kept)
+
+
+def test_arms_that_do_not_learn_keep_what_they_believe(swept):
+    _, table = swept
+    assert np.all(table.loc[table["arm"] == "truth", "error"] == 0.0)
+    kept = table[table["arm"] == "no learning"].groupby(["rail", "stored", "direction"])["error"]
+    assert np.all(kept.nunique() == 1)
+    assert kept.first().min() > 0.02
+
+
+def test_memory_is_kept_per_direction_in_the_trains_file(swept):
+    folder, table = swept
+    (file,) = (folder / "series").glob("even_too-high_Gaussian_0_*.json")
+    known = load_learning(file, "commuter-8car")
+    assert set(known) == set(DIRECTIONS)
+    rows = table[
+        (table["arm"] == "Gaussian") & (table["rail"] == "even") & (table["stored"] == "too high")
+    ]
+    for direction in DIRECTIONS:
+        last = rows[rows["direction"] == direction].iloc[-1]
+        columns = [f"increment_{j}" for j in range(2, 5)]
+        np.testing.assert_allclose(known[direction].increment[1:], last[columns].astype(float))
+
+
+def test_what_a_folder_holds_is_not_run_again(swept, monkeypatch):
+    folder, table = swept
+    monkeypatch.setattr(learning, "run_series", None)
+    pd.testing.assert_frame_equal(learning.run(folder, 4, 0, 1, duration=SHORT), table)
+    assert learning.stored(folder) == 0  # no series of all stations
+
+
+def test_few_series_give_no_verdict(swept):
+    _, table = swept
+    assert {statement.verdict for statement in learning.statements(table)} <= {*VERDICTS}
+    assert named(table)["learnt-patent"].verdict == TOO_FEW
+
+
+def test_learnt_from_the_station_on_that_stays_within_the_tolerance():
+    series = per_series(synthetic(falling))
+    # 0.02 x 0.3^2 = 0.0018 is the first within 0.002
+    assert np.all(series["stations, running mean"] == 2)
+    assert np.all(series["coarse, running mean"] == 2)
+    assert series["stations, no learning"].isna().all()
+    bouncing = per_series(synthetic(lambda arm, station: 0.001 if station != 3 else 0.01))
+    assert np.all(bouncing["stations, running mean"] == 4)
+
+
+def test_learning_that_works_holds_and_learning_that_does_not_fails():
+    found = named(synthetic(falling))
+    assert found["learnt-patent"].verdict == HOLDS
+    assert found["closer-patent"].verdict == HOLDS
+    worse = named(synthetic(lambda arm, station: 0.03 if arm != "no learning" else 0.02))
+    assert worse["learnt-patent"].verdict == FAILS
+    assert worse["closer-patent"].verdict == FAILS
+    assert len(worse["closer-patent"].conditions) == len(PARTS)
+
+
+def test_biased_data_are_named():
+    found = named(synthetic(falling, excess=3 * TOLERANCE))["unbiased"]
+    assert found.verdict == CONDITIONS
+    assert [text.split(":")[0] for text in found.conditions] == [
+        "with held reference, even rail",
+        "with held reference, scattered rail",
+        "not with received reference, even rail",
+        "not with received reference, scattered rail",
+    ]
+
+
+def test_gain_and_price_are_paired_differences():
+    arms = {"running mean": 0.02, "Gaussian, robust": -0.03}
+    found = named(synthetic(falling, effort=arms, slip={"Gaussian, robust": -4.0}))
+    assert found["gain-effort"].verdict == HOLDS
+    gain = found["gain-effort"].numbers["effort_ratio, running mean minus no learning"]
+    assert gain.value == pytest.approx(0.02, abs=1e-4)
+    robust = found["robust"]
+    assert robust.verdict == CONDITIONS  # slip is saved, but three points of effort are lost
+    assert any("effort: more than 1% lost" in text for text in robust.conditions)
+    cheap = named(synthetic(falling, slip={"Gaussian, robust": -4.0}))["robust"]
+    assert cheap.verdict == HOLDS

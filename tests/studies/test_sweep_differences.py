@@ -1,0 +1,124 @@
+"""Random problems of each kind differ where the kind says, and the statements count them right."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.rules import AllocationProblem
+from studies.sweeps import differences
+from studies.sweeps.difference_kinds import EVENTS, KINDS, event, problem
+from studies.sweeps.difference_statements import UNBOUNDED, difference_statements
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from tests.studies.sweep_tables import difference_table
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Twelve problems of each kind and two events of each, short."""
+    folder = tmp_path_factory.mktemp("differences")
+    return folder, differences.run(folder, 12, 0, 1, duration=2.5)
+
+
+def test_every_rule_answers_every_problem_and_event(swept):
+    _, table = swept
+    assert (table["status"] == "ok").all()
+    count = table.groupby(["part", "kind"])["rule"].value_counts().unstack()
+    assert (count.loc["problem"] == 12).all().all()
+    assert (count.loc["event"] == 2).all().all()
+    assert set(count.loc["event"].index) == set(EVENTS) < set(KINDS)
+
+
+def test_a_second_sweep_runs_no_event_again(swept, monkeypatch):
+    folder, table = swept
+    monkeypatch.setattr("studies.runner.run_job", None)
+    again = differences.run(folder, 12, 0, 1, duration=2.5)
+    pd.testing.assert_frame_equal(again, table)
+    stored = differences.stored(folder)
+    assert stored is not None
+    assert len(stored) == len(table)
+
+
+def test_a_table_of_other_code_is_not_taken(swept, monkeypatch, tmp_path):
+    monkeypatch.setattr(differences, "code_hash", lambda: "other")
+    assert differences.stored(swept[0]) is None
+    assert differences.stored(tmp_path) is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_problem_follows_from_its_number_and_shares_its_front_with_other_kinds(kind):
+    first, again = problem(0, kind, 3), problem(0, kind, 3)
+    np.testing.assert_array_equal(first.cap, again.cap)
+    assert np.asarray(first.cap)[0] == np.asarray(problem(0, "plain", 3).cap)[0]
+
+
+@pytest.mark.parametrize("kind", EVENTS)
+def test_events_of_each_kind_can_be_run(kind):
+    assert event(0, kind, 0).event(0).duration == 12.0
+
+
+def test_what_is_said_of_an_answer_is_relative_to_the_plan():
+    # front short by 0.02, the rear offers 0.02 and 0.04: greedy takes the first, exact stops between
+    asked = AllocationProblem(cap=[0.14, 0.18, 0.20], expected=0.16)
+    rows = {row["rule"]: row for row in differences.answer_rows(asked)}
+    assert rows["greedy"]["over"] == pytest.approx((0.14 + 0.18 + 0.18) / 0.48 - 1.0)
+    assert rows["exact"]["over"] == pytest.approx(0.0)
+    assert rows["greedy"]["apart"] == pytest.approx(0.01 / 0.16)
+    assert not any(row["unmet"] for row in rows.values())
+
+
+def test_the_reading_of_claim_1_can_fall_short():
+    # the sum of what unit 2 and unit 3 have beyond the plan covers the 0.01 of unit 1, but unit 3 alone sets the level
+    asked = AllocationProblem(cap=[0.150, 0.169, 0.161, 0.170], expected=0.16)
+    rows = {row["rule"]: row for row in differences.answer_rows(asked)}
+    assert rows["greedy-claim"]["case"] == "B"
+    assert rows["greedy-claim"]["unmet"]
+    assert not rows["greedy"]["unmet"]
+    assert not rows["exact"]["unmet"]
+
+
+def verdict(table, name):
+    return next(s for s in difference_statements(table) if s.name == name)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, HOLDS),
+        ({"over": 0.03}, CONDITIONS),
+        ({"short": 0.03}, FAILS),
+        ({"short": 0.009}, HOLDS),
+        ({"n": 5}, TOO_FEW),
+    ],
+)
+def test_greedy_against_exact(values, expected):
+    found = verdict(difference_table(**values), "greedy: plain")
+    assert found.verdict == expected
+    if expected == CONDITIONS:
+        assert "over" in found.conditions[0]
+
+
+def test_the_quadratic_program_must_agree_everywhere():
+    assert verdict(difference_table(), "qp").verdict == HOLDS
+    table = difference_table()
+    table.loc[table.index[table["rule"] == "qp"][0], "apart"] = 1e-3
+    assert verdict(table, "qp").verdict == FAILS
+
+
+def test_the_claims_reading_is_counted_kind_by_kind():
+    assert verdict(difference_table(), "claim 1").verdict == HOLDS
+    short = difference_table("caps not growing", rule="greedy-claim", unmet=True)
+    assert verdict(short, "claim 1").verdict == FAILS
+    both = verdict(pd.concat([difference_table(), short]), "claim 1")
+    assert both.verdict == CONDITIONS
+    assert both.conditions == ("with plain", "not with caps not growing")
+    key = "share of case B that it falls short, greedy-claim, caps not growing"
+    assert both.numbers[key].value == 1.0
+
+
+def test_on_random_problems_the_laws_of_the_rules_show(swept):
+    _, table = swept
+    problems = table[(table["part"] == "problem") & table["kind"].isin(UNBOUNDED)]
+    greedy = problems[problems["rule"] == "greedy"]
+    assert not greedy["unmet"].astype(bool).any()
+    qp = table[(table["part"] == "problem") & (table["rule"] == "qp")]
+    assert qp["apart"].max() < 1e-6

@@ -1,0 +1,159 @@
+"""Verdicts follow from the numbers: a table made so that a claim holds, fails, or holds in part says so."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import bootstrap, ttest_rel
+
+from studies.sweeps import claims
+from studies.sweeps.parts import PARTS
+from studies.sweeps.statement import (
+    CONDITIONS,
+    FAILS,
+    HOLDS,
+    TOO_FEW,
+    VERDICTS,
+    mean_interval,
+    share_interval,
+)
+from studies.sweeps.verdict import LEAST_EVENTS, judge
+from studies.sweeps.verdict import Test as Criterion  # a name that pytest does not take for a test
+from tests.studies.sweep_tables import claim_table
+
+
+def verdicts(change=lambda row: row, events=120):
+    return {s.name: s for s in claims.statements(claim_table(events, change))}
+
+
+def only(rule, condition=lambda row: True, **values):
+    """A change of the rows of one rule where `condition` holds."""
+    return lambda row: row | values if row["rule"] == rule and condition(row) else row
+
+
+BROKEN = {
+    "a": {"held_effort": 0.95},
+    "b": {"unit_use_low": 0.8},
+    "c": {"use_over": 0.85},
+    "d": {"jerk_rms": 0.5},
+    "e": {"held_effort": 0.5},
+}
+"""What greedy must do for a claim to fail."""
+
+
+def test_a_table_on_which_all_holds_says_so():
+    found = verdicts()
+    assert list(found) == list("abcde")
+    assert {s.verdict for s in found.values()} == {HOLDS}
+    assert all(s.conditions == () for s in found.values())
+    assert all(s.numbers and s.method for s in found.values())
+
+
+@pytest.mark.parametrize("claim", BROKEN)
+def test_a_claim_that_is_broken_everywhere_does_not_hold(claim):
+    found = verdicts(only("greedy", **BROKEN[claim]))
+    assert found[claim].verdict == FAILS
+    untouched = {"a", "b", "c", "d", "e"} - {claim} - ({"a", "e"} if claim in "ae" else set())
+    assert {found[name].verdict for name in untouched} == {HOLDS}
+
+
+@pytest.mark.parametrize("claim", ["b", "c", "d", "e"])
+def test_a_claim_that_is_broken_in_winter_holds_with_that_condition(claim):
+    change = only("greedy", lambda row: row["season"] == "winter", **BROKEN[claim])
+    found = verdicts(change)[claim]
+    assert found.verdict == CONDITIONS
+    assert any(c.startswith("not with winter:") for c in found.conditions)
+    assert not any("not with summer" in c for c in found.conditions)
+
+
+def test_more_effort_for_more_slip_is_a_condition():
+    found = verdicts(only("greedy", slip_time=9.0))["e"]
+    assert found.verdict == CONDITIONS
+    assert any(c.startswith("otherwise with slip") for c in found.conditions)
+
+
+def test_less_jerk_with_higher_peaks_is_a_condition():
+    found = verdicts(only("greedy", jerk_peak=3.0))["d"]
+    assert found.verdict == CONDITIONS
+    assert any(c.startswith("otherwise with jerk peak") for c in found.conditions)
+
+
+def test_claim_a_looks_at_events_in_reach_that_alone_does_not_master():
+    alone = verdicts(only("alone", held_effort=1.0))["a"]
+    out_of_reach = verdicts(lambda row: row | {"reach_low": 0.9})["a"]
+    assert alone.verdict == out_of_reach.verdict == TOO_FEW
+    assert verdicts()["a"].numbers["effort over plan, greedy (at most 1)"].count == 60
+
+
+def test_few_events_say_nothing():
+    found = verdicts(events=LEAST_EVENTS - 2)
+    assert {s.verdict for s in found.values()} == {TOO_FEW}
+
+
+def test_an_event_that_failed_under_one_rule_is_left_out_for_all():
+    table = claim_table(20)
+    table.loc[
+        (table["scenario"] == table["scenario"][0]) & (table["rule"] == "exact"), "status"
+    ] = "failed"
+    assert claims.complete(table)["scenario"].nunique() == 19
+
+
+def test_statements_are_plain_values():
+    content = verdicts()["d"].content()
+    assert content["verdict"] in VERDICTS
+    text = content["numbers"]["jerk rms [m/s3], greedy less sharing"]
+    assert set(text) == {"value", "low", "high", "count"}
+
+
+def test_the_interval_of_pairs_is_students():
+    generator = np.random.default_rng(3)
+    first = generator.normal(1.0, 1.0, 40)
+    second = first + generator.normal(0.2, 0.1, 40)
+    found = mean_interval(pd.Series(second - first))
+    reference = ttest_rel(second, first).confidence_interval(0.95)
+    np.testing.assert_allclose([found.low, found.high], [reference.low, reference.high])
+    resampled = bootstrap(
+        (second - first,), np.mean, rng=np.random.default_rng(0)
+    ).confidence_interval
+    assert found.low == pytest.approx(resampled.low, abs=0.01)
+
+
+def test_the_interval_of_a_share_is_wilsons():
+    found = share_interval(pd.Series([True] * 8 + [False] * 2))
+    # Wilson's interval of 8 in 10 at 95 %, as printed in tables
+    np.testing.assert_allclose([found.low, found.high], [0.490, 0.943], atol=5e-4)
+    assert share_interval(pd.Series([True] * 10)).high == 1.0
+    assert math.isnan(share_interval(pd.Series([], dtype=bool)).value)
+
+
+def test_one_value_has_no_interval_and_missing_ones_do_not_count():
+    assert mean_interval(pd.Series([1.0, np.nan])).count == 1
+    assert math.isnan(mean_interval(pd.Series([1.0])).low)
+    assert mean_interval(pd.Series([], dtype=float)).count == 0
+
+
+def test_a_whole_that_is_undecided_but_for_a_part_holds_with_it():
+    value = np.repeat([1.0, -1.0], 20) + 0.01 * np.random.default_rng(0).normal(size=40)
+    events = pd.DataFrame({"x": value, "good": [True] * 20 + [False] * 20})
+    test = Criterion(lambda e: e["x"])
+    parts = {"good": lambda e: e["good"], "bad": lambda e: ~e["good"]}
+    found = judge(events, test, parts, lambda i: f"{i.value:.0f}")
+    assert found.verdict == CONDITIONS
+    assert found.conditions == ("with good: 1", "not with bad: -1")
+    assert judge(events, test, {}, lambda i: "").verdict == FAILS
+
+
+def test_the_side_that_a_test_wants_counts():
+    values = pd.DataFrame({"x": np.linspace(0.9, 1.1, 20)})
+    above, below = (Criterion(lambda e: e["x"], threshold=0.0, wanted=w) for w in (1, -1))
+    assert above.sign(above.interval(values)) == 1
+    assert below.sign(below.interval(values)) == -1
+    centre = Criterion(lambda e: e["x"], threshold=1.0)
+    assert centre.sign(centre.interval(values)) == 0
+
+
+def test_parts_cover_every_event():
+    table = claim_table(60)
+    for names in (("summer", "winter"), ("uniform rail", "a patch"), ("level line", "a gradient")):
+        assert sum(PARTS[name](table).astype(int) for name in names).eq(1).all()

@@ -1,0 +1,228 @@
+"""A sweep runs what is missing, lets all rules meet the same events, and is asked for by name."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.rules import RULES
+from studies.command_line import run
+from studies.errors import StudyError
+from studies.job import Job, simulate_job
+from studies.sweeps import SWEEPS, claims, find_sweep, sweep_folder
+from studies.sweeps.events import QUANTITIES, draw, drawn_table, scenario
+from studies.sweeps.measures import EXCESS_EDGES, excess_column, measure
+from studies.sweeps.statement import VERDICTS, Interval, Statement
+
+SHORT = 3.0
+"""Length of an event [s] that is just long enough for the measures."""
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("claims")
+    return folder, claims.run(folder, 2, 0, 1, duration=SHORT)
+
+
+def test_every_rule_meets_every_event(swept):
+    _, table = swept
+    assert (table["status"] == "ok").all(), table["reason"].tolist()
+    assert len(table) == 2 * len(claims.RULES)
+    for _, event in table.groupby("scenario"):
+        assert event["rule"].tolist() == list(claims.RULES)
+        assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
+    assert table.groupby("scenario")["seed"].first().tolist() == [0, 1]
+
+
+def test_rows_have_what_was_drawn_and_what_was_measured(swept):
+    _, table = swept
+    assert set(QUANTITIES) <= set(table)
+    assert {"held_effort", "reach_low", "over_share", excess_column(0)} <= set(table)
+    drawn = drawn_table(0, 2).set_index("scenario")["level"]
+    assert (table.groupby("scenario")["level"].first() == drawn).all()
+
+
+def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
+    folder, table = swept
+    monkeypatch.setattr("studies.runner.run_job", None)
+    pd.testing.assert_frame_equal(claims.run(folder, 2, 0, 1, duration=SHORT), table)
+    asked = []
+
+    def noted(job, *_, **__):
+        asked.append(job.scenario.name)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("studies.runner.run_job", noted)
+    with pytest.raises(KeyboardInterrupt):
+        claims.run(folder, 3, 0, 1, duration=SHORT)
+    assert asked == ["random-0-0002"]
+
+
+def test_what_a_folder_holds_is_counted_by_whole_events(swept, tmp_path):
+    folder, _ = swept
+    assert claims.stored(folder) == 2
+    assert claims.stored(folder, seed=1) == 0
+    assert claims.stored(tmp_path) == 0
+
+
+def test_a_few_events_give_statements_without_a_verdict_of_their_own(swept):
+    _, table = swept
+    found = claims.statements(table)
+    assert [s.name for s in found] == list("abcde")
+    assert {s.verdict for s in found} <= set(VERDICTS)
+
+
+def test_an_event_follows_from_its_number_alone():
+    assert draw(0, 5) == draw(0, 5)
+    assert draw(0, 5) != draw(0, 6)
+    assert draw(0, 5) != draw(1, 5)
+    assert scenario(0, 5).hash() == scenario(0, 5).hash()
+
+
+def test_draws_keep_within_their_bounds():
+    table = drawn_table(3, 200)
+    assert table["level"].between(0.06, 0.20).all()
+    assert table["slope"].between(0.0, 0.0332).all()
+    assert table["tilt"].abs().max() <= 0.8
+    assert 60 < (table["season"] == "winter").sum() < 140
+    assert all(q.distribution and q.reason for q in QUANTITIES.values())
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_drawn_events_can_be_run(k):
+    found = scenario(0, k).event(k)
+    assert found.duration == 12.0
+    speed_law = scenario(0, k).rail.speed_law
+    assert speed_law in ("none", "curtius-kniffler", "shinkansen")
+
+
+def test_measures_are_shares_of_what_there_is():
+    run_ = simulate_job(Job(scenario(0, 0, 5.0), "greedy", "cut-and-ramp", 0), {})
+    found = measure(run_)
+    assert 0.0 < found["unit_use_low"] <= found["unit_use_mean"] < 1.0
+    assert found["reach_low"] <= found["reach_high"]
+    assert 0.0 <= found["over_share"] <= 1.0
+    # the same events by hand: use where greedy's limit is up to 5 % too high
+    late = run_.sel(time=slice(2.0, None))
+    units = late["axle_unit"].values
+    force, can, mean = (
+        np.stack([values[:, units == j].sum(axis=1) / by for j in range(4)], axis=1)
+        for values, by in (
+            (late["rail_force"].values, 1),
+            (late["adhesion_limit"].values * late["axle_load"].values, 1),
+            (late["adhesion_limit"].values, 4),
+        )
+    )
+    excess = late["limit"].values / mean - 1.0
+    chosen = (excess > 0.0) & (excess <= EXCESS_EDGES[1]) & (late["case"].values > 0)[:, None]
+    if chosen.any():
+        assert found[excess_column(0)] == pytest.approx(force[chosen].sum() / can[chosen].sum())
+    else:
+        assert np.isnan(found[excess_column(0)])
+
+
+def test_without_slip_the_plan_is_delivered_in_full():
+    dry = scenario(0, 0, 5.0).changed(rail={"level": 0.4}, line={}, belief={})
+    found = measure(simulate_job(Job(dry, "alone", "cut-and-ramp", 0), {}))
+    assert found["held_effort"] == pytest.approx(1.0, abs=0.01)
+    assert found["over_share"] == 0.0
+
+
+@pytest.fixture
+def call(capsys):
+    """Run the command in this process; gives exit code, stdout and stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def stub(monkeypatch):
+    """A sweep that takes no time, in the place of `claims`; gives the calls that it met."""
+    calls = []
+
+    def sweep_run(folder, events, seed, jobs, on_row=None):
+        calls.append((folder, events, seed, jobs))
+        return pd.DataFrame({"status": ["ok"] * events})
+
+    statement = Statement(
+        "x",
+        "water is wet",
+        "holds",
+        {"wetness [-]": Interval(1.0, 0.9, float("nan"), 3)},
+        ("on rails",),
+    )
+    module = SimpleNamespace(
+        DESCRIPTION="is water wet",
+        DEFAULT_EVENTS=7,
+        run=sweep_run,
+        statements=lambda _: [statement],
+    )
+    monkeypatch.setitem(SWEEPS, "claims", module)
+    return calls
+
+
+def test_the_command_prints_statements(call, stub, tmp_path):
+    code, out, _ = call("sweep", "claims", "--out", tmp_path, "--jobs", 1)
+    assert code == 0
+    assert "water is wet: holds" in out
+    assert "on rails" in out
+    assert stub == [(tmp_path / "sweeps" / "claims", 7, 0, 1)]
+
+
+def test_the_command_prints_json(call, stub, tmp_path):
+    _, out, _ = call(
+        "sweep", "claims", "--out", tmp_path, "--events", 3, "--seed", 2, "--jobs", 1, "--json"
+    )
+    content = json.loads(out)
+    assert (content["events"], content["seed"], content["rows"]) == (3, 2, 3)
+    (statement,) = content["statements"]
+    assert statement["verdict"] == "holds"
+    assert statement["numbers"]["wetness [-]"]["high"] is None
+    assert stub[0][1:3] == (3, 2)
+
+
+def test_sweeps_are_listed(call):
+    _, out, _ = call("list", "--json")
+    listed = json.loads(out)["sweeps"]
+    assert {"claims", "differences"} <= set(listed)
+    assert all(listed.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["claim"], "unknown sweep 'claim'; did you mean 'claims'?"),
+        (["claims", "--events", "0"], "--events 0"),
+        (["claims", "--events", "2.5"], "'2.5' is not a whole number"),
+        (["claims", "--seed", "-1"], "--seed -1"),
+        (["claims", "--jobs", "0"], "--jobs 0"),
+        ([], "name"),
+    ],
+)
+def test_bad_input_is_one_clear_line(call, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = call("sweep", *arguments)
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1
+    assert words.lower() in err.lower()
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_sweep_of_the_register_is_one():
+    for name in SWEEPS:
+        found = find_sweep(name)
+        assert found.DESCRIPTION
+        assert found.DEFAULT_EVENTS >= 100
+        assert callable(found.run)
+        assert callable(found.statements)
+    assert set(claims.RULES) <= set(RULES)
+    with pytest.raises(StudyError, match="unknown sweep"):
+        find_sweep("nothing")
+    assert sweep_folder("out", "claims").parts == ("out", "sweeps", "claims")
