@@ -86,11 +86,6 @@ def coefficient(interval: Interval) -> str:
     return f"{interval.value:+.4f} ({interval.low:+.4f} to {interval.high:+.4f})"
 
 
-def number(interval: Interval) -> str:
-    """A number and its interval in words."""
-    return f"{interval.value:+.3g} ({interval.low:+.3g} to {interval.high:+.3g})"
-
-
 def percent(interval: Interval) -> str:
     """A share and its interval in words, in percent."""
     low, value, high = (100.0 * x for x in (interval.low, interval.value, interval.high))

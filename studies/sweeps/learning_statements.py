@@ -234,9 +234,7 @@ def _robust(series: pd.DataFrame) -> Statement:
     arms = ("Gaussian, robust", "Gaussian")
     test = Test(lambda e: difference(e, "slip_time", *arms), wanted=-1)
     cost = Test(lambda e: difference(e, "effort_ratio", *arms), threshold=-LITTLE_EFFORT)
-    judged = judge(
-        series, test, PARTS, seconds, [(f"effort: more than {LITTLE_EFFORT:.0%} lost", cost)]
-    )
+    judged = _judge(series, test, seconds, [(f"effort: more than {LITTLE_EFFORT:.0%} lost", cost)])
     numbers = {"slip_time [axle s], robust minus plain": judged.whole}
     for quantity in ("effort_ratio", "damage", "rear_detections", "error", "data held"):
         numbers[f"{quantity}, robust minus plain"] = mean_interval(
