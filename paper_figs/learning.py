@@ -23,8 +23,8 @@ ARM_STYLES: dict[str, tuple[str, str]] = {
 """Colour and dashes of each arm."""
 
 
-FEW_EVENTS = 96
-"""Station starts, of two trains, that are run for the figure where the results hold none."""
+FEW_EVENTS = 12
+"""Station starts that are run for the figure where the results hold none: six in each direction."""
 
 
 def figure(source: Source) -> Figure:

@@ -2,6 +2,7 @@
 
 from alloc.onboard import (
     Belief,
+    Braking,
     CutAndRamp,
     Detector,
     Observer,
@@ -55,12 +56,25 @@ class SensorKeys(Strict):
     speed_noise_kmh: float | None = None
     speed_quantum_kmh: float | None = None
     load_error: float | None = None
+    sensorless_pole_per_s: float | None = None
+
+
+class BrakingKeys(Strict):
+    """Blended brakes: `[onboard.braking]`."""
+
+    blended: bool | None = None
+    blend_time_s: float | None = None
+    inertia_in_estimate: bool | None = None
+    release: float | None = None
+    hold: float | None = None
 
 
 class BeliefKeys(Strict):
     """What the train believes where that differs from the truth: `[belief]`."""
 
     increments: IncrementKeys | None = None
+    unit_increments: tuple[float, ...] | None = None
+    unit_deviation: tuple[float, ...] | None = None
     curve: CurveKeys | None = None
 
 
@@ -71,11 +85,13 @@ class OnboardKeys(Strict):
     rise_time_s: float | None = None
     period_s: float | None = None
     limit_rate: float | None = None
+    inertia_in_limit: bool | None = None
     detector: DetectorKeys = DetectorKeys()
     observer: ObserverKeys = ObserverKeys()
     readhesion: ReadhesionKeys = ReadhesionKeys()
     telegrams: TelegramKeys = TelegramKeys()
     sensors: SensorKeys = SensorKeys()
+    braking: BrakingKeys = BrakingKeys()
 
     def onboard(
         self,
@@ -95,5 +111,11 @@ class OnboardKeys(Strict):
             readhesion=CutAndRamp(**si(self.readhesion)),
             telegrams=Telegrams(**si(self.telegrams)),
             sensors=Sensors(**si(self.sensors), seed=seed),
-            belief=Belief(increments=increments, curve=curve),
+            braking=Braking(**si(self.braking)),
+            belief=Belief(
+                increments=increments,
+                unit_increments=belief.unit_increments,
+                unit_deviation=belief.unit_deviation,
+                curve=curve,
+            ),
         )

@@ -11,6 +11,7 @@ from alloc.simulation import CONTROLLERS
 from paper_figs import FIGURES
 from studies.controllers import HOSTED
 from studies.scenario import shipped_scenarios
+from studies.sweeps import SWEEPS
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
@@ -32,7 +33,7 @@ def test_rule_example_prints_what_it_says(capsys):
 
 
 def test_commands_name_what_exists():
-    known = {*RULES, *CONTROLLERS, *HOSTED, *FIGURES, *shipped_scenarios()}
+    known = {*RULES, *CONTROLLERS, *HOSTED, *FIGURES, *SWEEPS, *shipped_scenarios()}
     commands = [line for line in README.splitlines() if line.startswith(".venv/bin/readhesion")]
     assert len(commands) >= 5
     for command in commands:

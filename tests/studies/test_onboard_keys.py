@@ -1,0 +1,74 @@
+"""Keys of the equipment on board arrive in SI; what is not given keeps its default."""
+
+import pytest
+
+from alloc.onboard import Braking, Onboard, Sensors
+from studies.errors import StudyError
+from studies.scenario import load_scenario
+
+HEAD = """
+title = "keys"
+train = "commuter-8car"
+duration_s = 1.0
+[[command]]
+time_s = 0.0
+acceleration_kmhs = -2.0
+[rail]
+level = 0.1
+"""
+
+
+def onboard(tmp_path, text):
+    path = tmp_path / "keys.toml"
+    path.write_text(HEAD + text)
+    return load_scenario(str(path)).event(0).onboard
+
+
+def test_defaults_stand(tmp_path):
+    found = onboard(tmp_path, "")
+    assert found.braking == Braking()
+    assert found.inertia_in_limit == Onboard().inertia_in_limit
+    assert found.sensors.sensorless_pole is None
+    assert found.belief.unit_increments is None
+
+
+def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
+    found = onboard(
+        tmp_path,
+        """
+[onboard]
+inertia_in_limit = false
+[onboard.sensors]
+sensorless_pole_per_s = 20.0
+[onboard.braking]
+blended = false
+blend_time_s = 2.0
+inertia_in_estimate = false
+release = 0.2
+hold = 0.1
+[belief]
+unit_increments = [0.0, 0.004, 0.008, 0.009]
+unit_deviation = [0.002, 0.003, 0.003, 0.003]
+""",
+    )
+    assert found.braking == Braking(
+        blended=False, release=0.2, hold=0.1, blend_time=2.0, inertia_in_estimate=False
+    )
+    assert found.sensors == Sensors(sensorless_pole=20.0, seed=found.sensors.seed)
+    assert not found.inertia_in_limit
+    assert found.belief.unit_increments == (0.0, 0.004, 0.008, 0.009)
+    assert found.belief.unit_deviation == (0.002, 0.003, 0.003, 0.003)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[onboard.braking]\nrelease = 0.1\nhold = 0.2\n", "hold = 0.2 must not exceed release"),
+        ("[onboard.braking]\nblend_time_s = 0.0\n", "blend_time = 0.0"),
+        ("[onboard.sensors]\nsensorless_pole_per_s = -1.0\n", "sensorless_pole = -1.0"),
+        ("[onboard.braking]\nblendd = true\n", "blendd"),
+    ],
+)
+def test_bad_values_are_refused(tmp_path, text, message):
+    with pytest.raises((StudyError, ValueError), match=message):
+        onboard(tmp_path, text)
