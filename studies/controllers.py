@@ -5,10 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from alloc.onboard.host import HostControllerFactory, UnitContext, UnitSense
+from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import GRAVITY
 from alloc.simulation import CONTROLLERS
 from studies.errors import StudyError, unknown
+from studies.scenario import Scenario
 
 
 def _mpc() -> HostControllerFactory:
@@ -39,6 +41,16 @@ def host_factories(controller: str) -> dict[str, HostControllerFactory]:
             f"controller {controller!r} needs something that is not installed ({error}); "
             "run `make setup`, or leave it out with --controllers"
         ) from None
+
+
+def rehearse_plant(scenario: Scenario) -> None:
+    """Take one step of the scenario's train, so that the compiled integrator lies in the cache."""
+    event = scenario.event(0)
+    model = event.model
+    compiled.advance(
+        model.structure, model.environment, compiled.rows(model.layout), 0.0, event.step, 1,
+        model.initial_state(), model.zero_inputs(), compiled.workspace(model, event.step),
+    )  # fmt: skip
 
 
 def rehearse(controller: str) -> None:

@@ -16,10 +16,8 @@ another answer only where the train believes in deviations of its caps, which no
 MPC_CELLS = tuple(
     (name, "exact")
     for name in (
-        "falling-adhesion",
         "very-low-adhesion",
         "wet-patch",
-        "wet-start",
         "wrong-increments",
     )
 )

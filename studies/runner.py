@@ -18,7 +18,7 @@ from joblib.externals.loky.process_executor import ProcessPoolExecutor, Terminat
 from alloc.rules import AllocationProblem, find_rule
 from alloc.simulation import CONTROLLERS
 from studies.code_version import code_hash
-from studies.controllers import HOSTED, rehearse
+from studies.controllers import HOSTED, rehearse, rehearse_plant
 from studies.errors import StudyError
 from studies.job import Job, Measure, Outcome, run_job, simulate_job
 from studies.scenario import Scenario
@@ -179,18 +179,19 @@ def check_rules(rules: Iterable[str]) -> None:
 def warm_up(jobs: Sequence[Job]) -> None:
     """Compile once what the workers will need, so that they load it from the cache.
 
-    All compiled rules and controllers are one program, compiled here; hosted controllers compile their own meanwhile, in
-    processes of theirs.
+    All compiled rules and controllers are one program, compiled here. Another process meanwhile compiles the plant, which
+    that program takes from the cache when it gets to it, and then what hosted controllers need.
     """
     hosted = [name for name in dict.fromkeys(job.controller for job in jobs) if name in HOSTED]
     # not the pool that runs the cells: that one belongs to joblib
-    executor = ProcessPoolExecutor(max(len(hosted), 1), initializer=_ignore_interrupt)
+    executor = ProcessPoolExecutor(1, initializer=_ignore_interrupt)
     interrupted = True
     try:
-        elsewhere = [executor.submit(rehearse, name) for name in hosted]
-        check_rules(dict.fromkeys(job.rule for job in jobs))
         first = jobs[0]
         short = first.scenario.changed(duration_s=0.2)
+        elsewhere = [executor.submit(rehearse_plant, short)]
+        elsewhere += [executor.submit(rehearse, name) for name in hosted]
+        check_rules(dict.fromkeys(job.rule for job in jobs))
         # a cell that fails here fails again as a row of its own, with its reason
         with suppress(ValueError, ArithmeticError, RuntimeError):
             simulate_job(Job(short, first.rule, next(iter(CONTROLLERS)), first.seed), {})

@@ -3,8 +3,16 @@
 import pytest
 
 from alloc.onboard.host import TorqueDecision
-from studies.controllers import HOSTED, controller_names, host_factories, rehearse
+from alloc.plant import compiled
+from studies.controllers import (
+    HOSTED,
+    controller_names,
+    host_factories,
+    rehearse,
+    rehearse_plant,
+)
 from studies.errors import StudyError
+from studies.scenario import load_scenario
 
 
 class Recorder:
@@ -43,3 +51,12 @@ def test_a_rehearsal_asks_what_a_unit_could_ask(monkeypatch):
     for context, sense in Recorder.asked:
         assert sense.omega.shape == (context.axles,)
         assert sense.omega * context.radius == pytest.approx(sense.speed)
+
+
+def test_one_step_of_the_plant_is_all_that_is_rehearsed():
+    # the integrator is compiled, or found compiled; the scenario itself is left as it was
+    scenario = load_scenario("wet-start").changed(duration_s=0.2)
+    before = scenario.hash()
+    rehearse_plant(scenario)
+    assert compiled.advance.signatures
+    assert scenario.hash() == before
