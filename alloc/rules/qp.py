@@ -77,11 +77,18 @@ class Workspace:
         result = self.solver.solve(raise_error=False)
         if result.info.status_val not in self.solved:
             return np.full(self.n, np.nan), result.info.status
-        z = np.clip(result.x, lower, upper)
-        missed = abs(float(weight @ z) - total) / self.n
-        if not missed <= FEASIBLE:
-            return z, f"constraints missed by {missed:.1e}"
-        return z, "ok"
+        return checked(result.x, weight, lower, upper, total)
+
+
+def checked(
+    z: Floats, weight: Floats, lower: Floats, upper: Floats, total: float
+) -> tuple[Floats, str]:
+    """A solver's answer put inside its bounds, and "ok" or by how much it misses the sum."""
+    inside = np.clip(z, lower, upper)
+    missed = abs(float(weight @ inside) - total) / z.size
+    if not missed <= FEASIBLE:
+        return inside, f"constraints missed by {missed:.1e}"
+    return inside, "ok"
 
 
 @lru_cache(maxsize=256)

@@ -8,7 +8,7 @@ import numpy as np
 
 from alloc.rules.allocation import Allocation
 from alloc.rules.problem import AllocationProblem, import_solver
-from alloc.rules.qp import FEASIBLE, finished, scaled
+from alloc.rules.qp import checked, finished, scaled
 from alloc.rules.rule import Rule
 
 SOLVER = "CLARABEL"
@@ -60,8 +60,5 @@ def answer_qp_cvxpy(rule: Rule, problem: AllocationProblem) -> Allocation:
     if stated.problem.status not in ("optimal", "optimal_inaccurate"):
         status = str(stated.problem.status)
     elif status == "ok":
-        z = np.clip(stated.z.value, lower, upper)
-        missed = abs(float(weight @ z) - total) / problem.n
-        if missed > FEASIBLE:
-            status = f"constraints missed by {missed:.1e}"
+        z, status = checked(stated.z.value, weight, lower, upper, total)
     return finished(rule, problem, z, status, started)
