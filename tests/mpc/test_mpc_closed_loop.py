@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Onboard, Sensors
+from alloc.onboard import Belief, Braking, Onboard, Sensors
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
@@ -21,7 +21,8 @@ def _event(command=0.8, speed=8.0, level=HIGH, drop=LOW / HIGH, sensors=None, **
     """The commuter set on a rail whose peak coefficient falls from 0.18 to 0.12 under the whole train at once."""
     patch = Patch(drop, begin=DROP, until=BACK, fade=0.1)
     model = build(find_set("commuter-8car"), Rail(level, patches=(patch,)))
-    onboard = Onboard(belief=Belief(), sensors=sensors or Sensors())
+    # the motors brake the whole train: the model of the MPC knows of no air brake
+    onboard = Onboard(belief=Belief(), sensors=sensors or Sensors(), braking=Braking(blended=False))
     defaults = {"duration": 8.0, "initial_speed": speed}
     return Event("drop", model, DriverCommand((0.2,), (command,)), onboard, **(defaults | values))
 
