@@ -40,7 +40,7 @@ def test_call(benchmark, rule, n):
     def setup():
         return (problems[next(position)],), {}
 
-    rounds = 100 if rule == "qp-cvxpy" else 2000
+    rounds = 50 if rule == "qp-cvxpy" else 500
     result = benchmark.pedantic(answer, setup=setup, rounds=rounds, warmup_rounds=20)
     assert result.status == "ok"
     if benchmark.stats is not None:
