@@ -139,9 +139,7 @@ class Tally:
 
     rule_failures: int = 0
     rule_time: float = 0.0
-    controller_calls: int = 0
     controller_failures: int = 0
-    controller_time: float = 0.0
     controller_times: list[float] = field(default_factory=list)
     wall_time: float = 0.0
     messages: dict[str, int] = field(default_factory=dict)
@@ -201,9 +199,9 @@ def to_dataset(
         "rule_calls": int(counter[om.RULE_CALLS]),
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,
-        "controller_calls": tally.controller_calls,
+        "controller_calls": len(tally.controller_times),
         "controller_failures": tally.controller_failures,
-        "controller_time_s": tally.controller_time,
+        "controller_time_s": float(sum(tally.controller_times)),
         "controller_median_s": float(np.median(tally.controller_times or [0.0])),
         "controller_p99_s": float(np.quantile(tally.controller_times or [0.0], 0.99)),
         "wall_time_s": tally.wall_time,

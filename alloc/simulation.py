@@ -195,8 +195,6 @@ def _control_in_python(
             slipping=bool(m.slipping[j]),
         )
         decision = host.decide(reading)
-        tally.controller_calls += 1
-        tally.controller_time += decision.solve_time
         tally.controller_times.append(decision.solve_time)
         if decision.ok and math.isfinite(decision.torque):
             m.command[j] = decision.torque

@@ -7,7 +7,6 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import partial
 
 import joblib
 import numpy as np
@@ -140,12 +139,12 @@ def _outcomes(
 ) -> Generator[Outcome, None, None]:
     if jobs == 1 or len(work) <= 1:
         for job, keep in work:
-            yield _with(measure)(job, keep)
+            yield run_job(job, keep, None, measure)
         return
     code = code_hash()
     with joblib.parallel_config("loky", initializer=_ignore_interrupt):
         parallel = joblib.Parallel(n_jobs=min(jobs, len(work)), return_as="generator_unordered")
-    outcomes = parallel(joblib.delayed(_with(measure))(job, keep, code) for job, keep in work)
+    outcomes = parallel(joblib.delayed(run_job)(job, keep, code, measure) for job, keep in work)
     try:
         for outcome in outcomes:  # noqa: UP028 (a close must not reach joblib, which warns of unused results)
             yield outcome
@@ -154,11 +153,6 @@ def _outcomes(
             outcomes.close()
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
         raise
-
-
-def _with(measure: Measure | None) -> Callable[..., Outcome]:
-    """`run_job`, bound to `measure` where there is one."""
-    return run_job if measure is None else partial(run_job, measure=measure)
 
 
 def _ignore_interrupt() -> None:

@@ -30,8 +30,7 @@ class Slip(NamedTuple):
 )
 def estimate_error(run: xr.Dataset) -> float:
     """Mean over the foremost unit's detections of estimate minus true adhesion coefficient (mean of its axles)."""
-    signal = run["slipping"].values[:, 0].astype(bool)
-    onset = np.flatnonzero(signal[1:] & ~signal[:-1]) + 1
+    onset = _rising(run["slipping"].values[:, 0].astype(bool))
     if onset.size == 0:
         return float("nan")
     axles = run["axle_unit"].values == 0
@@ -57,7 +56,10 @@ def _spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
 
 
 def _onsets(run: xr.Dataset, unit: int) -> NDArray[np.int64]:
-    signal = run["slipping"].values[:, unit].astype(bool) & under_demand(run)
+    return _rising(run["slipping"].values[:, unit].astype(bool) & under_demand(run))
+
+
+def _rising(signal: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.asarray(np.flatnonzero(signal[1:] & ~signal[:-1]) + 1)
 
 
@@ -65,9 +67,10 @@ def _delays(run: xr.Dataset) -> list[float]:
     """Time from each slip's start to its detection [s]; nan where it was missed."""
     period = record_period(run)
     before, after = round(BEFORE / period), round(AFTER / period)
+    onsets_of_unit = [_onsets(run, unit) for unit in range(run.sizes["unit"])]
     delays = []
     for slip in slips(run):
-        onsets = _onsets(run, slip.unit)
+        onsets = onsets_of_unit[slip.unit]
         own = onsets[(onsets >= slip.start - before) & (onsets < slip.stop + after)]
         delays.append(float((own[0] - slip.start) * period) if own.size else float("nan"))
     return delays

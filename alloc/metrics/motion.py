@@ -59,7 +59,11 @@ def effort_ratio(run: xr.Dataset) -> float:
 )
 def utilisation(run: xr.Dataset) -> float:
     """Sum of the acting axles' rail force over the sum of their available force, under demand."""
-    counted = acting_axles(run) & under_demand(run)[:, None]
+    return _adhesion_used(run, acting_axles(run) & under_demand(run)[:, None])
+
+
+def _adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
+    """Rail force over available force where `counted` (time, axle)."""
     used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
     available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
     return float(used / available) if available else float("nan")
@@ -68,13 +72,9 @@ def utilisation(run: xr.Dataset) -> float:
 @metric("utilisation_slipping", "1", "adhesion used while any driven axle slips", +1)
 def utilisation_slipping(run: xr.Dataset) -> float:
     """Utilisation over the instants and units in which an axle of the unit slips or its detector has signalled."""
-    sign = direction(run)
     unit = run["axle_unit"].values
-    driven = unit >= 0
-    active = run["slipping"].values.astype(bool)[:, unit] & driven & under_demand(run)[:, None]
-    used = (sign[:, None] * run["rail_force"].values)[active].sum()
-    available = (run["adhesion_limit"].values * run["axle_load"].values)[active].sum()
-    return float(used / available) if available else float("nan")
+    slipping = run["slipping"].values.astype(bool)[:, unit] & (unit >= 0)
+    return _adhesion_used(run, slipping & under_demand(run)[:, None])
 
 
 @metric("slip_time", "s", "time spent slipping, summed over axles", -1)

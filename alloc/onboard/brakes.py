@@ -8,7 +8,7 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.onboard import memory as om
-from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+from alloc.plant.equations import hyperbolic_speed_law
 
 LOWEST_SPEED = 1.0
 """Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
@@ -19,8 +19,7 @@ def set_brake_targets(eq, st, m):
     """Torque targets and air brake forces of the units while the train brakes."""
     expected = m.held[om.HELD_EXPECTED]
     for j in range(eq.axles.size):
-        weight = (eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY
-        to_torque = (1.0 + eq.brake_inertia[j]) * weight * eq.radius[j] / eq.gear[j]
+        to_torque = (1.0 + eq.brake_inertia[j]) * eq.axle_load[j] * eq.radius[j] / eq.gear[j]
         at_rim = eq.gear[j] / eq.radius[j]
         step = expected * to_torque * st.period / st.rise_time
         m.rise[j] = min(m.limit[j] * to_torque, m.rise[j] + step)

@@ -22,7 +22,7 @@ def prepare_allocation(eq, st, m, time, tick, commanded):
     slip = time - since <= st.hold_time
     for j in range(m.cap.size):
         m.cap[j] = max(m.held[om.HELD_ESTIMATE] + eq.increment[j] - eq.increment[first], 0.0)
-    if expected == 0.0 or not (slip or st.always):
+    if expected == 0.0 or not (slip or st.needs_truth):
         for j in range(m.cap.size):
             m.limit_wanted[j] = expected
         m.held[om.HELD_CASE] = 0.0

@@ -27,6 +27,7 @@ class Equipment(NamedTuple):
     gear: Floats
     empty_axle_mass: Floats
     load_per_axle: Floats
+    axle_load: Floats  # with pay load [N]
     mass: Floats  # relative mass on the unit's axles, mean 1
     increment: Floats  # of each unit; only differences between units count
     deviation: Floats  # standard deviation of each unit's cap about the truth
@@ -64,13 +65,14 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     share = s.static_load / np.array([car.mass for car in cars])[s.axle_car] / GRAVITY
     empty = np.array([car.empty_mass for car in cars])[s.axle_car] * share
     load = np.maximum(load_signal, 0.0)[s.axle_car] * share
-    increments = onboard.belief.increments
+    loaded = empty + load
+    belief = onboard.belief
+    increments = belief.increments
     if increments is not None and len(increments) != n.axles:
         raise OnboardError(
             f"belief: {len(increments)} increments for {n.axles} axles; give one per axle from the front"
         )
     per_axle = np.zeros(n.axles) if increments is None else np.asarray(increments, dtype=float)
-    belief = onboard.belief
     for name in ("unit_increments", "unit_deviation"):
         given = getattr(belief, name)
         if given is not None and (len(given) != n.units or not np.all(np.isfinite(given))):
@@ -84,17 +86,18 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     axles = np.bincount(s.axle_unit[s.axle_unit >= 0], minlength=n.units).astype(float)
     empty_mean = mean(empty)
     turning = s.inertia / s.radius**2  # mass that would resist like the turning wheelset
-    weight = mean(empty + load) * axles
-    moved = sum(car.empty_mass for car in cars) + float(np.maximum(load_signal, 0.0).sum())
-    moved += float(turning[s.axle_unit < 0].sum() if onboard.inertia_in_limit else turning.sum())
-    own = mean(turning) / mean(empty + load) if onboard.inertia_in_limit else np.zeros(n.units)
-    planned_share = moved / (GRAVITY * float(weight.sum()))
+    weight = mean(loaded) * axles
+    train_mass = sum(car.empty_mass for car in cars) + float(np.maximum(load_signal, 0.0).sum())
+
+    def moved(acting: NDArray[np.bool_]) -> float:
+        """Mass that the plan accelerates; what turns the `acting` axles themselves comes on top of their limits."""
+        return train_mass + float((turning[~acting] if onboard.inertia_in_limit else turning).sum())
+
+    own = mean(turning) / mean(loaded) if onboard.inertia_in_limit else np.zeros(n.units)
+    planned_share = moved(s.axle_unit >= 0) / (GRAVITY * float(weight.sum()))
     blended = n.groups > 0 and onboard.braking.blended
     braked = (s.axle_unit >= 0) | (s.axle_group >= 0) if blended else s.axle_unit >= 0
-    loaded = empty + load
-    brake_moved = sum(car.empty_mass for car in cars) + float(np.maximum(load_signal, 0.0).sum())
-    brake_moved += float(turning[~braked].sum() if onboard.inertia_in_limit else turning.sum())
-    brake_share = brake_moved / (GRAVITY * float(loaded[braked].sum()))
+    brake_share = moved(braked) / (GRAVITY * float(loaded[braked].sum()))
     foremost = [np.flatnonzero(s.axle_group == g)[0] for g in range(n.groups)]
     group_unit = np.array(
         [s.axle_unit[s.axle_group == g].max() for g in range(n.groups)], dtype=np.int64
@@ -111,6 +114,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         gear=s.unit_gear,
         empty_axle_mass=empty_mean,
         load_per_axle=mean(load),
+        axle_load=(empty_mean + mean(load)) * GRAVITY,
         mass=weight / weight.mean(),
         increment=mean(per_axle)
         if belief.unit_increments is None

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.equations import GRAVITY
 from alloc.plant.model import Model
 
 
@@ -95,7 +94,7 @@ def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitCon
             radius=float(eq.radius[j]),
             inertia=float(eq.inertia[j]),
             gear_ratio=float(eq.gear[j]),
-            axle_load=float((eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY),
+            axle_load=float(eq.axle_load[j]),
             mass=float(mass * weight[j] / weight.sum()),
             torque_lag=float(model.structure.unit_lag[j]),
             curve=onboard.belief.curve,

@@ -29,8 +29,7 @@ class Settings(NamedTuple):
 
     rule: int  # compiled identifier; -1: the rule is called through the host
     when: int
-    always: bool  # the rule acts without slip too
-    needs_truth: bool
+    needs_truth: bool  # the rule reads the truth; who knows the rail need not wait for slip
     controller: int
     period: float
     detector: Floats  # on, off, pole, gain, speed_on
@@ -112,7 +111,6 @@ def settings(
     return Settings(
         rule=rule,
         when=when,
-        always=needs_truth,  # who knows the rail need not wait for slip
         needs_truth=needs_truth,
         controller=controller,
         period=onboard.period,

@@ -7,7 +7,6 @@ from alloc.onboard import memory as om
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed import follow_reference
-from alloc.plant.equations import GRAVITY
 
 
 @jit
@@ -106,7 +105,7 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
             old,
             new,
         )
-        axle_load = (eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY
+        axle_load = eq.axle_load[j]
         m.estimate[j] = sign * tangential_coefficient_estimate(load_torque, axle_load, eq.radius[j])
         m.torque[j] = torque[j]
         if blended:

@@ -29,8 +29,7 @@ def set_targets(eq, st, m, commanded):
 def cut_and_ramp_unit(eq, st, m, j, commanded):
     """Built-in readhesion control of unit `j`: fills its torque command."""
     sign = 1.0 if commanded >= 0.0 else -1.0
-    axle_load = (eq.empty_axle_mass[j] + eq.load_per_axle[j]) * GRAVITY
-    to_torque = axle_load * eq.radius[j] / eq.gear[j]
+    to_torque = eq.axle_load[j] * eq.radius[j] / eq.gear[j]
     cut, recover, hold, ramp = st.readhesion
     rate = m.held[om.HELD_EXPECTED] * to_torque / ramp
     # what the air brake takes of the rail's force is not the motors' to have

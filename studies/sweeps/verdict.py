@@ -39,17 +39,10 @@ class Test(NamedTuple):
         """1 where the whole interval lies on the wanted side, -1 where it lies on the other, 0 undecided."""
         if interval.count < LEAST_EVENTS:
             return 0
-        if (
-            self.wanted * (interval.low - self.threshold)
-            > 0.0
-            < self.wanted * (interval.high - self.threshold)
-        ):
+        ahead = [self.wanted * (end - self.threshold) for end in (interval.low, interval.high)]
+        if all(distance > 0.0 for distance in ahead):
             return 1
-        if (
-            self.wanted * (interval.low - self.threshold)
-            < 0.0
-            > self.wanted * (interval.high - self.threshold)
-        ):
+        if all(distance < 0.0 for distance in ahead):
             return -1
         return 0
 

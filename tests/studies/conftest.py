@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from studies.command_line import run
 from studies.scenario import Scenario, load_scenario
 
 SHORT = """
@@ -58,3 +59,15 @@ def write_scenario(tmp_path):
 
     write.short = SHORT  # type: ignore[attr-defined]
     return write
+
+
+@pytest.fixture
+def call(capsys):
+    """Run the command in this process; gives exit code, stdout and stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call

@@ -15,23 +15,10 @@ import alloc.rules.qp
 from alloc.metrics import METRICS
 from alloc.recording import load
 from alloc.rules import RULES
-from studies.command_line import run
 from studies.scenario import shipped_scenarios
 from studies.store import Store
 
 PNG, PDF = b"\x89PNG", b"%PDF"
-
-
-@pytest.fixture
-def call(capsys):
-    """Run the command in this process; gives exit code, stdout and stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.command_line import run
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
 from studies.sweeps import SWEEPS, claims, find_sweep, sweep_folder
@@ -128,18 +127,6 @@ def test_without_slip_the_plan_is_delivered_in_full():
     found = measure(simulate_job(Job(dry, "alone", "cut-and-ramp", 0), {}))
     assert found["held_effort"] == pytest.approx(1.0, abs=0.01)
     assert found["over_share"] == 0.0
-
-
-@pytest.fixture
-def call(capsys):
-    """Run the command in this process; gives exit code, stdout and stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture
