@@ -42,8 +42,25 @@ def _cache_folder() -> Path:
 if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
 
-jit = numba.njit(cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
-"""Decorator of every compiled entry point and loop."""
+# Without reference counting (`_nrt`): every field that compiled code takes from a record of arrays would be counted up and
+# down again, atomically, which costs ten times the arithmetic of a small train. Nothing compiled here allocates or keeps
+# an array, so nothing has to be counted; Numba refuses to compile what would.
+_COMPILED: Any = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": FASTMATH,
+    "nogil": True,
+    "_nrt": False,
+}
+
+jit = numba.njit(**_COMPILED)
+"""Decorator of every compiled entry point."""
+
+inlined_jit = numba.njit(**_COMPILED, forceinline=True)
+"""Decorator of a part of a compiled loop that is called from one or two places.
+
+A call hands over every array of its records, field by field; that costs more than the work on a short train.
+"""
 
 # (`Any`: Numba's own annotation of such options is private.)
 INLINED: Any = {"error_model": "numpy", "fastmath": FASTMATH, "forceinline": True}

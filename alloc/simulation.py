@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit, jit
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard import memory as om
 from alloc.onboard.brakes import brake_receiver, set_brake_targets
@@ -49,7 +49,7 @@ NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
 PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
 
 
-@jit
+@inlined_jit
 def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
     """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
     compiled.peak_field(s, e, layout, time, state, cleaning, w, w.peak)

@@ -6,7 +6,7 @@ the limit leaves beside it.
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
 from alloc.plant.equations import hyperbolic_speed_law
 
@@ -14,7 +14,7 @@ LOWEST_SPEED = 1.0
 """Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
 
 
-@jit
+@inlined_jit
 def set_brake_targets(eq, st, m):
     """Torque targets and air brake forces of the units while the train brakes."""
     expected = m.held[om.HELD_EXPECTED]
@@ -43,7 +43,7 @@ def set_brake_targets(eq, st, m):
     m.brake_rise[0] = min(m.brake_rise[0] + st.period / st.rise_time, 1.0)
 
 
-@jit
+@inlined_jit
 def brake_receiver(eq, st, m, braking, pressure, valve):
     """Cylinder pressures [Pa] and valves of every brake group: force wanted of it, and release where its wheels slide.
 

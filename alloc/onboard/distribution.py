@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
 
 
-@jit
+@inlined_jit
 def prepare_allocation(eq, st, m, time, tick, commanded):
     """Caps by (5) from the coefficient held at detection; returns whether the rule must be called now.
 
@@ -33,7 +33,7 @@ def prepare_allocation(eq, st, m, time, tick, commanded):
     return m.held[om.HELD_ALLOCATE] > 0.0 or changed
 
 
-@jit
+@inlined_jit
 def distribute(eq, st, m, time, tick, arrival_draw, loss_draw, loss):
     """Send limits and states with the periodic telegrams; each unit takes what has arrived, or falls back."""
     units = eq.axles.size

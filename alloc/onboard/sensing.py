@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed import follow_reference
 
 
-@jit
+@inlined_jit
 def _limit_at(table, speed):
     x = min(max(abs(speed) * 3.6, 0.0), table.size - 1.000001)
     k = int(x)
     return table[k] + (table[k + 1] - table[k]) * (x - k)
 
 
-@jit
+@inlined_jit
 def _read_speeds(eq, st, m, omega, noise):
     """Rim speeds as sensors tell them, (axles,) and mean per unit."""
     units = eq.axles.size
@@ -39,7 +39,7 @@ def _read_speeds(eq, st, m, omega, noise):
                 m.axle_omega[i] = m.speed[eq.axle_unit[i]] / eq.axle_radius[i]
 
 
-@jit
+@inlined_jit
 def _compare_with_reference(eq, st, m, sign, commanded):
     """Reference speeds, and how far the worst axle of each unit and brake group is from them."""
     for body in range(m.candidate.size):
@@ -65,7 +65,7 @@ def _compare_with_reference(eq, st, m, sign, commanded):
             m.group_slide[g] = max(m.group_slide[g], -slip)
 
 
-@jit
+@inlined_jit
 def sense(eq, st, m, time, commanded, omega, torque, noise):
     """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note B1's detection.
 

@@ -1,13 +1,13 @@
 """From a unit's limit to its torque command: limits (6) and (6'), load compensation, readhesion control."""
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
 from alloc.onboard.cut_and_ramp import cut_and_ramp
 from alloc.onboard.observer import empty_torque_limit, load_compensated
 from alloc.plant.equations import GRAVITY
 
 
-@jit
+@inlined_jit
 def set_targets(eq, st, m, commanded):
     """Torque target of each unit: (6) and (6') plus its wheelsets' inertia, within the motor's limit, with bounded rise."""
     sign = 1.0 if commanded >= 0.0 else -1.0
@@ -25,7 +25,7 @@ def set_targets(eq, st, m, commanded):
     m.brake_rise[0] = 0.0
 
 
-@jit
+@inlined_jit
 def cut_and_ramp_unit(eq, st, m, j, commanded):
     """Built-in readhesion control of unit `j`: fills its torque command."""
     sign = 1.0 if commanded >= 0.0 else -1.0
@@ -51,7 +51,7 @@ def cut_and_ramp_unit(eq, st, m, j, commanded):
     m.command[j] = sign * torque
 
 
-@jit
+@inlined_jit
 def control(eq, st, m, commanded):
     """Torque commands of all units by the built-in controller of the run."""
     for j in range(eq.axles.size):

@@ -6,47 +6,37 @@ right side is in `right_side`.
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit, jit
 from alloc.plant.equations import conditioning_deposit
 from alloc.plant.right_side import derivative, peak_field
 from alloc.plant.workspace import Rows, Workspace, rows, workspace
 
 
-@jit
-def _combine(total, share, state, reach, slope, stage):
-    """total += share * slope, stage = state + reach * slope."""
-    for i in range(total.shape[0]):
-        for b in range(total.shape[1]):
-            total[i, b] += share * slope[i, b]
-            stage[i, b] = state[i, b] + reach * slope[i, b]
-
-
-@jit
-def _copy(source, to):
-    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
-    for i in range(source.shape[0]):
-        for b in range(source.shape[1]):
-            to[i, b] = source[i, b]
-
-
-@jit
+@inlined_jit
 def runge_kutta_step(s, e, layout, time, step, state, command, target, valve, cleaning, w):
     """Advance `state` in place by one step of the classical fourth-order method."""
-    k, stage, total = w.slope, w.stage, w.total
-    half = 0.5 * step
-    _copy(state, total)
-    derivative(s, e, layout, time, state, command, target, valve, cleaning, w, k)
-    _combine(total, step / 6.0, state, half, k, stage)
-    derivative(s, e, layout, time + half, stage, command, target, valve, cleaning, w, k)
-    _combine(total, step / 3.0, state, half, k, stage)
-    derivative(s, e, layout, time + half, stage, command, target, valve, cleaning, w, k)
-    _combine(total, step / 3.0, state, step, k, stage)
-    derivative(s, e, layout, time + step, stage, command, target, valve, cleaning, w, k)
-    _combine(total, step / 6.0, state, 0.0, k, stage)
-    _copy(total, state)
+    rows, lanes = state.shape
+    for i in range(rows):
+        for b in range(lanes):
+            w.total[i, b] = w.stage[i, b] = state[i, b]
+    # one call for all stages: the right side is inlined, and compiled once
+    for stage in range(4):
+        share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+        reach = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
+        ahead = step if stage == 2 else 0.5 * step
+        derivative(
+            s, e, layout, time + reach, w.stage, command, target, valve, cleaning, w, w.slope
+        )
+        for i in range(rows):
+            for b in range(lanes):
+                w.total[i, b] += share * w.slope[i, b]
+                w.stage[i, b] = state[i, b] + ahead * w.slope[i, b]
+    for i in range(rows):
+        for b in range(lanes):
+            state[i, b] = w.total[i, b]
 
 
-@jit
+@inlined_jit
 def _read_cleaning(s, e, layout, state, cleaning, w):
     """Cleaning of the rail under each axle, left by the wheels ahead."""
     cells = w.cleaned.shape[0]
@@ -60,7 +50,7 @@ def _read_cleaning(s, e, layout, state, cleaning, w):
             cleaning[i, b] = here + (ahead - here) * (x - base)
 
 
-@jit
+@inlined_jit
 def _leave_cleaning(s, e, layout, state, w):
     """Each axle marks the cells it has left behind; the foremost one starts them anew."""
     cells = w.cleaned.shape[0]
@@ -84,7 +74,7 @@ def _leave_cleaning(s, e, layout, state, w):
             w.cell[i, b] = now
 
 
-@jit
+@inlined_jit
 def _delay_pneumatics(layout, target, valve, w):
     """Pass the brake commands through the dead time of each cylinder."""
     slots = w.delay_target.shape[1]

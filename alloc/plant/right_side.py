@@ -6,7 +6,7 @@ table look-ups, which it cannot, stand in loops of their own. No function here a
 
 import numpy as np
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit
 from alloc.plant.adhesion import PIECEWISE, POLACH, SLIP_RATIO, tangential_coefficient
 from alloc.plant.equations import (
     axle_load,
@@ -29,7 +29,7 @@ from alloc.plant.rail import NOISE_KNOTS
 from alloc.plant.train import EFFORT_SPEED_STEP
 
 
-@jit
+@inlined_jit
 def _table_value(table, x):
     """Linear interpolation at `x` >= 0 in units of the table's spacing; the last value beyond its end."""
     bounded = minimum(maximum(x, 0.0), table.size - 1.000001)
@@ -37,7 +37,7 @@ def _table_value(table, x):
     return table[k] + (table[k + 1] - table[k]) * (bounded - k)
 
 
-@jit
+@inlined_jit
 def peak_field(s, e, layout, time, state, cleaning, w, peak):
     """Fill `peak` (axles, lanes) with the adhesion field at the state's positions and speeds."""
     lanes = state.shape[1]
@@ -82,7 +82,7 @@ def peak_field(s, e, layout, time, state, cleaning, w, peak):
             )
 
 
-@jit
+@inlined_jit
 def _coefficients(s, e, layout, state, peak, mu):
     """Tangential force coefficient of every axle; the curve is chosen outside the loop over lanes."""
     lanes = state.shape[1]
@@ -105,7 +105,7 @@ def _coefficients(s, e, layout, state, peak, mu):
                 mu[i, b] = tangential_coefficient(SLIP_RATIO, q, rim - v, v, rim, peak[i, b])
 
 
-@jit
+@inlined_jit
 def _motors(s, e, layout, time, state, command, w, slope):
     """Torque limits from the units' rim speeds, and the rate of the motor torques."""
     lanes = state.shape[1]
@@ -136,7 +136,7 @@ def _motors(s, e, layout, time, state, command, w, slope):
             )
 
 
-@jit
+@inlined_jit
 def _loads_and_forces(s, layout, peak_mu, w):
     """Rail force of every axle into w.mu, rail force of every car into w.car[2]."""
     lanes = peak_mu.shape[1]
@@ -160,7 +160,7 @@ def _loads_and_forces(s, layout, peak_mu, w):
             peak_mu[i, b] *= axle_load(load, unloading, w.car[2, c, b])
 
 
-@jit
+@inlined_jit
 def _wheels(s, layout, state, force, w, slope):
     """Angular accelerations, and the works of motors, shoes and wheel-rail friction."""
     lanes = state.shape[1]
@@ -197,7 +197,7 @@ def _wheels(s, layout, state, force, w, slope):
             slope[works + 1, b] += shoe * rotation
 
 
-@jit
+@inlined_jit
 def _cars(s, e, layout, state, w, slope):
     """Accelerations of the bodies under rail forces, resistance, gradient and couplers."""
     lanes = state.shape[1]
@@ -240,7 +240,7 @@ def _cars(s, e, layout, state, w, slope):
             slope[layout.bodies + k, b] = w.body[k, b] / s.body_mass[k]
 
 
-@jit
+@inlined_jit
 def derivative(s, e, layout, time, state, command, target, valve, cleaning, w, slope):
     """Fill `slope` (rows, lanes) with the state's derivative at `time` [s]."""
     peak_field(s, e, layout, time, state, cleaning, w, w.peak)
