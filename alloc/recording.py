@@ -67,6 +67,10 @@ VARIABLES: dict[str, Variable] = {
     "fallen_back": Variable(
         ("time", "unit"), "1", "unit has heard nothing for too long and keeps the plan"
     ),
+    "axles_seen": Variable(("time", "unit"), "1", "axles of the unit whose speed is known"),
+    "torque_factor": Variable(
+        ("time", "unit"), "1", "share of its target that the readhesion controller leaves a unit"
+    ),
     "computed_acceleration": Variable(
         ("time", "unit"),
         "m s-2",
@@ -105,6 +109,8 @@ class Record(NamedTuple):
     estimate: Floats
     slipping: NDArray[np.bool_]
     fallen_back: NDArray[np.bool_]
+    factor: Floats
+    seen: Floats
     acceleration: Floats
     air: Floats
     train: Floats
@@ -127,6 +133,8 @@ class Record(NamedTuple):
             estimate=unit(),
             slipping=np.zeros((records, n.units), dtype=np.bool_),
             fallen_back=np.zeros((records, n.units), dtype=np.bool_),
+            factor=unit(),
+            seen=unit(),
             acceleration=unit(),
             air=unit(),
             train=np.zeros((records, 5)),
@@ -172,6 +180,8 @@ def to_dataset(
         "coefficient_estimate": record.estimate,
         "slipping": record.slipping.astype(np.int8),
         "fallen_back": record.fallen_back.astype(np.int8),
+        "axles_seen": record.seen,
+        "torque_factor": record.factor,
         "computed_acceleration": record.acceleration,
         "air_brake_force": record.air,
     }
@@ -196,6 +206,7 @@ def to_dataset(
         "telegrams_sent": int(counter[om.TELEGRAMS]),
         "telegrams_lost": int(counter[om.LOST]),
         "fallbacks": int(counter[om.FALLBACKS]),
+        "blinded": int(counter[om.BLINDED]),
         "rule_calls": int(counter[om.RULE_CALLS]),
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,

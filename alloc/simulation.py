@@ -16,24 +16,21 @@ from alloc.compilation import inlined_jit, jit
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard import memory as om
 from alloc.onboard.brakes import brake_receiver, set_brake_targets
+from alloc.onboard.control import control, cut_and_ramp_unit
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment, equipment
+from alloc.onboard.errors import OnboardError
 from alloc.onboard.host import HostController, HostControllerFactory, UnitSense, unit_contexts
-from alloc.onboard.parameters import Onboard, OnboardError
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.readhesion import CONTROLLERS, HOST
 from alloc.onboard.sensing import sense
-from alloc.onboard.torque import control, cut_and_ramp_unit, set_targets
+from alloc.onboard.torque import restrain_blind_units, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion import adhesion_limit
 from alloc.plant.model import Floats
 from alloc.recording import Record, Tally, to_dataset
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
 from alloc.rules.kernels import allocate_compiled
-
-CONTROLLERS: dict[str, int] = {
-    "none": om.CONTROLLER_NONE,
-    "cut-and-ramp": om.CONTROLLER_CUT_AND_RAMP,
-}
-"""Built-in readhesion controllers; others come as host controllers."""
 
 REPORT_DELAY = 0.1
 """Time [s] after which the train knows that a unit has failed."""
@@ -83,6 +80,8 @@ def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
         r.estimate[k, j] = m.estimate[j]
         r.slipping[k, j] = m.slipping[j]
         r.fallen_back[k, j] = m.fallen_back[j]
+        r.factor[k, j] = m.factor[j]
+        r.seen[k, j] = m.seen[j]
         r.acceleration[k, j] = m.acceleration[j]
         r.air[k, j] = m.air[j]
     r.train[k, 0] = m.held[om.HELD_CASE]
@@ -134,8 +133,9 @@ def _run(
                 set_brake_targets(eq, st, m)
             else:
                 set_targets(eq, st, m, a)
+            restrain_blind_units(st, m)
             progress[1] = PHASE_ADVANCE
-            if st.controller == om.CONTROLLER_HOST:
+            if st.controller == HOST:
                 return NEEDS_CONTROL
             control(eq, st, m, a)
         for j in range(units):
@@ -235,7 +235,7 @@ def simulate(
         -1 if compiled_rule is None else compiled_rule,
         om.ALLOCATE_PERIODICALLY if chosen.periodic else om.ALLOCATE_ON_SLIP,
         chosen.needs_truth,
-        om.CONTROLLER_HOST if hosted else CONTROLLERS[controller],
+        HOST if hosted else CONTROLLERS[controller],
         np.asarray(chosen.parameters, dtype=float),
     )
     period = onboard.period

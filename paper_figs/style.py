@@ -31,7 +31,26 @@ RULE_MARKERS: dict[str, str] = {
 }  # fmt: skip
 
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
-"""How a marker is filled tells the readhesion controller."""
+"""How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
+
+CONTROLLER_COLOURS: dict[str, str] = {
+    "none": "#7f7f7f",
+    "table": "#e69f00",
+    "cut-and-ramp": "#d55e00",
+    "pi-creep": "#b0a000",
+    "perturb-observe": "#009e73",
+    "steepest-gradient": "#56b4e9",
+    "mpc": "#0072b2",
+    "mpc-car": "#7b3294",
+    "mpc-train": "#cc79a7",
+    "mpc-train-ideal": "#000000",
+}
+"""Colours of controllers where no rule needs one."""
+
+CONTROLLER_MARKERS: dict[str, str] = {
+    "none": "o", "table": "v", "cut-and-ramp": "s", "pi-creep": "^", "perturb-observe": "D",
+    "steepest-gradient": "X", "mpc": "P", "mpc-car": "<", "mpc-train": ">", "mpc-train-ideal": "*",
+}  # fmt: skip
 
 
 def new_figure(width: float, height: float) -> Figure:

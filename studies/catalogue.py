@@ -12,7 +12,11 @@ from studies.sweeps import SWEEPS
 
 CONTROLLER_MEANINGS = {
     "none": "torque follows the limit whatever the wheels do",
+    "table": "torque factor by the deviation of acceleration (readhesion paper, section 2.3)",
     "cut-and-ramp": "cut on slip to what the observer says the rail carries, hold, ramp back",
+    "pi-creep": "a fixed slip velocity is held by PI control",
+    "perturb-observe": "creep control whose reference climbs by fixed steps",
+    "steepest-gradient": "creep control whose reference climbs along the estimated slope",
     "mpc": "model predictive control of each unit (CasADi)",
 }
 

@@ -3,12 +3,17 @@
 from alloc.onboard import (
     Belief,
     Braking,
+    CreepControl,
     CutAndRamp,
     Detector,
+    Dropout,
     Observer,
     Onboard,
+    PerturbObserve,
     Sensors,
+    SteepestGradient,
     Telegrams,
+    TorqueTable,
 )
 from alloc.plant.adhesion import AdhesionCurve
 from studies.rail_keys import CurveKeys, IncrementKeys
@@ -31,13 +36,51 @@ class ObserverKeys(Strict):
     pole_per_s: float | None = None
 
 
-class ReadhesionKeys(Strict):
-    """Cut-and-ramp controller: `[onboard.readhesion]`."""
+class CutAndRampKeys(Strict):
+    """Cut-and-ramp controller: `[onboard.cut_and_ramp]`."""
 
     cut: float | None = None
     recover: float | None = None
     hold_s: float | None = None
     ramp_s: float | None = None
+
+
+class TableKeys(Strict):
+    """Torque table of the readhesion paper: `[onboard.table]`."""
+
+    margin_kmhs: float | None = None
+    width_kmhs: float | None = None
+    rise_s: float | None = None
+    fall_s: float | None = None
+    time_constant_s: float | None = None
+
+
+class CreepKeys(Strict):
+    """Creep control, and what the searching controllers share with it: `[onboard.creep]`."""
+
+    reference_kmh: float | None = None
+    proportional_s_per_m: float | None = None
+    integral_per_m: float | None = None
+
+
+class PerturbObserveKeys(Strict):
+    """Perturb and observe: `[onboard.perturb_observe]`."""
+
+    interval_s: float | None = None
+    step_kmh: float | None = None
+    lowest_kmh: float | None = None
+    highest_kmh: float | None = None
+
+
+class SteepestGradientKeys(Strict):
+    """Steepest gradient: `[onboard.steepest_gradient]`."""
+
+    interval_s: float | None = None
+    gain_m2_per_s2: float | None = None
+    least_kmh: float | None = None
+    largest_kmh: float | None = None
+    lowest_kmh: float | None = None
+    highest_kmh: float | None = None
 
 
 class TelegramKeys(Strict):
@@ -50,6 +93,14 @@ class TelegramKeys(Strict):
     silence_s: float | None = None
 
 
+class DropoutKeys(Strict):
+    """A speed signal that is lost for a time, to the end where nothing is said: `[[onboard.sensors.dropouts]]`."""
+
+    axle: int
+    begin_s: float
+    until_s: float | None = None
+
+
 class SensorKeys(Strict):
     """Sensors: `[onboard.sensors]`; the noise is drawn from the seed."""
 
@@ -57,6 +108,13 @@ class SensorKeys(Strict):
     speed_quantum_kmh: float | None = None
     load_error: float | None = None
     sensorless_pole_per_s: float | None = None
+    dropouts: tuple[DropoutKeys, ...] = ()
+    blind_share: float | None = None
+
+    def sensors(self, seed: int) -> Sensors:
+        """The sensors; `seed` draws their errors."""
+        values = si(self) | {"dropouts": tuple(Dropout(**si(one)) for one in self.dropouts)}
+        return Sensors(**values, seed=seed)
 
 
 class BrakingKeys(Strict):
@@ -88,7 +146,11 @@ class OnboardKeys(Strict):
     inertia_in_limit: bool | None = None
     detector: DetectorKeys = DetectorKeys()
     observer: ObserverKeys = ObserverKeys()
-    readhesion: ReadhesionKeys = ReadhesionKeys()
+    cut_and_ramp: CutAndRampKeys = CutAndRampKeys()
+    table: TableKeys = TableKeys()
+    creep: CreepKeys = CreepKeys()
+    perturb_observe: PerturbObserveKeys = PerturbObserveKeys()
+    steepest_gradient: SteepestGradientKeys = SteepestGradientKeys()
     telegrams: TelegramKeys = TelegramKeys()
     sensors: SensorKeys = SensorKeys()
     braking: BrakingKeys = BrakingKeys()
@@ -108,9 +170,13 @@ class OnboardKeys(Strict):
             **si(self),
             detector=Detector(**si(self.detector)),
             observer=Observer(**si(self.observer)),
-            readhesion=CutAndRamp(**si(self.readhesion)),
+            cut_and_ramp=CutAndRamp(**si(self.cut_and_ramp)),
+            table=TorqueTable(**si(self.table)),
+            creep=CreepControl(**si(self.creep)),
+            perturb_observe=PerturbObserve(**si(self.perturb_observe)),
+            steepest_gradient=SteepestGradient(**si(self.steepest_gradient)),
             telegrams=Telegrams(**si(self.telegrams)),
-            sensors=Sensors(**si(self.sensors), seed=seed),
+            sensors=self.sensors.sensors(seed),
             braking=Braking(**si(self.braking)),
             belief=Belief(
                 increments=increments,

@@ -16,6 +16,7 @@ _attribute("unit_detections", "1", "slips detected by all units", "unit_detectio
 _attribute("telegrams", "1", "telegrams sent", "telegrams_sent")
 _attribute("telegrams_lost", "1", "telegrams lost", "telegrams_lost")
 _attribute("fallbacks", "1", "units fallen back to the plan in silence", "fallbacks")
+_attribute("blinded", "1", "units that lost the speed of their last axle", "blinded")
 _attribute("rule_calls", "1", "calls of the allocation rule", "rule_calls")
 _attribute("rule_failures", "1", "calls in which the rule's solver failed", "rule_failures", -1)
 _attribute("rule_time", "ms", "time in rules called from Python", "rule_time_s", 0, 1e3)

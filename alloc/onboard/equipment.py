@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.onboard.parameters import Onboard, OnboardError
+from alloc.onboard.errors import OnboardError
+from alloc.onboard.parameters import Onboard
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import Model
 
@@ -83,6 +84,11 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     def mean(values: Floats) -> Floats:
         return np.array([values[s.axle_unit == j].mean() for j in range(n.units)])
 
+    for dropout in onboard.sensors.dropouts:
+        if dropout.axle >= n.axles:
+            raise OnboardError(
+                f"sensors: dropout of axle {dropout.axle}, but the train has {n.axles} axles, 0 to {n.axles - 1}"
+            )
     axles = np.bincount(s.axle_unit[s.axle_unit >= 0], minlength=n.units).astype(float)
     empty_mean = mean(empty)
     turning = s.inertia / s.radius**2  # mass that would resist like the turning wheelset

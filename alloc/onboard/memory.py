@@ -5,20 +5,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.onboard import readhesion
 from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
+from alloc.onboard.readhesion.torque_table import lag_share
 
 Floats = NDArray[np.float64]
-
-CONTROLLER_NONE, CONTROLLER_CUT_AND_RAMP, CONTROLLER_HOST = 0, 1, 2
 
 ALLOCATE_ON_SLIP, ALLOCATE_PERIODICALLY = 0, 1
 """When a rule acts: at each detection by B1, or with every telegram."""
 
 # Counters of a run
-DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, COUNTERS = 0, 1, 2, 3, 4, 5, 6
+DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, BLINDED, COUNTERS = range(8)
 
 SLOTS = 16
 """Telegrams that can be on their way to one unit."""
@@ -34,13 +34,15 @@ class Settings(NamedTuple):
     period: float
     detector: Floats  # on, off, pole, gain, speed_on
     observer: Floats  # pole, keep, old, new
-    readhesion: Floats  # cut, recover, hold, ramp
+    control: Floats  # parameters of the readhesion controller, as `alloc.onboard.torque` takes them
     telegram: Floats  # latency, jitter, silence
     telegram_ticks: int
     hold_time: float
     rise_time: float
     rule_parameters: Floats
     speed_quantum: float
+    dropout: Floats  # (dropouts, 3): axle, begin, until
+    blind_share: float
     speed_pole: float  # of the speed estimate without sensors [1/s]; 0: sensors
     brake_inertia: float  # 1: the estimate (18) counts the wheelsets' deceleration; 0: as printed
     blend_time: float
@@ -77,9 +79,10 @@ class Memory(NamedTuple):
     mail_limit: Floats  # (units, SLOTS)
     target: Floats  # torque target per motor, signed
     rise: Floats  # slew-limited magnitude of the expected torque
-    phase: NDArray[np.int64]
-    clock: Floats
-    base: Floats
+    control: Floats  # (units, readhesion.MEMORY) what the readhesion controller remembers; nan: nothing yet
+    factor: Floats  # share of its target that the readhesion controller leaves a unit
+    seen: Floats  # axles of the unit whose speed is known
+    axle_seen: NDArray[np.bool_]  # (axles,)
     command: Floats  # torque command per motor, signed
     drive_limit: Floats
     brake_limit: Floats
@@ -105,7 +108,8 @@ def settings(
     rule_parameters: Floats,
 ) -> Settings:
     """Settings of a run from the on-board parameters."""
-    d, o, r, t = onboard.detector, onboard.observer, onboard.readhesion, onboard.telegrams
+    d, o, t = onboard.detector, onboard.observer, onboard.telegrams
+    dropouts = [(d.axle, d.begin, d.until) for d in onboard.sensors.dropouts]
     keep, old, new = observer_gains(o.pole, onboard.period)
     gain = differentiator_gain(d.pole, onboard.period)
     return Settings(
@@ -116,18 +120,41 @@ def settings(
         period=onboard.period,
         detector=np.array([d.on, d.off, d.pole, gain, d.speed_on]),
         observer=np.array([o.pole, keep, old, new]),
-        readhesion=np.array([r.cut, r.recover, r.hold, r.ramp]),
+        control=_control_parameters(onboard, controller),
         telegram=np.array([t.latency, t.jitter, t.silence]),
         telegram_ticks=max(1, round(t.period / onboard.period)),
         hold_time=onboard.hold_time,
         rise_time=onboard.rise_time,
         rule_parameters=rule_parameters,
         speed_quantum=onboard.sensors.speed_quantum,
+        dropout=np.array(dropouts, dtype=float).reshape(-1, 3),
+        blind_share=onboard.sensors.blind_share,
         speed_pole=onboard.sensors.sensorless_pole or 0.0,
         brake_inertia=float(onboard.braking.inertia_in_estimate),
         blend_time=onboard.braking.blend_time,
         slide=np.array([onboard.braking.release, onboard.braking.hold]),
     )
+
+
+def _control_parameters(onboard: Onboard, controller: int) -> Floats:
+    """What the law of a built-in controller needs; of a hosted one, what cut-and-ramp needs in its stead."""
+    creep = (onboard.creep.proportional, onboard.creep.integral, onboard.creep.reference)
+    if controller == readhesion.TABLE:
+        t = onboard.table
+        pole = 1.0 / t.time_constant
+        gain = differentiator_gain(pole, onboard.period)
+        shares = [lag_share(lag, onboard.period) for lag in (t.rise, t.fall)]
+        return np.array([t.margin, t.width, pole, gain, *shares])
+    if controller == readhesion.PI_CREEP:
+        return np.array(creep)
+    if controller == readhesion.PERTURB_OBSERVE:
+        p = onboard.perturb_observe
+        return np.array([*creep, p.interval, p.lowest, p.highest, p.step])
+    if controller == readhesion.STEEPEST_GRADIENT:
+        g = onboard.steepest_gradient
+        return np.array([*creep, g.interval, g.lowest, g.highest, g.gain, g.least, g.largest])
+    r = onboard.cut_and_ramp
+    return np.array([r.cut, r.recover, r.hold, r.ramp])
 
 
 def memory(eq: Equipment, speed: float, expected: float) -> Memory:
@@ -169,9 +196,10 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         mail_limit=np.zeros((n, SLOTS)),
         target=zeros(),
         rise=zeros(),
-        phase=np.zeros(n, dtype=np.int64),
-        clock=zeros(),
-        base=zeros(),
+        control=np.full((n, readhesion.MEMORY), np.nan),
+        factor=np.ones(n),
+        seen=eq.axles.copy(),
+        axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
         command=zeros(),
         drive_limit=zeros(),
         brake_limit=zeros(),

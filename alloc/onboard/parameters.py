@@ -1,30 +1,17 @@
 """Parameters of what runs on board; what the train believes is kept apart from what is true."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
+from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.onboard.readhesion import (
+    CreepControl,
+    CutAndRamp,
+    PerturbObserve,
+    SteepestGradient,
+    TorqueTable,
+)
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
-
-
-class OnboardError(ValueError):
-    """A parameter of the on-board equipment is impossible; the message names it and what to do."""
-
-
-def _check(
-    owner: str, record: Any, positive: Iterable[str] = (), nonnegative: Iterable[str] = ()
-) -> None:
-    for names, low, text in (
-        (positive, False, "greater than 0"),
-        (nonnegative, True, "0 or greater"),
-    ):
-        for name in names:
-            value = getattr(record, name)
-            if not isinstance(value, (int, float)) or math.isnan(value) or value < 0.0:
-                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
-            if value == 0.0 and not low:
-                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
 
 
 @dataclass(frozen=True)
@@ -44,7 +31,7 @@ class Detector:
     speed_on: float = 0.6
 
     def __post_init__(self) -> None:
-        _check("detector", self, positive=("on", "pole", "speed_on"))
+        check_numbers("detector", self, positive=("on", "pole", "speed_on"))
         if not self.off < self.on:
             raise OnboardError(f"detector: off = {self.off!r} must be below on = {self.on!r}")
 
@@ -56,29 +43,7 @@ class Observer:
     pole: float = 25.0
 
     def __post_init__(self) -> None:
-        _check("observer", self, positive=("pole",))
-
-
-@dataclass(frozen=True)
-class CutAndRamp:
-    """Readhesion control on the observer's estimate, after Kadowaki and Ohishi.
-
-    On detection the torque is cut to `cut` times the torque that the estimate says the rail can carry; once the wheels
-    have readhered it is held at `recover` times that torque for `hold` [s], then raised to the target in `ramp` [s]
-    per unit of expected torque. Values assumed (the sources print none), typical of published controllers.
-    """
-
-    cut: float = 0.5
-    recover: float = 0.9
-    hold: float = 0.1
-    ramp: float = 3.0
-
-    def __post_init__(self) -> None:
-        _check("cut-and-ramp", self, positive=("ramp",), nonnegative=("cut", "recover", "hold"))
-        if not self.cut <= self.recover <= 1.0:
-            raise OnboardError(
-                f"cut-and-ramp: needs cut <= recover <= 1, got {self.cut!r} and {self.recover!r}"
-            )
+        check_numbers("observer", self, positive=("pole",))
 
 
 @dataclass(frozen=True)
@@ -95,9 +60,28 @@ class Telegrams:
     silence: float = 1.0
 
     def __post_init__(self) -> None:
-        _check("telegrams", self, positive=("period", "silence"), nonnegative=("latency", "jitter"))
+        check_numbers(
+            "telegrams", self, positive=("period", "silence"), nonnegative=("latency", "jitter")
+        )
         if not 0.0 <= self.loss <= 1.0:
             raise OnboardError(f"telegrams: loss = {self.loss!r} must lie in [0, 1]")
+
+
+@dataclass(frozen=True)
+class Dropout:
+    """Loss of the speed signal of `axle` (0 = foremost) from `begin` to `until` [s]; the computers notice it."""
+
+    axle: int
+    begin: float
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.axle, int) or self.axle < 0:
+            raise OnboardError(f"dropout: axle = {self.axle!r} must be a whole number from 0 on")
+        if not self.begin < self.until:
+            raise OnboardError(
+                f"dropout: begin = {self.begin!r} must lie before until = {self.until!r}"
+            )
 
 
 @dataclass(frozen=True)
@@ -108,6 +92,8 @@ class Sensors:
     standard deviation of the relative error of the load signals, drawn once per run. `seed` draws all of them.
     `sensorless_pole` [1/s]: motor speeds are estimated without sensors, known per unit as the mean of its axles through a
     low-pass filter of this pole; None: every axle has a sensor. Axles without motor keep theirs.
+    `dropouts`: signals lost for a time. A unit goes on with the axles that it still sees; one that sees none takes the
+    reference speed for its own, knows no slip, and pulls with `blind_share` of its target (assumed).
     """
 
     speed_noise: float = 0.0
@@ -115,11 +101,19 @@ class Sensors:
     load_error: float = 0.0
     seed: int = 0
     sensorless_pole: float | None = None
+    dropouts: tuple[Dropout, ...] = ()
+    blind_share: float = 0.5
 
     def __post_init__(self) -> None:
-        _check("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
+        check_numbers("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
         if self.sensorless_pole is not None:
-            _check("sensors", self, positive=("sensorless_pole",))
+            check_numbers("sensors", self, positive=("sensorless_pole",))
+            if self.dropouts:
+                raise OnboardError(
+                    "sensors: dropouts need sensors; leave out sensorless_pole or the dropouts"
+                )
+        if not 0.0 <= self.blind_share <= 1.0:
+            raise OnboardError(f"sensors: blind_share = {self.blind_share!r} must lie in [0, 1]")
 
 
 @dataclass(frozen=True)
@@ -142,7 +136,7 @@ class Braking:
     hold: float = 0.08
 
     def __post_init__(self) -> None:
-        _check("braking", self, positive=("release", "hold", "blend_time"))
+        check_numbers("braking", self, positive=("release", "hold", "blend_time"))
         if not self.hold <= self.release:
             raise OnboardError(
                 f"braking: hold = {self.hold!r} must not exceed release = {self.release!r}"
@@ -177,7 +171,11 @@ class Onboard:
 
     detector: Detector = field(default_factory=Detector)
     observer: Observer = field(default_factory=Observer)
-    readhesion: CutAndRamp = field(default_factory=CutAndRamp)
+    cut_and_ramp: CutAndRamp = field(default_factory=CutAndRamp)
+    table: TorqueTable = field(default_factory=TorqueTable)
+    creep: CreepControl = field(default_factory=CreepControl)
+    perturb_observe: PerturbObserve = field(default_factory=PerturbObserve)
+    steepest_gradient: SteepestGradient = field(default_factory=SteepestGradient)
     telegrams: Telegrams = field(default_factory=Telegrams)
     sensors: Sensors = field(default_factory=Sensors)
     belief: Belief = field(default_factory=Belief)
@@ -189,7 +187,7 @@ class Onboard:
     inertia_in_limit: bool = True
 
     def __post_init__(self) -> None:
-        _check("on board", self, positive=("hold_time", "rise_time", "period"))
+        check_numbers("on board", self, positive=("hold_time", "rise_time", "period"))
         if self.limit_rate is not None and not self.limit_rate > 0.0:
             raise OnboardError(f"on board: limit_rate = {self.limit_rate!r} must exceed 0")
         if self.telegrams.period < self.period:

@@ -17,26 +17,49 @@ def _limit_at(table, speed):
 
 
 @inlined_jit
+def _lose_signals(eq, st, m, time):
+    """Which axles' speeds are known now, and of how many axles each unit knows them."""
+    for i in range(m.axle_seen.size):
+        m.axle_seen[i] = True
+    for k in range(st.dropout.shape[0]):
+        if st.dropout[k, 1] <= time < st.dropout[k, 2]:
+            m.axle_seen[int(st.dropout[k, 0])] = False
+    for j in range(eq.axles.size):
+        before, m.seen[j] = m.seen[j], 0.0
+        for i in range(m.axle_seen.size):
+            if eq.axle_unit[i] == j and m.axle_seen[i]:
+                m.seen[j] += 1.0
+        if before > 0.0 and m.seen[j] == 0.0:
+            m.counter[om.BLINDED] += 1
+
+
+@inlined_jit
 def _read_speeds(eq, st, m, omega, noise):
-    """Rim speeds as sensors tell them, (axles,) and mean per unit."""
+    """Rim speeds as sensors tell them, (axles,) and mean per unit.
+
+    An axle without signal is taken to turn as the others of its unit do; where none has one, as the reference speed.
+    """
     units = eq.axles.size
     for j in range(units):
-        m.mean_speed[j] = 0.0
+        m.mean_speed[j] = 0.0 if m.seen[j] > 0.0 else m.reference[eq.unit_body[j]]
     for i in range(omega.size):
         rim = eq.axle_radius[i] * omega[i] + noise[i]
         if st.speed_quantum > 0.0:
             rim = np.floor(rim / st.speed_quantum + 0.5) * st.speed_quantum
         m.axle_omega[i] = rim / eq.axle_radius[i]
         j = eq.axle_unit[i]
-        if j >= 0:
-            m.mean_speed[j] += rim / eq.axles[j]
+        if j >= 0 and m.axle_seen[i]:
+            m.mean_speed[j] += rim / m.seen[j]
     share = 1.0 if st.speed_pole == 0.0 else -np.expm1(-st.speed_pole * st.period)
     for j in range(units):
         m.speed[j] += share * (m.mean_speed[j] - m.speed[j])
-    if st.speed_pole > 0.0:  # the inverter knows no single axle
-        for i in range(omega.size):
-            if eq.axle_unit[i] >= 0:
-                m.axle_omega[i] = m.speed[eq.axle_unit[i]] / eq.axle_radius[i]
+    for i in range(omega.size):
+        j = eq.axle_unit[i]
+        if j >= 0 and (st.speed_pole > 0.0 or not m.axle_seen[i]):
+            # without sensors the inverter knows no single axle
+            m.axle_omega[i] = m.speed[j] / eq.axle_radius[i]
+        elif not m.axle_seen[i]:
+            m.axle_omega[i] = m.reference[eq.axle_body[i]] / eq.axle_radius[i]
 
 
 @inlined_jit
@@ -47,8 +70,13 @@ def _compare_with_reference(eq, st, m, sign, commanded):
     for i in range(m.axle_omega.size):
         rim = eq.axle_radius[i] * m.axle_omega[i]
         body = eq.axle_body[i]
-        m.candidate[body] = min(m.candidate[body], sign * rim)
+        if m.axle_seen[i]:
+            m.candidate[body] = min(m.candidate[body], sign * rim)
     for body in range(m.reference.size):
+        if np.isinf(
+            m.candidate[body]
+        ):  # no axle left to tell: the driver's command is all there is
+            m.candidate[body] = sign * (m.reference[body] + commanded * st.period)
         m.reference[body] = follow_reference(
             m.reference[body], sign * m.candidate[body], commanded, st.period
         )
@@ -76,6 +104,8 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
     units = eq.axles.size
     sign = 1.0 if commanded >= 0.0 else -1.0
     blended = eq.blended and commanded < 0.0
+    if st.dropout.size:
+        _lose_signals(eq, st, m, time)
     _read_speeds(eq, st, m, omega, noise)
     _compare_with_reference(eq, st, m, sign, commanded)
     first = 0

@@ -1,8 +1,7 @@
-"""From a unit's limit to its torque command: limits (6) and (6'), load compensation, readhesion control."""
+"""From a unit's limit to its torque target: limits (6) and (6'), load compensation, the motor's limit."""
 
 from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
-from alloc.onboard.cut_and_ramp import cut_and_ramp
 from alloc.onboard.observer import empty_torque_limit, load_compensated
 from alloc.plant.equations import GRAVITY
 
@@ -26,36 +25,8 @@ def set_targets(eq, st, m, commanded):
 
 
 @inlined_jit
-def cut_and_ramp_unit(eq, st, m, j, commanded):
-    """Built-in readhesion control of unit `j`: fills its torque command."""
-    sign = 1.0 if commanded >= 0.0 else -1.0
-    to_torque = eq.axle_load[j] * eq.radius[j] / eq.gear[j]
-    cut, recover, hold, ramp = st.readhesion
-    rate = m.held[om.HELD_EXPECTED] * to_torque / ramp
-    # what the air brake takes of the rail's force is not the motors' to have
-    air = m.air[j] * eq.radius[j] / eq.gear[j]
-    m.phase[j], m.clock[j], m.base[j], torque = cut_and_ramp(
-        m.phase[j],
-        m.clock[j],
-        m.base[j],
-        sign * m.command[j],
-        sign * m.target[j],
-        m.slipping[j],
-        m.estimate[j] * to_torque - air,
-        cut,
-        recover,
-        hold,
-        rate,
-        st.period,
-    )
-    m.command[j] = sign * torque
-
-
-@inlined_jit
-def control(eq, st, m, commanded):
-    """Torque commands of all units by the built-in controller of the run."""
-    for j in range(eq.axles.size):
-        if st.controller == om.CONTROLLER_NONE:
-            m.command[j] = m.target[j]
-        else:
-            cut_and_ramp_unit(eq, st, m, j, commanded)
+def restrain_blind_units(st, m):
+    """A unit that knows the speed of none of its axles could not notice slip: it gets a part of its target."""
+    for j in range(m.target.size):
+        if m.seen[j] == 0.0:
+            m.target[j] *= st.blind_share

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard.cut_and_ramp import (
+from alloc.onboard.readhesion.cut_and_ramp import (
     CUT,
     FOLLOW,
     HOLD,

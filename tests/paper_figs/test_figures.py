@@ -37,7 +37,15 @@ from paper_figs import (
     unit_increments,
     utilisation_damage,
 )
-from paper_figs.style import CONTROLLER_FILL, RULE_COLOURS, RULE_MARKERS, STYLE_FILE, rule_colour
+from paper_figs.style import (
+    CONTROLLER_COLOURS,
+    CONTROLLER_FILL,
+    CONTROLLER_MARKERS,
+    RULE_COLOURS,
+    RULE_MARKERS,
+    STYLE_FILE,
+    rule_colour,
+)
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
@@ -146,7 +154,10 @@ def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, 
 def test_every_rule_and_controller_has_a_look_of_its_own():
     assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
     assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
-    assert set(CONTROLLER_FILL) == set(controller_names())
+    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(controller_names())
+    assert len(set(CONTROLLER_COLOURS.values())) == len(CONTROLLER_COLOURS)
+    assert len(set(CONTROLLER_MARKERS.values())) == len(CONTROLLER_MARKERS)
+    assert set(CONTROLLER_FILL) < set(controller_names())
     assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 
 

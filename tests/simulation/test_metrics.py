@@ -34,8 +34,8 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "axle_unit": ("axle", [0, -1]),
     }
     counts = (
-        "detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "rule_calls",
-        "rule_failures", "rule_time_s", "controller_failures", "controller_median_s", "controller_p99_s",
+        "detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded",
+        "rule_calls", "rule_failures", "rule_time_s", "controller_failures", "controller_median_s", "controller_p99_s",
     )  # fmt: skip
     attributes = {"train_mass": 20e3, "target_speed": 12.0, "blended_brakes": 0}
     attributes |= dict.fromkeys(counts, 0)

@@ -90,7 +90,7 @@ speed_on_kmh = 1.8
 [onboard.observer]
 pole_per_s = 30.0
 
-[onboard.readhesion]
+[onboard.cut_and_ramp]
 cut = 0.4
 recover = 0.8
 hold_s = 0.2
@@ -160,7 +160,7 @@ def test_the_equipment_is_as_the_file_says(event):
     assert (o.detector.on, o.detector.off) == pytest.approx((2.0, 1.0))
     assert (o.detector.pole, o.detector.speed_on) == pytest.approx((50.0, 0.5))
     assert o.observer.pole == 30.0
-    r = o.readhesion
+    r = o.cut_and_ramp
     assert (r.cut, r.recover, r.hold, r.ramp) == (0.4, 0.8, 0.2, 2.0)
     assert (o.telegrams.period, o.telegrams.latency, o.telegrams.loss) == (0.2, 0.1, 0.01)
     assert o.sensors.speed_quantum == pytest.approx(0.01)

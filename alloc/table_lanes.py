@@ -1,0 +1,182 @@
+"""Many runs of one driven unit under the torque table, advanced together: for sweeps and calibration.
+
+The closed loop of `alloc.simulation` without what a single unit lacks (allocation, telegrams, slip detector), over the
+plant's lanes: rail and table differ from lane to lane. A lane costs a tenth of a run by itself; the results are the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import jit
+from alloc.event import DriverCommand, SimulationError
+from alloc.onboard.detector import differentiate, differentiator_gain
+from alloc.onboard.equipment import equipment
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.readhesion import TorqueTable
+from alloc.onboard.readhesion.torque_table import asymmetric_lag, lag_share, torque_factor
+from alloc.plant import compiled
+from alloc.plant.array_model import ArrayModel
+from alloc.plant.batch import select_lanes
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.train import Train
+
+Floats = NDArray[np.float64]
+
+LANES_TOGETHER = 32
+"""Lanes advanced by one call: enough for vector code, few enough for the fast caches."""
+
+
+@dataclass(frozen=True)
+class TableRuns:
+    """Recorded runs, (instants, lanes) each; SI units."""
+
+    time: Floats
+    """(instants,)"""
+    speed: Floats
+    slip: Floats
+    """Slip velocity of the unit's first axle."""
+    peak_slip: Floats
+    """Slip velocity of the curve's maximum: the bound between micro and macro slip."""
+    coefficient: Floats
+    """Tangential force coefficient."""
+    peak: Floats
+    """Adhesion coefficient."""
+    torque: Floats
+    """Motor torque."""
+    command: Floats
+    factor: Floats
+    """Torque factor of the table, before its filter."""
+    plan: float
+    """Torque of the plan: the driver's target."""
+    torque_per_coefficient: float
+    """Torque that holds a coefficient of 1 on the axle that accelerates with the train."""
+
+
+@jit
+def _run(
+    s, e, layout, state, inputs, w, table, memory, target, commanded, radius,
+    period, step, steps, ticks, first_tick, record_ticks, states, peaks, commands, factors,
+):  # fmt: skip
+    """`table` (6, lanes): margin, width, pole and gain of the differentiator, shares of rise and fall."""
+    omega = 2 * layout.bodies
+    lanes = state.shape[1]
+    for k in range(ticks):
+        time = (first_tick + k) * period
+        a = commanded[k]
+        for b in range(lanes):
+            speed = radius * state[omega, b]
+            memory[0, b], acceleration = differentiate(
+                memory[0, b], speed, table[2, b], table[3, b]
+            )
+            factor = torque_factor(acceleration - a, table[0, b], table[1, b])
+            memory[1, b] = asymmetric_lag(
+                memory[1, b], factor * target[k], table[4, b], table[5, b]
+            )
+            memory[2, b] = factor
+            inputs.torque_command[0, b] = memory[1, b]
+        if k % record_ticks == 0:
+            n = k // record_ticks
+            compiled.peak_field(s, e, layout, time, state, inputs.cleaning, w, w.peak)
+            for b in range(lanes):
+                for i in range(state.shape[0]):
+                    states[n, i, b] = state[i, b]
+                peaks[n, b] = w.peak[0, b]
+                commands[n, b] = memory[1, b]
+                factors[n, b] = memory[2, b]
+        compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
+
+
+def simulate_tables(
+    train: Train,
+    rails: Sequence[Rail],
+    tables: Sequence[TorqueTable],
+    command: DriverCommand,
+    begin: float,
+    end: float,
+    period: float = 5e-5,
+    record_period: float = 1e-3,
+) -> TableRuns:
+    """Drive `train` from rest at `begin` to `end` [s] once per lane: rail k under table k, every `period` [s].
+
+    The train must be one rigid unit of one axle, driving only. Rails may differ in all but their curve. Raises
+    `SimulationError` where the lanes do not fit together, `PlantError` where train and rail do not.
+    """
+    if len(rails) != len(tables) or not rails:
+        raise SimulationError(
+            f"lanes: {len(rails)} rails and {len(tables)} tables; give as many of each, at least one"
+        )
+    if any(rail.curve != rails[0].curve for rail in rails):
+        raise SimulationError("lanes: all rails of a batch must have the same adhesion curve")
+    model = build(train, tuple(rails))
+    n = model.layout
+    if n.units != 1 or n.axles != 1 or n.bodies != 1:
+        raise SimulationError(
+            f"lanes: train {train.name!r} has {n.units} units and {n.axles} axles; only one unit of one axle fits"
+        )
+    ticks = round((end - begin) / period)
+    record_ticks = max(1, round(record_period / period))
+    records = (ticks + record_ticks - 1) // record_ticks
+    first_tick = round(begin / period)
+    onboard = Onboard(period=period, rise_time=period)
+    eq = equipment(model, onboard)
+    commanded = command.sampled((first_tick + np.arange(ticks)) * period)
+    if np.any(commanded < 0.0):
+        raise SimulationError("lanes: the table's lanes drive only; use `simulate` for braking")
+    to_torque = float(eq.axle_load[0] * eq.radius[0] / eq.gear[0] * (1.0 + eq.own_inertia[0]))
+    target = commanded * eq.planned_share * to_torque
+    steps = model.substeps(period)
+    lanes = len(rails)
+    states = np.zeros((records, n.rows, lanes))
+    peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
+    for start in range(0, lanes, LANES_TOGETHER):
+        part = slice(start, min(start + LANES_TOGETHER, lanes))
+        own = select_lanes(model, part)
+        width = own.lanes
+        kept = [np.zeros((records, n.rows, width)), *(np.zeros((records, width)) for _ in range(3))]
+        _run(
+            own.structure, own.environment, compiled.rows(n),
+            own.initial_state(), own.zero_inputs(), compiled.workspace(own, period / steps),
+            _columns(tables[part], period), np.zeros((3, width)), target, commanded,
+            float(eq.radius[0]), period, period / steps, steps, ticks, first_tick, record_ticks, *kept,
+        )  # fmt: skip
+        for whole, piece in zip((states, peaks, commands, factors), kept, strict=True):
+            whole[..., part] = piece
+    arrays = ArrayModel.of(model)
+    flat = states.transpose(1, 0, 2).reshape(n.rows, -1)
+    slip, mu, _ = arrays.forces(flat, peaks.reshape(1, -1))
+    speed = states[:, n.speed.start, :]
+    limit, top = rails[0].curve.limit(peaks, speed)
+    return TableRuns(
+        time=(first_tick + record_ticks * np.arange(records)) * period,
+        speed=speed,
+        slip=slip.reshape(records, lanes),
+        peak_slip=np.broadcast_to(top, peaks.shape),
+        coefficient=mu.reshape(records, lanes),
+        peak=limit,
+        torque=states[:, n.torque.start, :],
+        command=commands,
+        factor=factors,
+        plan=float(target.max(initial=0.0)),
+        torque_per_coefficient=to_torque,
+    )
+
+
+def _columns(tables: Sequence[TorqueTable], period: float) -> Floats:
+    """Tables as the compiled loop takes them, (6, lanes)."""
+    return np.array(
+        [
+            (
+                t.margin,
+                t.width,
+                1.0 / t.time_constant,
+                differentiator_gain(1.0 / t.time_constant, period),
+                lag_share(t.rise, period),
+                lag_share(t.fall, period),
+            )
+            for t in tables
+        ]
+    ).T.copy()
