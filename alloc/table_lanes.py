@@ -123,7 +123,7 @@ def simulate_tables(
     first_tick = round(begin / period)
     onboard = Onboard(period=period, rise_time=period)
     eq = equipment(model, onboard)
-    commanded = command.sampled((first_tick + np.arange(ticks)) * period)
+    commanded = command.sampled(period * (first_tick + np.arange(ticks, dtype=np.float64)))
     if np.any(commanded < 0.0):
         raise SimulationError("lanes: the table's lanes drive only; use `simulate` for braking")
     to_torque = float(eq.axle_load[0] * eq.radius[0] / eq.gear[0] * (1.0 + eq.own_inertia[0]))
@@ -151,7 +151,7 @@ def simulate_tables(
     speed = states[:, n.speed.start, :]
     limit, top = rails[0].curve.limit(peaks, speed)
     return TableRuns(
-        time=(first_tick + record_ticks * np.arange(records)) * period,
+        time=period * (first_tick + record_ticks * np.arange(records, dtype=np.float64)),
         speed=speed,
         slip=slip.reshape(records, lanes),
         peak_slip=np.broadcast_to(top, peaks.shape),
