@@ -114,6 +114,8 @@ class MpcSettings:
             if not isinstance(getattr(self, name), kind):
                 raise MpcError(f"mpc: {name} = {getattr(self, name)!r} must be a {kind.__name__}")
         if self.code not in CODES:
-            raise MpcError(f"mpc: code = {self.code!r} must be one of {', '.join(map(repr, CODES))}")
+            raise MpcError(
+                f"mpc: code = {self.code!r} must be one of {', '.join(map(repr, CODES))}"
+            )
         if self.horizon < 2:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")
