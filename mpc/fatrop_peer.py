@@ -96,8 +96,8 @@ class FatropSolver:
         is not told (nan).
         """
         made, scale = self._stages, self._stages.torque_scale
-        values = [problem.state, problem.parameters, problem.slip_limit, problem[3:]]
-        if not all(np.isfinite(value).all() for value in values):  # fatrop would not come back
+        if not np.isfinite(np.concatenate([np.ravel(value) for value in problem])).all():
+            # fatrop would not come back
             bad = np.full(self._horizon, np.nan)
             return HorizonSolution(bad, np.nan, np.nan, 0, "not finite")
         torques = np.full(self._horizon, problem.target) if guess is None else guess
