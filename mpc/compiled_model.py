@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.generated import compile_functions
+from mpc.generated_c import compile_c_functions
 from mpc.unit_model import UnitModel
 
 Ints = NDArray[np.int64]
@@ -27,7 +28,7 @@ class CompiledModel(NamedTuple):
     upper_column: Ints
 
 
-_compiled: dict[int, tuple[UnitModel, CompiledModel]] = {}
+_compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
 
 
 def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
@@ -51,14 +52,18 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
     }
 
 
-def compiled_model(model: UnitModel) -> CompiledModel:
-    """Compile `model`, once per process; Numba's cache keeps the result across processes."""
-    key = id(model)
+def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
+    """Compile `model` by way of "numba" or "c", once per process; a cache keeps the result across processes.
+
+    Raises `CompilerError` where "c" is asked for and cannot be had.
+    """
+    key = (id(model), code)
     if key not in _compiled:
         functions = symbolic_functions(model)
         row, column = functions["rate"].sparsity_out(1).get_triplet()
         upper = functions["curvature"].sparsity_out(0).get_triplet()
-        made = compile_functions(list(functions.values()))
+        compile_ = compile_c_functions if code == "c" else compile_functions
+        made = compile_(list(functions.values()))
         places = [np.array(values, dtype=np.int64) for values in (row, column, *upper)]
         # the model is kept along: its id must not be given to another one
         _compiled[key] = (

@@ -6,18 +6,11 @@ out as Python source beside Numba's cache, once per model, and compiled there.
 """
 
 import hashlib
-import importlib.util
-import os
-import sys
-import tempfile
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import casadi as cs
-import numba
 
-import alloc.compilation  # noqa: F401  chooses the folder of Numba's cache
+from mpc.code_cache import load_module
 
 _BINARY = {
     cs.OP_ADD: "{0} + {1}",
@@ -105,33 +98,9 @@ def source(functions: list[cs.Function]) -> str:
     return text
 
 
-_loaded: dict[str, ModuleType] = {}
-
-
-def _folder() -> Path:
-    configured = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    folder = Path(configured) / "generated" if configured else Path(tempfile.mkdtemp())
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
-
-
 def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
     """Numba functions of the SX `functions` by name, see `source`; compiled once per machine and expression."""
     text = source(functions)
     name = "readhesion_generated_" + hashlib.sha256(text.encode()).hexdigest()[:16]
-    if name not in _loaded:
-        path = _folder() / f"{name}.py"
-        if not path.exists():  # written aside and renamed: other processes may be at it as well
-            with tempfile.NamedTemporaryFile(
-                "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
-            ) as file:
-                file.write(text)
-            os.replace(file.name, path)
-        specification = importlib.util.spec_from_file_location(name, path)
-        assert specification is not None
-        assert specification.loader is not None
-        module = importlib.util.module_from_spec(specification)
-        sys.modules[name] = module  # Numba looks it up by name when it loads from its cache
-        specification.loader.exec_module(module)
-        _loaded[name] = module
-    return {function.name(): getattr(_loaded[name], function.name()) for function in functions}
+    module = load_module(name, text)
+    return {function.name(): getattr(module, function.name()) for function in functions}

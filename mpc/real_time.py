@@ -31,7 +31,7 @@ class RealTimeIteration:
 
     def __init__(self, context: UnitContext, settings: MpcSettings) -> None:
         self._settings = settings
-        self._model = compiled_model(unit_model(context))
+        self._model = compiled_model(unit_model(context), settings.code)
         self._substeps = substeps(context, settings.step)
         self._small_step = settings.step / self._substeps
         self._slip = slip_matrix(context)

@@ -20,18 +20,21 @@ OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": 1e-9,
-    "ipopt.acceptable_tol": 1e-9,  # no early end at a looser tolerance
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 500,
 }
 
 
 class ReferenceSolver:
-    """Solver of `HorizonProblem` by ipopt to a tolerance of 1e-9; a local optimum, as it depends on the guess."""
+    """Solver of `HorizonProblem` by ipopt to `tolerance`; a local optimum, as it depends on the guess."""
 
     def __init__(
-        self, context: UnitContext, settings: MpcSettings, *, warm_start: bool = False
+        self,
+        context: UnitContext,
+        settings: MpcSettings,
+        *,
+        tolerance: float = 1e-9,
+        warm_start: bool = False,
     ) -> None:
         model = unit_model(context)
         weights = weight_vector(context, settings)
@@ -64,10 +67,13 @@ class ReferenceSolver:
         unknowns = cs.vertcat(cs.vec(nodes), torques, cs.vec(slack))
         data = cs.vertcat(start, constants, limit, target, before)
         constraints = cs.vertcat(cs.vec(defects), cs.vec(slack - excess))
-        warm = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6} if warm_start else {}
+        # no early end at a looser tolerance
+        options = OPTIONS | {"ipopt.tol": tolerance, "ipopt.acceptable_tol": tolerance}
+        if warm_start:
+            options |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6}
         self._solver = cs.nlpsol(
             "reference", "ipopt", {"x": unknowns, "p": data, "f": cost, "g": constraints},
-            OPTIONS | warm,
+            options,
         )  # fmt: skip
         self._step, self._warm = step, warm_start
         self._slip, self._slip_scale = slip_matrix(context), w.slip_scale

@@ -4,6 +4,9 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+CODES = ("numba", "c")
+"""Ways of compiling the model."""
+
 
 class MpcError(ValueError):
     """A setting of the MPC is impossible; the message names it and what to do."""
@@ -89,7 +92,8 @@ class MpcSettings:
     optimiser says. `iterations`: most SQP steps per control period, taken while the optimality residual exceeds
     `tolerance` and half of the deadline is left. `deadline`: longest solve; a later answer counts as failed. It is
     infinite by default, for with a deadline a run's result depends on the machine's speed. `exact_hessian`: second
-    derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton.
+    derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton. `code`: the model compiled by
+    Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are the same.
     """
 
     horizon: int = 20
@@ -100,6 +104,7 @@ class MpcSettings:
     tolerance: float = 1e-4
     deadline: float = math.inf
     exact_hessian: bool = False
+    code: str = "numba"
     weights: Weights = field(default_factory=Weights)
     belief: PeakBelief = field(default_factory=PeakBelief)
 
@@ -108,5 +113,9 @@ class MpcSettings:
         for name, kind in (("weights", Weights), ("belief", PeakBelief)):
             if not isinstance(getattr(self, name), kind):
                 raise MpcError(f"mpc: {name} = {getattr(self, name)!r} must be a {kind.__name__}")
+        if self.code not in CODES:
+            raise MpcError(
+                f"mpc: code = {self.code!r} must be one of {', '.join(map(repr, CODES))}"
+            )
         if self.horizon < 2:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")

@@ -1,95 +1,208 @@
-"""Step time of the real-time iteration against warm-started ipopt, on the same problems in the same run.
+"""Step time of the real-time iteration against its peers, on the same problems in the same run.
 
-Only the ratio is checked: both times are taken on the same machine, so it does not depend on how fast that is. Run with
-`make bench`.
+Model, horizon and problems are the same for all; ipopt and fatrop start from their last solution, shifted, and stop at
+`TOLERANCE`. Only ratios are checked: both times are taken on the same machine, so they do not depend on how fast it is.
+Run with `make bench`; medians, 99th percentiles and residuals are in the report's extra_info.
 """
 
+import shutil
 import time
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import product
 
 import numpy as np
 import pytest
 
-from alloc.onboard.host import UnitContext
-from alloc.plant.adhesion import PiecewiseCurve
-from mpc.horizon import HorizonProblem
-from mpc.real_time import RealTimeIteration
+from mpc.acados_peer import AcadosSolver
+from mpc.fatrop_peer import FatropSolver
+from mpc.generated_c import COMPILERS
 from mpc.reference import ReferenceSolver
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, substeps, unit_model
+from tests.benchmarks.mpc_cases import CASES, HORIZON
 
-SETTINGS = MpcSettings()  # horizon of 20 steps, one torque
-LEAST_SPEED_UP = 20.0
+TOLERANCE = 1e-8
+PEER_PROBLEMS, BLOCKS = 50, 10
+"""Solvers take turns after each block of problems."""
+
+ROUNDS = 5
+"""Repetitions of a real-time iteration's block, from the same guess."""
+
+MOST_STEPS = 100
+"""Steps after which an iteration is taken not to converge."""
+
+CODES = ["numba", "c"] if any(map(shutil.which, COMPILERS)) else ["numba"]
+CODE_PARAMETERS = [
+    "numba",
+    pytest.param(
+        "c", marks=pytest.mark.skipif("c" not in CODES, reason="no C compiler on this machine")
+    ),
+]
+exact_or_not = pytest.mark.parametrize(
+    "exact", [False, True], ids=["Gauss-Newton", "exact-Hessian"]
+)
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
+def case(request):
+    return request.param
 
 
 @pytest.fixture(scope="module")
-def context():
-    return UnitContext(
-        unit=0, axles=4, radius=0.43, inertia=155.0, gear_ratio=7.07, axle_load=78e3, mass=55e3,
-        torque_lag=5e-3, curve=PiecewiseCurve(), period=SETTINGS.step,
-    )  # fmt: skip
+def problems(case):
+    return case.readhesion()
 
 
-@pytest.fixture(scope="module")
-def problems(context):
-    """A second of readhesion: wheels at 0.3 m/s of slip, more torque wanted than the rail carries."""
-    model, peak, speed = unit_model(context), np.array([0.118, 0.12, 0.122, 0.125]), 10.0
-    constants = parameters(context, peak)
-    step = model.step_function(SETTINGS.step, substeps(context, SETTINGS.step))
-    state = np.array([speed, *[(speed + 0.3) / context.radius] * 4, 600.0])
-    solver, torque, made = RealTimeIteration(context, SETTINGS), 600.0, []
-    solver.restart(torque)
-    limit = context.curve.limit(peak, speed)[1]
-    for _ in range(100):
-        made.append(HorizonProblem(state, constants, limit, 900.0, torque, 1000.0))
-        solver.shift()
-        torque = float(solver.solve(made[-1]).torques[0])
-        state = np.asarray(step(state, torque, constants)).ravel()
-    return made
+def _timed(solve, problems):
+    """Times [ms] and solutions."""
+    taken, solutions = [], []
+    for problem in problems:
+        started = time.perf_counter()
+        solutions.append(solve(problem))
+        taken.append(time.perf_counter() - started)
+    assert {solution.status for solution in solutions} == {"ok"}
+    return np.array(taken) * 1e3, solutions
 
 
-def _times(solve, problems, repeats=1):
-    taken = []
-    for _ in range(repeats):
-        for problem in problems:
-            started = time.perf_counter()
-            solution = solve(problem)
-            taken.append(time.perf_counter() - started)
-            assert solution.status == "ok"
-    return np.array(taken) * 1e3
-
-
-@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact-Hessian"])
-def test_real_time_iteration_against_warm_ipopt(benchmark, context, problems, exact):
-    solver = RealTimeIteration(context, MpcSettings(exact_hessian=exact, tolerance=0.0))
-
+def _stepping(solver):
     def step(problem):
         solver.shift()
         return solver.solve(problem)
 
-    solver.restart(600.0)
-    _times(step, problems)  # not timed: first calls load the compiled functions
-    solver.restart(600.0)
-    real_time = _times(step, problems, repeats=3)
+    return step
 
-    reference, guess = ReferenceSolver(context, SETTINGS, warm_start=True), None
+
+def _converging(solver):
+    """Warm start: guess and multipliers of the last solution, the guess shifted by one period."""
+    guess = None
 
     def solve(problem):
         nonlocal guess
-        solution = reference.solve(problem, guess)
+        solution = solver.solve(problem, guess)
         guess = np.append(solution.torques[1:], solution.torques[-1])
         return solution
 
-    # the first has nothing to start from
-    ipopt = _times(solve, problems[:30])[1:]
-    ratio = float(np.median(ipopt) / np.median(real_time))
-    for name, values in (("real_time", real_time), ("ipopt", ipopt)):
-        benchmark.extra_info[f"{name}_median_ms"] = float(np.median(values))
-        benchmark.extra_info[f"{name}_p99_ms"] = float(np.quantile(values, 0.99))
+    return solve
+
+
+@pytest.fixture(scope="module")
+def measured(case, problems):
+    """Times [ms] and solutions by solver, taken in turns: a machine that slows down slows all of them."""
+    settings, context = MpcSettings(horizon=HORIZON), case.context
+    converging = {
+        name: _converging(kind(context, settings, tolerance=TOLERANCE, warm_start=True))
+        for name, kind in (("ipopt", ReferenceSolver), ("fatrop", FatropSolver))
+        if name in case.peers
+    }
+    iterations = {}
+    for code, exact in product(CODES, [False, True]):
+        own = replace(settings, exact_hessian=exact, tolerance=0.0, code=code)
+        iterations[code, exact] = case.iteration(context, own)
+        iterations[code, exact].restart(600.0)
+    # not counted: converging solvers have nothing to start from, first calls load the compiled functions
+    for solve in (*converging.values(), *map(_stepping, iterations.values())):
+        _timed(solve, problems[:1])
+    results = {key: ([], []) for key in (*converging, *iterations)}
+    for block in np.array_split(np.arange(1, PEER_PROBLEMS + 1), BLOCKS):
+        part = [problems[k] for k in block]
+        for name, solve in converging.items():
+            for kept, new in zip(results[name], _timed(solve, part), strict=True):
+                kept.extend(new)
+        for key, solver in iterations.items():
+            guess = solver.torques.copy()
+            for _ in range(ROUNDS):
+                solver.torques[:] = guess
+                times, solutions = _timed(_stepping(solver), part)
+                results[key][0].extend(times)
+            results[key][1].extend(solutions)
+    return results
+
+
+def _report(benchmark, name, times):
+    median, p99 = np.quantile(times, [0.5, 0.99])
+    benchmark.extra_info |= {f"{name}_median_ms": float(median), f"{name}_p99_ms": float(p99)}
+    return f"{name}: median {median:.3f} ms, p99 {p99:.3f} ms; "
+
+
+@exact_or_not
+@pytest.mark.parametrize("code", CODE_PARAMETERS)
+def test_real_time_iteration_against_warm_ipopt(benchmark, case, problems, measured, exact, code):
+    times, solutions = measured[code, exact]
+    settings = MpcSettings(horizon=HORIZON, exact_hessian=exact, tolerance=0.0, code=code)
+    # of the torques after the step; at its begin the end of the horizon is out, where the shifted guess is repeated
+    solver, residuals = case.iteration(case.context, settings), []
+    for problem, solution in zip(problems[1 : PEER_PROBLEMS + 1], solutions, strict=True):
+        solver.torques[:] = solution.torques
+        residuals.append(solver.solve(problem).residual)
+    quantiles = np.quantile(residuals, [0.5, 0.9, 0.99, 1.0])
+    for name, value in zip(("median", "p90", "p99", "worst"), quantiles, strict=True):
+        benchmark.extra_info[f"residual_{name}"] = float(value)
+    text = _report(benchmark, "real_time", times) + _report(
+        benchmark, "ipopt", measured["ipopt"][0]
+    )
+    ratio = float(np.median(measured["ipopt"][0]) / np.median(times))
     benchmark.extra_info["ratio_of_medians"] = ratio
     solver.restart(600.0)
+    step = _stepping(solver)
     benchmark(lambda: [step(problem) for problem in problems[:10]])
+    levels = ", ".join(f"{value:.1e}" for value in quantiles)
+    print(f"\n{text}ratio {ratio:.0f}; residual median, p90, p99, worst: {levels}")
+    assert ratio >= case.least_speed_up[code == "c"]
+
+
+def test_fatrop(benchmark, case, problems, measured):
+    times, solutions = measured["fatrop"]
+    solver = FatropSolver(case.context, MpcSettings(horizon=HORIZON), tolerance=TOLERANCE)
+    benchmark.pedantic(solver.solve, args=(problems[0],), rounds=3)
     print(
-        f"\nreal-time iteration: median {np.median(real_time):.3f} ms, p99 {np.quantile(real_time, 0.99):.3f} ms; "
-        f"warm ipopt: median {np.median(ipopt):.1f} ms, p99 {np.quantile(ipopt, 0.99):.1f} ms; ratio {ratio:.0f}"
+        "\n"
+        + _report(benchmark, "fatrop", times)
+        + _report(benchmark, "ipopt", measured["ipopt"][0])
     )
-    assert ratio >= LEAST_SPEED_UP
+    costs = [np.array([s.cost for s in found]) for found in (solutions, measured["ipopt"][1])]
+    benchmark.extra_info["cost_over_ipopt_worst"] = float(np.max(costs[0] / costs[1] - 1.0))
+
+
+@pytest.mark.skipif(find_spec("acados_template") is None, reason="acados is not installed")
+def test_acados(benchmark, case, problems):
+    if "acados" not in case.peers:
+        pytest.skip("acados does not take this case")
+    solver = AcadosSolver(case.context, MpcSettings(horizon=HORIZON))
+    solver.restart(problems[0], 600.0)
+    step = _stepping(solver)
+    times = _timed(step, problems[: PEER_PROBLEMS + 1])[0][1:]
+    benchmark.pedantic(step, args=(problems[PEER_PROBLEMS],), rounds=5)
+    print("\n" + _report(benchmark, "acados", times))
+
+
+@exact_or_not
+def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case, exact):
+    settings = MpcSettings(horizon=HORIZON, exact_hessian=exact, iterations=MOST_STEPS)
+    solver, steps, first, reached = case.iteration(case.context, settings), [], [], 0
+    one = case.iteration(case.context, MpcSettings(horizon=HORIZON, exact_hessian=exact))
+    for before, after in case.drops(20):
+        for each in (solver, one):
+            each.restart(before.before)
+            for _ in range(MOST_STEPS):
+                if each.solve(before).residual <= settings.tolerance:
+                    break
+            each.shift()
+        solution = solver.solve(after)
+        steps.append(solution.iterations)
+        reached += solution.residual <= settings.tolerance
+        one.solve(after)
+        first.append(one.solve(after).residual)  # after the first step
+    benchmark.extra_info |= {
+        "steps_median": float(np.median(steps)),
+        "steps_worst": int(max(steps)),
+        "share_converged": reached / len(steps),
+        "residual_after_one_step_median": float(np.median(first)),
+        "residual_after_one_step_worst": float(np.max(first)),
+    }
+    benchmark.pedantic(solver.solve, args=(after,), rounds=5)
+    print(
+        f"\nsteps to {settings.tolerance:.0e}: median {np.median(steps):.0f}, worst {max(steps)}, reached by "
+        f"{reached} of {len(steps)}; residual after one step: median {np.median(first):.1e}, worst {max(first):.1e}"
+    )
+    if exact:
+        assert reached == len(steps)

@@ -21,6 +21,7 @@ from mpc import MpcError, MpcSettings, PeakBelief, Weights
         (MpcSettings, "deadline", math.nan),
         (MpcSettings, "headroom", -0.1),
         (MpcSettings, "slip_limit", 0.0),
+        (MpcSettings, "code", "fortran"),
         (MpcSettings, "weights", {"slip": 2.0}),
         (MpcSettings, "belief", None),
         (Weights, "tracking", 0.0),

@@ -1,0 +1,56 @@
+"""Where generated code lies: beside Numba's cache, safe against several processes at once.
+
+A file's name carries a hash of all that decides its content, so a file that exists is right. Files are written aside
+and renamed: nobody reads half of one.
+"""
+
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numba
+
+import alloc.compilation  # noqa: F401  chooses the folder of Numba's cache
+
+_loaded: dict[str, ModuleType] = {}
+
+
+def folder() -> Path:
+    """Folder of the generated code; made if need be."""
+    configured = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    path = Path(configured) / "generated" if configured else Path(tempfile.mkdtemp())
+    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def create(path: Path, write: Callable[[Path], object]) -> None:
+    """Make `path` by `write(file to fill)`, unless it exists; a `write` that raises leaves nothing behind."""
+    if path.exists():
+        return
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp" + path.suffix)
+    os.close(handle)
+    aside = Path(name)
+    try:
+        write(aside)
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def load_module(name: str, text: str) -> ModuleType:
+    """Import Python source `text` as the module `name`, from a file so that Numba's cache knows it; once per process."""
+    if name not in _loaded:
+        path = folder() / f"{name}.py"
+        create(path, lambda aside: aside.write_text(text, encoding="utf-8"))
+        specification = importlib.util.spec_from_file_location(name, path)
+        assert specification is not None
+        assert specification.loader is not None
+        module = importlib.util.module_from_spec(specification)
+        sys.modules[name] = module  # Numba looks it up by name when it loads from its cache
+        specification.loader.exec_module(module)
+        _loaded[name] = module
+    return _loaded[name]
