@@ -39,6 +39,9 @@ STEP = 2e-4
 PERIODS = 40
 """Most periods that a prediction follows until it repeats itself."""
 
+SWINGS = 24
+"""Swings followed to tell how they grow; the second half counts."""
+
 Mode = tuple[int, int, int]
 """Region of slip: micro, macro, residual; of the table: full, sloping, none; of the filter: falling, rising."""
 
@@ -169,9 +172,10 @@ class ReducedModel:
                 mode = self.mode(ahead)
             time += passed
             turned = before[2] == 0 and mode[2] == 1
-            state = ahead
+            start, state = state, ahead
             low, high = np.minimum(low, state), np.maximum(high, state)
-            if state[SLIP] > 100.0 * self.top:
+            moved = np.max(np.abs(state - start) / scale)
+            if state[SLIP] > 100.0 * self.top or moved < 1e-3 * tolerance * passed / STEP:
                 return None
             if turned:
                 if np.max(np.abs(state - last) / scale) < tolerance:
@@ -225,7 +229,7 @@ def growth(table: TorqueTable, lag: float, gain: float) -> float:
     About the equilibrium the loop has three states (torque, deviation, filtered command) and no scale, for its only
     nonlinearity is the filter's two time constants; a swing keeps its shape and changes its size. 0: no swing at all.
     """
-    step = 0.02 * min(table.fall, table.rise, table.time_constant)
+    step = 0.05 * lag  # a swing takes tens of lags
     matrices = []
     for constant in (table.fall, table.rise):
         a = np.array(
@@ -236,22 +240,23 @@ def growth(table: TorqueTable, lag: float, gain: float) -> float:
             ]
         )
         matrices.append(expm(a * step))
-    state, sizes, rising = np.array([1.0, 0.0, 1.0]), [], False
-    for _ in range(200_000):
+    state, sizes, largest, rising = np.array([1.0, 0.0, 1.0]), [1.0], 0.0, False
+    for _ in range(SWINGS * 3000):
         state = matrices[int(-state[1] > state[2])] @ state
+        largest = max(largest, abs(float(state[1])))
         now_rising = bool(-state[1] > state[2])
         if now_rising and not rising:
-            sizes.append(float(np.abs(state).max()))
-            state = state / sizes[-1]
-            if len(sizes) > 30:
-                return sizes[-1]
+            sizes.append(largest)
+            if len(sizes) > SWINGS:
+                return (sizes[-1] / sizes[SWINGS // 2]) ** (1.0 / (SWINGS - SWINGS // 2))
+            largest = 0.0
         rising = now_rising
     return 0.0
 
 
 def critical_gain(table: TorqueTable, lag: float) -> float:
     """Loop gain below which the runaway equilibrium is stable: the factor then settles, and the wheels run away."""
-    return float(brentq(lambda gain: growth(table, lag, gain) - 1.0, 5.0, 5e3, rtol=1e-4))
+    return float(brentq(lambda gain: growth(table, lag, gain) - 1.0, 5.0, 2e3, rtol=1e-4))
 
 
 def critical_width(model: ReducedModel) -> float:
