@@ -1,8 +1,9 @@
-"""Belief about the peak coefficient of each axle, from disturbance observers of single axles.
+"""Belief about the adhesion curve: the peak coefficient of each axle, from disturbance observers of single axles.
 
 An axle that slips to the peak and beyond feels what the rail can carry: the believed curve at its slip says which share of
 the peak that is. An axle that does not slip proves only that the peak is not less than what it feels; belief then rises
-slowly until the rail contradicts it.
+slowly until the rail contradicts it. The same pairs of slip and coefficient tell, below the peak, the slope of the curve, see
+`mpc.curve_belief`.
 """
 
 import math
@@ -15,7 +16,16 @@ from alloc.onboard.host import UnitContext
 from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
 from alloc.plant.adhesion import adhesion_limit, tangential_coefficient
 from alloc.plant.equations import slip_velocity
-from mpc.settings import PeakBelief
+from mpc.curve_belief import (
+    TESTED,
+    UNTESTED,
+    curve_constants,
+    micro_slip,
+    stretch_estimate,
+    stretch_parameters,
+    take_in,
+)
+from mpc.settings import CurveBelief, PeakBelief
 
 Floats = NDArray[np.float64]
 
@@ -30,13 +40,13 @@ NOISE_TIME = 1.0
 @jit
 def _update(
     kind, q, c, speed, omega, torque, fresh,
-    filtered, last, slips, noise, coefficient, peak, top,
+    filtered, last, slips, last_slip, noise, coefficient, peak, top, told, micro,
 ):  # fmt: skip
     """One control period, all in the direction of the demand, `torque` at the wheel; fills the arrays of the second line."""
     for i in range(omega.size):
         measured = slip_velocity(omega[i], c[RADIUS], speed)
         if fresh:  # start in equilibrium
-            slips[i] = measured
+            slips[i] = last_slip[i] = measured
             last[i] = filtered[i] = torque + c[POLE] * c[INERTIA] * omega[i]
         filtered[i], last[i], load_torque = observe(
             filtered[i], last[i], torque, omega[i], c[INERTIA], c[POLE], c[KEEP], c[OLD], c[NEW]
@@ -45,12 +55,16 @@ def _update(
         coefficient[i] = felt
         limit, top_slip = adhesion_limit(kind, q, peak[i], speed)
         # as late as the observer's coefficient, so that both belong to one point of the curve
-        slips[i] = slip = c[KEEP] * slips[i] + (1.0 - c[KEEP]) * measured
+        slips[i] = slip = c[KEEP] * slips[i] + c[OLD] * last_slip[i] + c[NEW] * measured
+        last_slip[i] = measured
+        micro[i] = abs(measured - slip) <= c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
         noise[i] += c[NOISE_SHARE] * (abs(measured - slip) - noise[i])
         tells = c[INFORMATIVE] * top_slip + c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
         if slip >= tells:
             here = tangential_coefficient(kind, q, slip, speed, speed + slip, peak[i])
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / here - peak[i])
+            told[i] = peak[i]
+            micro[i] = False  # on the way down the belief would pass for that of an axle in micro slip
         elif felt > limit:
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / limit - peak[i])
         else:
@@ -59,11 +73,36 @@ def _update(
         limit, top[i] = adhesion_limit(kind, q, peak[i], speed)
 
 
-class PeakObserver:
-    """Belief of one unit about the peak coefficient of its axles."""
+@jit
+def _update_curve(
+    kind, given, c, curve, speed, slips, noise, coefficient, peak, told, micro, sums, q, top
+):
+    """Take the axles' pairs in micro slip into `sums`; with new ones fill the believed `q`. Returns the stretch, or 0."""
+    taken = 0
+    for i in range(slips.size):
+        if coefficient[i] > told[i]:
+            told[i] = 0.0  # the rail carries more by now
+        known = curve[TESTED] * min(told[i], peak[i]) if told[i] > 0.0 else curve[UNTESTED] * peak[i]
+        if micro[i] and abs(coefficient[i]) <= known:
+            expected = micro_slip(kind, given, coefficient[i], peak[i], speed)
+            taken += take_in(sums, curve, expected, slips[i])
+    if taken == 0:
+        return 0.0
+    stretch = stretch_estimate(sums, curve, c[NOISE_MARGIN] * noise.mean(), c[SLIP_ERROR])
+    stretch_parameters(kind, given, stretch, q)
+    for i in range(slips.size):
+        top[i] = adhesion_limit(kind, q, peak[i], speed)[1]
+    return stretch
 
-    def __init__(self, context: UnitContext, belief: PeakBelief) -> None:
-        self._kind, self._q = context.curve.kind, context.curve.q
+
+class CurveObserver:
+    """Belief of one unit about the peak coefficient of its axles, and about the slope of the curve."""
+
+    def __init__(
+        self, context: UnitContext, belief: PeakBelief, curve: CurveBelief | None = None
+    ) -> None:
+        curve = curve or CurveBelief()
+        self._kind, self._given = context.curve.kind, context.curve.q
         self._gear = context.gear_ratio
         self._constants = np.empty(CONSTANTS)
         self._constants[:POLE] = context.inertia, context.radius, context.axle_load
@@ -81,7 +120,12 @@ class PeakObserver:
         )
         n = context.axles
         self._filtered, self._last = np.zeros(n), np.zeros(n)
-        self._slip, self._noise = np.zeros(n), np.full(n, belief.slip_error)  # until it is known
+        self._slip, self._last_slip = np.zeros(n), np.zeros(n)
+        self._noise = np.full(n, belief.slip_error)  # until it is known
+        self._told, self._micro = np.zeros(n), np.zeros(n, dtype=np.bool_)
+        self._estimates = curve.estimate
+        self._curve_constants = curve_constants(curve, context.period)
+        self._sums = np.zeros(5)
         self._fresh = True
         self.coefficient = np.zeros(n)
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
@@ -89,6 +133,10 @@ class PeakObserver:
         """Believed peak coefficient, (axles,)."""
         self.peak_slip = np.zeros(n)
         """Slip velocity of the believed curve's maximum [m/s], (axles,)."""
+        self.stretch = 1.0
+        """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
+        self.q = context.curve.q.copy()
+        """Parameters of the believed curve, (6,)."""
 
     def forget_forces(self) -> None:
         """Start the observers anew at the next update; the belief about the peak stays."""
@@ -97,8 +145,15 @@ class PeakObserver:
     def update(self, speed: float, omega: Floats, torque: float) -> None:
         """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand."""
         _update(
-            self._kind, self._q, self._constants, speed, omega, torque * self._gear, self._fresh,
-            self._filtered, self._last, self._slip, self._noise, self.coefficient, self.peak,
-            self.peak_slip,
+            self._kind, self.q, self._constants, speed, omega, torque * self._gear, self._fresh,
+            self._filtered, self._last, self._slip, self._last_slip, self._noise,
+            self.coefficient, self.peak, self.peak_slip, self._told, self._micro,
         )  # fmt: skip
         self._fresh = False
+        if self._estimates:
+            stretch = _update_curve(
+                self._kind, self._given, self._constants, self._curve_constants, speed,
+                self._slip, self._noise, self.coefficient, self.peak, self._told, self._micro,
+                self._sums, self.q, self.peak_slip,
+            )  # fmt: skip
+            self.stretch = stretch or self.stretch
