@@ -11,4 +11,12 @@
 from mpc.controller import MpcController, factory
 from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
 
-__all__ = ["CurveBelief", "MpcController", "MpcError", "MpcSettings", "PeakBelief", "Weights", "factory"]
+__all__ = [
+    "CurveBelief",
+    "MpcController",
+    "MpcError",
+    "MpcSettings",
+    "PeakBelief",
+    "Weights",
+    "factory",
+]

@@ -2,7 +2,7 @@
 
 An axle that slips to the peak and beyond feels what the rail can carry: the believed curve at its slip says which share of
 the peak that is. An axle that does not slip proves only that the peak is not less than what it feels; belief then rises
-slowly until the rail contradicts it. The same pairs of slip and coefficient tell, below the peak, the slope of the curve, see
+slowly until the rail contradicts it. The same pairs of slip and coefficient tell, below the peak, the slope of the curve:
 `mpc.curve_belief`.
 """
 
@@ -16,15 +16,7 @@ from alloc.onboard.host import UnitContext
 from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
 from alloc.plant.adhesion import adhesion_limit, tangential_coefficient
 from alloc.plant.equations import slip_velocity
-from mpc.curve_belief import (
-    TESTED,
-    UNTESTED,
-    curve_constants,
-    micro_slip,
-    stretch_estimate,
-    stretch_parameters,
-    take_in,
-)
+from mpc.curve_belief import StretchEstimator
 from mpc.settings import CurveBelief, PeakBelief
 
 Floats = NDArray[np.float64]
@@ -64,35 +56,15 @@ def _update(
             here = tangential_coefficient(kind, q, slip, speed, speed + slip, peak[i])
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / here - peak[i])
             told[i] = peak[i]
-            micro[i] = False  # on the way down the belief would pass for that of an axle in micro slip
+            micro[i] = (
+                False  # on the way down the belief would pass for that of an axle in micro slip
+            )
         elif felt > limit:
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / limit - peak[i])
         else:
             peak[i] *= c[PROBE]
         peak[i] = min(max(peak[i], c[FLOOR]), c[CEILING])
         limit, top[i] = adhesion_limit(kind, q, peak[i], speed)
-
-
-@jit
-def _update_curve(
-    kind, given, c, curve, speed, slips, noise, coefficient, peak, told, micro, sums, q, top
-):
-    """Take the axles' pairs in micro slip into `sums`; with new ones fill the believed `q`. Returns the stretch, or 0."""
-    taken = 0
-    for i in range(slips.size):
-        if coefficient[i] > told[i]:
-            told[i] = 0.0  # the rail carries more by now
-        known = curve[TESTED] * min(told[i], peak[i]) if told[i] > 0.0 else curve[UNTESTED] * peak[i]
-        if micro[i] and abs(coefficient[i]) <= known:
-            expected = micro_slip(kind, given, coefficient[i], peak[i], speed)
-            taken += take_in(sums, curve, expected, slips[i])
-    if taken == 0:
-        return 0.0
-    stretch = stretch_estimate(sums, curve, c[NOISE_MARGIN] * noise.mean(), c[SLIP_ERROR])
-    stretch_parameters(kind, given, stretch, q)
-    for i in range(slips.size):
-        top[i] = adhesion_limit(kind, q, peak[i], speed)[1]
-    return stretch
 
 
 class CurveObserver:
@@ -102,7 +74,7 @@ class CurveObserver:
         self, context: UnitContext, belief: PeakBelief, curve: CurveBelief | None = None
     ) -> None:
         curve = curve or CurveBelief()
-        self._kind, self._given = context.curve.kind, context.curve.q
+        self._kind = context.curve.kind
         self._gear = context.gear_ratio
         self._constants = np.empty(CONSTANTS)
         self._constants[:POLE] = context.inertia, context.radius, context.axle_load
@@ -124,8 +96,8 @@ class CurveObserver:
         self._noise = np.full(n, belief.slip_error)  # until it is known
         self._told, self._micro = np.zeros(n), np.zeros(n, dtype=np.bool_)
         self._estimates = curve.estimate
-        self._curve_constants = curve_constants(curve, context.period)
-        self._sums = np.zeros(5)
+        self._estimator = StretchEstimator(context.curve, n, context.period, curve, belief.initial)
+        self._belief = belief
         self._fresh = True
         self.coefficient = np.zeros(n)
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
@@ -133,10 +105,16 @@ class CurveObserver:
         """Believed peak coefficient, (axles,)."""
         self.peak_slip = np.zeros(n)
         """Slip velocity of the believed curve's maximum [m/s], (axles,)."""
-        self.stretch = 1.0
+
+    @property
+    def stretch(self) -> float:
         """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
-        self.q = context.curve.q.copy()
+        return self._estimator.stretch
+
+    @property
+    def q(self) -> Floats:
         """Parameters of the believed curve, (6,)."""
+        return self._estimator.q
 
     def forget_forces(self) -> None:
         """Start the observers anew at the next update; the belief about the peak stays."""
@@ -151,9 +129,7 @@ class CurveObserver:
         )  # fmt: skip
         self._fresh = False
         if self._estimates:
-            stretch = _update_curve(
-                self._kind, self._given, self._constants, self._curve_constants, speed,
-                self._slip, self._noise, self.coefficient, self.peak, self._told, self._micro,
-                self._sums, self.q, self.peak_slip,
+            self._estimator.update(
+                speed, self._slip, self.coefficient, self.peak, self._told, self._micro,
+                self._belief.noise_margin * float(self._noise.mean()), self._belief.slip_error,
             )  # fmt: skip
-            self.stretch = stretch or self.stretch

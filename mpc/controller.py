@@ -6,15 +6,20 @@ horizon, command the first. Whatever goes wrong is answered with ok = False; the
 
 import math
 import time as clock
+from dataclasses import replace
 
 import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from mpc.belief import CurveObserver
+from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.unit_model import parameters, torque_per_coefficient
+
+STIFFNESS_MARGIN = 0.8
+"""How much stiffer than the believed curve, as a share of its stretch, the steps of the prediction are made for."""
 
 
 class MpcController:
@@ -28,6 +33,7 @@ class MpcController:
         self.settings = settings or MpcSettings()
         self.belief = CurveObserver(context, self.settings.belief, self.settings.curve)
         self._solver = RealTimeIteration(context, self.settings)
+        self._stable_stretch = STIFFNESS_MARGIN
         self._context = context
         self._carried = torque_per_coefficient(context)
         self._parameters = parameters(context, self.belief.peak)
@@ -72,11 +78,24 @@ class MpcController:
             self._before = 0.0
             self._solver.restart(0.0)
             return 0.0, "ok", 0.0
+        if self.belief.stretch < self._stable_stretch:
+            self._refine(self.belief.stretch)
         solution = self._solver.solve(
             self._problem(sense, speed, torque), started + 0.5 * self.settings.deadline
         )
         self._before = float(solution.torques[0])
         return sign * self._before, solution.status, solution.residual
+
+    def _refine(self, stretch: float) -> None:
+        """Divide the prediction's steps more finely: a curve steeper than the given one would make them unstable.
+
+        The margin of Runge-Kutta's stability over the plant's own bound covers what the given curve's steps do not.
+        """
+        self._stable_stretch = STIFFNESS_MARGIN * stretch
+        curve = stretched(self._context.curve, self._stable_stretch)
+        torques = self._solver.torques
+        self._solver = RealTimeIteration(replace(self._context, curve=curve), self.settings)
+        self._solver.torques[:] = torques
 
     def _problem(self, sense: UnitSense, speed: float, torque: float) -> HorizonProblem:
         n = self._context.axles

@@ -6,7 +6,7 @@ the piecewise curve's micro slope over c and its top's curvature over c^2, Polac
 ratio of the peak. Not estimated is the branch beyond the peak (macro slope, residual, decay of friction): readhesion
 holds the slip at the peak, where its share in what an axle feels cannot be told from that of the peak coefficient.
 
-Regressor is the slip x that the given curve has at the felt coefficient, and the measured slip is the output: it carries
+Regressor is the slip x that the given curve has at the felt coefficient, and the measured slip s is the output: it carries
 more of the noise, and errors of the output leave the estimate unbiased. From the sums over the accepted pairs
 
     c = (P + sum(x s) - k sum(x) sum(s) / n) / (P + sum(x x) - k sum(x)^2 / n),
@@ -14,6 +14,9 @@ more of the noise, and errors of the output leave the estimate unbiased. From th
 the given curve counts as P, and k in [0, 1) is the share of a constant error of the reference speed that is taken out: the
 reference is the slowest of many axles, so noise of the sensors shifts it. Forgetting goes by excitation: a pair forgets in
 proportion to its own x^2, so nothing is forgotten, and nothing moves, while nothing is felt.
+
+What slip a coefficient means depends on the peak, and an axle that has not slipped knows none. Its pairs are therefore kept
+as they are, by coefficient, judged by the peak supposed meanwhile, and judged anew once it has slipped.
 """
 
 import math
@@ -42,9 +45,17 @@ PRIOR, FADING, SMALLEST, LARGEST, TESTED, UNTESTED, RESOLUTION = range(7)
 GREATEST_RATIO = 0.9
 """Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""
 
+BIN, BINS = 0.0125, 40
+"""Width of a class of coefficients in which an untested axle's pairs are kept, and their number."""
+FULL = 200.0
+"""Pairs in a class from which on its older ones count half."""
+
 PLAUSIBLE = 2.0
 """A pair farther outside the bounds of the stretch than this factor is no micro slip: no axle of the train runs free, and
 the reference slips along, or the force is not the motor's alone. Far outside, so that noise does not choose the pairs."""
+
+BEND = 1.5
+"""Stretch of a higher class over that of a lower one from which on the peak must be lower than supposed."""
 
 BISECTIONS = 24
 
@@ -64,9 +75,9 @@ def stretch_parameters(kind, q, stretch, out):
 
 
 @jit
-def micro_slip(kind, q, coefficient, peak, speed):
-    """Slip velocity [m/s] at which the rising branch has `coefficient`, odd in it; that of the peak where it is beyond."""
-    low, high = 0.0, adhesion_limit(kind, q, peak, speed)[1]
+def micro_slip(kind, q, coefficient, peak, top, speed):
+    """Slip velocity [m/s] where the branch that rises to `peak` at `top` has `coefficient`; odd in it, at most `top`."""
+    low, high = 0.0, top
     wanted = abs(coefficient)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -78,22 +89,91 @@ def micro_slip(kind, q, coefficient, peak, speed):
 
 
 @jit
-def take_in(sums, c, expected, slip):
-    """Take a pair of `expected` and measured `slip` [m/s] into the `sums` (5,), if it can be one of micro slip."""
+def take_in(sums, c, expected, slip, number):
+    """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums` (5,), if they can be of micro slip."""
     least, most = c[SMALLEST] / PLAUSIBLE * expected, c[LARGEST] * PLAUSIBLE * expected
     # about zero the slip is all noise, and tells of the reference's error alone
     if abs(expected) > c[RESOLUTION] and not least <= slip <= most:
-        return False
+        return
     excitation = expected * expected
-    keep = math.exp(-c[FADING] * excitation)
+    keep = math.exp(-c[FADING] * number * excitation)
     for k in range(sums.size):
         sums[k] *= keep
-    sums[PAIRS] += 1.0
-    sums[X] += expected
-    sums[XX] += excitation
-    sums[SLIP] += slip
-    sums[X_SLIP] += expected * slip
-    return True
+    sums[PAIRS] += number
+    sums[X] += number * expected
+    sums[XX] += number * excitation
+    sums[SLIP] += number * slip
+    sums[X_SLIP] += number * expected * slip
+
+
+@jit
+def _keep(bins, coefficient, slip):
+    """Note a pair in the class of its coefficient: number, sum of coefficients, sum of slips; `bins` (BINS, 3)."""
+    row = bins[min(max(int(coefficient / BIN), 0), BINS - 1)]
+    if row[0] >= FULL:
+        for k in range(3):
+            row[k] *= 0.5
+    row[0] += 1.0
+    row[1] += coefficient
+    row[2] += slip
+
+
+@jit
+def _judge(kind, q, c, bins, peak, share, speed, sums):
+    """Take the kept pairs below `share` of `peak` into `sums`, from the lowest up to where the curve bends."""
+    top = adhesion_limit(kind, q, peak, speed)[1]
+    least = np.inf
+    for row in bins:
+        if row[0] > 0.0 and row[1] <= share * peak * row[0]:
+            expected = micro_slip(kind, q, row[1] / row[0], peak, top, speed)
+            slip = row[2] / row[0]
+            if expected > c[RESOLUTION]:
+                if slip > BEND * least * expected:
+                    break
+                least = min(least, max(slip, 0.0) / expected)
+            take_in(sums, c, expected, slip, row[0])
+
+
+@jit
+def _update(
+    kind, q, c, initial, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
+):
+    """Take in the pairs of one period; `total` (5,) are the `sums` with what is judged for the time being."""
+    news = False
+    for i in range(slips.size):
+        if not micro[i]:
+            continue
+        if 0.0 < told[i] < coefficient[i]:
+            told[i] = most[i] = 0.0  # the rail carries more by now
+        if told[i] > 0.0:
+            known = min(told[i], peak[i])
+            if most[i] > 0.0:
+                # what it carried before the slip it could carry, even if the rail has changed since
+                _judge(kind, q, c, bins[i], max(known, most[i]), c[TESTED], speed, sums)
+                bins[i] = 0.0
+                most[i] = 0.0
+                news = True
+            if abs(coefficient[i]) <= c[TESTED] * known:
+                top = adhesion_limit(kind, q, known, speed)[1]
+                expected = micro_slip(kind, q, coefficient[i], known, top, speed)
+                take_in(sums, c, expected, slips[i], 1.0)
+                news = True
+        else:
+            _keep(bins[i], coefficient[i], slips[i])
+            most[i] = max(most[i], coefficient[i])
+            news = True
+    if news:
+        for k in range(sums.size):
+            total[k] = sums[k]
+        for i in range(slips.size):
+            if most[i] > 0.0:
+                # a belief that has only been rising since is no better than the first, nor than its neighbours'
+                supposed = min(peak[i], initial)
+                if told.max() > 0.0:
+                    supposed = min(supposed, told.max())
+                supposed = max(most[i], supposed)
+                _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, total)
+    return news
 
 
 @jit
@@ -124,6 +204,40 @@ def curve_constants(belief: CurveBelief, period: float) -> Floats:
             belief.slip_scale / 3.0,
         ]
     )
+
+
+class StretchEstimator:
+    """Stretch of one unit's curve, see the module."""
+
+    def __init__(
+        self, curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
+    ) -> None:
+        """For a unit of `axles` that was given `curve`; `initial` is the peak believed before anything was felt."""
+        self._kind, self._given = curve.kind, curve.q
+        self._constants, self._initial = curve_constants(belief, period), initial
+        self._most, self._bins = np.zeros(axles), np.zeros((axles, BINS, 3))
+        self._sums, self._total = np.zeros(5), np.zeros(5)
+        self.stretch = 1.0
+        """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
+        self.q = curve.q.copy()
+        """Parameters of the believed curve, (6,)."""
+
+    def update(
+        self, speed: float, slips: Floats, coefficient: Floats, peak: Floats, told: Floats,
+        micro: Floats, offset: float, resolution: float,
+    ) -> None:  # fmt: skip
+        """Take in the pairs of `slips` [m/s] and felt `coefficient` of the axles that are in `micro` slip, all (axles,).
+
+        `peak`: believed; `told`: where the axle last slipped, 0: never; set to 0 where the axle has felt more since.
+        `offset`, `resolution` [m/s]: see `stretch_estimate`.
+        """
+        news = _update(
+            self._kind, self._given, self._constants, self._initial, speed, slips, coefficient,
+            peak, told, micro, self._most, self._bins, self._sums, self._total,
+        )  # fmt: skip
+        if news:
+            self.stretch = stretch_estimate(self._total, self._constants, offset, resolution)
+            stretch_parameters(self._kind, self._given, self.stretch, self.q)
 
 
 def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:

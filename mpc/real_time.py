@@ -76,7 +76,8 @@ class RealTimeIteration:
     def solve(self, problem: HorizonProblem, give_up: float = np.inf) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
 
-        At most `settings.iterations` in all, none but the first begun after `give_up` (perf_counter) [s]. A solution with another status than "ok" must not be used; the guess is then to be restarted.
+        At most `settings.iterations` in all, none but the first begun after `give_up` (perf_counter) [s]. A solution with
+        another status than "ok" must not be used; the guess is then to be restarted.
         """
         settings = self._settings
         np.clip(self.torques, 0.0, problem.upper, out=self.torques)

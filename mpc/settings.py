@@ -93,7 +93,7 @@ class CurveBelief:
 
     estimate: bool = True
     slip_scale: float = 0.015
-    memory: float = 20.0
+    memory: float = 5.0
     prior: float = 0.02
     smallest: float = 0.4
     largest: float = 2.5
