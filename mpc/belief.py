@@ -29,6 +29,10 @@ NOISE_TIME = 1.0
 """Time [s] over which the mean deviation of measured slip is taken: long against a slip's growth."""
 
 
+STEADY = 0.2
+"""Change of slip within the observer's delay, as a share of it, up to which slip and coefficient are of one point."""
+
+
 @jit
 def _update(
     kind, q, c, speed, omega, torque, fresh,
@@ -49,7 +53,8 @@ def _update(
         # as late as the observer's coefficient, so that both belong to one point of the curve
         slips[i] = slip = c[KEEP] * slips[i] + c[OLD] * last_slip[i] + c[NEW] * measured
         last_slip[i] = measured
-        micro[i] = abs(measured - slip) <= c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
+        change = abs(measured - slip) - c[NOISE_MARGIN] * noise[i] - c[SLIP_ERROR]
+        micro[i] = change <= STEADY * abs(slip)
         noise[i] += c[NOISE_SHARE] * (abs(measured - slip) - noise[i])
         tells = c[INFORMATIVE] * top_slip + c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
         if slip >= tells:
@@ -95,6 +100,7 @@ class CurveObserver:
         self._slip, self._last_slip = np.zeros(n), np.zeros(n)
         self._noise = np.full(n, belief.slip_error)  # until it is known
         self._told, self._micro = np.zeros(n), np.zeros(n, dtype=np.bool_)
+        self._unknown = 1.0
         self._estimates = curve.estimate
         self._estimator = StretchEstimator(context.curve, n, context.period, curve, belief.initial)
         self._belief = belief
@@ -128,8 +134,14 @@ class CurveObserver:
             self.coefficient, self.peak, self.peak_slip, self._told, self._micro,
         )  # fmt: skip
         self._fresh = False
+        self._unknown *= 1.0 - self._constants[NOISE_SHARE]
         if self._estimates:
             self._estimator.update(
                 speed, self._slip, self.coefficient, self.peak, self._told, self._micro,
-                self._belief.noise_margin * float(self._noise.mean()), self._belief.slip_error,
+                self._belief.noise_margin * self._measured_noise(), self._belief.slip_error,
             )  # fmt: skip
+
+    def _measured_noise(self) -> float:
+        """Mean deviation of measured slip [m/s], without what was supposed of it at the start."""
+        supposed = self._belief.slip_error * self._unknown
+        return max(float(self._noise.mean()) - supposed, 0.0) / (1.0 - self._unknown)

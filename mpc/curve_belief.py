@@ -57,6 +57,9 @@ the reference slips along, or the force is not the motor's alone. Far outside, s
 BEND = 1.5
 """Stretch of a higher class over that of a lower one from which on the peak must be lower than supposed."""
 
+RISEN = 1.2
+"""Felt coefficient over that of the last slip from which on the rail has changed; noise alone reaches a little less."""
+
 BISECTIONS = 24
 
 
@@ -89,11 +92,11 @@ def micro_slip(kind, q, coefficient, peak, top, speed):
 
 
 @jit
-def take_in(sums, c, expected, slip, number):
+def take_in(sums, c, expected, slip, number, offset):
     """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums` (5,), if they can be of micro slip."""
-    least, most = c[SMALLEST] / PLAUSIBLE * expected, c[LARGEST] * PLAUSIBLE * expected
-    # about zero the slip is all noise, and tells of the reference's error alone
-    if abs(expected) > c[RESOLUTION] and not least <= slip <= most:
+    least, most = c[SMALLEST] / PLAUSIBLE * abs(expected), c[LARGEST] * PLAUSIBLE * abs(expected)
+    along = math.copysign(slip, slip * expected)
+    if not least - offset <= along <= most + offset:
         return
     excitation = expected * expected
     keep = math.exp(-c[FADING] * number * excitation)
@@ -119,44 +122,44 @@ def _keep(bins, coefficient, slip):
 
 
 @jit
-def _judge(kind, q, c, bins, peak, share, speed, sums):
+def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
     """Take the kept pairs below `share` of `peak` into `sums`, from the lowest up to where the curve bends."""
-    top = adhesion_limit(kind, q, peak, speed)[1]
+    limit, top = adhesion_limit(kind, q, peak, speed)
     least = np.inf
     for row in bins:
-        if row[0] > 0.0 and row[1] <= share * peak * row[0]:
+        if row[0] > 0.0 and row[1] <= share * limit * row[0]:
             expected = micro_slip(kind, q, row[1] / row[0], peak, top, speed)
             slip = row[2] / row[0]
             if expected > c[RESOLUTION]:
                 if slip > BEND * least * expected:
                     break
                 least = min(least, max(slip, 0.0) / expected)
-            take_in(sums, c, expected, slip, row[0])
+            take_in(sums, c, expected, slip, row[0], offset)
 
 
 @jit
 def _update(
-    kind, q, c, initial, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
+    kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
 ):
     """Take in the pairs of one period; `total` (5,) are the `sums` with what is judged for the time being."""
     news = False
     for i in range(slips.size):
         if not micro[i]:
             continue
-        if 0.0 < told[i] < coefficient[i]:
+        if 0.0 < RISEN * told[i] < coefficient[i]:
             told[i] = most[i] = 0.0  # the rail carries more by now
         if told[i] > 0.0:
             known = min(told[i], peak[i])
             if most[i] > 0.0:
                 # what it carried before the slip it could carry, even if the rail has changed since
-                _judge(kind, q, c, bins[i], max(known, most[i]), c[TESTED], speed, sums)
+                _judge(kind, q, c, bins[i], max(known, most[i]), c[TESTED], speed, offset, sums)
                 bins[i] = 0.0
                 most[i] = 0.0
                 news = True
-            if abs(coefficient[i]) <= c[TESTED] * known:
-                top = adhesion_limit(kind, q, known, speed)[1]
+            limit, top = adhesion_limit(kind, q, known, speed)
+            if abs(coefficient[i]) <= c[TESTED] * limit:
                 expected = micro_slip(kind, q, coefficient[i], known, top, speed)
-                take_in(sums, c, expected, slips[i], 1.0)
+                take_in(sums, c, expected, slips[i], 1.0, offset)
                 news = True
         else:
             _keep(bins[i], coefficient[i], slips[i])
@@ -172,7 +175,7 @@ def _update(
                 if told.max() > 0.0:
                     supposed = min(supposed, told.max())
                 supposed = max(most[i], supposed)
-                _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, total)
+                _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, offset, total)
     return news
 
 
@@ -232,7 +235,7 @@ class StretchEstimator:
         `offset`, `resolution` [m/s]: see `stretch_estimate`.
         """
         news = _update(
-            self._kind, self._given, self._constants, self._initial, speed, slips, coefficient,
+            self._kind, self._given, self._constants, self._initial, offset, speed, slips, coefficient,
             peak, told, micro, self._most, self._bins, self._sums, self._total,
         )  # fmt: skip
         if news:
