@@ -94,6 +94,8 @@ def micro_slip(kind, q, coefficient, peak, top, speed):
 @jit
 def take_in(sums, c, expected, slip, number, offset):
     """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums` (5,), if they can be of micro slip."""
+    if abs(expected) < c[RESOLUTION]:
+        expected = 0.0  # all noise: it tells of the reference's error alone
     least, most = c[SMALLEST] / PLAUSIBLE * abs(expected), c[LARGEST] * PLAUSIBLE * abs(expected)
     along = math.copysign(slip, slip * expected)
     if not least - offset <= along <= most + offset:
@@ -130,7 +132,7 @@ def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
         if row[0] > 0.0 and row[1] <= share * limit * row[0]:
             expected = micro_slip(kind, q, row[1] / row[0], peak, top, speed)
             slip = row[2] / row[0]
-            if expected > c[RESOLUTION]:
+            if expected > 3.0 * c[RESOLUTION]:
                 if slip > BEND * least * expected:
                     break
                 least = min(least, max(slip, 0.0) / expected)
@@ -204,7 +206,7 @@ def curve_constants(belief: CurveBelief, period: float) -> Floats:
             belief.largest,
             belief.tested_share,
             belief.untested_share,
-            belief.slip_scale / 3.0,
+            0.1 * belief.slip_scale,
         ]
     )
 
