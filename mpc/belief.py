@@ -33,6 +33,10 @@ STEADY = 0.2
 """Change of slip within the observer's delay, as a share of it, up to which slip and coefficient are of one point."""
 
 
+FOREIGN_FORCE = 0.02
+"""Coefficient by which the unit's own estimate, which knows of the air brake, may differ from what the motors explain."""
+
+
 @jit
 def _update(
     kind, q, c, speed, omega, torque, fresh,
@@ -61,9 +65,8 @@ def _update(
             here = tangential_coefficient(kind, q, slip, speed, speed + slip, peak[i])
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / here - peak[i])
             told[i] = peak[i]
-            micro[i] = (
-                False  # on the way down the belief would pass for that of an axle in micro slip
-            )
+            # on the way down the belief would pass for that of an axle in micro slip
+            micro[i] = False
         elif felt > limit:
             peak[i] += c[TAKE_OVER] * (peak[i] * felt / limit - peak[i])
         else:
@@ -126,8 +129,14 @@ class CurveObserver:
         """Start the observers anew at the next update; the belief about the peak stays."""
         self._fresh = True
 
-    def update(self, speed: float, omega: Floats, torque: float) -> None:
-        """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand."""
+    def update(
+        self, speed: float, omega: Floats, torque: float, estimate: float = math.nan
+    ) -> None:
+        """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand.
+
+        `estimate`: the unit's own of its tangential coefficient, if it has one. Where it differs, other brakes work, and
+        nothing is learnt of the slope.
+        """
         _update(
             self._kind, self.q, self._constants, speed, omega, torque * self._gear, self._fresh,
             self._filtered, self._last, self._slip, self._last_slip, self._noise,
@@ -135,7 +144,8 @@ class CurveObserver:
         )  # fmt: skip
         self._fresh = False
         self._unknown *= 1.0 - self._constants[NOISE_SHARE]
-        if self._estimates:
+        foreign = abs(estimate - float(self.coefficient.mean())) > FOREIGN_FORCE  # False for nan
+        if self._estimates and not foreign:
             self._estimator.update(
                 speed, self._slip, self.coefficient, self.peak, self._told, self._micro,
                 self._belief.noise_margin * self._measured_noise(), self._belief.slip_error,

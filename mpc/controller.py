@@ -73,7 +73,7 @@ class MpcController:
             self._solver.shift()
         np.multiply(sense.omega, sign, out=self._omega)
         speed, torque = sign * sense.speed, sign * sense.torque
-        self.belief.update(speed, self._omega, torque)
+        self.belief.update(speed, self._omega, torque, sense.coefficient)
         if sense.target == 0.0:
             self._before = 0.0
             self._solver.restart(0.0)

@@ -142,7 +142,7 @@ def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
 @jit
 def _update(
     kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
-):
+):  # fmt: skip
     """Take in the pairs of one period; `total` (5,) are the `sums` with what is judged for the time being."""
     news = False
     for i in range(slips.size):
@@ -229,7 +229,7 @@ class StretchEstimator:
 
     def update(
         self, speed: float, slips: Floats, coefficient: Floats, peak: Floats, told: Floats,
-        micro: Floats, offset: float, resolution: float,
+        micro: NDArray[np.bool_], offset: float, resolution: float,
     ) -> None:  # fmt: skip
         """Take in the pairs of `slips` [m/s] and felt `coefficient` of the axles that are in `micro` slip, all (axles,).
 

@@ -121,10 +121,12 @@ class MpcSettings:
 
     `horizon` steps of `step`. `slip_limit`: multiple of the believed curve's peak slip that the slip should stay below.
     `headroom`: the torque command never exceeds what the believed peak carries by more than this share, whatever the
-    optimiser says. `iterations`: most SQP steps per control period, taken while the optimality residual exceeds
-    `tolerance` and half of the deadline is left. `deadline`: longest solve; a later answer counts as failed. It is
-    infinite by default, for with a deadline a run's result depends on the machine's speed. `exact_hessian`: second
-    derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton.
+    optimiser says. `iterations`: most SQP steps per control period, the first always taken, more while the optimality
+    residual before the last one exceeds `tolerance` and half of the deadline is left. Against convergence one step alone
+    costs up to 30 % of the closed loop's cost in the shipped events, five cost less than 1 % in driving and some percent
+    with blended brakes. `deadline`: longest solve; a later answer counts as failed. It is infinite by default, for with a
+    deadline a run's result depends on the machine's speed. `exact_hessian`: second derivatives of the plant in the QP,
+    indefinite parts reflected; else Gauss-Newton.
     """
 
     horizon: int = 20

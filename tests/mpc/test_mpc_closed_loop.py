@@ -11,6 +11,7 @@ from alloc.simulation import simulate
 from mpc import MpcController, MpcSettings, factory
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 
+
 @pytest.fixture(scope="module")
 def drop_run():
     return run_mpc(drop_event())

@@ -131,6 +131,16 @@ def test_a_reference_that_slips_along_tells_nothing(make_context):
     assert observer.stretch == pytest.approx(1.0, abs=0.02)
 
 
+def test_braking_by_others_tells_nothing(make_context):
+    # the air brake's share of the force is not in the motor's torque
+    context = make_context()
+    observer = CurveObserver(context, PeakBelief())
+    for torque in np.linspace(0.0, 300.0, 300):
+        omega = np.full(4, (SPEED + 1e-4 * torque) / context.radius)
+        observer.update(SPEED, omega, torque, observer.coefficient.mean() + 0.03)
+    assert observer.stretch == 1.0
+
+
 def test_switched_off_the_given_curve_is_believed(make_context):
     truth = make_context().curve
     context = make_context(believed=stretched(truth, 2.0))

@@ -1,4 +1,4 @@
-"""The MPC under a wrong belief about the adhesion curve: with the estimated slope it does as well as with the right belief."""
+"""The MPC under a wrong belief about the adhesion curve: with the slope estimated it does as well as with the right one."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,7 @@ TRUE_SLOPE = PiecewiseCurve().micro_slope
 
 
 def _outcome(slope=TRUE_SLOPE, initial=HIGH, estimate=True):
-    settings = MpcSettings(
-        belief=PeakBelief(initial=initial), curve=CurveBelief(estimate=estimate)
-    )
+    settings = MpcSettings(belief=PeakBelief(initial=initial), curve=CurveBelief(estimate=estimate))
     run, controllers = run_mpc(drop_event(curve=PiecewiseCurve(micro_slope=slope)), settings)
     assert run.attrs["controller_failures"] == 0
     figures = evaluate(run)
