@@ -1,4 +1,4 @@
-"""The default number of iterations does as well in the closed loop as convergence, and the residual tells where one does not."""
+"""The default number of iterations does as well in the closed loop as convergence; the residual tells where one does not."""
 
 import math
 from dataclasses import replace
