@@ -9,6 +9,14 @@
 """
 
 from mpc.controller import MpcController, factory
-from mpc.settings import MpcError, MpcSettings, PeakBelief, Weights
+from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
 
-__all__ = ["MpcController", "MpcError", "MpcSettings", "PeakBelief", "Weights", "factory"]
+__all__ = [
+    "CurveBelief",
+    "MpcController",
+    "MpcError",
+    "MpcSettings",
+    "PeakBelief",
+    "Weights",
+    "factory",
+]

@@ -74,26 +74,29 @@ class RealTimeIteration:
         self.torques[:] = torque
 
     def solve(self, problem: HorizonProblem, give_up: float = np.inf) -> HorizonSolution:
-        """Improve the guess by at most `settings.iterations` steps, none begun after `give_up` (perf_counter) [s].
+        """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
 
-        A solution with another status than "ok" must not be used; the guess is then to be restarted.
+        At most `settings.iterations` in all, none but the first begun after `give_up` (perf_counter) [s]. A solution with
+        another status than "ok" must not be used; the guess is then to be restarted.
         """
         settings = self._settings
         np.clip(self.torques, 0.0, problem.upper, out=self.torques)
         cost, residual, done = np.nan, np.inf, 0
-        while done < settings.iterations and (done == 0 or clock.perf_counter() < give_up):
+        while done == 0 or (done < settings.iterations and clock.perf_counter() < give_up):
             self._linearise(problem)
             cost = self._cost(self._nodes, self.torques, problem)
             residual = self._residual(problem)
             if not (np.isfinite(cost) and np.isfinite(residual)):
                 return HorizonSolution(self.torques.copy(), cost, residual, done, "not finite")
-            if residual <= settings.tolerance:
+            near = residual <= settings.tolerance
+            if near and done > 0:
                 break
+            # the first step is taken always: it is what answers the measurement
             flag = self._step(problem)
             done += 1
             if flag < 0:
                 return HorizonSolution(self.torques.copy(), cost, residual, done, f"QP flag {flag}")
-            if not self._search(problem, cost):
+            if not self._search(problem, cost) or near:
                 break
         return HorizonSolution(self.torques.copy(), cost, residual, done, "ok")
 

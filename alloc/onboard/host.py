@@ -3,6 +3,7 @@
 They see what a unit's own computer sees: sensors, its belief, the limit handed down. Never the plant.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -65,6 +66,8 @@ class TorqueDecision(NamedTuple):
     status: str
     solve_time: float
     """Time spent [s]."""
+    residual: float = math.nan
+    """Optimality residual of the controller's optimisation; nan where it has none."""
 
 
 class HostController(Protocol):

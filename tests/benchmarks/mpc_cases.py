@@ -50,7 +50,7 @@ class Case:
 
         From `slip` [m/s] of every wheel on, with a torque of 600 N m.
         """
-        context, settings = self.context, MpcSettings(horizon=HORIZON)
+        context, settings = self.context, MpcSettings(horizon=HORIZON, iterations=1)
         constants = parameters(context, peak)
         step = unit_model(context).step_function(settings.step, substeps(context, settings.step))
         state = np.array([speed, *[(speed + slip) / context.radius] * self.axles, 600.0])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mpc.belief import PeakObserver
+from mpc.belief import CurveObserver
 from mpc.settings import PeakBelief
 
 PERIOD, PEAK = 0.01, 0.12
@@ -25,7 +25,7 @@ def _drive(observer, context, peak, slip, seconds, acceleration=0.5):
 
 
 def test_axle_coefficient_is_that_of_the_rail(context):
-    observer = PeakObserver(context, BELIEF)
+    observer = CurveObserver(context, BELIEF)
     coefficient = _drive(observer, context, PEAK, 0.02, 0.5)
     np.testing.assert_allclose(observer.coefficient, coefficient, rtol=1e-4)
 
@@ -36,23 +36,23 @@ def test_slipping_axles_tell_the_peak(make_context, curve, ratio):
     # wherever beyond the peak they slip: the curve says what share of the peak they feel
     context = make_context(curve)
     slip = ratio * float(context.curve.limit(PEAK, 10.0)[1])
-    observer = PeakObserver(context, BELIEF)
+    observer = CurveObserver(context, BELIEF)
     _drive(observer, context, PEAK, slip, 3.0)
     np.testing.assert_allclose(observer.peak, PEAK, rtol=2e-3)
 
 
 def test_untested_belief_rises_at_the_probing_rate_to_the_ceiling(context):
-    observer = PeakObserver(context, BELIEF)
+    observer = CurveObserver(context, BELIEF)
     _drive(observer, context, PEAK, 0.005, 2.0)
     np.testing.assert_allclose(observer.peak, 0.2 * math.exp(2.0 * BELIEF.probe), rtol=1e-9)
     ceiling = PeakBelief(probe=5.0, ceiling=0.3)
-    observer = PeakObserver(context, ceiling)
+    observer = CurveObserver(context, ceiling)
     _drive(observer, context, PEAK, 0.005, 2.0)
     np.testing.assert_array_equal(observer.peak, 0.3)
 
 
 def test_an_axle_that_feels_more_than_believed_raises_the_belief(context):
-    observer = PeakObserver(context, PeakBelief(initial=0.05, probe=0.0))
+    observer = CurveObserver(context, PeakBelief(initial=0.05, probe=0.0))
     coefficient = _drive(observer, context, 0.2, 0.02, 1.0)
     assert coefficient > 0.05
     # the observer starts in equilibrium, and its first values hold the wheelset's acceleration
@@ -60,7 +60,7 @@ def test_an_axle_that_feels_more_than_believed_raises_the_belief(context):
 
 
 def test_belief_of_one_axle_leaves_the_others_alone(context):
-    observer = PeakObserver(context, PeakBelief(probe=0.0))
+    observer = CurveObserver(context, PeakBelief(probe=0.0))
     for _ in range(100):
         omega = np.array([10.005, 10.005, 10.005, 10.3]) / context.radius
         observer.update(10.0, omega, 0.1 * context.axle_load * context.radius / 7.07)
@@ -70,7 +70,7 @@ def test_belief_of_one_axle_leaves_the_others_alone(context):
 
 
 def test_peak_slip_is_that_of_the_believed_curve(context):
-    observer = PeakObserver(context, BELIEF)
+    observer = CurveObserver(context, BELIEF)
     _drive(observer, context, PEAK, 0.15, 0.3)
     np.testing.assert_allclose(observer.peak_slip, context.curve.limit(observer.peak, 10.0)[1])
 
@@ -79,7 +79,7 @@ def test_measured_slip_within_its_error_does_not_lower_the_belief(context):
     # white noise of the speed sensors on a rolling axle: without the margin it passes for slip on a rail without adhesion
     rng = np.random.default_rng(3)
     careful, rash = (
-        PeakObserver(context, PeakBelief(initial=0.05, probe=0.0, **margins))
+        CurveObserver(context, PeakBelief(initial=0.05, probe=0.0, **margins))
         for margins in ({}, {"slip_error": 0.0, "noise_margin": 0.0})
     )
     for _ in range(500):

@@ -6,61 +6,26 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Braking, Onboard, Sensors
-from alloc.plant.model import build
-from alloc.plant.rail import Patch, Rail
-from alloc.plant.sets import find_set
-from alloc.simulation import DriverCommand, Event, simulate
+from alloc.onboard import Sensors
+from alloc.simulation import simulate
 from mpc import MpcController, MpcSettings, factory
-
-DROP, BACK = 4.0, 6.0
-HIGH, LOW = 0.18, 0.12
-
-
-def _event(command=0.8, speed=8.0, level=HIGH, drop=LOW / HIGH, sensors=None, **values):
-    """The commuter set on a rail whose peak coefficient falls from 0.18 to 0.12 under the whole train at once."""
-    patch = Patch(drop, begin=DROP, until=BACK, fade=0.1)
-    model = build(find_set("commuter-8car"), Rail(level, patches=(patch,)))
-    # the motors brake the whole train: the model of the MPC knows of no air brake
-    onboard = Onboard(belief=Belief(), sensors=sensors or Sensors(), braking=Braking(blended=False))
-    defaults = {"duration": 8.0, "initial_speed": speed}
-    return Event("drop", model, DriverCommand((0.2,), (command,)), onboard, **(defaults | values))
-
-
-def _run(event, settings=None):
-    made = []
-
-    def make(context):
-        made.append(MpcController(context, settings))
-        return made[-1]
-
-    run = simulate(event, "alone", "mpc", {"mpc": make})
-    return run, made
+from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 
 
 @pytest.fixture(scope="module")
 def drop_run():
-    return _run(_event())
-
-
-def _between(run, start, end):
-    time = run["time"].values
-    return (time >= start - 1e-9) & (time < end)
-
-
-def _driven(run):
-    return run["axle_unit"].values >= 0
+    return run_mpc(drop_event())
 
 
 def test_a_drop_of_adhesion_is_readhered(drop_run):
     run, controllers = drop_run
-    slip = run["slip_velocity"].values[:, _driven(run)]
-    peak_slip = run["peak_slip"].values[:, _driven(run)]
-    during = _between(run, DROP, DROP + 0.5)
+    slip = run["slip_velocity"].values[:, driven(run)]
+    peak_slip = run["peak_slip"].values[:, driven(run)]
+    during = between(run, DROP, DROP + 0.5)
     assert slip[during].max() > peak_slip[during].max(), "the drop must make the wheels slip"
-    settled = _between(run, DROP + 0.8, BACK)
+    settled = between(run, DROP + 0.8, BACK)
     assert np.all(slip[settled] < 2.0 * peak_slip[settled])
-    used = run["coefficient"].values[settled][:, _driven(run)].mean()
+    used = run["coefficient"].values[settled][:, driven(run)].mean()
     assert used > 0.95 * LOW
     assert run.attrs["controller_failures"] == 0
     for controller in controllers:
@@ -68,13 +33,13 @@ def test_a_drop_of_adhesion_is_readhered(drop_run):
 
 
 def test_without_readhesion_control_the_same_drop_makes_the_wheels_run_away():
-    run = simulate(_event(), "alone", "none")
-    assert run["slip_velocity"].values[_between(run, BACK - 0.1, BACK)].max() > 1.0
+    run = simulate(drop_event(), "alone", "none")
+    assert run["slip_velocity"].values[between(run, BACK - 0.1, BACK)].max() > 1.0
 
 
 def test_it_keeps_more_effort_than_cut_and_ramp(drop_run):
     run, _ = drop_run
-    classic = simulate(_event(), "alone", "cut-and-ramp")
+    classic = simulate(drop_event(), "alone", "cut-and-ramp")
     assert evaluate(run)["effort_ratio"] > evaluate(classic)["effort_ratio"]
     assert evaluate(run)["slip_time"] < evaluate(classic)["slip_time"]
 
@@ -88,7 +53,7 @@ def test_bounds_hold_all_the_way(drop_run):
 
 
 def test_on_a_good_rail_it_gives_what_is_asked():
-    event = _event(level=0.3, drop=1.0, duration=4.0)
+    event = drop_event(level=0.3, drop=1.0, duration=4.0)
     mpc, none = (
         evaluate(simulate(event, "alone", name, {"mpc": factory}))["effort_ratio"]
         for name in ("mpc", "none")
@@ -97,26 +62,26 @@ def test_on_a_good_rail_it_gives_what_is_asked():
 
 
 def test_braking_is_readhered_too():
-    run, _ = _run(_event(command=-0.8, speed=25.0))
-    slip = -run["slip_velocity"].values[:, _driven(run)]
-    settled = _between(run, DROP + 0.8, BACK)
-    assert slip[_between(run, DROP, BACK)].max() > run["peak_slip"].values.min()
-    assert np.all(slip[settled] < 2.0 * run["peak_slip"].values[settled][:, _driven(run)])
-    assert run["coefficient"].values[settled][:, _driven(run)].mean() < -0.9 * LOW
+    run, _ = run_mpc(drop_event(command=-0.8, speed=25.0))
+    slip = -run["slip_velocity"].values[:, driven(run)]
+    settled = between(run, DROP + 0.8, BACK)
+    assert slip[between(run, DROP, BACK)].max() > run["peak_slip"].values.min()
+    assert np.all(slip[settled] < 2.0 * run["peak_slip"].values[settled][:, driven(run)])
+    assert run["coefficient"].values[settled][:, driven(run)].mean() < -0.9 * LOW
     assert run.attrs["controller_failures"] == 0
 
 
 @pytest.mark.parametrize(("noise", "least"), [(0.01, 0.9), (0.02, 0.8)])
 def test_noise_of_the_sensors_does_not_talk_it_out_of_its_torque(noise, least):
     sensors = Sensors(speed_noise=noise, speed_quantum=0.5 * noise, seed=2)
-    run, _ = _run(_event(sensors=sensors))
-    settled = _between(run, DROP + 0.8, BACK)
-    assert run["coefficient"].values[settled][:, _driven(run)].mean() > least * LOW
+    run, _ = run_mpc(drop_event(sensors=sensors))
+    settled = between(run, DROP + 0.8, BACK)
+    assert run["coefficient"].values[settled][:, driven(run)].mean() > least * LOW
 
 
 def test_a_late_controller_leaves_the_run_to_cut_and_ramp():
-    event = _event(duration=6.0)
-    late, _ = _run(event, MpcSettings(deadline=0.0))
+    event = drop_event(duration=6.0)
+    late, _ = run_mpc(event, MpcSettings(deadline=0.0))
     classic = simulate(event, "alone", "cut-and-ramp")
     ticks = round(event.duration / event.onboard.period)
     assert late.attrs["controller_calls"] == late.attrs["controller_failures"] == 4 * ticks
@@ -134,16 +99,16 @@ def test_failures_now_and_then_are_counted_and_survived(drop_run):
                 sense = sense._replace(omega=np.full_like(sense.omega, np.nan))
             return super().decide(sense)
 
-    event = replace(_event(), name="faulty")
+    event = replace(drop_event(), name="faulty")
     run = simulate(event, "alone", "mpc", {"mpc": Faulty})
     assert run.attrs["controller_failures"] == 4 * 50
-    settled = _between(run, DROP + 1.2, BACK)
-    slip = run["slip_velocity"].values[settled][:, _driven(run)]
-    assert np.all(slip < 2.0 * run["peak_slip"].values[settled][:, _driven(run)])
+    settled = between(run, DROP + 1.2, BACK)
+    slip = run["slip_velocity"].values[settled][:, driven(run)]
+    assert np.all(slip < 2.0 * run["peak_slip"].values[settled][:, driven(run)])
     assert np.isfinite(run["speed"].values).all()
 
 
 def test_runs_are_reproducible_to_the_bit(drop_run):
-    again, _ = _run(_event())
+    again, _ = run_mpc(drop_event())
     for name in ("torque_command", "slip_velocity", "speed"):
         np.testing.assert_array_equal(again[name], drop_run[0][name])

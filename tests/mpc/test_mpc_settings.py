@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mpc import MpcError, MpcSettings, PeakBelief, Weights
+from mpc import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
 
 
 @pytest.mark.parametrize(
@@ -31,6 +31,12 @@ from mpc import MpcError, MpcSettings, PeakBelief, Weights
         (PeakBelief, "floor", 0.3),
         (PeakBelief, "gain", 0.0),
         (PeakBelief, "pole", None),
+        (MpcSettings, "curve", None),
+        (CurveBelief, "estimate", 1),
+        (CurveBelief, "memory", 0.0),
+        (CurveBelief, "smallest", 1.1),
+        (CurveBelief, "largest", 0.9),
+        (CurveBelief, "tested_share", 1.0),
     ],
 )
 def test_bad_value_is_named(kind, field, value):

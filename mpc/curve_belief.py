@@ -1,0 +1,252 @@
+"""Belief about the slope of the adhesion curve in micro slip, by least squares with forgetting.
+
+What is estimated is one number per unit, the stretch c of the rising branch along the slip axis: an axle that feels a
+coefficient below the peak slips c times what the curve it was given says. It stands for the slope of every kind of curve:
+the piecewise curve's micro slope over c and its top's curvature over c^2, Polach's creep stiffness over c, c times the slip
+ratio of the peak. Not estimated is the branch beyond the peak (macro slope, residual, decay of friction): readhesion
+holds the slip at the peak, where its share in what an axle feels cannot be told from that of the peak coefficient.
+
+Regressor is the slip x that the given curve has at the felt coefficient, and the measured slip s is the output: it carries
+more of the noise, and errors of the output leave the estimate unbiased. From the sums over the accepted pairs
+
+    c = (P + sum(x s) - k sum(x) sum(s) / n) / (P + sum(x x) - k sum(x)^2 / n),
+
+the given curve counts as P, and k in [0, 1) is the share of a constant error of the reference speed that is taken out: the
+reference is the slowest of many axles, so noise of the sensors shifts it. Forgetting goes by excitation: a pair forgets in
+proportion to its own x^2, so nothing is forgotten, and nothing moves, while nothing is felt.
+
+What slip a coefficient means depends on the peak, and an axle that has not slipped knows none. Its pairs are therefore kept
+as they are, by coefficient, judged by the peak supposed meanwhile, and judged anew once it has slipped.
+"""
+
+import math
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import jit
+from alloc.plant.adhesion import (
+    PIECEWISE,
+    POLACH,
+    AdhesionCurve,
+    adhesion_limit,
+    tangential_coefficient,
+)
+from mpc.settings import CurveBelief
+
+Floats = NDArray[np.float64]
+
+PAIRS, X, XX, SLIP, X_SLIP = range(5)
+"""Sums over the accepted pairs."""
+PRIOR, FADING, SMALLEST, LARGEST, TESTED, UNTESTED, RESOLUTION = range(7)
+"""Entries of the vector of constants, see `curve_constants`."""
+
+GREATEST_RATIO = 0.9
+"""Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""
+
+BIN, BINS = 0.0125, 40
+"""Width of a class of coefficients in which an untested axle's pairs are kept, and their number."""
+FULL = 200.0
+"""Pairs in a class from which on its older ones count half."""
+
+PLAUSIBLE = 2.0
+"""A pair farther outside the bounds of the stretch than this factor is no micro slip: no axle of the train runs free, and
+the reference slips along, or the force is not the motor's alone. Far outside, so that noise does not choose the pairs."""
+
+BEND = 1.5
+"""Stretch of a higher class over that of a lower one from which on the peak must be lower than supposed."""
+
+RISEN = 1.2
+"""Felt coefficient over that of the last slip from which on the rail has changed; noise alone reaches a little less."""
+
+BISECTIONS = 24
+
+
+@jit
+def stretch_parameters(kind, q, stretch, out):
+    """Fill `out` (6,) with the parameters `q` (6,) of a curve stretched along the slip axis."""
+    for k in range(q.size):
+        out[k] = q[k]
+    if kind == PIECEWISE:
+        out[0] = q[0] / stretch
+        out[1] = q[1] / (stretch * stretch)
+    elif kind == POLACH:
+        out[4] = q[4] / stretch
+    else:
+        out[0] = min(q[0] * stretch, GREATEST_RATIO)
+
+
+@jit
+def micro_slip(kind, q, coefficient, peak, top, speed):
+    """Slip velocity [m/s] where the branch that rises to `peak` at `top` has `coefficient`; odd in it, at most `top`."""
+    low, high = 0.0, top
+    wanted = abs(coefficient)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if tangential_coefficient(kind, q, middle, speed, speed + middle, peak) < wanted:
+            low = middle
+        else:
+            high = middle
+    return math.copysign(0.5 * (low + high), coefficient)
+
+
+@jit
+def take_in(sums, c, expected, slip, number, offset):
+    """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums` (5,), if they can be of micro slip."""
+    if abs(expected) < c[RESOLUTION]:
+        expected = 0.0  # all noise: it tells of the reference's error alone
+    least, most = c[SMALLEST] / PLAUSIBLE * abs(expected), c[LARGEST] * PLAUSIBLE * abs(expected)
+    along = math.copysign(slip, slip * expected)
+    if not least - offset <= along <= most + offset:
+        return
+    excitation = expected * expected
+    keep = math.exp(-c[FADING] * number * excitation)
+    for k in range(sums.size):
+        sums[k] *= keep
+    sums[PAIRS] += number
+    sums[X] += number * expected
+    sums[XX] += number * excitation
+    sums[SLIP] += number * slip
+    sums[X_SLIP] += number * expected * slip
+
+
+@jit
+def _keep(bins, coefficient, slip):
+    """Note a pair in the class of its coefficient: number, sum of coefficients, sum of slips; `bins` (BINS, 3)."""
+    row = bins[min(max(int(coefficient / BIN), 0), BINS - 1)]
+    if row[0] >= FULL:
+        for k in range(3):
+            row[k] *= 0.5
+    row[0] += 1.0
+    row[1] += coefficient
+    row[2] += slip
+
+
+@jit
+def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
+    """Take the kept pairs below `share` of `peak` into `sums`, from the lowest up to where the curve bends."""
+    limit, top = adhesion_limit(kind, q, peak, speed)
+    least = np.inf
+    for row in bins:
+        if row[0] > 0.0 and row[1] <= share * limit * row[0]:
+            expected = micro_slip(kind, q, row[1] / row[0], peak, top, speed)
+            slip = row[2] / row[0]
+            if expected > 3.0 * c[RESOLUTION]:
+                if slip > BEND * least * expected:
+                    break
+                least = min(least, max(slip, 0.0) / expected)
+            take_in(sums, c, expected, slip, row[0], offset)
+
+
+@jit
+def _update(
+    kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
+):  # fmt: skip
+    """Take in the pairs of one period; `total` (5,) are the `sums` with what is judged for the time being."""
+    news = False
+    for i in range(slips.size):
+        if not micro[i]:
+            continue
+        if 0.0 < RISEN * told[i] < coefficient[i]:
+            told[i] = most[i] = 0.0  # the rail carries more by now
+        if told[i] > 0.0:
+            known = min(told[i], peak[i])
+            if most[i] > 0.0:
+                # what it carried before the slip it could carry, even if the rail has changed since
+                _judge(kind, q, c, bins[i], max(known, most[i]), c[TESTED], speed, offset, sums)
+                bins[i] = 0.0
+                most[i] = 0.0
+                news = True
+            limit, top = adhesion_limit(kind, q, known, speed)
+            if abs(coefficient[i]) <= c[TESTED] * limit:
+                expected = micro_slip(kind, q, coefficient[i], known, top, speed)
+                take_in(sums, c, expected, slips[i], 1.0, offset)
+                news = True
+        else:
+            _keep(bins[i], coefficient[i], slips[i])
+            most[i] = max(most[i], coefficient[i])
+            news = True
+    if news:
+        for k in range(sums.size):
+            total[k] = sums[k]
+        for i in range(slips.size):
+            if most[i] > 0.0:
+                # a belief that has only been rising since is no better than the first, nor than its neighbours'
+                supposed = min(peak[i], initial)
+                if told.max() > 0.0:
+                    supposed = min(supposed, told.max())
+                supposed = max(most[i], supposed)
+                _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, offset, total)
+    return news
+
+
+@jit
+def stretch_estimate(sums, c, offset, resolution):
+    """Stretch from the `sums` (5,), within its bounds; `offset` [m/s] is how far the reference may be off.
+
+    `resolution` [m/s]: misfit of the curve that is put up with before it is laid to the reference.
+    """
+    both = offset * offset + resolution * resolution
+    removed = offset * offset / both if both > 0.0 else 0.0
+    share = removed / max(sums[PAIRS], 1.0)
+    above = c[PRIOR] + sums[X_SLIP] - share * sums[X] * sums[SLIP]
+    below = c[PRIOR] + sums[XX] - share * sums[X] * sums[X]
+    return min(max(above / below, c[SMALLEST]), c[LARGEST])
+
+
+def curve_constants(belief: CurveBelief, period: float) -> Floats:
+    """Constants of the estimation at control `period` [s], as the compiled functions take them."""
+    unit = belief.slip_scale**2 / period  # excitation by one axle in a second
+    return np.array(
+        [
+            belief.prior * unit,
+            1.0 / (belief.memory * unit),
+            belief.smallest,
+            belief.largest,
+            belief.tested_share,
+            belief.untested_share,
+            0.1 * belief.slip_scale,
+        ]
+    )
+
+
+class StretchEstimator:
+    """Stretch of one unit's curve, see the module."""
+
+    def __init__(
+        self, curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
+    ) -> None:
+        """For a unit of `axles` that was given `curve`; `initial` is the peak believed before anything was felt."""
+        self._kind, self._given = curve.kind, curve.q
+        self._constants, self._initial = curve_constants(belief, period), initial
+        self._most, self._bins = np.zeros(axles), np.zeros((axles, BINS, 3))
+        self._sums, self._total = np.zeros(5), np.zeros(5)
+        self.stretch = 1.0
+        """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
+        self.q = curve.q.copy()
+        """Parameters of the believed curve, (6,)."""
+
+    def update(
+        self, speed: float, slips: Floats, coefficient: Floats, peak: Floats, told: Floats,
+        micro: NDArray[np.bool_], offset: float, resolution: float,
+    ) -> None:  # fmt: skip
+        """Take in the pairs of `slips` [m/s] and felt `coefficient` of the axles that are in `micro` slip, all (axles,).
+
+        `peak`: believed; `told`: where the axle last slipped, 0: never; set to 0 where the axle has felt more since.
+        `offset`, `resolution` [m/s]: see `stretch_estimate`.
+        """
+        news = _update(
+            self._kind, self._given, self._constants, self._initial, offset, speed, slips, coefficient,
+            peak, told, micro, self._most, self._bins, self._sums, self._total,
+        )  # fmt: skip
+        if news:
+            self.stretch = stretch_estimate(self._total, self._constants, offset, resolution)
+            stretch_parameters(self._kind, self._given, self.stretch, self.q)
+
+
+def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:
+    """The `curve` with its rising branch stretched along the slip axis, see the module."""
+    q = np.empty(6)
+    stretch_parameters(curve.kind, curve.q, stretch, q)
+    return type(curve)(*(float(value) for value in q[: len(fields(curve))]))

@@ -1,0 +1,127 @@
+"""Failures of the MPC in the closed loop: cut-and-ramp takes over for the periods that failed, and the run recovers."""
+
+import numpy as np
+import pytest
+
+import mpc.controller
+from alloc.metrics import evaluate
+from alloc.simulation import simulate
+from mpc import MpcController, MpcSettings
+from tests.mpc.drop import BACK, DROP, adhesion_used, between, driven, drop_event, run_mpc
+
+UNITS, PERIOD = 4, 0.01
+
+
+class _NoSolver:
+    """A QP solver that finds nothing."""
+
+    def update(self, **_):
+        return -1
+
+
+def failing(when, fails=None):
+    """Class of controllers whose solver finds nothing at the periods that `when` (number, time) picks."""
+
+    class Failing(MpcController):
+        def __init__(self, context, settings=None):
+            super().__init__(context, settings)
+            self.calls = 0
+
+        def decide(self, sense):
+            bad = when(self.calls, sense.time)
+            self.calls += 1
+            solver = self._solver
+            sound = solver._solver
+            if bad:
+                solver._solver = _NoSolver()
+            decision = super().decide(sense)
+            solver._solver = sound
+            # without demand nothing is solved
+            assert decision.ok != (bad and sense.target != 0.0)
+            if fails is not None and not decision.ok:
+                fails.append(sense.time)
+            return decision
+
+    return Failing
+
+
+PATTERNS = {
+    "every third": lambda number, time: number % 3 == 0,
+    "every tenth": lambda number, time: number % 10 == 0,
+    "from the drop on for half a second": lambda number, time: DROP <= time < DROP + 0.5 - 1e-9,
+}
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_solver_that_fails_is_counted_and_survived(pattern):
+    fails = []
+    run, _ = run_mpc(drop_event(), None, failing(PATTERNS[pattern], fails))
+    assert run.attrs["controller_failures"] == len(fails) > 0
+    assert "QP flag -1" in run.attrs["messages"]
+    slip = run["slip_velocity"].values[:, driven(run)]
+    settled = between(run, DROP + 1.2, BACK)
+    assert np.all(slip[settled] < 3.0 * run["peak_slip"].values[settled][:, driven(run)])
+    assert adhesion_used(run, DROP + 1.2) > 0.85
+    command = run["torque_command"].values
+    assert np.isfinite(command).all()
+    assert np.all((command >= 0.0) & (command <= run["torque_target"].values * (1 + 1e-12)))
+    assert (
+        evaluate(run)["slip_time"] < evaluate(simulate(drop_event(), "alone", "none"))["slip_time"]
+    )
+
+
+def test_a_solver_that_never_answers_leaves_the_run_to_cut_and_ramp():
+    event = drop_event(duration=5.5)
+    run, _ = run_mpc(event, None, failing(lambda number, time: True))
+    classic = simulate(event, "alone", "cut-and-ramp")
+    for name in ("torque_command", "slip_velocity", "speed"):
+        np.testing.assert_array_equal(run[name], classic[name])
+
+
+def test_after_an_interval_of_failures_it_is_as_if_they_had_not_been():
+    sound, _ = run_mpc(drop_event())
+    run, _ = run_mpc(drop_event(), None, failing(PATTERNS["from the drop on for half a second"]))
+    assert run.attrs["controller_failures"] == UNITS * 50
+    assert adhesion_used(run, BACK - 0.5) > 0.97 * adhesion_used(sound, BACK - 0.5)
+
+
+class _Clock:
+    """A clock that stands still but at the periods that are to be late."""
+
+    def __init__(self):
+        self.now, self.late = 0.0, False
+
+    def perf_counter(self):
+        self.now += 1.0 if self.late else 0.0
+        return self.now
+
+
+@pytest.mark.parametrize("every", [5, 50])
+def test_a_solver_that_is_late_now_and_then_is_counted_and_survived(monkeypatch, every):
+    clock = _Clock()
+    monkeypatch.setattr(mpc.controller, "clock", clock)
+
+    class Late(MpcController):
+        calls = 0
+
+        def decide(self, sense):
+            clock.late = self.calls % every == 0
+            self.calls += 1
+            decision = super().decide(sense)
+            assert decision.status == ("late" if clock.late else "ok")
+            return decision
+
+    event = drop_event()
+    run, _ = run_mpc(event, MpcSettings(deadline=0.5), Late)
+    ticks = round(event.duration / PERIOD)
+    assert run.attrs["controller_failures"] == UNITS * len(range(0, ticks, every))
+    assert adhesion_used(run) > 0.85
+
+
+def test_the_residual_is_not_pursued_past_half_of_the_deadline(context, make_sense):
+    hasty = MpcController(context, MpcSettings(iterations=50, tolerance=0.0, deadline=1e-9))
+    patient = MpcController(context, MpcSettings(iterations=50, tolerance=0.0))
+    slipping = make_sense(slip=0.2, torque=600.0)
+    late, ok = hasty.decide(slipping), patient.decide(slipping)
+    assert (late.status, ok.status) == ("late", "ok")
+    assert late.residual > ok.residual
