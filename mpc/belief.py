@@ -19,9 +19,9 @@ from mpc.settings import PeakBelief
 
 Floats = NDArray[np.float64]
 
-INERTIA, RADIUS, AXLE_LOAD, POLE, KEEP, OLD, NEW = range(7)
-TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(7, 15)
-CONSTANTS = 15
+INERTIA, RADIUS, POLE, KEEP, OLD, NEW = range(6)
+TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(6, 14)
+CONSTANTS = 14
 
 NOISE_TIME = 1.0
 """Time [s] over which the mean deviation of measured slip is taken: long against a slip's growth."""
@@ -29,7 +29,7 @@ NOISE_TIME = 1.0
 
 @jit
 def _update(
-    kind, q, c, speed, omega, torque, fresh,
+    kind, q, c, load, speed, omega, torque, fresh,
     filtered, last, slips, noise, coefficient, peak, top,
 ):  # fmt: skip
     """One control period, all in the direction of the demand, `torque` at the wheel; fills the arrays of the second line."""
@@ -41,7 +41,7 @@ def _update(
         filtered[i], last[i], load_torque = observe(
             filtered[i], last[i], torque, omega[i], c[INERTIA], c[POLE], c[KEEP], c[OLD], c[NEW]
         )
-        felt = tangential_coefficient_estimate(load_torque, c[AXLE_LOAD], c[RADIUS])
+        felt = tangential_coefficient_estimate(load_torque, load[i], c[RADIUS])
         coefficient[i] = felt
         limit, top_slip = adhesion_limit(kind, q, peak[i], speed)
         # as late as the observer's coefficient, so that both belong to one point of the curve
@@ -66,7 +66,7 @@ class PeakObserver:
         self._kind, self._q = context.curve.kind, context.curve.q
         self._gear = context.gear_ratio
         self._constants = np.empty(CONSTANTS)
-        self._constants[:POLE] = context.inertia, context.radius, context.axle_load
+        self._constants[:POLE] = context.inertia, context.radius
         self._constants[POLE] = belief.pole
         self._constants[KEEP : NEW + 1] = observer_gains(belief.pole, context.period)
         self._constants[TAKE_OVER:] = (
@@ -83,6 +83,8 @@ class PeakObserver:
         self._filtered, self._last = np.zeros(n), np.zeros(n)
         self._slip, self._noise = np.zeros(n), np.full(n, belief.slip_error)  # until it is known
         self._fresh = True
+        self.axle_load = np.full(n, context.axle_load)
+        """Load of each axle [N], (axles,); who knows of load transfer keeps it up to date."""
         self.coefficient = np.zeros(n)
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
         self.peak = np.full(n, belief.initial)
@@ -97,7 +99,7 @@ class PeakObserver:
     def update(self, speed: float, omega: Floats, torque: float) -> None:
         """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand."""
         _update(
-            self._kind, self._q, self._constants, speed, omega, torque * self._gear, self._fresh,
+            self._kind, self._q, self._constants, self.axle_load, speed, omega, torque * self._gear, self._fresh,
             self._filtered, self._last, self._slip, self._noise, self.coefficient, self.peak,
             self.peak_slip,
         )  # fmt: skip

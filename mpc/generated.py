@@ -115,9 +115,8 @@ def _folder() -> Path:
     return folder
 
 
-def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
-    """Numba functions of the SX `functions` by name, see `source`; compiled once per machine and expression."""
-    text = source(functions)
+def compile_source(text: str) -> ModuleType:
+    """Module of the source `text`, kept beside Numba's cache under a name that follows from it."""
     name = "readhesion_generated_" + hashlib.sha256(text.encode()).hexdigest()[:16]
     if name not in _loaded:
         path = _folder() / f"{name}.py"
@@ -134,4 +133,10 @@ def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
         sys.modules[name] = module  # Numba looks it up by name when it loads from its cache
         specification.loader.exec_module(module)
         _loaded[name] = module
-    return {function.name(): getattr(_loaded[name], function.name()) for function in functions}
+    return _loaded[name]
+
+
+def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
+    """Numba functions of the SX `functions` by name, see `source`; compiled once per machine and expression."""
+    module = compile_source(source(functions))
+    return {function.name(): getattr(module, function.name()) for function in functions}

@@ -30,7 +30,10 @@ RULE_MARKERS: dict[str, str] = {
     "exact": "P", "qp": "X", "qp-cvxpy": "<", "qp-robust": ">", "oracle": "*",
 }  # fmt: skip
 
-CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
+CONTROLLER_FILL: dict[str, str] = {
+    "none": "bottom", "cut-and-ramp": "full", "mpc": "none", "mpc-car": "top", "mpc-train": "right",
+    "mpc-train-ideal": "left",
+}  # fmt: skip
 """How a marker is filled tells the readhesion controller."""
 
 

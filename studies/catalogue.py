@@ -14,6 +14,9 @@ CONTROLLER_MEANINGS = {
     "none": "torque follows the limit whatever the wheels do",
     "cut-and-ramp": "cut on slip to what the observer says the rail carries, hold, ramp back",
     "mpc": "model predictive control of each unit (CasADi)",
+    "mpc-car": "MPC, the units of a car as one problem with load transfer",
+    "mpc-train": "MPC, allocation and readhesion as one problem over all units, by telegrams",
+    "mpc-train-ideal": "as mpc-train every control period and without delay: what no train has",
 }
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard import Belief, Braking, Onboard, Sensors
+from alloc.onboard.host import each_unit
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
@@ -34,7 +35,7 @@ def _run(event, settings=None):
         made.append(MpcController(context, settings))
         return made[-1]
 
-    run = simulate(event, "alone", "mpc", {"mpc": make})
+    run = simulate(event, "alone", "mpc", {"mpc": each_unit(make)})
     return run, made
 
 
@@ -90,7 +91,7 @@ def test_bounds_hold_all_the_way(drop_run):
 def test_on_a_good_rail_it_gives_what_is_asked():
     event = _event(level=0.3, drop=1.0, duration=4.0)
     mpc, none = (
-        evaluate(simulate(event, "alone", name, {"mpc": factory}))["effort_ratio"]
+        evaluate(simulate(event, "alone", name, {"mpc": each_unit(factory)}))["effort_ratio"]
         for name in ("mpc", "none")
     )
     assert mpc == pytest.approx(none, rel=1e-2)
@@ -135,7 +136,7 @@ def test_failures_now_and_then_are_counted_and_survived(drop_run):
             return super().decide(sense)
 
     event = replace(_event(), name="faulty")
-    run = simulate(event, "alone", "mpc", {"mpc": Faulty})
+    run = simulate(event, "alone", "mpc", {"mpc": each_unit(Faulty)})
     assert run.attrs["controller_failures"] == 4 * 50
     settled = _between(run, DROP + 1.2, BACK)
     slip = run["slip_velocity"].values[settled][:, _driven(run)]
