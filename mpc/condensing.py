@@ -3,10 +3,10 @@
 Of one unit or a group. With U_j the torque scale of unit j, w_j its share of the group's mass, and sums over the units:
 
 cost = sum over the horizon of tracking (sum w_j (u_j - target_j) / U_j)^2 + rate sum w_j ((u_j - u_j before) / U_j)^2
-     + equal use sum w_j ((u_j - reference_j) / U_j)^2
+     + evenness sum w_j ((u_j - reference_j) / U_j)^2
      + slip sum over the axles of share (max(0, slip - limit) / slip scale)^2 at the step's end.
 
-So the group's total effort is tracked, whoever gives it; equal use alone says who. An axle's share is that of its unit,
+So the group's total effort is tracked, whoever gives it; evenness alone says who. An axle's share is that of its unit,
 divided by the unit's axles. The penalty of slip is a soft constraint with its slack eliminated. Unknowns are u_j / U_j.
 """
 
@@ -14,7 +14,7 @@ from numba import float64, void
 
 from mpc.shooting import CUBE, MATRIX, VECTOR, sweep
 
-TRACKING, SLIP, RATE, EQUAL_USE, SLIP_SCALE, WEIGHTS = range(6)
+TRACKING, SLIP, RATE, EVENNESS, SLIP_SCALE, WEIGHTS = range(6)
 """Entries of the vector of weights, and its size."""
 TARGET, BEFORE, REFERENCE, TORQUE_SCALE, UNIT_SHARE, UNIT_ROWS = range(6)
 """Rows of the matrix of units (UNIT_ROWS, units): torques [N m], share of the group's mass."""
@@ -38,7 +38,7 @@ def trajectory_cost(nodes, torques, slip_matrix, axle, unit, weights):
             last = unit[BEFORE, j] if k == 0 else torques[(k - 1) * units + j]
             missed += share * (u - unit[TARGET, j]) / scale
             change, uneven = (u - last) / scale, (u - unit[REFERENCE, j]) / scale
-            cost += share * (weights[RATE] * change * change + weights[EQUAL_USE] * uneven * uneven)
+            cost += share * (weights[RATE] * change * change + weights[EVENNESS] * uneven * uneven)
         cost += weights[TRACKING] * missed * missed
         for i in range(axles):
             slip = -axle[SLIP_LIMIT, i]
@@ -65,13 +65,13 @@ def _torque_terms(torques, unit, weights, hessian, gradient):
         for j in range(units):
             here = k * units + j
             scale, share = unit[TORQUE_SCALE, j], unit[UNIT_SHARE, j]
-            rate, equal = 2.0 * weights[RATE] * share, 2.0 * weights[EQUAL_USE] * share
+            rate, even = 2.0 * weights[RATE] * share, 2.0 * weights[EVENNESS] * share
             track = 2.0 * weights[TRACKING] * share
             last = unit[BEFORE, j] if k == 0 else torques[here - units]
             change = rate * (torques[here] - last) / scale
             gradient[here] = track * missed + change
-            gradient[here] += equal * (torques[here] - unit[REFERENCE, j]) / scale
-            hessian[here, here] += rate + equal
+            gradient[here] += even * (torques[here] - unit[REFERENCE, j]) / scale
+            hessian[here, here] += rate + even
             for i in range(j, units):
                 hessian[here, here - j + i] += track * unit[UNIT_SHARE, i]
             if k > 0:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.rules.exact import exact_limits
 from mpc.belief import PeakObserver
 from mpc.settings import PeakBelief
 from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
@@ -67,10 +68,16 @@ def carried_torque(peak: Floats, first: NDArray[np.int64], per_coefficient: Floa
     return np.asarray(np.minimum.reduceat(peak, first) * per_coefficient)
 
 
-def equal_use(target: Floats, carried: Floats, scale: Floats, share: Floats) -> Floats:
-    """Torques [N m] at which all units use the same share of what they carry, and give the total of `target`; (units,).
+def even_split(
+    target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
+) -> Floats:
+    """Torques [N m] that give the total of `target` at one coefficient, but for units that cannot; (units,).
 
-    `carried` [N m], torque `scale` [N m] and `share` of the mass, (units,). No more than all of it is asked for.
+    The exact level that par. 0050 of JP5484215 names, with what the units are believed to carry for caps. What a unit that
+    has not slipped is believed to carry is a guess: to load units in proportion to it sends those that are untested to
+    their peak, while one level asks of them no more than the total needs. `carried` and motor `limit` [N m], torque
+    `scale` [N m] and `share` of the mass, (units,).
     """
-    wanted, available = float(share @ (target / scale)), float(share @ (carried / scale))
-    return np.asarray(carried * min(wanted / available, 1.0) if available > 0.0 else 0.0 * carried)
+    split = np.empty_like(target)
+    exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)
+    return split * scale

@@ -9,7 +9,7 @@ import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from mpc.condensing import TORQUE_SCALE, UNIT_SHARE
-from mpc.group_belief import GroupBelief, equal_use
+from mpc.group_belief import GroupBelief, even_split
 from mpc.group_settings import GroupSettings
 from mpc.horizon import HorizonProblem, unit_rows
 from mpc.real_time import RealTimeIteration
@@ -31,7 +31,7 @@ class GroupController:
         mpc = self.settings.mpc
         group = tuple(contexts)
         self.belief = GroupBelief(group, mpc.belief)
-        self._solver = RealTimeIteration(group, mpc, self.settings.equal_use)
+        self._solver = RealTimeIteration(group, mpc, self.settings.evenness)
         rows = unit_rows(group, mpc)
         self._scale, self._share = rows[TORQUE_SCALE], rows[UNIT_SHARE]
         self._unit = unit_of_axle(group)
@@ -109,7 +109,7 @@ class GroupController:
             target=target,
             before=self._before,
             upper=upper,
-            reference=equal_use(target, carried, self._scale, self._share),
+            reference=even_split(target, carried, limit, self._scale, self._share),
         )
 
 

@@ -9,14 +9,14 @@ from mpc.settings import MpcError, MpcSettings
 class GroupSettings:
     """Settings of one problem over several units.
 
-    `equal_use`: weight per step of sum of shares ((torque - torque of equal use) / torque scale)^2, small against that of
+    `evenness`: weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2, small against that of
     tracking: it makes the split of the total unique. `limited`: share of its believed adhesion from which a unit counts
     as bound by its own rail and not by what the others need of it. `steps`: most SQP steps where the problem is solved at
     telegram instants only, and its guess is a tenth of a second old.
     """
 
     mpc: MpcSettings = field(default_factory=MpcSettings)
-    equal_use: float = 0.05
+    evenness: float = 0.05
     limited: float = 0.95
     steps: int = 3
 
@@ -24,8 +24,8 @@ class GroupSettings:
         if not isinstance(self.mpc, MpcSettings):
             raise MpcError(f"group: mpc = {self.mpc!r} must be MpcSettings")
         # without it the Hessian is singular in the split, and so is the problem
-        if not 0.0 < self.equal_use < float("inf"):
-            raise MpcError(f"group: equal_use = {self.equal_use!r} must be finite and > 0")
+        if not 0.0 < self.evenness < float("inf"):
+            raise MpcError(f"group: evenness = {self.evenness!r} must be finite and > 0")
         if not 0.0 < self.limited <= 1.0:
             raise MpcError(f"group: limited = {self.limited!r} must lie in (0, 1]")
         if isinstance(self.steps, bool) or not isinstance(self.steps, int) or self.steps < 1:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpc.condensing import (
     AXLE_ROWS,
     AXLE_SHARE,
-    EQUAL_USE,
+    EVENNESS,
     RATE,
     SLIP,
     SLIP_SCALE,
@@ -44,7 +44,7 @@ class HorizonProblem(NamedTuple):
     upper: float | Floats
     """Greatest torque command [N m], (units,); the least is zero."""
     reference: float | Floats = 0.0
-    """Torque of equal use of adhesion [N m], (units,), which decides who gives the total of a group."""
+    """Torque of an even split [N m], (units,), which decides who gives the total of a group."""
 
 
 class HorizonSolution(NamedTuple):
@@ -62,13 +62,13 @@ class HorizonSolution(NamedTuple):
     """"ok", or what went wrong."""
 
 
-def weight_vector(settings: MpcSettings, equal_use: float = 0.0) -> Floats:
+def weight_vector(settings: MpcSettings, evenness: float = 0.0) -> Floats:
     """Weights as the compiled cost takes them, (WEIGHTS,)."""
     weights = np.empty(WEIGHTS)
     weights[TRACKING] = settings.weights.tracking
     weights[SLIP] = settings.weights.slip
     weights[RATE] = settings.weights.rate
-    weights[EQUAL_USE] = equal_use
+    weights[EVENNESS] = evenness
     weights[SLIP_SCALE] = settings.weights.slip_scale
     return weights
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from alloc.onboard.host import UnitContext
 from mpc.assembly import compiled_group
 from mpc.condensing import TORQUE_SCALE, UNIT_SHARE
-from mpc.group_belief import equal_use
+from mpc.group_belief import even_split
 from mpc.group_settings import GroupSettings
 from mpc.horizon import HorizonProblem, HorizonSolution, unit_rows
 from mpc.real_time import RealTimeIteration
@@ -76,7 +76,7 @@ class JointProblem:
         self._group = tuple(contexts)
         self._period = contexts[0].period
         self._forecasts = [UnitForecast(context) for context in contexts]
-        self._solver = RealTimeIteration(self._group, mpc, settings.equal_use)
+        self._solver = RealTimeIteration(self._group, mpc, settings.evenness)
         rows = unit_rows(self._group, mpc)
         self._scale, self._share = rows[TORQUE_SCALE], rows[UNIT_SHARE]
         self._unit = unit_of_axle(self._group)
@@ -129,7 +129,7 @@ class JointProblem:
             target=target,
             before=before,
             upper=np.minimum(limit, (1.0 + settings.mpc.headroom) * carried),
-            reference=equal_use(target, carried, self._scale, self._share),
+            reference=even_split(target, carried, limit, self._scale, self._share),
         )
         if self._cold:
             self._solver.restart(before)

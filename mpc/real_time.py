@@ -38,17 +38,17 @@ HALVINGS = 12
 class RealTimeIteration:
     """Solver of `HorizonProblem`; arrays and the QP solver are made once, and the last solution is kept as a guess.
 
-    For one unit, or for a group as one problem; `equal_use` is the weight of that term of the cost.
+    For one unit, or for a group as one problem; `evenness` is the weight of that term of the cost.
     """
 
-    def __init__(self, units: Units, settings: MpcSettings, equal_use: float = 0.0) -> None:
+    def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
         self._settings = settings
         model = unit_model(units)
         self._model = compiled_group(units)
         self._substeps = substeps(units, settings.step)
         self._small_step = settings.step / self._substeps
         self._slip = slip_matrix(units)
-        self._weights = weight_vector(settings, equal_use)
+        self._weights = weight_vector(settings, evenness)
         self._unit = unit_rows(units, settings)
         self._axle = axle_rows(units, self._unit[UNIT_SHARE])
         self._scale = np.tile(self._unit[TORQUE_SCALE], settings.horizon)

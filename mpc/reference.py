@@ -33,7 +33,7 @@ class ReferenceSolver:
         self,
         units: Units,
         settings: MpcSettings,
-        equal_use: float = 0.0,
+        evenness: float = 0.0,
         *,
         warm_start: bool = False,
     ) -> None:
@@ -67,7 +67,7 @@ class ReferenceSolver:
         uneven = torques - cs.repmat(inverse @ even, 1, n)
         cost = (
             w.tracking * cs.sumsqr(missed)
-            + cs.dot(cs.DM(share), cs.sum2(w.rate * changes**2 + equal_use * uneven**2))
+            + cs.dot(cs.DM(share), cs.sum2(w.rate * changes**2 + evenness * uneven**2))
             + w.slip * cs.dot(cs.DM(axle_share), cs.sum2(slack**2))
         )
         unknowns = cs.vertcat(cs.vec(nodes), cs.vec(torques), cs.vec(slack))

@@ -69,6 +69,8 @@ class TrainMpc:
         self._own: Order | None = None
         self._sent: list[list[tuple[float, float]]] = [[] for _ in range(n)]
         """What the foremost unit remembers of its orders: instant at which each should act, and torque."""
+        self._demands: dict[float, float] = {}
+        """Driver's demand on the foremost unit at the instants of reports that may still come, [N m]."""
         self._sign = 0.0
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
@@ -133,14 +135,17 @@ class TrainMpc:
             if telegram is None:
                 return self._suspend()
             reports.append(telegram.content)
-        demands = [report.target for report in reports]
+        demands = self._demands_now(time, reports)
         sign = math.copysign(1.0, demands[0])
         if demands[0] == 0.0 or any(demand * sign <= 0.0 for demand in demands):
             return self._suspend()  # the driver has just changed his mind, and not all have said so
         if sign != self._sign:
             self.joint.forget()
             self._sign = sign
-        upright = [report._replace(target=abs(report.target)) for report in reports]
+        upright = [
+            report._replace(target=abs(demand))
+            for report, demand in zip(reports, demands, strict=True)
+        ]
         acts = time + self._telegrams.latency
         asked, solution = self.joint.solve(
             upright, [self._known(j, report, acts) for j, report in enumerate(upright)]
@@ -157,6 +162,21 @@ class TrainMpc:
                 self.orders[j].send(time, order)
                 self._sent[j] = [*self._sent[j][-SENT_KEPT:], (acts, order.torque)]
         return "ok"
+
+    def _demands_now(self, time: float, reports: Sequence[Report]) -> list[float]:
+        """Driver's demand on each unit [N m]: what it reported, grown since as much as the foremost unit's own has.
+
+        Without this a rising demand looks uneven along the train, for only the foremost unit's is not old.
+        """
+        now = reports[0].target
+        self._demands[time] = now
+        oldest = time - self._telegrams.silence - 2.0 * self._telegrams.period
+        self._demands = {t: demand for t, demand in self._demands.items() if t >= oldest}
+        demands = []
+        for report in reports:
+            then = self._demands.get(report.time, 0.0)
+            demands.append(report.target * now / then if then else 0.0)
+        return demands
 
     def _suspend(self) -> str:
         self._own, self._sign = None, 0.0
