@@ -35,7 +35,7 @@ class Report(NamedTuple):
     command: float
     """Torque command in force from then on [N m]."""
     target: float
-    """Torque that the driver wants of it [N m]."""
+    """Torque that the driver wants of it [N m]; signed in a telegram, for it says which direction that is."""
     limit: float
     """What its motors can give [N m]."""
     peak: Floats

@@ -14,7 +14,9 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
 from mpc import CarControllers, TrainMpc, car_factory, factory, ideal_train_factory, train_factory
+from mpc.joint_problem import Report, UnitForecast
 from mpc.train_controller import Order, ordered_target
+from mpc.unit_model import parameters, substeps, unit_model
 from tests.mpc.groups import train_of
 
 FACTORIES = {
@@ -111,33 +113,62 @@ def test_a_car_with_four_inverters_on_load_transfer(name):
     np.testing.assert_array_equal(np.argsort(torque), np.argsort(load))
 
 
-def _sense(time, torque=300.0, target=500.0, slip=0.01):
+def _sense(time, torque=300.0, target=500.0):
+    slip = 0.01
     return UnitSense(time, 5.0, np.full(4, (5.0 + slip) / 0.43), torque, target, 1e3, 1e3, 0.1, False)  # fmt: skip
 
 
-def _commands(changed_from, telegrams, ticks=60):
-    """Commands (ticks, units) of three units, of which the last slips from `changed_from` [s] on."""
+def _commands(changed_from, telegrams, ticks=50):
+    """Commands (ticks, units) of three units; from `changed_from` [s] on the last one's limit is half as high."""
     controller = TrainMpc(train_of(3, telegrams=telegrams))
     answers = []
     for k in range(ticks):
         time = 0.01 * k
-        slips = time >= changed_from - 1e-9
-        senses = [_sense(time), _sense(time), _sense(time, slip=0.4 if slips else 0.01)]
+        halved = time >= changed_from - 1e-9
+        senses = [_sense(time), _sense(time), _sense(time, target=250.0 if halved else 500.0)]
         answers.append([decision.torque for decision in controller.decide(senses)])
     return np.array(answers)
 
 
-@pytest.mark.parametrize("latency", [0.03, 0.12])
+@pytest.mark.parametrize("latency", [0.02, 0.07, 0.12])
 def test_nothing_younger_than_the_telegrams_influences_an_answer(latency):
-    telegrams = Telegrams(latency=latency)
-    event = 0.2
+    # telegrams every control period, so that nothing but the latency delays
+    telegrams, event = Telegrams(period=0.01, latency=latency), 0.2
     same, other = (_commands(start, telegrams) for start in (np.inf, event))
     changed = np.abs(same - other) > 0.0
-    first = np.where(changed.any(axis=0), changed.argmax(axis=0), 10**6) * 0.01
+    assert changed.any(axis=0).all()
+    first = changed.argmax(axis=0) * 0.01
     assert first[2] == pytest.approx(event), "its own controller sees it at once"
-    # the foremost hears of it after one latency, the second unit of that after another
-    assert event + latency <= first[0] + 1e-9 < 1.0
-    assert event + 2.0 * latency <= first[1] + 1e-9 < 1.0
+    # the foremost unit hears of it after one latency, and solves after it has commanded; the second unit after two
+    assert first[0] == pytest.approx(event + latency + 0.01)
+    assert first[1] == pytest.approx(event + 2.0 * latency)
+
+
+def _report(time, command=300.0, carried=800.0):
+    peak = np.full(4, 0.15)
+    top = train_of(1)[0].curve.limit(peak, 5.0)[1]
+    omega = np.array([5.01, 5.02, 5.05, 5.1]) / 0.43
+    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, top, carried)
+
+
+def test_the_forecast_over_the_delay_is_the_unit_model():
+    context = replace(train_of(1)[0], unloading=())
+    report, commands = _report(0.0), np.array([300.0, 300.0, 450.0, 450.0])
+    step = unit_model(context).step_function(0.01, substeps(context, 0.01))
+    state = np.concatenate([[report.speed], report.omega, [report.torque]])
+    forecast = UnitForecast(context)
+    np.testing.assert_array_equal(forecast.state(report, commands[:0]), state)
+    for command in commands:
+        state = np.asarray(step(state, command, parameters(context, report.peak))).ravel()
+    np.testing.assert_allclose(forecast.state(report, commands), state, rtol=1e-11)
+
+
+def test_orders_on_their_way_count_from_when_they_act():
+    controller = TrainMpc(train_of(2))
+    controller._sent[1] = [(0.05, 100.0), (0.15, 400.0), (0.25, 2000.0)]
+    # what was in force when it reported is in its report; the last order is more than its rail carries
+    known = controller._known(1, _report(0.1), 0.3)
+    np.testing.assert_allclose(known, [*[300.0] * 5, *[400.0] * 10, *[880.0] * 5])
 
 
 def test_an_order_scales_with_the_driver_and_ends_with_him():
