@@ -47,8 +47,9 @@ class TrainMpc:
     """Joint MPC of a train over telegrams; a `TrainController`. The first unit is the foremost.
 
     It is meant for the rule `alone`: what a rule hands down counts as the driver's demand, and the joint problem
-    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` suspends all orders:
-    the train falls back to the driver's command, as does a unit that no order reaches.
+    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` suspends all orders; a
+    unit that no order has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
+    than it is believed to carry, and the others make up for what it was believed to lack, the train exceeds the plan.
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class TrainMpc:
         status = self._order(time)
         spent = clock.perf_counter() - started
         foremost = decisions[0]
-        # an unsolved joint problem leaves the units as they were; it is a failure nevertheless, and counted
+        # an unsolved joint problem suspends the orders, but the foremost unit's own command stands: only the status tells
         decisions[0] = foremost._replace(
             solve_time=foremost.solve_time + spent,
             status=foremost.status if status == "ok" or not foremost.ok else status,
