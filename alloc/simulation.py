@@ -20,7 +20,7 @@ from alloc.onboard.control import control, cut_and_ramp_unit
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment, equipment
 from alloc.onboard.errors import OnboardError
-from alloc.onboard.host import HostController, HostControllerFactory, UnitSense, unit_contexts
+from alloc.onboard.host import TrainController, TrainControllerFactory, UnitSense, unit_contexts
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.readhesion import CONTROLLERS, HOST
 from alloc.onboard.sensing import sense
@@ -174,16 +174,11 @@ def _allocate_in_python(
 
 
 def _control_in_python(
-    hosts: list[HostController], eq: Equipment, st: om.Settings, m: om.Memory,
+    host: TrainController, eq: Equipment, st: om.Settings, m: om.Memory,
     time: float, commanded: float, torque: Floats, tally: Tally,
 ) -> None:  # fmt: skip
-    # the built-in controller runs along, so that it is in step wherever a host controller gives up
-    for j, host in enumerate(hosts):
-        previous = m.command[j]
-        cut_and_ramp_unit(eq, st, m, j, commanded)
-        fallback = m.command[j]
-        m.command[j] = previous
-        reading = UnitSense(
+    readings = [
+        UnitSense(
             time=time,
             speed=float(m.reference[eq.unit_body[j]]),
             omega=m.axle_omega[eq.axle_unit == j],
@@ -194,7 +189,12 @@ def _control_in_python(
             coefficient=float(m.estimate[j]),
             slipping=bool(m.slipping[j]),
         )
-        decision = host.decide(reading)
+        for j in range(eq.axles.size)
+    ]
+    for j, decision in enumerate(host.decide(readings)):
+        # the built-in controller runs along, so that it is in step wherever a host controller gives up
+        cut_and_ramp_unit(eq, st, m, j, commanded)
+        fallback = m.command[j]
         tally.controller_times.append(decision.solve_time)
         if decision.ok and math.isfinite(decision.torque):
             m.command[j] = decision.torque
@@ -208,7 +208,7 @@ def simulate(
     event: Event,
     rule: str | Rule = "greedy",
     controller: str = "cut-and-ramp",
-    host_factories: Mapping[str, HostControllerFactory] | None = None,
+    host_factories: Mapping[str, TrainControllerFactory] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Run `event` under a rule and a readhesion controller; returns the recorded run (see `alloc.recording`).
@@ -253,11 +253,7 @@ def simulate(
     records = (ticks + record_ticks - 1) // record_ticks
     record = Record.allocate(records, model.layout)
     tally = Tally()
-    hosts = (
-        [host_factories[controller](context) for context in unit_contexts(model, eq, onboard)]
-        if hosted
-        else []
-    )
+    host = host_factories[controller](unit_contexts(model, eq, onboard)) if hosted else None
     progress = np.zeros(2, dtype=np.int64)
     n = model.layout
     started = clock.perf_counter()
@@ -277,8 +273,9 @@ def simulate(
             if need == NEEDS_ALLOCATION:
                 _allocate_in_python(chosen, eq, m, onboard, tally)
             else:
+                assert host is not None
                 _control_in_python(
-                    hosts, eq, st, m, time, float(commanded[progress[0]]),
+                    host, eq, st, m, time, float(commanded[progress[0]]),
                     state[n.torque, 0], tally,
                 )  # fmt: skip
         if on_progress is not None:

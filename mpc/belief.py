@@ -21,9 +21,9 @@ from mpc.settings import CurveBelief, PeakBelief
 
 Floats = NDArray[np.float64]
 
-INERTIA, RADIUS, AXLE_LOAD, POLE, KEEP, OLD, NEW = range(7)
-TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(7, 15)
-CONSTANTS = 15
+INERTIA, RADIUS, POLE, KEEP, OLD, NEW = range(6)
+TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(6, 14)
+CONSTANTS = 14
 
 NOISE_TIME = 1.0
 """Time [s] over which the mean deviation of measured slip is taken: long against a slip's growth."""
@@ -39,7 +39,7 @@ FOREIGN_FORCE = 0.02
 
 @jit
 def _update(
-    kind, q, c, speed, omega, torque, fresh,
+    kind, q, c, load, speed, omega, torque, fresh,
     filtered, last, slips, last_slip, noise, coefficient, peak, top, told, micro,
 ):  # fmt: skip
     """One control period, all in the direction of the demand, `torque` at the wheel; fills the arrays of the second line."""
@@ -51,7 +51,7 @@ def _update(
         filtered[i], last[i], load_torque = observe(
             filtered[i], last[i], torque, omega[i], c[INERTIA], c[POLE], c[KEEP], c[OLD], c[NEW]
         )
-        felt = tangential_coefficient_estimate(load_torque, c[AXLE_LOAD], c[RADIUS])
+        felt = tangential_coefficient_estimate(load_torque, load[i], c[RADIUS])
         coefficient[i] = felt
         limit, top_slip = adhesion_limit(kind, q, peak[i], speed)
         # as late as the observer's coefficient, so that both belong to one point of the curve
@@ -85,7 +85,7 @@ class CurveObserver:
         self._kind = context.curve.kind
         self._gear = context.gear_ratio
         self._constants = np.empty(CONSTANTS)
-        self._constants[:POLE] = context.inertia, context.radius, context.axle_load
+        self._constants[:POLE] = context.inertia, context.radius
         self._constants[POLE] = belief.pole
         self._constants[KEEP : NEW + 1] = observer_gains(belief.pole, context.period)
         self._constants[TAKE_OVER:] = (
@@ -104,10 +104,13 @@ class CurveObserver:
         self._noise = np.full(n, belief.slip_error)  # until it is known
         self._told, self._micro = np.zeros(n), np.zeros(n, dtype=np.bool_)
         self._unknown = 1.0
-        self._estimates = curve.estimate
+        # slip against a reference that slips along tells nothing of the curve's slope
+        self._estimates = curve.estimate and context.free_axle
         self._estimator = StretchEstimator(context.curve, n, context.period, curve, belief.initial)
         self._belief = belief
         self._fresh = True
+        self.axle_load = np.full(n, context.axle_load)
+        """Load of each axle [N], (axles,); who knows of load transfer keeps it up to date."""
         self.coefficient = np.zeros(n)
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
         self.peak = np.full(n, belief.initial)
@@ -138,8 +141,8 @@ class CurveObserver:
         nothing is learnt of the slope.
         """
         _update(
-            self._kind, self.q, self._constants, speed, omega, torque * self._gear, self._fresh,
-            self._filtered, self._last, self._slip, self._last_slip, self._noise,
+            self._kind, self.q, self._constants, self.axle_load, speed, omega, torque * self._gear,
+            self._fresh, self._filtered, self._last, self._slip, self._last_slip, self._noise,
             self.coefficient, self.peak, self.peak_slip, self._told, self._micro,
         )  # fmt: skip
         self._fresh = False

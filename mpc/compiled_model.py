@@ -15,16 +15,16 @@ Ints = NDArray[np.int64]
 
 
 class CompiledModel(NamedTuple):
-    """Functions of the model as the sweeps of `mpc.shooting` call them; the last of a point is the torque."""
+    """Functions of the model as the sweeps of `mpc.shooting` call them; torques come last in a point."""
 
     slope: Callable[..., Any]
     rate: Callable[..., Any]
     curvature: Callable[..., Any]
     row: Ints
-    """Row of each nonzero of the Jacobian of the slopes by (state, torque)."""
+    """Row of each nonzero of the Jacobian of the slopes by (state, torques)."""
     column: Ints
     upper_row: Ints
-    """Row of each nonzero of the upper triangle of the weighted slopes' Hessian by (state, torque)."""
+    """Row of each nonzero of the upper triangle of the weighted slopes' Hessian by (state, torques)."""
     upper_column: Ints
 
 

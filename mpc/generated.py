@@ -6,6 +6,7 @@ out as Python source beside Numba's cache, once per model, and compiled there.
 """
 
 import hashlib
+from types import ModuleType
 from typing import Any
 
 import casadi as cs
@@ -98,9 +99,13 @@ def source(functions: list[cs.Function]) -> str:
     return text
 
 
+def compile_source(text: str) -> ModuleType:
+    """Module of the source `text`, kept beside Numba's cache under a name that follows from it."""
+    name = "readhesion_generated_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+    return load_module(name, text)
+
+
 def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
     """Numba functions of the SX `functions` by name, see `source`; compiled once per machine and expression."""
-    text = source(functions)
-    name = "readhesion_generated_" + hashlib.sha256(text.encode()).hexdigest()[:16]
-    module = load_module(name, text)
+    module = compile_source(source(functions))
     return {function.name(): getattr(module, function.name()) for function in functions}

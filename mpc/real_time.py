@@ -11,13 +11,22 @@ import time as clock
 import daqp
 import numpy as np
 
-from alloc.onboard.host import UnitContext
-from mpc.compiled_model import compiled_model
-from mpc.condensing import TORQUE_SCALE, add_second_order, condense, trajectory_cost
-from mpc.horizon import HorizonProblem, HorizonSolution, weight_vector
+from mpc.assembly import compiled_group
+from mpc.condensing import (
+    BEFORE,
+    REFERENCE,
+    SLIP_LIMIT,
+    TARGET,
+    TORQUE_SCALE,
+    UNIT_SHARE,
+    add_second_order,
+    condense,
+    trajectory_cost,
+)
+from mpc.horizon import HorizonProblem, HorizonSolution, axle_rows, unit_rows, weight_vector
 from mpc.settings import MpcSettings
 from mpc.shooting import linearise, second_order, simulate
-from mpc.unit_model import slip_matrix, substeps, unit_model
+from mpc.unit_model import Units, slip_matrix, substeps, unit_model
 
 LEAST_CURVATURE = 0.1
 """Least eigenvalue of the quadratic model, relative to twice the weight of tracking; reflection can leave a small one."""
@@ -27,35 +36,41 @@ HALVINGS = 12
 
 
 class RealTimeIteration:
-    """Solver of `HorizonProblem`; arrays and the QP solver are made once, and the last solution is kept as a guess."""
+    """Solver of `HorizonProblem`; arrays and the QP solver are made once, and the last solution is kept as a guess.
 
-    def __init__(self, context: UnitContext, settings: MpcSettings) -> None:
+    For one unit, or for a group as one problem; `evenness` is the weight of that term of the cost.
+    """
+
+    def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
         self._settings = settings
-        self._model = compiled_model(unit_model(context), settings.code)
-        self._substeps = substeps(context, settings.step)
+        model = unit_model(units)
+        self._model = compiled_group(units, settings.code)
+        self._substeps = substeps(units, settings.step)
         self._small_step = settings.step / self._substeps
-        self._slip = slip_matrix(context)
-        self._weights = weight_vector(context, settings)
-        self._scale = float(self._weights[TORQUE_SCALE])
-        n, axles = settings.horizon, context.axles
-        states, evaluations = axles + 2, 4 * n * self._substeps
-        size = states + 1
+        self._slip = slip_matrix(units)
+        self._weights = weight_vector(settings, evenness)
+        self._unit = unit_rows(units, settings)
+        self._axle = axle_rows(units, self._unit[UNIT_SHARE])
+        self._scale = np.tile(self._unit[TORQUE_SCALE], settings.horizon)
+        self._units, axles, states = model.units, model.axles, model.states
+        n, evaluations = settings.horizon * self._units, 4 * settings.horizon * self._substeps
+        size = states + self._units
         self.torques = np.zeros(n)
-        """The guess, [N m], (horizon,)."""
+        """The guess, [N m], (horizon * units,)."""
         self._trial = np.zeros(n)
-        self._nodes = np.zeros((n + 1, states))
-        self._trial_nodes = np.zeros((n + 1, states))
-        self._sensitivity = np.zeros((n, states, size))
+        self._nodes = np.zeros((settings.horizon + 1, states))
+        self._trial_nodes = np.zeros((settings.horizon + 1, states))
+        self._sensitivity = np.zeros((settings.horizon, states, size))
         self._points = np.zeros((evaluations, states))
         self._jacobians = np.zeros((evaluations, self._model.row.size))
         self._spread = np.zeros((evaluations, states, size))
         self._cube = np.zeros((3, states, size))
         self._rows = np.zeros((3, states))
         self._hessian, self._gradient = np.zeros((n, n)), np.zeros(n)
-        self._adjoint = np.zeros((n + 1, states))
+        self._adjoint = np.zeros((settings.horizon + 1, states))
         self._row = np.zeros((axles, n))
-        self._influence = np.zeros((n + 1, states, n))
-        self._hessians = np.zeros((n, size, size))
+        self._influence = np.zeros((settings.horizon + 1, states, n))
+        self._hessians = np.zeros((settings.horizon, size, size))
         self._second = np.zeros((6, max(size, self._model.upper_row.size)))
         self._wide = np.zeros((2 * size, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
@@ -67,11 +82,15 @@ class RealTimeIteration:
 
     def shift(self) -> None:
         """Move the guess on by one period."""
-        self.torques[:-1] = self.torques[1:]
+        self.torques[: -self._units] = self.torques[self._units :]
 
-    def restart(self, torque: float) -> None:
-        """Forget the guess: hold `torque` [N m] over the horizon."""
-        self.torques[:] = torque
+    def restart(self, torque: float | np.ndarray) -> None:
+        """Forget the guess: hold `torque` [N m], (units,), over the horizon."""
+        self._by_unit(self.torques)[:] = torque
+
+    def _by_unit(self, torques: np.ndarray) -> np.ndarray:
+        """The same memory as (horizon, units)."""
+        return torques.reshape(-1, self._units)
 
     def solve(self, problem: HorizonProblem, give_up: float = np.inf) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
@@ -80,11 +99,12 @@ class RealTimeIteration:
         another status than "ok" must not be used; the guess is then to be restarted.
         """
         settings = self._settings
-        np.clip(self.torques, 0.0, problem.upper, out=self.torques)
+        now = self._by_unit(self.torques)
+        np.clip(now, 0.0, problem.upper, out=now)
         cost, residual, done = np.nan, np.inf, 0
         while done == 0 or (done < settings.iterations and clock.perf_counter() < give_up):
             self._linearise(problem)
-            cost = self._cost(self._nodes, self.torques, problem)
+            cost = self._cost(self._nodes, self.torques)
             residual = self._residual(problem)
             if not (np.isfinite(cost) and np.isfinite(residual)):
                 return HorizonSolution(self.torques.copy(), cost, residual, done, "not finite")
@@ -101,7 +121,9 @@ class RealTimeIteration:
         return HorizonSolution(self.torques.copy(), cost, residual, done, "ok")
 
     def _linearise(self, problem: HorizonProblem) -> None:
-        model, weights = self._model, self._weights
+        model = self._model
+        self._unit[TARGET], self._unit[BEFORE] = problem.target, problem.before
+        self._unit[REFERENCE], self._axle[SLIP_LIMIT] = problem.reference, problem.slip_limit
         self._nodes[0] = problem.state
         linearise(
             model.rate, model.row, model.column, self.torques, problem.parameters,
@@ -109,30 +131,30 @@ class RealTimeIteration:
             self._points, self._jacobians, self._spread, self._cube,
         )  # fmt: skip
         condense(
-            self._nodes, self._sensitivity, self.torques, self._slip, problem.slip_limit,
-            problem.target, problem.before, weights,
+            self._nodes, self._sensitivity, self.torques, self._slip, self._axle, self._unit,
+            self._weights,
             self._hessian, self._adjoint, self._row, self._gradient, self._influence,
         )  # fmt: skip
 
-    def _cost(self, nodes: np.ndarray, torques: np.ndarray, problem: HorizonProblem) -> float:
+    def _cost(self, nodes: np.ndarray, torques: np.ndarray) -> float:
+        """Cost of a trajectory for the problem of the last linearisation."""
         return float(
-            trajectory_cost(
-                nodes, torques, self._slip, problem.slip_limit, problem.target, problem.before,
-                self._weights,
-            )
-        )  # fmt: skip
+            trajectory_cost(nodes, torques, self._slip, self._axle, self._unit, self._weights)
+        )
 
     def _residual(self, problem: HorizonProblem) -> float:
         now = self.torques / self._scale
-        projected = np.clip(now - self._gradient, 0.0, problem.upper / self._scale)
-        return float(np.abs(projected - now).max())
+        upper = problem.upper / self._unit[TORQUE_SCALE]
+        projected = np.clip(self._by_unit(now - self._gradient), 0.0, upper)
+        return float(np.abs(projected.ravel() - now).max())
 
     def _step(self, problem: HorizonProblem) -> int:
         """Solve the quadratic model; leaves the step's end in the trial torques and returns DAQP's flag."""
         if self._settings.exact_hessian:
             self._make_exact(problem)
         np.divide(self.torques, -self._scale, out=self._lower)
-        np.add(self._lower, problem.upper / self._scale, out=self._upper)
+        upper = problem.upper / self._unit[TORQUE_SCALE]
+        np.add(self._by_unit(self._lower), upper, out=self._by_unit(self._upper))
         flag = self._solver.update(
             H=self._hessian, f=self._gradient, bupper=self._upper, blower=self._lower
         )
@@ -141,7 +163,8 @@ class RealTimeIteration:
         step, _, flag, _ = self._solver.solve()
         np.multiply(step, self._scale, out=self._trial)
         self._trial += self.torques
-        np.clip(self._trial, 0.0, problem.upper, out=self._trial)
+        trial = self._by_unit(self._trial)
+        np.clip(trial, 0.0, problem.upper, out=trial)
         return int(flag)
 
     def _make_exact(self, problem: HorizonProblem) -> None:
@@ -153,7 +176,7 @@ class RealTimeIteration:
             self._points, self._jacobians, self._spread, self._adjoint, self._hessians,
             self._second,
         )  # fmt: skip
-        add_second_order(self._hessians, self._influence, self._scale, self._hessian, self._wide)
+        add_second_order(self._hessians, self._influence, self._unit, self._hessian, self._wide)
         values, vectors = np.linalg.eigh(self._hessian)
         least = 2.0 * LEAST_CURVATURE * self._settings.weights.tracking
         if values[0] < least:
@@ -167,7 +190,7 @@ class RealTimeIteration:
                 self._model.slope, self._trial, problem.parameters, self._small_step,
                 self._substeps, self._trial_nodes, self._rows,
             )  # fmt: skip
-            if self._cost(self._trial_nodes, self._trial, problem) <= cost:
+            if self._cost(self._trial_nodes, self._trial) <= cost:
                 self.torques[:] = self._trial
                 return True
             self._trial += self.torques

@@ -9,11 +9,10 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from alloc.onboard.host import UnitContext
-from mpc.condensing import TORQUE_SCALE
-from mpc.horizon import HorizonProblem, HorizonSolution, weight_vector
+from mpc.condensing import AXLE_SHARE, TORQUE_SCALE, UNIT_SHARE
+from mpc.horizon import HorizonProblem, HorizonSolution, axle_rows, unit_rows
 from mpc.settings import MpcSettings
-from mpc.unit_model import slip_matrix, substeps, unit_model
+from mpc.unit_model import Units, group_of, slip_matrix, substeps, unit_model, unit_of_axle
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -30,42 +29,48 @@ class ReferenceSolver:
 
     def __init__(
         self,
-        context: UnitContext,
+        units: Units,
         settings: MpcSettings,
+        evenness: float = 0.0,
         *,
         tolerance: float = 1e-9,
         warm_start: bool = False,
     ) -> None:
-        model = unit_model(context)
-        weights = weight_vector(context, settings)
-        n, axles, states = settings.horizon, context.axles, model.states
-        self._axles, self._horizon, self._weights = axles, n, weights
-        self._scale = scale = float(weights[TORQUE_SCALE])
-        step = model.step_function(settings.step, substeps(context, settings.step))
+        model = unit_model(units)
+        n, axles, states, m = settings.horizon, model.axles, model.states, model.units
+        rows = unit_rows(units, settings)
+        self._axles, self._horizon, self._units = axles, n, m
+        self._scale = scale = rows[TORQUE_SCALE]
+        share, axle_share = rows[UNIT_SHARE], axle_rows(units, rows[UNIT_SHARE])[AXLE_SHARE]
+        step = model.step_function(settings.step, substeps(units, settings.step))
         w = settings.weights
         # scaled, so that ipopt's tolerance means the same for every unknown
-        state_scale = np.array([1.0, *[1.0 / context.radius] * axles, scale])
-        self._state_scale = state_scale
-        nodes, torques = cs.SX.sym("nodes", states, n), cs.SX.sym("torques", n)
+        radius = np.array([context.radius for context in group_of(units)])[unit_of_axle(units)]
+        self._state_scale = state_scale = np.concatenate([[1.0], 1.0 / radius, scale])
+        nodes, torques = cs.SX.sym("nodes", states, n), cs.SX.sym("torques", m, n)
         slack = cs.SX.sym("slack", axles, n)
         start, constants = (
             cs.SX.sym("start", states),
             cs.SX.sym("constants", model.parameters.numel()),
         )
-        limit, target, before = cs.SX.sym("limit", axles), cs.SX.sym("target"), cs.SX.sym("before")
+        limit = cs.SX.sym("limit", axles)
+        target, before, even = (cs.SX.sym(name, m) for name in ("target", "before", "reference"))
         physical = cs.diag(state_scale) @ nodes
         previous = cs.horzcat(start, physical[:, :-1])
-        ends = step.map(n)(previous, scale * torques.T, cs.repmat(constants, 1, n))
+        inverse = cs.diag(1.0 / scale)
+        ends = step.map(n)(previous, cs.diag(scale) @ torques, cs.repmat(constants, 1, n))
         defects = (ends - physical) / cs.repmat(cs.DM(state_scale), 1, n)
-        excess = (cs.DM(slip_matrix(context)) @ physical - cs.repmat(limit, 1, n)) / w.slip_scale
-        changes = torques - cs.vertcat(before / scale, torques[:-1])
+        excess = (cs.DM(slip_matrix(units)) @ physical - cs.repmat(limit, 1, n)) / w.slip_scale
+        changes = torques - cs.horzcat(inverse @ before, torques[:, :-1])
+        missed = cs.DM(share).T @ (torques - cs.repmat(inverse @ target, 1, n))
+        uneven = torques - cs.repmat(inverse @ even, 1, n)
         cost = (
-            w.tracking * cs.sumsqr(torques - target / scale)
-            + w.rate * cs.sumsqr(changes)
-            + w.slip / axles * cs.sumsqr(slack)
+            w.tracking * cs.sumsqr(missed)
+            + cs.dot(cs.DM(share), cs.sum2(w.rate * changes**2 + evenness * uneven**2))
+            + w.slip * cs.dot(cs.DM(axle_share), cs.sum2(slack**2))
         )
-        unknowns = cs.vertcat(cs.vec(nodes), torques, cs.vec(slack))
-        data = cs.vertcat(start, constants, limit, target, before)
+        unknowns = cs.vertcat(cs.vec(nodes), cs.vec(torques), cs.vec(slack))
+        data = cs.vertcat(start, constants, limit, target, before, even)
         constraints = cs.vertcat(cs.vec(defects), cs.vec(slack - excess))
         # no early end at a looser tolerance
         options = OPTIONS | {"ipopt.tol": tolerance, "ipopt.acceptable_tol": tolerance}
@@ -76,34 +81,33 @@ class ReferenceSolver:
             options,
         )  # fmt: skip
         self._step, self._warm = step, warm_start
-        self._slip, self._slip_scale = slip_matrix(context), w.slip_scale
+        self._slip, self._slip_scale = slip_matrix(units), w.slip_scale
         self._multipliers: dict[str, cs.DM] = {}
 
     def solve(self, problem: HorizonProblem, guess: np.ndarray | None = None) -> HorizonSolution:
-        """Solve from `guess` (horizon,) [N m], by default the target cut to the bounds.
+        """Solve from `guess` (horizon * units,) [N m], by default the target cut to the bounds.
 
         With `warm_start` the multipliers of the last solution are taken up too. A failure is in the status.
         """
-        n, axles, scale = self._horizon, self._axles, self._scale
-        torques = np.clip(
-            np.full(n, problem.target) if guess is None else guess, 0.0, problem.upper
-        )
+        n, m, axles = self._horizon, self._units, self._axles
+        start = np.full((n, m), problem.target) if guess is None else guess.reshape(n, m)
+        torques = np.clip(start, 0.0, problem.upper)
         x, nodes, slack = problem.state, [], []
         for torque in torques:
             x = np.asarray(self._step(x, torque, problem.parameters)).ravel()
             nodes.append(x / self._state_scale)
             excess = self._slip @ x - problem.slip_limit
             slack.append(np.maximum(excess, 0.0) / self._slip_scale)
-        levels = [problem.target, problem.before]
-        data = np.concatenate([problem.state, problem.parameters, problem.slip_limit, levels])
+        levels = [np.full(m, v) for v in (problem.target, problem.before, problem.reference)]
+        data = np.concatenate([problem.state, problem.parameters, problem.slip_limit, *levels])
         states = self._state_scale.size
         free, slacks = np.full(n * states, np.inf), np.full(n * axles, np.inf)
-        start = np.concatenate([*nodes, torques / scale, *slack])
+        upper = np.tile(np.full(m, problem.upper) / self._scale, n)
         answer = self._solver(
-            x0=start,
+            x0=np.concatenate([*nodes, (torques / self._scale).ravel(), *slack]),
             p=data,
-            lbx=np.concatenate([-free, np.zeros(n), np.zeros(n * axles)]),
-            ubx=np.concatenate([free, np.full(n, problem.upper / scale), slacks]),
+            lbx=np.concatenate([-free, np.zeros(n * m), np.zeros(n * axles)]),
+            ubx=np.concatenate([free, upper, slacks]),
             lbg=np.zeros(n * (states + axles)),
             ubg=np.concatenate([np.zeros(n * states), slacks]),
             **self._multipliers,
@@ -111,9 +115,10 @@ class ReferenceSolver:
         if self._warm:
             self._multipliers = {"lam_x0": answer["lam_x"], "lam_g0": answer["lam_g"]}
         stats = self._solver.stats()
-        found = np.asarray(answer["x"]).ravel()[n * states : n * states + n] * scale
+        scaled = np.asarray(answer["x"]).ravel()[n * states : n * (states + m)]
+        found = np.clip(scaled.reshape(n, m) * self._scale, 0.0, problem.upper)
         return HorizonSolution(
-            torques=np.clip(found, 0.0, problem.upper),
+            torques=found.ravel(),
             cost=float(answer["f"]),
             residual=float(stats["iterations"]["inf_du"][-1]),
             iterations=int(stats["iter_count"]),

@@ -3,6 +3,8 @@
 From the measured state on, the torques alone decide the trajectory, so they are the only unknowns. Slip below the
 peak is strongly stable and slip beyond it grows by a factor of three or so over the horizon: no need to keep the
 states as unknowns too.
+
+Torques of several units lie step by step in one vector (horizon * units,), so that a single unit has no dimension more.
 """
 
 from numba import float64, int64, njit, types, void
@@ -12,7 +14,7 @@ from alloc.compilation import FASTMATH
 VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
 INDEX = int64[::1]
 SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
-"""Model: (state, torque, parameters, slope)."""
+"""Model: (state, torque of each unit, parameters, slope)."""
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
 """Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
 CURVATURE = RATE
@@ -26,14 +28,15 @@ def sweep(signature):
 
 @sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))
 def simulate(model, torques, parameters, step, substeps, nodes, scratch):
-    """Fill `nodes` (horizon + 1, states) from its first row on under `torques` (horizon,).
+    """Fill `nodes` (horizon + 1, states) from its first row on under `torques` (horizon * units,).
 
     `step` [s] is that of one Runge-Kutta step, of which `substeps` make a prediction step; `scratch` (3, states).
     """
     slope, point, total = scratch[0], scratch[1], scratch[2]
-    states = nodes.shape[1]
-    for k in range(torques.size):
-        torque = torques[k : k + 1]
+    horizon, states = nodes.shape[0] - 1, nodes.shape[1]
+    units = torques.size // horizon
+    for k in range(horizon):
+        torque = torques[k * units : (k + 1) * units]
         now = nodes[k + 1]
         now[:] = nodes[k]
         for _ in range(substeps):
@@ -58,19 +61,20 @@ def linearise(
     model, row, column, torques, parameters, step, substeps,
     nodes, sensitivity, points, jacobians, spread, scratch,
 ):  # fmt: skip
-    """As `simulate`, and fill `sensitivity` (horizon, states, states + 1) of each node to the node and torque before.
+    """As `simulate`, and fill `sensitivity` (horizon, states, states + units) of each node to node and torques before.
 
     `row`, `column` place the Jacobian's nonzeros. Kept for `second_order`, per evaluation of the model: `points`
-    (evaluations, states), `jacobians` (evaluations, nonzeros), and `spread` (evaluations, states, states + 1), the
-    sensitivity of the point. `scratch` (3, states, states + 1).
+    (evaluations, states), `jacobians` (evaluations, nonzeros), and `spread` (evaluations, states, states + units), the
+    sensitivity of the point. `scratch` (3, states, states + units).
     """
-    states = nodes.shape[1]
+    horizon, states, width = sensitivity.shape
+    units = width - states
     slope = scratch[2, 0, :states]
     change, total_change = scratch[0], scratch[1]
     total = scratch[2, 1, :states]
     e = 0
-    for k in range(torques.size):
-        torque = torques[k : k + 1]
+    for k in range(horizon):
+        torque = torques[k * units : (k + 1) * units]
         now, moved = nodes[k + 1], sensitivity[k]
         now[:] = nodes[k]
         moved[:] = 0.0
@@ -86,22 +90,22 @@ def linearise(
                 change[:] = 0.0
                 for j in range(row.size):
                     i, c, value = row[j], column[j], jacobians[e, j]
-                    if c == states:
+                    if c >= states:
                         change[i, c] += value
                     else:
-                        for m in range(states + 1):
+                        for m in range(width):
                             change[i, m] += value * spread[e, c, m]
                 share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for i in range(states):
                     total[i] += share * slope[i]
-                    for m in range(states + 1):
+                    for m in range(width):
                         total_change[i, m] += share * change[i, m]
                 e += 1
                 if stage < 3:
                     ahead = step if stage == 2 else 0.5 * step
                     for i in range(states):
                         points[e, i] = now[i] + ahead * slope[i]
-                        for m in range(states + 1):
+                        for m in range(width):
                             spread[e, i, m] = moved[i, m] + ahead * change[i, m]
             now[:] = total
             moved[:] = total_change
@@ -117,18 +121,20 @@ def second_order(
     curvature, row, column, upper_row, upper_column, torques, parameters, step, substeps,
     points, jacobians, spread, adjoint, hessians, scratch,
 ):  # fmt: skip
-    """Fill `hessians` (horizon, states + 1, states + 1): second derivatives of adjoint[k + 1] . node[k + 1].
+    """Fill `hessians` (horizon, states + units, states + units): second derivatives of adjoint[k + 1] . node[k + 1].
 
-    They are by the node and torque before. Only evaluations of the model are nonlinear, so it is the sum over them of
+    They are by the node and torques before. Only evaluations of the model are nonlinear, so it is the sum over them of
     their Hessians, weighted with what the step's end owes to each slope, seen through `spread`. `upper_row`,
     `upper_column` place the upper Hessian's nonzeros; `scratch` (6, at least the number of nonzeros).
     """
+    horizon, width, _ = hessians.shape
     states = adjoint.shape[1]
+    units = width - states
     owed, point_owed, base_owed = scratch[0], scratch[1], scratch[2]
     weight = scratch[3, :states]
     values = scratch[4, : upper_row.size]
-    for k in range(torques.size - 1, -1, -1):
-        torque = torques[k : k + 1]
+    for k in range(horizon - 1, -1, -1):
+        torque = torques[k * units : (k + 1) * units]
         whole = hessians[k]
         whole[:] = 0.0
         for i in range(states):
@@ -157,21 +163,17 @@ def second_order(
                     a, b, value = upper_row[j], upper_column[j], values[j]
                     if value == 0.0:
                         continue
-                    # the torque is constant over the step: its own row of the spread would be (0, ..., 0, 1)
+                    # a torque is constant over the step: its own row of the spread would be one of the identity
                     factor = value if a != b else 0.5 * value
-                    for m in range(states + 1):
-                        left = spread[e, a, m] if a < states else (1.0 if m == states else 0.0)
-                        right = spread[e, b, m] if b < states else (1.0 if m == states else 0.0)
-                        for n in range(m, states + 1):
-                            left_n = (
-                                spread[e, a, n] if a < states else (1.0 if n == states else 0.0)
-                            )
-                            right_n = (
-                                spread[e, b, n] if b < states else (1.0 if n == states else 0.0)
-                            )
+                    for m in range(width):
+                        left = spread[e, a, m] if a < states else (1.0 if m == a else 0.0)
+                        right = spread[e, b, m] if b < states else (1.0 if m == b else 0.0)
+                        for n in range(m, width):
+                            left_n = spread[e, a, n] if a < states else (1.0 if n == a else 0.0)
+                            right_n = spread[e, b, n] if b < states else (1.0 if n == b else 0.0)
                             whole[m, n] += factor * (left * right_n + right * left_n)
             for i in range(states):
                 owed[i] = base_owed[i]
-        for m in range(states + 1):
+        for m in range(width):
             for n in range(m):
                 whole[m, n] = whole[n, m]

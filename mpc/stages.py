@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
 from mpc.condensing import TORQUE_SCALE
-from mpc.horizon import HorizonProblem, weight_vector
+from mpc.horizon import HorizonProblem, unit_rows
 from mpc.settings import MpcSettings
 from mpc.unit_model import slip_matrix, substeps, unit_model
 
@@ -47,7 +47,7 @@ class Stages(NamedTuple):
 def stages(context: UnitContext, settings: MpcSettings) -> Stages:
     """Stage functions of the unit of `context`."""
     model = unit_model(context)
-    torque_scale = float(weight_vector(context, settings)[TORQUE_SCALE])
+    torque_scale = float(unit_rows(context, settings)[TORQUE_SCALE, 0])
     scale = np.array([1.0, *[1.0 / context.radius] * context.axles, torque_scale, torque_scale])
     state, control = cs.SX.sym("state", model.states + 1), cs.SX.sym("control")
     limit = cs.SX.sym("limit", context.axles)

@@ -1,10 +1,11 @@
-"""Prediction model of one traction unit: the plant's own equations on symbols, with believed values.
+"""Prediction model of a traction unit, or of a group of them: the plant's own equations on symbols, with believed values.
 
-The unit is the smallest train of the plant: one rigid body with the unit's share of the train's mass, its driven
-axles, one group of motors. Only states that decide its slip are kept. What differs between units is a parameter, so all
-units with as many axles and the same kind of adhesion curve share one expression and one compilation.
+A group is the smallest train of the plant: one rigid body with the units' share of the train's mass, their cars and
+driven axles, one group of motors each. Only states that decide slip are kept. What differs between groups is a parameter,
+so all of the same shape and kind of adhesion curve share one expression and one compilation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,24 +21,47 @@ from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Units = UnitContext | Sequence[UnitContext]
+"""A unit alone, or a group, foremost first."""
 
 UNBOUNDED_TORQUE = 1e9
 """Torque limit [N m] inside the model: the optimiser's bounds act instead, which keeps the model smooth."""
 
-CONSTANTS = ("mass", "axle_load", "radius", "inertia", "gear_ratio", "torque_lag")
-"""Values of a unit that the model takes as parameters, named as in `UnitContext`."""
+CONSTANTS = ("axle_load", "radius", "inertia", "gear_ratio", "torque_lag")
+"""Values of each unit that the model takes as parameters after the mass, named as in `UnitContext`."""
+
+
+def group_of(units: Units) -> tuple[UnitContext, ...]:
+    """The units as a group. One that comes alone takes its axle loads for constant, whatever its car does."""
+    if isinstance(units, UnitContext):
+        return (replace(units, unloading=()),)
+    return tuple(units)
+
+
+def unit_of_axle(units: Units) -> Ints:
+    """Number within the group of each axle's unit, (axles,)."""
+    group = group_of(units)
+    return np.repeat(np.arange(len(group)), [context.axles for context in group])
+
+
+def unloading(units: Units) -> Floats:
+    """Load [N] that each axle loses per newton of its car's rail force, (axles,)."""
+    return np.concatenate(
+        [context.unloading or (0.0,) * context.axles for context in group_of(units)]
+    )
 
 
 @dataclass(frozen=True)
 class UnitModel:
-    """Symbolic right side of a unit; get it with `unit_model`.
+    """Symbolic right side of a group; get it with `unit_model`.
 
-    States (axles + 2,): car speed [m/s], angular speed of each wheelset [rad/s], motor torque [N m]. Input: torque
-    command [N m]. Parameters (axles + 13,): peak coefficient of each axle, gradient (which stands for all drag), the
-    `CONSTANTS` of the unit, the six parameters of its adhesion curve.
+    States (axles + 1 + units,): speed [m/s], angular speed of each wheelset [rad/s], motor torque of each unit [N m].
+    Input (units,): torque commands [N m]. Parameters: see `parameters`.
     """
 
     axles: int
+    units: int
     state: cs.SX
     torque: cs.SX
     parameters: cs.SX
@@ -47,7 +71,7 @@ class UnitModel:
     @property
     def states(self) -> int:
         """Number of states."""
-        return self.axles + 2
+        return self.axles + 1 + self.units
 
     def right_side(self) -> cs.Function:
         """CasADi function (state, torque, parameters) -> derivative of the state."""
@@ -66,60 +90,95 @@ class UnitModel:
         return cs.Function("step", [self.state, u, p], [x])
 
 
-def _plant(context: UnitContext) -> Model:
-    """The unit as a train of the plant."""
-    n = context.axles
+def _car(group: tuple[UnitContext, ...]) -> Car:
+    """A car that holds the units `group`; per-unit values are set afterwards."""
+    first, n = group[0], sum(context.axles for context in group)
     limit = TorqueLimit(UNBOUNDED_TORQUE, UNBOUNDED_TORQUE)
-    car = Car(
-        name=f"unit {context.unit + 1}",
+    return Car(
+        name=f"units from {first.unit + 1}",
         length=float(n + 1),
-        empty_mass=context.mass,
+        empty_mass=sum(context.mass for context in group),
         load=0.0,
         axle_positions=tuple(float(k + 1) for k in range(n)),
         bogie_of_axle=(0,) * n,
-        wheel_radius=context.radius,
-        wheel_inertia=(context.inertia,) * n,
+        wheel_radius=first.radius,
+        wheel_inertia=(first.inertia,) * n,
         driven=(True,) * n,
-        motors=Motors("1C4M", context.gear_ratio, limit, limit, context.torque_lag),
+        motors=Motors("1C4M", first.gear_ratio, limit, limit, first.torque_lag),
     )
-    plant = build(Train(car.name, (car,)), Rail(1.0, curve=context.curve))
-    # the unit also moves its share of the trailers: its mass is not what rests on its axles
-    load = np.full(n, context.axle_load)
-    return replace(plant, structure=plant.structure._replace(static_load=load))
 
 
-_models: dict[tuple[int, int], UnitModel] = {}
+def _plant(group: tuple[UnitContext, ...]) -> Model:
+    """The group as a train of the plant."""
+    cars = [
+        _car(tuple(context for context in group if context.car == car))
+        for car in dict.fromkeys(context.car for context in group)
+    ]
+    plant = build(Train("group", tuple(cars)), Rail(1.0, curve=group[0].curve))
+    unit = unit_of_axle(group)
+
+    def values(name: str) -> Floats:
+        return np.array([getattr(context, name) for context in group], dtype=float)
+
+    s = plant.structure._replace(
+        axle_unit=unit,
+        unit_axles=np.bincount(unit).astype(float),
+        radius=values("radius")[unit],
+        inertia=values("inertia")[unit],
+        gear=values("gear_ratio")[unit],
+        unit_gear=values("gear_ratio"),
+        unit_lag=values("torque_lag"),
+        # the units also move their share of the trailers: their mass is not what rests on their axles
+        static_load=values("axle_load")[unit],
+        unloading=unloading(group),
+    )
+    return replace(plant, structure=s, layout=replace(plant.layout, units=len(group)))
 
 
-def unit_model(context: UnitContext) -> UnitModel:
-    """Prediction model for units with the axles and the kind of curve of `context`; one object for all of them.
+_models: dict[tuple[object, ...], UnitModel] = {}
 
-    Raises `PlantError` where the unit's values are impossible.
+
+def unit_model(units: Units) -> UnitModel:
+    """Prediction model for groups of the shape and the kind of curve of `units`; one object for all of them.
+
+    Raises `PlantError` where the units' values are impossible.
     """
-    plant = _plant(context)
-    key = (context.axles, context.curve.kind)
+    group = group_of(units)
+    plant = _plant(group)
+    shape = (tuple(plant.structure.axle_unit), tuple(plant.structure.axle_car))
+    key = (*shape, group[0].curve.kind, bool(unloading(group).any()))
     if key not in _models:
-        _models[key] = _symbolic(plant, *key)
+        _models[key] = _symbolic(plant, group[0].curve.kind)
     return _models[key]
 
 
-def _symbolic(plant: Model, n: int, curve_kind: int) -> UnitModel:
-    layout = plant.layout
-    state, torque = cs.SX.sym("state", n + 2), cs.SX.sym("torque")
-    parameters = cs.SX.sym("parameters", n + 1 + len(CONSTANTS) + 6)
-    peak, grade, q = parameters[:n], parameters[n], parameters[n + 1 + len(CONSTANTS) :]
-    mass, load, radius, inertia, gear, lag = cs.vertsplit(
-        parameters[n + 1 : n + 1 + len(CONSTANTS)]
+def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
+    layout, unit = plant.layout, plant.structure.axle_unit.tolist()
+    n, m = layout.axles, layout.units
+    transfer = bool(plant.structure.unloading.any())
+    state, torque = cs.SX.sym("state", n + 1 + m), cs.SX.sym("torque", m)
+    sizes = [n, 1, 1, *[m] * len(CONSTANTS), 6, n * transfer]
+    parameters = cs.SX.sym("parameters", sum(sizes))
+    peak, grade, mass, load, radius, inertia, gear, lag, q, unloaded = cs.vertsplit(
+        parameters, np.concatenate([[0], np.cumsum(sizes)]).tolist()
     )
+
+    def by_axle(values: cs.SX) -> cs.SX:
+        return cs.vertcat(*(values[j] for j in unit))
+
     symbols: dict[str, Any] = {
-        "radius": radius, "inertia": inertia, "gear": gear, "static_load": load,
-        "car_mass": mass, "body_mass": mass, "unit_lag": lag, "unit_gear": gear,
+        "radius": by_axle(radius), "inertia": by_axle(inertia), "gear": by_axle(gear),
+        "static_load": by_axle(load), "unit_lag": lag, "unit_gear": gear, "body_mass": mass,
+        # only the sum of the cars' masses acts on a rigid body on one gradient
+        "car_mass": cs.repmat(mass / layout.cars if layout.cars > 1 else mass, layout.cars, 1),
     }  # fmt: skip
+    if transfer:
+        symbols["unloading"] = unloaded
     structure = plant.structure._replace(**symbols)
     arrays = ArrayModel(structure, layout, curve_kind, [q[k] for k in range(6)])
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
-    whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1]
+    whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
     none: Any = cs.SX(0, 1)
     command: Any = torque
     clean: Any = cs.SX(n, 1)
@@ -137,6 +196,7 @@ def _symbolic(plant: Model, n: int, curve_kind: int) -> UnitModel:
     )
     return UnitModel(
         axles=n,
+        units=m,
         state=state,
         torque=torque,
         parameters=parameters,
@@ -144,23 +204,33 @@ def _symbolic(plant: Model, n: int, curve_kind: int) -> UnitModel:
     )
 
 
-def substeps(context: UnitContext, step: float) -> int:
+def substeps(units: Units, step: float) -> int:
     """Runge-Kutta steps that make a prediction step of `step` [s], from the plant's own bound on stiffness."""
-    return _plant(context).substeps(step)
+    return _plant(group_of(units)).substeps(step)
 
 
-def parameters(context: UnitContext, peak: float | Floats, grade: float = 0.0) -> Floats:
-    """Parameters of the model for a unit: see `UnitModel`; `peak` one for all axles, or (axles,)."""
-    constants = [getattr(context, name) for name in CONSTANTS]
-    peaks = np.broadcast_to(np.asarray(peak, dtype=float), (context.axles,))
-    return np.concatenate([peaks, [grade], constants, context.curve.q])
+def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:
+    """Parameters of the model: peak coefficient of each axle, gradient (which stands for all drag), mass, each of the
+    `CONSTANTS` of all units, the six parameters of the adhesion curve; where axle loads change, unloading of each axle.
+
+    `peak`: one for all axles, or (axles,).
+    """
+    group = group_of(units)
+    moved = unloading(group)
+    constants = [getattr(context, name) for name in CONSTANTS for context in group]
+    peaks = np.broadcast_to(np.asarray(peak, dtype=float), moved.shape)
+    mass = sum(context.mass for context in group)
+    lost = moved if moved.any() else moved[:0]
+    return np.concatenate([peaks, [grade, mass], constants, group[0].curve.q, lost])
 
 
-def slip_matrix(context: UnitContext) -> Floats:
+def slip_matrix(units: Units) -> Floats:
     """Slip velocity of each axle [m/s] as a linear map of the state, (axles, states)."""
-    unit = np.eye(context.axles + 2)
+    group = group_of(units)
+    unit = unit_of_axle(group)
+    rows = np.eye(unit.size + 1 + len(group))
     return np.stack(
-        [slip_velocity(unit[1 + i], context.radius, unit[0]) for i in range(context.axles)]
+        [slip_velocity(rows[1 + i], group[j].radius, rows[0]) for i, j in enumerate(unit)]
     )
 
 
@@ -176,9 +246,13 @@ def torque_per_coefficient(context: UnitContext) -> float:
 __all__ = [
     "CONSTANTS",
     "UnitModel",
+    "Units",
+    "group_of",
     "parameters",
     "slip_matrix",
     "substeps",
     "torque_per_coefficient",
     "unit_model",
+    "unit_of_axle",
+    "unloading",
 ]

@@ -18,6 +18,9 @@ CONTROLLER_MEANINGS = {
     "perturb-observe": "creep control whose reference climbs by fixed steps",
     "steepest-gradient": "creep control whose reference climbs along the estimated slope",
     "mpc": "model predictive control of each unit (CasADi)",
+    "mpc-car": "MPC, the units of a car as one problem with load transfer",
+    "mpc-train": "MPC, allocation and readhesion as one problem over all units, by telegrams",
+    "mpc-train-ideal": "as mpc-train every control period and without delay: what no train has",
 }
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from alloc.onboard.host import HostControllerFactory, UnitContext, UnitSense
+from alloc.onboard.host import TrainControllerFactory, UnitContext, UnitSense, each_unit
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import GRAVITY
@@ -13,13 +13,36 @@ from studies.errors import StudyError, unknown
 from studies.scenario import Scenario
 
 
-def _mpc() -> HostControllerFactory:
+def _mpc() -> TrainControllerFactory:
     import mpc
 
-    return mpc.factory
+    return each_unit(mpc.factory)
 
 
-HOSTED: dict[str, Callable[[], HostControllerFactory]] = {"mpc": _mpc}
+def _mpc_car() -> TrainControllerFactory:
+    import mpc
+
+    return mpc.car_factory
+
+
+def _mpc_train() -> TrainControllerFactory:
+    import mpc
+
+    return mpc.train_factory
+
+
+def _mpc_train_ideal() -> TrainControllerFactory:
+    import mpc
+
+    return mpc.ideal_train_factory
+
+
+HOSTED: dict[str, Callable[[], TrainControllerFactory]] = {
+    "mpc": _mpc,
+    "mpc-car": _mpc_car,
+    "mpc-train": _mpc_train,
+    "mpc-train-ideal": _mpc_train_ideal,
+}
 """Name -> function that imports the controller's package and gives its factory; imported when it is asked for."""
 
 
@@ -28,7 +51,7 @@ def controller_names() -> list[str]:
     return [*CONTROLLERS, *HOSTED]
 
 
-def host_factories(controller: str) -> dict[str, HostControllerFactory]:
+def host_factories(controller: str) -> dict[str, TrainControllerFactory]:
     """Factory of a hosted controller under its name; empty for a built-in one. Raises `StudyError` if it cannot be had."""
     if controller in CONTROLLERS:
         return {}
@@ -69,18 +92,17 @@ def rehearse(controller: str) -> None:
         period=period,
     )
     for factory in host_factories(controller).values():
-        host = factory(context)
+        host = factory([context])
         for k in range(3):
-            host.decide(
-                UnitSense(
-                    time=k * period,
-                    speed=speed,
-                    omega=np.full(axles, speed / radius),
-                    torque=400.0,
-                    target=500.0,
-                    drive_limit=1e3,
-                    brake_limit=1e3,
-                    coefficient=0.1,
-                    slipping=False,
-                )
+            sense = UnitSense(
+                time=k * period,
+                speed=speed,
+                omega=np.full(axles, speed / radius),
+                torque=400.0,
+                target=500.0,
+                drive_limit=1e3,
+                brake_limit=1e3,
+                coefficient=0.1,
+                slipping=False,
             )
+            host.decide([sense])

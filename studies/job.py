@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from alloc.metrics import evaluate
-from alloc.onboard.host import HostControllerFactory
+from alloc.onboard.host import TrainControllerFactory
 from alloc.simulation import simulate
 from studies.code_version import code_hash
 from studies.controllers import host_factories
@@ -103,7 +103,7 @@ def run_job(
     return Outcome(key, row, run if keep else None)
 
 
-def simulate_job(job: Job, factories: Mapping[str, HostControllerFactory]) -> xr.Dataset:
+def simulate_job(job: Job, factories: Mapping[str, TrainControllerFactory]) -> xr.Dataset:
     """The recorded run of a job; errors are raised."""
     run = simulate(job.scenario.event(job.seed), job.rule, job.controller, factories)
     return run.assign_attrs(scenario=job.scenario.name, scenario_hash=job.scenario.hash())

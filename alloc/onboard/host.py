@@ -1,17 +1,18 @@
-"""Interface of readhesion controllers that run as Python objects (the MPC), one per traction unit.
+"""Interface of readhesion controllers that run as Python objects (the MPC): of a train, or one per traction unit.
 
-They see what a unit's own computer sees: sensors, its belief, the limit handed down. Never the plant.
+They see what the units' computers see: sensors, their belief, the limits handed down. Never the plant.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.onboard.equipment import Equipment
-from alloc.onboard.parameters import Onboard
+from alloc.onboard.parameters import Onboard, Telegrams
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.model import Model
 
@@ -35,6 +36,16 @@ class UnitContext:
     """Believed adhesion curve."""
     period: float
     """Control period [s]."""
+    free_axle: bool = True
+    """Whether its reference speed is also that of axles that it does not drive itself."""
+    car: int = 0
+    """Number of the car it is on, 0 = foremost of the train."""
+    unloading: tuple[float, ...] = ()
+    """Load [N] that each of its axles loses per newton of the car's rail force; empty: loads are constant."""
+    telegrams: Telegrams = field(default_factory=Telegrams)
+    """Telegrams between the units."""
+    seed: int = 0
+    """Of the telegrams' jitter and losses."""
 
 
 class UnitSense(NamedTuple):
@@ -86,10 +97,51 @@ class HostControllerFactory(Protocol):
         ...
 
 
+class TrainController(Protocol):
+    """The readhesion controllers of all units of a train, which may know of each other."""
+
+    def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
+        """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
+        ...
+
+
+class TrainControllerFactory(Protocol):
+    """Makes the controllers of a train when a run starts."""
+
+    def __call__(self, contexts: Sequence[UnitContext]) -> TrainController:
+        """Build the controllers; one context per unit, foremost first."""
+        ...
+
+
+class EachUnit:
+    """Controllers of single units side by side; a `TrainController`."""
+
+    def __init__(self, controllers: Sequence[HostController]) -> None:
+        self.controllers = tuple(controllers)
+
+    def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
+        """What each unit's own controller answers."""
+        return [
+            controller.decide(sense)
+            for controller, sense in zip(self.controllers, senses, strict=True)
+        ]
+
+
+def each_unit(factory: HostControllerFactory) -> TrainControllerFactory:
+    """Factory of a train whose units each have a controller of their own, which knows nothing of the others."""
+
+    def build(contexts: Sequence[UnitContext]) -> EachUnit:
+        return EachUnit([factory(context) for context in contexts])
+
+    return build
+
+
 def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitContext]:
     """What each unit's computer knows of its equipment, foremost unit first."""
     mass = model.train.mass
     weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
+    s = model.structure
+    members = [s.axle_unit == j for j in range(eq.axles.size)]
     return [
         UnitContext(
             unit=j,
@@ -99,19 +151,28 @@ def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitCon
             gear_ratio=float(eq.gear[j]),
             axle_load=float(eq.axle_load[j]),
             mass=float(mass * weight[j] / weight.sum()),
-            torque_lag=float(model.structure.unit_lag[j]),
+            torque_lag=float(s.unit_lag[j]),
             curve=onboard.belief.curve,
             period=onboard.period,
+            free_axle=bool(np.any((eq.axle_body == eq.unit_body[j]) & ~members[j])),
+            car=int(s.axle_car[members[j]][0]),
+            unloading=tuple(s.unloading[members[j]].tolist()),
+            telegrams=onboard.telegrams,
+            seed=onboard.sensors.seed,
         )
         for j in range(eq.axles.size)
     ]
 
 
 __all__ = [
+    "EachUnit",
     "HostController",
     "HostControllerFactory",
     "TorqueDecision",
+    "TrainController",
+    "TrainControllerFactory",
     "UnitContext",
     "UnitSense",
+    "each_unit",
     "unit_contexts",
 ]

@@ -4,8 +4,17 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from mpc.condensing import TORQUE_SCALE, condense, trajectory_cost
-from mpc.horizon import weight_vector
+from mpc.condensing import (
+    BEFORE,
+    REFERENCE,
+    SLIP_LIMIT,
+    TARGET,
+    TORQUE_SCALE,
+    UNIT_SHARE,
+    condense,
+    trajectory_cost,
+)
+from mpc.horizon import axle_rows, unit_rows, weight_vector
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
@@ -29,9 +38,8 @@ def _cost(solver, problem, torques):
         nodes, solver._rows,
     )  # fmt: skip
     return trajectory_cost(
-        nodes, torques, solver._slip, problem.slip_limit, problem.target, problem.before,
-        solver._weights,
-    )  # fmt: skip
+        nodes, torques, solver._slip, solver._axle, solver._unit, solver._weights
+    )
 
 
 def _central(function, x, width):
@@ -72,7 +80,7 @@ def test_gradient_equals_finite_differences_of_the_cost(make_context, random_pro
     context = make_context(curve)
     problem = random_problem(context, seed)
     solver = _linearised(context, problem, seed)
-    scale = solver._weights[TORQUE_SCALE]
+    scale = solver._scale
 
     def cost(scaled):
         return _cost(solver, problem, scaled * scale)
@@ -92,7 +100,7 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
     solver = _linearised(context, problem, 0)
     solver.torques[:] = 100.0
     solver._linearise(problem)
-    scale = solver._weights[TORQUE_SCALE]
+    scale = solver._scale
     hessian = solver._hessian.copy()
     assert np.linalg.eigvalsh(hessian)[0] > 0.0
 
@@ -101,7 +109,7 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
         solver._linearise(problem)
         return solver._gradient.copy()
 
-    expected = _central(gradient, np.full(SETTINGS.horizon, 100.0 / scale), 1e-3)
+    expected = _central(gradient, 100.0 / scale, 1e-3)
     np.testing.assert_allclose(hessian, expected, rtol=1e-6, atol=1e-8)
 
 
@@ -114,7 +122,7 @@ def test_exact_hessian_equals_finite_differences_of_the_gradient(
     # and a slip limit below any slip, so that the penalty is smooth too
     problem = random_problem(context, seed)._replace(slip_limit=np.full(4, -1.0))
     solver = _linearised(context, problem, seed)
-    scale = solver._weights[TORQUE_SCALE]
+    scale = solver._scale
     start = solver.torques / scale
     identity = np.eye(SETTINGS.horizon)
     monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
@@ -134,15 +142,20 @@ def test_exact_hessian_equals_finite_differences_of_the_gradient(
 
 def test_cost_is_the_documented_sum(context):
     # nodes without slip: only tracking and rate are left
-    weights = weight_vector(context, SETTINGS)
+    weights, unit = weight_vector(SETTINGS, 0.2), unit_rows(context, SETTINGS)
+    axle = axle_rows(context, unit[UNIT_SHARE])
     torques = np.array([100.0, 300.0])
     nodes = np.zeros((3, 6))
     slip = np.zeros((4, 6))
-    scale, w = weights[TORQUE_SCALE], SETTINGS.weights
-    cost = trajectory_cost(nodes, torques, slip, np.ones(4), 400.0, 50.0, weights)
+    scale, w = unit[TORQUE_SCALE, 0], SETTINGS.weights
+    unit[TARGET], unit[BEFORE], unit[REFERENCE] = 400.0, 50.0, 150.0
+    axle[SLIP_LIMIT] = 1.0
+    cost = trajectory_cost(nodes, torques, slip, axle, unit, weights)
     expected = w.tracking * (300.0**2 + 100.0**2) + w.rate * (50.0**2 + 200.0**2)
+    expected += 0.2 * (50.0**2 + 150.0**2)
     assert cost == pytest.approx(expected / scale**2, rel=1e-12)
-    over = trajectory_cost(nodes, torques, slip, np.array([-0.1, 1, 1, 1]), 400.0, 50.0, weights)
+    axle[SLIP_LIMIT, 0] = -0.1
+    over = trajectory_cost(nodes, torques, slip, axle, unit, weights)
     assert over - cost == pytest.approx(2 * w.slip / 4 * (0.1 / w.slip_scale) ** 2, rel=1e-12)
 
 
@@ -151,9 +164,9 @@ def test_condensing_leaves_no_state_from_call_to_call(context, random_problem):
     solver = _linearised(context, problem, 1)
     first = solver._hessian.copy(), solver._gradient.copy()
     condense(
-        solver._nodes, solver._sensitivity, solver.torques, solver._slip, problem.slip_limit,
-        problem.target, problem.before, solver._weights, solver._hessian, solver._adjoint,
-        solver._row, solver._gradient, solver._influence,
+        solver._nodes, solver._sensitivity, solver.torques, solver._slip, solver._axle,
+        solver._unit, solver._weights, solver._hessian, solver._adjoint, solver._row,
+        solver._gradient, solver._influence,
     )  # fmt: skip
     np.testing.assert_array_equal(solver._hessian, first[0])
     np.testing.assert_array_equal(solver._gradient, first[1])

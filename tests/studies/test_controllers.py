@@ -2,7 +2,7 @@
 
 import pytest
 
-from alloc.onboard.host import TorqueDecision
+from alloc.onboard.host import TorqueDecision, each_unit
 from alloc.plant import compiled
 from studies.controllers import (
     HOSTED,
@@ -29,7 +29,9 @@ class Recorder:
 
 
 def test_built_in_controllers_need_no_factory():
-    assert controller_names() == ["none", "cut-and-ramp", "mpc"]
+    assert controller_names() == [
+        *("none", "cut-and-ramp", "mpc", "mpc-car", "mpc-train", "mpc-train-ideal")
+    ]
     assert host_factories("none") == {}
     rehearse("cut-and-ramp")
 
@@ -44,7 +46,7 @@ def test_an_unknown_controller_is_refused():
 
 
 def test_a_rehearsal_asks_what_a_unit_could_ask(monkeypatch):
-    monkeypatch.setitem(HOSTED, "recorder", lambda: Recorder)
+    monkeypatch.setitem(HOSTED, "recorder", lambda: each_unit(Recorder))
     rehearse("recorder")
     times = [sense.time for _, sense in Recorder.asked]
     assert times == sorted(set(times))

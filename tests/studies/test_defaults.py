@@ -44,3 +44,8 @@ def test_slow_rules_run_when_they_are_asked_for():
 def test_at_least_one_seed_is_needed(seeds):
     with pytest.raises(StudyError, match="--seeds"):
         make_grid([load_scenario("wet-start")], None, None, seeds)
+
+
+def test_the_default_grid_leaves_the_joint_controllers_out():
+    # they take several times as long, and answer another question
+    assert {job.controller for job in default_grid().jobs()} <= {"cut-and-ramp", "mpc"}

@@ -6,6 +6,7 @@ import pytest
 import studies.job
 import studies.runner
 from alloc.metrics import METRICS
+from alloc.onboard.host import each_unit
 from alloc.recording import load
 from studies.controllers import HOSTED
 from studies.errors import StudyError
@@ -134,7 +135,7 @@ def test_a_failed_cell_becomes_a_row_with_its_reason_and_the_rest_goes_on(
     assert table.loc[0, "reason"] == "RuntimeError at broken_controller: no battery"
     run_grid(grid, Store(tmp_path), keep=["*"])
     assert len(runs) == 2
-    monkeypatch.setitem(HOSTED, "mpc", lambda: lambda context: AlwaysIdle())
+    monkeypatch.setitem(HOSTED, "mpc", lambda: each_unit(lambda context: AlwaysIdle()))
     mended = run_grid(grid, Store(tmp_path), retry_failed=True)
     assert mended["status"].tolist() == ["ok", "ok"]
     assert len(runs) == 3

@@ -1,0 +1,163 @@
+"""The compiled model of several cars, put together from that of a car.
+
+On one rigid body cars meet in the speed alone: its rate is the sum of what each car's forces contribute, and everything
+else belongs to one car. Compiling the expression of a whole train takes minutes, that of a car seconds; so the functions
+of a train are loops over its cars, written beside Numba's cache like those of the car.
+"""
+
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from alloc.onboard.host import UnitContext
+from mpc.compiled_model import CompiledModel, Ints, compiled_model
+from mpc.generated import compile_source
+from mpc.unit_model import CONSTANTS, UnitModel, Units, group_of, unit_model, unloading
+
+
+class _Block(NamedTuple):
+    """Consecutive cars that share one model."""
+
+    cell: CompiledModel
+    model: UnitModel
+    cars: int
+    axle: int
+    """Number of its first axle."""
+    unit: int
+    nonzero: int
+    """Place of its first nonzero of the Jacobian."""
+    upper: int
+    transfer: bool
+
+
+_HEADER = '''"""Written by mpc.assembly; do not edit."""
+
+import numpy as np
+from numba import float64, njit, void
+
+from alloc.compilation import FASTMATH
+
+'''
+_GATHER = """
+    x, u = np.empty({n} + 1 + {m}), np.empty({m})
+    p, f = np.empty({size}), np.empty({n} + 1 + {m})
+    for c in range({cars}):
+        a, j = {axle} + c * {n}, {unit} + c * {m}
+        x[0] = state[0]
+        x[1 : 1 + {n}] = state[1 + a : 1 + a + {n}]
+        x[1 + {n} :] = state[1 + {axles} + j : 1 + {axles} + j + {m}]
+        u[:] = torque[j : j + {m}]
+        p[:{n}] = parameters[a : a + {n}]
+        # the body's mass, and its weight on the gradient, count once
+        p[{n}] = parameters[{axles}] if a == 0 else 0.0
+        p[{n} + 1] = parameters[{axles} + 1]
+        for k in range({constants}):
+            first = {axles} + 2 + k * {units} + j
+            p[{n} + 2 + k * {m} : {n} + 2 + (k + 1) * {m}] = parameters[first : first + {m}]
+        curve = {axles} + 2 + {constants} * {units}
+        rest = {n} + 2 + {constants} * {m}
+        p[rest : rest + 6] = parameters[curve : curve + 6]
+        if {transfer}:
+            p[rest + 6 :] = parameters[curve + 6 + a : curve + 6 + a + {n}]
+"""
+_SCATTER = """
+        slopes[0] += f[0]
+        slopes[1 + a : 1 + a + {n}] = f[1 : 1 + {n}]
+        slopes[1 + {axles} + j : 1 + {axles} + j + {m}] = f[1 + {n} :]
+"""
+_SLOPE = "        slope_{b}(x, u, p, f)" + _SCATTER
+_RATE = (
+    "        e = {nonzero} + c * {nonzeros}\n"
+    "        rate_{b}(x, u, p, f, nonzeros[e : e + {nonzeros}])" + _SCATTER
+)
+_CURVATURE = """        e = {upper} + c * {uppers}
+        f[0] = weights[0]
+        f[1 : 1 + {n}] = weights[1 + a : 1 + a + {n}]
+        f[1 + {n} :] = weights[1 + {axles} + j : 1 + {axles} + j + {m}]
+        curvature_{b}(x, u, p, f, nonzeros[e : e + {uppers}])
+"""
+_FUNCTIONS = (
+    ("slope", ("slopes",), _SLOPE),
+    ("rate", ("slopes", "nonzeros"), _RATE),
+    ("curvature", ("weights", "nonzeros"), _CURVATURE),
+)
+
+
+def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
+    cars = [list(members) for _, members in groupby(group, key=lambda context: context.car)]
+    models = [unit_model(members) for members in cars]
+    blocks: list[_Block] = []
+    axle = unit = nonzero = upper = first = 0
+    for _, alike in groupby(models, key=id):
+        run = list(alike)
+        model, count = run[0], len(run)
+        cell = compiled_model(model, code)
+        transfer = bool(unloading(cars[first]).any())
+        blocks.append(_Block(cell, model, count, axle, unit, nonzero, upper, transfer))
+        axle, unit = axle + count * model.axles, unit + count * model.units
+        nonzero, upper = nonzero + count * cell.row.size, upper + count * cell.upper_row.size
+        first += count
+    return blocks
+
+
+def _source(blocks: list[_Block], axles: int, units: int) -> str:
+    text = _HEADER
+    for b, block in enumerate(blocks):
+        names = ", ".join(f"{name} as {name}_{b}" for name, _, _ in _FUNCTIONS)
+        text += f"from {block.cell.slope.__module__} import {names}\n"
+    for name, outputs, body in _FUNCTIONS:
+        arguments = ["state", "torque", "parameters", *outputs]
+        signature = ", ".join(["float64[::1]"] * len(arguments))
+        text += (
+            f'\n\n@njit(void({signature}), cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)\n'
+            f"def {name}({', '.join(arguments)}):\n"
+        )
+        text += "    slopes[0] = 0.0\n" if "slopes" in outputs else ""
+        for b, block in enumerate(blocks):
+            text += (_GATHER + body).format(
+                b=b, n=block.model.axles, m=block.model.units, size=block.model.parameters.numel(),
+                cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
+                constants=len(CONSTANTS), transfer=block.transfer, nonzero=block.nonzero,
+                nonzeros=block.cell.row.size, upper=block.upper,
+                uppers=block.cell.upper_row.size,
+            )  # fmt: skip
+    return text
+
+
+def _places(blocks: list[_Block], field: str, axles: int, units: int) -> Ints:
+    """Rows or columns `field` of the cars' nonzeros as those of the whole; places may come twice, values add up."""
+    found = []
+    for block in blocks:
+        n, m = block.model.axles, block.model.units
+        local = getattr(block.cell, field)
+        for c in range(block.cars):
+            axle, unit = block.axle + c * n, block.unit + c * m
+            whole = np.concatenate(
+                [
+                    [0],
+                    1 + axle + np.arange(n),
+                    1 + axles + unit + np.arange(m),
+                    1 + axles + units + unit + np.arange(m),
+                ]
+            )
+            found.append(whole[local])
+    return np.concatenate(found)
+
+
+def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
+    """Compiled model of a unit or a group; that of one car is the expression's own, that of more is put together.
+
+    `code` as for `compiled_model`.
+    """
+    group = group_of(units)
+    if len({context.car for context in group}) == 1:
+        return compiled_model(unit_model(units), code)
+    blocks = _blocks(group, code)
+    axles = sum(context.axles for context in group)
+    made = compile_source(_source(blocks, axles, len(group)))
+    places = [
+        _places(blocks, field, axles, len(group))
+        for field in ("row", "column", "upper_row", "upper_column")
+    ]
+    return CompiledModel(made.slope, made.rate, made.curvature, *places)

@@ -1,0 +1,185 @@
+"""The model of a group is the plant with one body, and its compiled form is its expression."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from alloc.onboard import Belief, Onboard
+from alloc.onboard.equipment import equipment
+from alloc.onboard.host import unit_contexts
+from alloc.plant import compiled
+from alloc.plant.adhesion import POLACH_WET
+from alloc.plant.array_model import environment_at
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.train import Car, Motors, TorqueLimit, Train
+from mpc.assembly import compiled_group
+from mpc.compiled_model import symbolic_functions
+from mpc.condensing import trajectory_cost
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.shooting import simulate
+from mpc.unit_model import parameters, substeps, unit_model
+from tests.mpc.groups import problem, small_cars, unit
+
+PERIOD = 0.01
+SHORT = MpcSettings(horizon=5, exact_hessian=True)
+
+
+def _plant(cars, inverters):
+    limit = TorqueLimit(5000.0, 1e9)
+    one = [
+        Car(
+            f"car {c}", 20.0, 36e3 + 4e3 * c, 0.0, (2.0, 4.1, 15.9, 18.0), (0, 0, 1, 1), 0.43,
+            (155.0,) * 4, (True,) * 4, Motors(inverters, 7.07, limit, limit, 0.02),
+        )
+        for c in range(cars)
+    ]  # fmt: skip
+    increments = tuple(np.linspace(-0.03, 0.03, 4 * cars))
+    return build(Train("cars", tuple(one), load_transfer=True), Rail(0.15, increments=increments))
+
+
+@pytest.mark.parametrize(("cars", "inverters"), [(2, "1C4M"), (1, "1C1M"), (2, "1C2M")])
+def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
+    plant = _plant(cars, inverters)
+    onboard = Onboard(belief=Belief())
+    group = unit_contexts(plant, equipment(plant, onboard), onboard)
+    assert sorted({context.car for context in group}) == list(range(cars))
+    n, rng = plant.layout, np.random.default_rng(2)
+    state = plant.initial_state(12.0)
+    state[n.omega, 0] += rng.uniform(0.0, 0.2, n.axles) / 0.43
+    state[n.torque, 0] = rng.uniform(200.0, 600.0, n.units)
+    command = rng.uniform(300.0, 700.0, n.units)
+    peak = environment_at(plant, 0.0, state).peak[:, 0]
+    pick = np.r_[n.speed, n.omega, n.torque]
+    count = substeps(group, PERIOD)
+    predict = unit_model(group).step_function(PERIOD, count)
+    before = state[pick, 0].copy()
+    predicted = np.asarray(predict(before, command, parameters(group, peak))).ravel()
+    # the factors of load transfer are the last of the parameters
+    factors = np.concatenate([np.ones(n.axles + 8 + 5 * len(group)), np.zeros(n.axles)])
+    constant = predict(before, command, parameters(group, peak) * factors)
+    inputs = plant.zero_inputs()
+    inputs.torque_command[:, 0] = command
+    compiled.advance(
+        plant.structure, plant.environment, compiled.rows(n), 0.0, PERIOD / count, count, state,
+        inputs, compiled.workspace(plant, PERIOD / count),
+    )  # fmt: skip
+    np.testing.assert_allclose(predicted, state[pick, 0], rtol=1e-11)
+    assert np.abs(np.asarray(constant).ravel() - predicted).max() > 1e-3, (
+        "load transfer must matter here"
+    )
+
+
+def _dense(function, places, shape):
+    whole = np.zeros(shape)
+    np.add.at(whole, places, function)
+    return whole
+
+
+# the second kind of train ends with a car of another shape
+@pytest.mark.parametrize("tail", [[], [unit(4, 2, 2, (0.1, -0.1))]], ids=["alike", "unlike"])
+def test_assembled_functions_equal_the_whole_expression(tail):
+    group = [*small_cars(2), *tail]
+    model, made = unit_model(group), compiled_group(group)
+    symbolic = symbolic_functions(model)
+    width, states = model.states + model.units, model.states
+    weights = np.random.default_rng(0).standard_normal(states)
+    for seed in range(4):
+        data = problem(group, seed)
+        inputs = [data.state, np.asarray(data.target), data.parameters]
+        slopes, again = np.full(states, np.nan), np.full(states, np.nan)
+        jacobian, hessian = np.full(made.row.size, np.nan), np.full(made.upper_row.size, np.nan)
+        made.slope(*inputs, slopes)
+        made.rate(*inputs, again, jacobian)
+        made.curvature(*inputs, weights, hessian)
+        f, j = symbolic["rate"].call(inputs)
+        h = symbolic["curvature"].call([*inputs, weights])[0]
+        np.testing.assert_array_equal(slopes, again)
+        np.testing.assert_allclose(slopes, np.asarray(f).ravel(), rtol=1e-10, atol=1e-9)
+        for values, places, shape, wanted in (
+            (jacobian, (made.row, made.column), (states, width), j),
+            (hessian, (made.upper_row, made.upper_column), (width, width), h),
+        ):
+            wanted = np.asarray(cs.DM(wanted))
+            scale = np.abs(wanted).max()
+            np.testing.assert_allclose(
+                _dense(values, places, shape), wanted, rtol=1e-9, atol=1e-12 * scale
+            )
+
+
+def _central(function, x, width):
+    columns = []
+    for k in range(x.size):
+        ahead, behind = x.copy(), x.copy()
+        ahead[k] += width
+        behind[k] -= width
+        columns.append((function(ahead) - function(behind)) / (2.0 * width))
+    return np.stack(columns, axis=-1)
+
+
+def _linearised(group, data, seed):
+    solver = RealTimeIteration(group, SHORT, 0.05)
+    solver.torques[:] = np.random.default_rng(seed).uniform(100.0, 800.0, solver.torques.size)
+    solver._linearise(data)
+    return solver
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("group", [small_cars(1), small_cars(2)], ids=["car", "train"])
+def test_gradient_equals_finite_differences_of_the_cost(group, seed):
+    data = problem(group, seed)
+    solver = _linearised(group, data, seed)
+
+    def cost(scaled):
+        nodes = np.zeros_like(solver._nodes)
+        nodes[0] = data.state
+        simulate(
+            solver._model.slope, scaled * solver._scale, data.parameters, solver._small_step,
+            solver._substeps, nodes, solver._rows,
+        )  # fmt: skip
+        return trajectory_cost(
+            nodes, scaled * solver._scale, solver._slip, solver._axle, solver._unit, solver._weights
+        )
+
+    expected = _central(cost, solver.torques / solver._scale, 1e-5)
+    assert np.abs(expected).max() > 0.1
+    np.testing.assert_allclose(solver._gradient, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_exact_hessian_equals_finite_differences_of_the_gradient(monkeypatch):
+    # Polach's curve is smooth, and a slip limit below any slip makes the penalty smooth too
+    group = small_cars(1, POLACH_WET)
+    data = problem(group, 1)._replace(slip_limit=np.full(2, -1.0))
+    solver = _linearised(group, data, 1)
+    start, identity = solver.torques / solver._scale, np.eye(solver.torques.size)
+    monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
+    gauss_newton = solver._hessian.copy()
+    solver._make_exact(data)
+    hessian = solver._hessian.copy()
+
+    def gradient(scaled):
+        solver.torques[:] = scaled * solver._scale
+        solver._linearise(data)
+        return solver._gradient.copy()
+
+    expected = _central(gradient, start, 1e-5)
+    assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
+    np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+
+
+def test_a_group_of_one_is_the_unit(context, random_problem):
+    # through the expression with load transfer, whose factors are next to nothing
+    alone = RealTimeIteration(context, MpcSettings())
+    factors = (1e-12, 0.0, 0.0, -1e-12)
+    group = [type(context)(**{**vars(context), "unloading": factors})]
+    grouped = RealTimeIteration(group, MpcSettings(), 1e-12)
+    for seed in range(6):
+        data = random_problem(context, seed)
+        longer = data._replace(parameters=np.concatenate([data.parameters, factors]))
+        alone.restart(data.before)
+        grouped.restart(data.before)
+        for _ in range(3):
+            one, same = alone.solve(data), grouped.solve(longer)
+            assert same.cost == pytest.approx(one.cost, rel=1e-8)
+            np.testing.assert_allclose(same.torques, one.torques, atol=1e-4)
