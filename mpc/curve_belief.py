@@ -170,12 +170,15 @@ def _update(
     if news:
         for k in range(sums.size):
             total[k] = sums[k]
+        highest = 0.0
+        for i in range(told.size):
+            highest = max(highest, told[i])
         for i in range(slips.size):
             if most[i] > 0.0:
                 # a belief that has only been rising since is no better than the first, nor than its neighbours'
                 supposed = min(peak[i], initial)
-                if told.max() > 0.0:
-                    supposed = min(supposed, told.max())
+                if highest > 0.0:
+                    supposed = min(supposed, highest)
                 supposed = max(most[i], supposed)
                 _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, offset, total)
     return news

@@ -4,6 +4,7 @@ import pytest
 
 from alloc.onboard.host import TorqueDecision, each_unit
 from alloc.plant import compiled
+from alloc.simulation import CONTROLLERS
 from studies.controllers import (
     HOSTED,
     controller_names,
@@ -29,9 +30,7 @@ class Recorder:
 
 
 def test_built_in_controllers_need_no_factory():
-    assert controller_names() == [
-        *("none", "cut-and-ramp", "mpc", "mpc-car", "mpc-train", "mpc-train-ideal")
-    ]
+    assert controller_names() == [*CONTROLLERS, "mpc", "mpc-car", "mpc-train", "mpc-train-ideal"]
     assert host_factories("none") == {}
     rehearse("cut-and-ramp")
 
