@@ -2,40 +2,63 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve
+from mpc.group_settings import GroupSettings
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, substeps, torque_per_coefficient, unit_model
+from mpc.unit_model import (
+    Units,
+    group_of,
+    parameters,
+    substeps,
+    torque_per_coefficient,
+    unit_model,
+)
 
 HORIZON = 20
+CURVE = PiecewiseCurve()
+RADIUS = 0.43
+EVENNESS = GroupSettings().evenness
 SPREAD = np.array([0.118, 0.12, 0.122, 0.125])
 """Peak coefficients of up to four axles."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A unit to time; `iteration` makes the solver under test from context and settings."""
+    """A unit to time, or a car whose axles are `units` of their own; `iteration` makes the solver under test."""
 
     name: str
     axles: int
-    iteration: Callable[[UnitContext, MpcSettings], Any] = RealTimeIteration
+    units: int = 1
+    iteration: Callable[[Units, MpcSettings], Any] = RealTimeIteration
     peers: tuple[str, ...] = ("ipopt", "fatrop", "acados")
     """Solvers that can take the case's problems."""
     least_speed_up: tuple[float, float] = (20.0, 40.0)
     """Over warm ipopt, in medians, with the model compiled by Numba and from C."""
 
     @property
-    def context(self) -> UnitContext:
-        return UnitContext(
-            unit=0, axles=self.axles, radius=0.43, inertia=155.0, gear_ratio=7.07, axle_load=78e3,
-            mass=13.75e3 * self.axles, torque_lag=5e-3, curve=PiecewiseCurve(), period=0.01,
+    def context(self) -> Units:
+        each = self.axles // self.units
+        units = tuple(
+            UnitContext(
+                unit=k, axles=each, radius=RADIUS, inertia=155.0, gear_ratio=7.07, axle_load=78e3,
+                mass=13.75e3 * each, torque_lag=5e-3, curve=CURVE, period=0.01,
+            )
+            for k in range(self.units)
         )  # fmt: skip
+        return units if self.units > 1 else units[0]
+
+    @property
+    def even(self) -> float:
+        """Weight that makes the split of a total unique."""
+        return EVENNESS if self.units > 1 else 0.0
 
     def problems(
         self,
@@ -53,16 +76,23 @@ class Case:
         context, settings = self.context, MpcSettings(horizon=HORIZON, iterations=1)
         constants = parameters(context, peak)
         step = unit_model(context).step_function(settings.step, substeps(context, settings.step))
-        state = np.array([speed, *[(speed + slip) / context.radius] * self.axles, 600.0])
-        solver, torque, made = self.iteration(context, settings), 600.0, []
+        m = self.units
+        state = np.array([speed, *[(speed + slip) / RADIUS] * self.axles, *[600.0] * m])
+        solver, torque, made = self.iteration(context, settings), self._each(600.0), []
         solver.restart(torque)
-        limit = context.curve.limit(np.broadcast_to(peak, self.axles), speed)[1]
+        limit = CURVE.limit(np.broadcast_to(peak, self.axles), speed)[1]
+        wanted, most = self._each(target), self._each(upper)
         for _ in range(number):
-            made.append(HorizonProblem(state, constants, limit, target, torque, upper))
+            made.append(HorizonProblem(state, constants, limit, wanted, torque, most, wanted))
             solver.shift()
-            torque = float(solver.solve(made[-1]).torques[0])
+            torques = solver.solve(made[-1]).torques
+            torque = torques[:m].copy() if m > 1 else float(torques[0])
             state = np.asarray(step(state, torque, constants)).ravel()
         return made
+
+    def _each(self, value: float) -> float | np.ndarray:
+        """The same value for each unit; a plain number where there is one, as solvers of one torque take it."""
+        return np.full(self.units, value) if self.units > 1 else value
 
     def readhesion(self) -> list[HorizonProblem]:
         """A second of it: wheels at 0.3 m/s of slip, more torque wanted than the rail carries."""
@@ -74,7 +104,7 @@ class Case:
         Bounds as in `MpcController`.
         """
         rng, context, pairs = np.random.default_rng(1), self.context, []
-        carried = torque_per_coefficient(context)
+        carried = torque_per_coefficient(group_of(context)[0])
         for _ in range(number):
             speed, target = rng.uniform(4.0, 25.0), rng.uniform(900.0, 1200.0)
             low = SPREAD[: self.axles]
@@ -83,8 +113,8 @@ class Case:
             before = self.problems(high, speed, target, high_bound, 0.01, 60)[-1]
             after = before._replace(
                 parameters=parameters(context, low),
-                slip_limit=context.curve.limit(low, before.state[0])[1],
-                upper=low_bound,
+                slip_limit=CURVE.limit(low, before.state[0])[1],
+                upper=self._each(low_bound),
             )
             pairs.append((before, after))
         return pairs
@@ -94,5 +124,8 @@ class Case:
 CASES = [
     Case("one axle, one torque", 1, least_speed_up=(20.0, 20.0)),
     Case("four axles, one torque", 4),
+    Case(
+        "four axles, four torques", 4, 4, partial(RealTimeIteration, evenness=EVENNESS), ("ipopt",)
+    ),
 ]
 """Anything with the attributes of `Case` may join."""
