@@ -44,7 +44,7 @@ class Search(NamedTuple):
     """What a unit needed to find adhesion again in one episode."""
 
     time: float
-    """From the loss until the used share stays above `FOUND` [s], 0 where it was not lost, the rest where it was not found."""
+    """From the loss until the used share stays above `FOUND` [s]; 0 where it was not lost, the rest where not found."""
     finished: bool
 
 
@@ -124,13 +124,16 @@ def search_time(run: xr.Dataset) -> float:
     """Mean over the episodes of shortage [s]; nan where there are none.
 
     A search starts when the used coefficient falls below `FOUND` of what the rail offers and ends when it has come back
-    for `STAY` at least. One that adhesion's return, its next drop or the run's end cuts off counts until then: a lower bound.
+    for `STAY` at least. One that is cut off, by adhesion's return, its next drop or the run's end, counts until then: a
+    lower bound.
     """
     times = [search.time for search in searches(run)]
     return float(np.mean(times)) if times else float("nan")
 
 
-@metric("unfinished_searches", "1", "share of the searches for adhesion that found none in time", -1)
+@metric(
+    "unfinished_searches", "1", "share of the searches for adhesion that found none in time", -1
+)
 def unfinished_searches(run: xr.Dataset) -> float:
     """Share of the episodes of shortage in which adhesion was lost and not found again."""
     unfinished = [not search.finished for search in searches(run)]

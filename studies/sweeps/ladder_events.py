@@ -22,9 +22,9 @@ TRAINS: dict[str, tuple[str, dict[str, Any]]] = {
 
 QUANTITIES: dict[str, Quantity] = {
     "train": Quantity(
-        "one of three, equally likely",
+        "each of three in its turn",
         "one torque for four axles, one for each, and one for each of a locomotive that couplers shake",
-        lambda g, _: str(g.choice(list(TRAINS))),
+        lambda _, d: list(TRAINS)[d["number"] % len(TRAINS)],
     ),
     "curve": Quantity(
         "piecewise in half, else Polach's of wet rail",
@@ -50,7 +50,9 @@ QUANTITIES: dict[str, Quantity] = {
         "uniform, 2.5 ... 4.0 s", "after the torque is up", lambda g, _: float(g.uniform(2.5, 4.0))
     ),
     "drop_length_s": Quantity(
-        "uniform, 3.0 ... 5.0 s", "long enough for a search", lambda g, _: float(g.uniform(3.0, 5.0))
+        "uniform, 3.0 ... 5.0 s",
+        "long enough for a search",
+        lambda g, _: float(g.uniform(3.0, 5.0)),
     ),
     "scatter": Quantity(
         "0 in 40 %, else uniform, 0.002 ... 0.008, correlated over 20 m",
@@ -79,7 +81,7 @@ QUANTITIES: dict[str, Quantity] = {
 def draw(seed: int, k: int) -> dict[str, Any]:
     """The quantities of event `k`, from `seed` and `k` alone."""
     generator = np.random.default_rng([seed, k, 7])
-    drawn: dict[str, Any] = {}
+    drawn: dict[str, Any] = {"number": k}
     for name, quantity in QUANTITIES.items():
         drawn[name] = quantity.draw(generator, drawn)
     return drawn
@@ -93,7 +95,9 @@ def event_name(seed: int, k: int) -> str:
 def polach_level(adhesion: float) -> float:
     """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`."""
     level = adhesion
-    for _ in range(20):  # the peak grows a little less than in proportion: a few repetitions meet it
+    for _ in range(
+        20
+    ):  # the peak grows a little less than in proportion: a few repetitions meet it
         level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED)[0])
     return level
 

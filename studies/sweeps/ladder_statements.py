@@ -1,4 +1,4 @@
-"""What the ladder says: published yardsticks, each rung against the one below, and the weaknesses that searching is said to have."""
+"""What the ladder says: published yardsticks, each rung against the one below, and the weaknesses ascribed to searching."""
 
 from itertools import pairwise
 
@@ -11,6 +11,9 @@ LADDER = (
     "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",
 )  # fmt: skip
 """Controllers from the simplest on."""
+HOSTED_RUNG = "mpc"
+"""The one that does not meet every event."""
+LOCOMOTIVE = "locomotive and wagons"
 SEARCHING = ("perturb-observe", "steepest-gradient")
 """Creep controllers that look for the peak; pi-creep is the same loop without search."""
 YARDSTICKS = {
@@ -36,7 +39,7 @@ METRICS = {
 PARTS: dict[str, Part] = {
     "one inverter per car": lambda e: e["train"] == "one inverter per car",
     "one inverter per axle": lambda e: e["train"] == "one inverter per axle",
-    "a locomotive without free axle": lambda e: e["train"] == "locomotive and wagons",
+    "a locomotive without free axle": lambda e: e["train"] == LOCOMOTIVE,
     "a narrow peak (piecewise)": lambda e: e["curve"] == "piecewise",
     "a wide peak (Polach)": lambda e: e["curve"] == "polach",
     "even rail": lambda e: (e["scatter"] == 0.0) & (e["patch_factor"] == 1.0),
@@ -46,7 +49,7 @@ PARTS: dict[str, Part] = {
 
 
 def ladder_statements(table: pd.DataFrame) -> list[Statement]:
-    """Statements on a table of `studies.sweeps.ladder`, of events in which all controllers succeeded."""
+    """Statements on a table of `studies.sweeps.ladder`, of events in which no controller failed."""
     events = paired(table)
     return [
         *(_yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
@@ -80,7 +83,9 @@ def _percent(interval: Interval) -> str:
 
 
 def _seconds(interval: Interval) -> str:
-    return f"{interval.value:.2f} s [{interval.low:.2f}, {interval.high:.2f}] (n = {interval.count})"
+    return (
+        f"{interval.value:.2f} s [{interval.low:.2f}, {interval.high:.2f}] (n = {interval.count})"
+    )
 
 
 def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
@@ -152,17 +157,20 @@ def _restless(events: pd.DataFrame, name: str) -> Statement:
 def _misled(events: pd.DataFrame, name: str) -> Statement:
     changing, still = f"wrong_steps_changing@{name}", f"wrong_steps_still@{name}"
     test = Test(lambda e: (e[changing] - e[still]).astype(float))
-    verdict, _, conditions = judge(events, test, PARTS, _percent)
+    # without a free axle slip is not known, and no step can be called an answer to another
+    free = events[events["train"] != LOCOMOTIVE]
+    verdict, whole, conditions = judge(free, test, PARTS, _percent)
     return Statement(
         f"misled: {name}",
         f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
         verdict,
         {
-            "share of steps away from the peak, rail changing": mean_interval(events[changing]),
-            "share of steps away from the peak, rail still": mean_interval(events[still]),
-            "difference": test.interval(events),
+            "share of steps away from the peak, rail changing": mean_interval(free[changing]),
+            "share of steps away from the peak, rail still": mean_interval(free[still]),
+            "difference": whole,
         },
         conditions,
-        "steps of the mean slip over 0.3 s, of units off the peak by 30 %; the rail changes by 1 % or more; "
+        "steps of the mean slip over 0.3 s, of units off the peak by 30 %; the rail changes by 1 % or more; trains "
+        "with a free axle; "
         f"paired by event, Student's t, {CONFIDENCE:.0%}",
     )
