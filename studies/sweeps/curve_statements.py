@@ -18,9 +18,9 @@ from studies.sweeps.verdict import LEAST_EVENTS
 
 CURVES: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},
-    "piecewise, flat": {"kind": "piecewise", "macro_slope": 1e-3, "residual_ratio": 0.99},
+    "flat piecewise": {"kind": "piecewise", "macro_slope": 1e-3, "residual_ratio": 0.99},
     "Polach wet": {"kind": "polach"},
-    "slip ratio, flat": {"kind": "slip-ratio", "peak_slip_ratio": 0.05, "residual_ratio": 1.0},
+    "flat slip ratio": {"kind": "slip-ratio", "peak_slip_ratio": 0.05, "residual_ratio": 1.0},
 }
 """Name -> keys of `[rail.curve]`: that of every other study first, the others with a wide peak or no fall beyond it."""
 BASE = "piecewise"

@@ -13,7 +13,7 @@ from studies.runner import run_jobs
 from studies.scenario import Scenario
 from studies.store import Store
 from studies.sweeps.curve_statements import CURVES, RULES, curve_statements
-from studies.sweeps.events import DURATION, event_name
+from studies.sweeps.events import DURATION, draw, event_name
 from studies.sweeps.events import scenario as claim_event
 from studies.sweeps.ladder_events import polach_level
 from studies.sweeps.measures import measure
@@ -61,7 +61,8 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
     base = claim_event(seed, k, duration)
     rail: dict[str, Any] = base.rail.model_dump() | {"curve": CURVES[curve]}
     if CURVES[curve]["kind"] == "polach":  # its level is the friction coefficient, above the peak
-        rail["level"] = polach_level(rail["level"])
+        adhesion = draw(seed, k)["level"]  # "level" may be a factor on a law of speed
+        rail["level"] *= polach_level(adhesion) / adhesion
     belief = base.belief.model_dump() | {"curve": {"kind": "piecewise"}}
     return base.changed(name=name_of(seed, k, curve), rail=rail, belief=belief)
 

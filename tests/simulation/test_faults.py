@@ -1,4 +1,4 @@
-"""Faults: signals, telegrams, solvers and controllers that fail. The train goes on, falls back as stated, and counts each."""
+"""Faults of signals, telegrams, solvers and controllers: the train goes on, falls back as stated, and counts each."""
 
 import math
 from dataclasses import replace

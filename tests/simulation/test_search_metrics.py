@@ -8,7 +8,7 @@ from alloc.metrics import METRICS
 from alloc.metrics.search import FOUND, STAY, Search, episodes, searches, shortage, unit_shares
 
 PERIOD = 0.01
-TIME = PERIOD * np.arange(1000)
+times = PERIOD * np.arange(1000)
 PLAN = 0.16
 LOAD, GEAR, RADIUS = 1e5, 7.0, 0.5
 TO_TORQUE = LOAD * RADIUS / GEAR
@@ -16,24 +16,24 @@ TO_TORQUE = LOAD * RADIUS / GEAR
 
 def run(used, available=0.10, asked=PLAN, command=None, axles=1):
     """One unit of `axles` axles: used share of what is available over time, coefficients available and asked for."""
-    one = np.ones((TIME.size, axles))
-    used, available, asked = (np.broadcast_to(v, TIME.shape) for v in (used, available, asked))
+    one = np.ones((times.size, axles))
+    used, available, asked = (np.broadcast_to(v, times.shape) for v in (used, available, asked))
     command = asked * TO_TORQUE if command is None else command
     data = {
-        "driver_command": ("time", np.full(TIME.size, 0.8)),
-        "expected": ("time", np.full(TIME.size, PLAN)),
+        "driver_command": ("time", np.full(times.size, 0.8)),
+        "expected": ("time", np.full(times.size, PLAN)),
         "rail_force": (("time", "axle"), one * (used * available * LOAD)[:, None]),
         "axle_load": (("time", "axle"), one * LOAD),
         "adhesion_limit": (("time", "axle"), one * available[:, None]),
         "torque_target": (("time", "unit"), (asked * TO_TORQUE)[:, None]),
         "torque_command": (("time", "unit"), np.asarray(command)[:, None]),
-        "air_brake_force": (("time", "unit"), np.zeros((TIME.size, 1))),
+        "air_brake_force": (("time", "unit"), np.zeros((times.size, 1))),
         "axle_unit": ("axle", np.zeros(axles, dtype=int)),
         "unit_static_load": ("unit", [axles * LOAD]),
         "unit_gear": ("unit", [GEAR]),
         "unit_radius": ("unit", [RADIUS]),
     }
-    return xr.Dataset(data, coords={"time": TIME})
+    return xr.Dataset(data, coords={"time": times})
 
 
 def metric(name, recorded):
@@ -41,7 +41,7 @@ def metric(name, recorded):
 
 
 def between(low, high, inside, outside):
-    return np.where((TIME >= low) & (TIME < high), inside, outside)
+    return np.where((times >= low) & (times < high), inside, outside)
 
 
 def test_shares_are_the_coefficients_that_went_in():
@@ -74,12 +74,12 @@ def test_a_search_lasts_from_the_loss_to_the_return():
 
 def test_a_return_too_short_to_stay_does_not_end_it():
     used = between(2.0, 3.0, 0.7, 0.97)
-    used = np.where((TIME >= 3.0 + 0.8 * STAY) & (TIME < 5.0), 0.8, used)
+    used = np.where((times >= 3.0 + 0.8 * STAY) & (times < 5.0), 0.8, used)
     assert searches(run(used))[0].time == pytest.approx(3.0)
 
 
 def test_what_is_not_found_counts_until_the_end_and_as_unfinished():
-    recorded = run(np.where(TIME < 4.0, 0.95, 0.5))
+    recorded = run(np.where(times < 4.0, 0.95, 0.5))
     (search,) = searches(recorded)
     assert not search.finished
     assert search.time == pytest.approx(6.0)
@@ -87,7 +87,7 @@ def test_what_is_not_found_counts_until_the_end_and_as_unfinished():
 
 
 def test_a_drop_starts_a_search_anew():
-    recorded = run(between(5.0, 6.0, 0.6, 0.95), available=np.where(TIME < 5.0, 0.12, 0.08))
+    recorded = run(between(5.0, 6.0, 0.6, 0.95), available=np.where(times < 5.0, 0.12, 0.08))
     assert [e.start for e in episodes(recorded)] == [0, 500]
     assert [s.time for s in searches(recorded)] == [0.0, pytest.approx(1.0)]
 
@@ -101,20 +101,20 @@ def test_shortages_apart_are_episodes_of_their_own_and_short_gaps_are_bridged():
 
 
 def test_use_is_counted_only_where_adhesion_is_short():
-    recorded = run(between(0.0, 5.0, 0.9, 0.5), available=np.where(TIME < 5.0, 0.10, 0.20))
+    recorded = run(between(0.0, 5.0, 0.9, 0.5), available=np.where(times < 5.0, 0.10, 0.20))
     assert metric("utilisation_short", recorded) == pytest.approx(0.9)
 
 
 def test_a_constant_torque_does_not_fluctuate_and_a_slow_one_hardly():
     assert metric("torque_fluctuation", run(0.9)) == pytest.approx(0.0, abs=1e-12)
-    ramp = TO_TORQUE * PLAN * TIME / TIME[-1]
+    ramp = TO_TORQUE * PLAN * times / times[-1]
     # a ramp is its own moving mean but at its ends
     assert metric("torque_fluctuation", run(0.9, command=ramp)) < 0.005
 
 
 @pytest.mark.parametrize("amplitude", [0.05, 0.2])
 def test_a_fast_oscillation_fluctuates_by_its_rms(amplitude):
-    command = TO_TORQUE * PLAN * (1.0 + amplitude * np.sin(2 * np.pi * 5.0 * TIME))
+    command = TO_TORQUE * PLAN * (1.0 + amplitude * np.sin(2 * np.pi * 5.0 * times))
     found = metric("torque_fluctuation", run(0.9, command=command))
     assert found == pytest.approx(amplitude / np.sqrt(2), rel=0.02)
 

@@ -15,6 +15,7 @@ import alloc.rules.qp
 from alloc.metrics import METRICS
 from alloc.recording import load
 from alloc.rules import RULES
+from studies.controllers import controller_names
 from studies.scenario import shipped_scenarios
 from studies.store import Store
 
@@ -125,7 +126,7 @@ def test_everything_that_can_be_chosen_is_listed(call):
     assert code == 0
     assert list(content["scenarios"]) == shipped_scenarios()
     assert list(content["rules"]) == list(RULES)
-    assert list(content["controllers"]) == ["none", "cut-and-ramp", "mpc"]
+    assert list(content["controllers"]) == controller_names()
     assert "[kJ]" in content["metrics"]["damage"]
     assert all(meaning for kind in content.values() for meaning in kind.values())
     _, printed, _ = call("list")

@@ -3,6 +3,7 @@
 import pytest
 
 from alloc.onboard.host import TorqueDecision
+from alloc.onboard.readhesion import CONTROLLERS
 from alloc.plant import compiled
 from studies.controllers import (
     HOSTED,
@@ -29,7 +30,7 @@ class Recorder:
 
 
 def test_built_in_controllers_need_no_factory():
-    assert controller_names() == ["none", "cut-and-ramp", "mpc"]
+    assert controller_names() == [*CONTROLLERS, "mpc"]
     assert host_factories("none") == {}
     rehearse("cut-and-ramp")
 
