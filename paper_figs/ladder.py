@@ -23,7 +23,7 @@ PANELS = (
     ("torque_fluctuation", "torque fluctuation\nover plan [%]", 100.0, False),
     ("slip_time", "slip, summed\nover axles [s]", 1.0, False),
     ("damage", "wheel damage Q\n[kJ]", 1.0, True),
-    ("jerk_rms", "jerk rms\n[m/s³]", 1.0, True),
+    ("jerk_rms", "jerk rms\n[m/s³]", 1.0, False),
 )
 """Metric, label, factor to the label's unit, whether the axis is logarithmic."""
 

@@ -19,8 +19,9 @@ DESCRIPTION = (
     "readhesion controllers from none to MPC: adhesion used, search time, fluctuation, slip, damage"
 )
 DEFAULT_EVENTS = 30
-EVENTS_PER_MPC = 2
-"""Every so many events the MPC runs too: one of its runs takes as long as ten of the others."""
+BLOCK = 6
+"""Events in which every train meets every curve once. The MPC, whose runs take as long as ten of the others, meets every
+second block."""
 RULE = "alone"
 """No unit hears of another: what a run yields is its readhesion controller's doing."""
 
@@ -52,7 +53,7 @@ def run(
 
 def controllers_of(k: int) -> tuple[str, ...]:
     """Controllers that meet event `k`."""
-    return LADDER if k % EVENTS_PER_MPC == 0 else tuple(c for c in LADDER if c != HOSTED_RUNG)
+    return LADDER if k // BLOCK % 2 == 0 else tuple(c for c in LADDER if c != HOSTED_RUNG)
 
 
 def stored(folder: Path, seed: int = 0) -> int:

@@ -27,9 +27,9 @@ QUANTITIES: dict[str, Quantity] = {
         lambda _, d: list(TRAINS)[d["number"] % len(TRAINS)],
     ),
     "curve": Quantity(
-        "piecewise in half, else Polach's of wet rail",
+        "piecewise and Polach's of wet rail, each for three events in its turn",
         "a peak at 0.05 m/s with a fall behind it, and one at 0.2 ... 0.6 m/s, wide and moving with speed",
-        lambda g, _: str(g.choice(["piecewise", "polach"])),
+        lambda _, d: ("piecewise", "polach")[d["number"] // len(TRAINS) % 2],
     ),
     "residual_ratio": Quantity(
         "uniform, 0.5 ... 0.9 of the peak at infinite slip (piecewise only)",

@@ -56,10 +56,15 @@ def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     assert ladder.stored(folder, seed=1) == 0
 
 
-def test_an_event_follows_from_its_number_and_trains_take_turns():
+def test_an_event_follows_from_its_number_and_trains_and_curves_take_turns():
     assert draw(0, 5) == draw(0, 5)
     assert draw(0, 5) != draw(1, 5)
-    assert [draw(0, k)["train"] for k in range(3)] == list(TRAINS)
+    for block in range(3):
+        drawn = [draw(0, ladder.BLOCK * block + k) for k in range(ladder.BLOCK)]
+        met = {(d["train"], d["curve"]) for d in drawn}
+        assert met == {(train, curve) for train in TRAINS for curve in ("piecewise", "polach")}
+        with_mpc = {"mpc" in ladder.controllers_of(ladder.BLOCK * block + k) for k in range(6)}
+        assert with_mpc == {block % 2 == 0}
 
 
 @pytest.mark.parametrize(("k", "axles"), [(0, 4), (1, 1), (2, 1)])
