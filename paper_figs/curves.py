@@ -39,7 +39,7 @@ def figure(source: Source) -> Figure:
 def draw(table: pd.DataFrame) -> Figure:
     """A row per pair, a panel per metric: mean of the paired difference and its interval under each curve."""
     good = table[table["status"] == "ok"]
-    drawn = new_figure(7.1, 3.9)
+    drawn = new_figure(7.1, 4.6)
     with mpl.rc_context(fname=STYLE_FILE):
         axes = drawn.subplots(len(PAIRS), len(METRICS), sharey=True, sharex="col")
         for pair, row in zip(PAIRS, axes, strict=True):

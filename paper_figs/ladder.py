@@ -59,7 +59,8 @@ def draw(table: pd.DataFrame) -> Figure:
         axes[0, 0].set_ylim(len(LADDER) - 0.5, -0.5)
         counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
         drawn.suptitle(
-            f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events)",
+            f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events); "
+            "mpc: part of them",
             fontsize=8,
         )
     return drawn

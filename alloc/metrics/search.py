@@ -112,8 +112,8 @@ def searches(run: xr.Dataset) -> list[Search]:
             continue
         first = int(np.argmax(lost))
         losses = np.concatenate([[0], np.cumsum(lost[first:])])
-        held = np.flatnonzero(losses[stay:] == losses[:-stay]) if losses.size > stay else []
-        finished = len(held) > 0
+        held = np.flatnonzero(losses[stay:] == losses[:-stay])
+        finished = held.size > 0
         ticks = int(held[0]) if finished else lost.size - first
         found.append(Search(ticks * period, finished))
     return found

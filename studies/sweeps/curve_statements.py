@@ -27,6 +27,10 @@ BASE = "piecewise"
 RULES = ("alone", "greedy", "exact")
 
 
+INFORMED = "informed mpc"
+"""The MPC on a train that believes in the rail's own curve; all others believe in the piecewise one."""
+
+
 class Arm(NamedTuple):
     """A rule under a controller."""
 
@@ -46,6 +50,7 @@ PAIRS = (
     Pair("greedy less alone", Arm("greedy", "cut-and-ramp"), Arm("alone", "cut-and-ramp")),
     Pair("exact less greedy", Arm("exact", "cut-and-ramp"), Arm("greedy", "cut-and-ramp")),
     Pair("mpc less cut-and-ramp", Arm("exact", "mpc"), Arm("exact", "cut-and-ramp")),
+    Pair("informed mpc less cut-and-ramp", Arm("exact", INFORMED), Arm("exact", "cut-and-ramp")),
 )
 METRICS = {
     "held_effort": "effort over plan",

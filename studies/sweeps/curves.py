@@ -12,7 +12,7 @@ from studies.job import Job
 from studies.runner import run_jobs
 from studies.scenario import Scenario
 from studies.store import Store
-from studies.sweeps.curve_statements import CURVES, RULES, curve_statements
+from studies.sweeps.curve_statements import BASE, CURVES, INFORMED, RULES, curve_statements
 from studies.sweeps.events import DURATION, draw, event_name
 from studies.sweeps.events import scenario as claim_event
 from studies.sweeps.ladder_events import polach_level
@@ -24,6 +24,8 @@ DEFAULT_EVENTS = 20
 EVENTS_PER_MPC = 2
 """Every so many events the MPC runs too, under one rule; its runs are the slowest."""
 MPC_RULE = "exact"
+KNOWN = "-known"
+"""End of the name of an event whose train knows the rail's curve."""
 
 
 def run(
@@ -34,7 +36,7 @@ def run(
     on_row: Callable[[str, int, int], None] | None = None,
     duration: float = DURATION,
 ) -> pd.DataFrame:
-    """One row per event, curve, rule and controller: metrics, measures, and the columns "event" and "curve".
+    """One row per event, curve, rule and controller (among them `INFORMED`): metrics, measures, "event" and "curve".
 
     The events are those of the claims (`studies.sweeps.events`), each once on a rail of every curve, with the same peak
     of adhesion at 15 km/h. Rows that the store in `folder` holds are not run again. `duration` [s] shortens the events.
@@ -47,13 +49,27 @@ def run(
             cells += [Job(one, rule, "cut-and-ramp", k) for rule in RULES]
             if k % EVENTS_PER_MPC == 0:
                 cells.append(Job(one, MPC_RULE, "mpc", k))
+                if curve != BASE:
+                    known = informed(one)
+                    cells.append(Job(known, MPC_RULE, "mpc", k))
+                    meaning.append({"scenario": known.name, "event": k, "curve": curve})
     table = run_jobs(cells, Store(folder), jobs, on_row=on_row, measure=measure)
-    return table.merge(pd.DataFrame(meaning), on="scenario", how="left")
+    table = table.merge(pd.DataFrame(meaning), on="scenario", how="left")
+    table.loc[table["scenario"].str.endswith(KNOWN), "controller"] = INFORMED
+    # where the rail has the curve that is believed in, the MPC is informed as it is
+    as_it_is = table[(table["curve"] == BASE) & (table["controller"] == "mpc")]
+    return pd.concat([table, as_it_is.assign(controller=INFORMED)], ignore_index=True)
 
 
 def name_of(seed: int, k: int, curve: str) -> str:
     """Name of event `k` on a rail of `curve`."""
     return f"{event_name(seed, k)}-{curve.replace(' ', '-')}"
+
+
+def informed(event: Scenario) -> Scenario:
+    """The same event for a train that believes in the rail's own curve."""
+    belief = event.belief.model_dump() | {"curve": event.rail.curve.model_dump()}
+    return event.changed(name=event.name + KNOWN, belief=belief)
 
 
 def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scenario:

@@ -64,7 +64,7 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
     """One row per event: what was drawn, and every number as ``name@controller``."""
     names = [*METRICS, "wrong_steps_still", "wrong_steps_changing"]
     wide = table.pivot(index="scenario", columns="controller", values=names)
-    wide.columns = [f"{name}@{controller}" for name, controller in wide.columns]
+    wide.columns = ["@".join(column) for column in wide.columns]
     drawn = table.drop_duplicates("scenario").set_index("scenario")
     return wide.join(drawn[["train", "curve", "scatter", "patch_factor"]])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from studies.sweeps import curves, ladder
-from studies.sweeps.curve_statements import CURVES, RULES
+from studies.sweeps.curve_statements import CURVES, INFORMED, RULES
 from studies.sweeps.ladder_events import draw, event_name
 from studies.sweeps.ladder_statements import LADDER
 
@@ -49,9 +49,10 @@ def curve_table(events: int = 24, change: Change = lambda row: row) -> pd.DataFr
         for curve in CURVES:
             arms = [(rule, "cut-and-ramp") for rule in RULES]
             if k % curves.EVENTS_PER_MPC == 0:
-                arms.append((curves.MPC_RULE, "mpc"))
+                arms += [(curves.MPC_RULE, "mpc"), (curves.MPC_RULE, INFORMED)]
             for rule, controller in arms:
-                gain = GAIN["mpc" if controller == "mpc" else rule] + 0.001 * noise.normal()
+                gain = GAIN[rule if controller == "cut-and-ramp" else "mpc"]
+                gain += 0.001 * noise.normal()
                 row = {"event": k, "curve": curve, "rule": rule, "controller": controller}
                 row |= {name: v * (1.0 + gain) for name, v in CURVE_NUMBERS.items()}
                 rows.append(change(row | {"status": "ok"}))

@@ -7,6 +7,7 @@ from studies.sweeps import curves
 from studies.sweeps.curve_statements import (
     BASE,
     CURVES,
+    INFORMED,
     METRICS,
     PAIRS,
     RULES,
@@ -34,10 +35,11 @@ def verdict(table, name):
 def test_every_arm_meets_every_curve(swept):
     _, table = swept
     assert (table["status"] == "ok").all(), table["reason"].tolist()
-    assert len(table) == len(CURVES) * (len(RULES) + 1)
+    assert len(table) == len(CURVES) * (len(RULES) + 2)
     assert set(table["curve"]) == set(CURVES)
     for curve, rows in table.groupby("curve"):
-        assert rows["scenario_hash"].nunique() == 1, curve
+        assert rows["scenario_hash"].nunique() == (1 if curve == BASE else 2), curve
+        assert (rows["controller"] == INFORMED).sum() == 1
     assert {"held_effort", "utilisation", "event"} <= set(table)
 
 
@@ -61,6 +63,15 @@ def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
     friction = adhesion * rail.level / same.level
     assert float(rail.curve.limit(friction, REFERENCE_SPEED)[0]) == pytest.approx(adhesion)
     assert other.event(k).onboard.belief.curve == base.event(k).onboard.belief.curve
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_an_informed_train_differs_in_what_it_believes_alone(curve):
+    event = curves.scenario(0, 1, curve)
+    known = curves.informed(event)
+    assert known.event(1).onboard.belief.curve == known.event(1).model.rails[0].curve
+    assert known.event(1).model.rails == event.event(1).model.rails
+    assert known.changed(belief=event.belief.model_dump()).hash() == event.hash()
 
 
 @pytest.mark.parametrize("curve", [c for c in CURVES if "flat" in c])
