@@ -37,11 +37,11 @@ def figure(source: Source) -> Figure:
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """A row per pair, a panel per metric: mean of the paired difference and its interval under each curve."""
+    """A row per pair, a panel per metric, each with a scale of its own: mean paired difference and interval by curve."""
     good = table[table["status"] == "ok"]
-    drawn = new_figure(7.1, 4.6)
+    drawn = new_figure(7.1, 5.6)
     with mpl.rc_context(fname=STYLE_FILE):
-        axes = drawn.subplots(len(PAIRS), len(METRICS), sharey=True, sharex="col")
+        axes = drawn.subplots(len(PAIRS), len(METRICS), sharey=True)
         for pair, row in zip(PAIRS, axes, strict=True):
             for metric, one in zip(METRICS, row, strict=True):
                 factor = LABELS[metric][1]
@@ -58,11 +58,11 @@ def draw(table: pd.DataFrame) -> Figure:
                 one.axvline(0.0, color="#888888", linewidth=0.8, zorder=0)
                 one.grid(visible=False, axis="y")
                 one.set_yticks([])
+                one.locator_params(axis="x", nbins=3)
                 one.set_ylim(len(CURVES) - 0.5, -0.5)
             row[0].set_title(pair.name, loc="left")
         for metric, one in zip(METRICS, axes[-1], strict=True):
             one.set_xlabel(LABELS[metric][0])
-            one.locator_params(axis="x", nbins=4)
         handles = [
             Line2D([], [], linestyle="none", marker=marker, color=colour, label=curve)
             for curve, (colour, marker) in CURVE_LOOKS.items()
