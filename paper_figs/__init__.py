@@ -81,6 +81,13 @@ FIGURES: dict[str, FigureEntry] = {
     "learning": FigureEntry(
         "learning", "error of the increments against stations, by learner (sweep learning)"
     ),
+    "ladder": FigureEntry(
+        "ladder", "readhesion controllers from none to MPC over random events (sweep ladder)"
+    ),
+    "curves": FigureEntry(
+        "curves",
+        "differences of rules and controllers under several adhesion curves (sweep curves)",
+    ),
 }
 """Every figure by name."""
 

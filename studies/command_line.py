@@ -50,7 +50,8 @@ def compare(
     Parameters
     ----------
     scenario
-        Names of shipped scenarios or paths of TOML files [default: all shipped ones].
+        Names of shipped scenarios or paths of TOML files [default: the shipped ones but those of
+        faults].
     rules
         Allocation rules [default: all but qp-cvxpy].
     controllers
@@ -319,11 +320,13 @@ def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = F
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
     from studies.real_input import with_real_input
-    from studies.scenario import load_scenario, shipped_scenarios
+    from studies.scenario import default_scenarios, load_scenario
 
     real = line is not None or train is not None
+    if names is None and not real:
+        return default_scenarios()
     if names is None:
-        names = ["gradient-start"] if real else shipped_scenarios()
+        names = ["gradient-start"]
     chosen = [load_scenario(name) for name in dict.fromkeys(names)]
     return [with_real_input(item, line, train) for item in chosen] if real else chosen
 

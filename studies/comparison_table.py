@@ -22,6 +22,8 @@ class Column:
     digits: int = 1
     spare: int = 0
     """0: always shown; otherwise the largest goes first."""
+    counts: bool = False
+    """A count of faults: left out where none of a scenario's lines has any."""
 
 
 COLUMNS = (
@@ -34,6 +36,9 @@ COLUMNS = (
     Column("jerk_rms", "jerk rms\nm/s³", 1.0, 2, spare=1),
     Column("jerk_peak", "jerk pk\nm/s³", 1.0, 2, spare=4),
     Column("coupler_peak", "coupler\nkN", 1.0, 0, spare=3),
+    Column("fallbacks", "fall-\nbacks", 1.0, 0, spare=2, counts=True),
+    Column("blinded", "units\nblinded", 1.0, 0, spare=2, counts=True),
+    Column("telegrams_lost", "lost\ntelegr.", 1.0, 0, spare=2, counts=True),
     Column("energy", "energy\nMJ", 1.0, 1, spare=6),
     Column("detections", "detec-\ntions", 1.0, 0, spare=5),
     Column("telegrams", "tele-\ngrams", 1.0, 0, spare=9),
@@ -65,7 +70,7 @@ def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Gr
 
 
 def _table(lines: list[Line], title: str, width: int) -> Group:
-    columns = [column for column in COLUMNS if any(_applies(line, column) for line in lines)]
+    columns = [column for column in COLUMNS if any(_tells(line, column) for line in lines)]
     names = _names(lines)
     cells = {column: [_cell(line, column) for line in lines] for column in columns}
     failures = [_failures(line) for line in lines]
@@ -104,6 +109,12 @@ def _applies(line: Line, column: Column) -> bool:
     mean = line.metrics.get(column.metric, _NOTHING)
     # a built-in controller solves nothing: zero time says that there is nothing to say
     return mean.count > 0 and not (column.metric == "controller_median" and mean.value == 0.0)
+
+
+def _tells(line: Line, column: Column) -> bool:
+    return _applies(line, column) and not (
+        column.counts and line.metrics[column.metric].value == 0.0
+    )
 
 
 def _cell(line: Line, column: Column) -> str:

@@ -6,7 +6,7 @@ from alloc.rules import RULES
 from studies.controllers import host_factories
 from studies.errors import StudyError, unknown
 from studies.runner import Grid, check_rules
-from studies.scenario import Scenario, load_scenario, shipped_scenarios
+from studies.scenario import Scenario, default_scenarios
 
 DEFAULT_SEEDS = 1
 DEFAULT_CONTROLLERS = ("cut-and-ramp",)
@@ -71,6 +71,4 @@ def make_grid(
 
 def default_grid() -> Grid:
     """The grid of `readhesion compare` without options."""
-    return make_grid(
-        [load_scenario(name) for name in shipped_scenarios()], None, None, DEFAULT_SEEDS
-    )
+    return make_grid(default_scenarios(), None, None, DEFAULT_SEEDS)

@@ -20,6 +20,7 @@ from alloc.onboard import OnboardError
 from alloc.onboard.equipment import equipment
 from alloc.plant.errors import PlantError
 from alloc.plant.model import build
+from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError
 from studies.errors import StudyError, unknown
 from studies.onboard_keys import BeliefKeys, OnboardKeys
@@ -27,7 +28,7 @@ from studies.rail_keys import LineKeys, RailKeys, ReceptivityKeys
 from studies.strict import Strict, explain, parse
 from studies.train_keys import CouplerKeys, FailureKeys, build_train, is_file
 
-NOT_HASHED = {"name", "title", "description", "case"}
+NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
 """Keys that say what a scenario is for; they do not change what happens."""
 
 SPEED_BOUND = 100.0
@@ -49,10 +50,14 @@ class Scenario(Strict):
     description: str = ""
     case: Literal["none", "A", "B"] | None = None
     """Case of the allocation that the event is meant to bring about."""
+    in_default_comparison: bool = True
+    """Whether `readhesion compare` runs it without being told; faults that single functions meet stay out."""
     train: str
     load_t: tuple[float, ...] | None = None
     load_transfer: bool | None = None
     reversed: bool = False
+    inverter_group: InverterGroup | None = None
+    """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
     coupler: CouplerKeys | None = None
     failures: tuple[FailureKeys, ...] = ()
     rail: RailKeys
@@ -80,7 +85,12 @@ class Scenario(Strict):
     def _event(self, seed: int) -> Event:
         rail_seed, sensor_seed, phase = np.random.SeedSequence(seed).generate_state(3)
         train = build_train(
-            self.train, self.load_t, self.coupler, self.load_transfer, self.reversed
+            self.train,
+            self.load_t,
+            self.coupler,
+            self.load_transfer,
+            self.reversed,
+            self.inverter_group,
         )
         axles = train.axle_count
         rail = self.rail.rail(axles, int(rail_seed))
@@ -152,6 +162,12 @@ def shipped_scenarios() -> list[str]:
     return sorted(
         item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml")
     )
+
+
+def default_scenarios() -> "list[Scenario]":
+    """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
+    shipped = [load_scenario(name) for name in shipped_scenarios()]
+    return [scenario for scenario in shipped if scenario.in_default_comparison]
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from alloc.plant.train import Coupler, Train
+from alloc.plant.train import Coupler, InverterGroup, Train
 from studies.strict import Strict
 from studies.units import si
 
@@ -38,8 +38,9 @@ def build_train(
     coupler: CouplerKeys | None,
     load_transfer: bool | None,
     reverse: bool,
+    inverter_group: InverterGroup | None = None,
 ) -> Train:
-    """The train of that name or file, loaded, coupled and turned round as asked."""
+    """The train of that name or file, loaded, coupled, with other inverter groups and turned round as asked."""
     from dataclasses import replace
 
     from alloc.plant.sets import find_set
@@ -52,4 +53,10 @@ def build_train(
         built = built.coupled(coupler.coupler())
     if load_transfer is not None:
         built = replace(built, load_transfer=load_transfer)
+    if inverter_group is not None:
+        cars = tuple(
+            replace(car, motors=replace(car.motors, group=inverter_group)) if car.motors else car
+            for car in built.cars
+        )
+        built = replace(built, cars=cars)
     return built.reversed() if reverse else built

@@ -18,7 +18,10 @@ def _limit_at(table, speed):
 
 @inlined_jit
 def _lose_signals(eq, st, m, time):
-    """Which axles' speeds are known now, and of how many axles each unit knows them."""
+    """Which axles' speeds are known now, and of how many axles each unit knows them.
+
+    A unit that sees more or fewer axles than before starts its filters anew: its mean speed jumps, which is no acceleration.
+    """
     for i in range(m.axle_seen.size):
         m.axle_seen[i] = True
     for k in range(st.dropout.shape[0]):
@@ -29,6 +32,8 @@ def _lose_signals(eq, st, m, time):
         for i in range(m.axle_seen.size):
             if eq.axle_unit[i] == j and m.axle_seen[i]:
                 m.seen[j] += 1.0
+        if before != m.seen[j]:
+            m.differentiator[j] = m.observer[j] = np.nan
         if before > 0.0 and m.seen[j] == 0.0:
             m.counter[om.BLINDED] += 1
 
@@ -116,6 +121,8 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
     on, off, pole, gain, speed_on = st.detector
     a, keep, old, new = st.observer
     for j in range(units):
+        if np.isnan(m.differentiator[j]):
+            m.differentiator[j] = m.speed[j]
         m.differentiator[j], m.acceleration[j] = differentiate(
             m.differentiator[j], m.speed[j], pole, gain
         )

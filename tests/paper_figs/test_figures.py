@@ -25,8 +25,10 @@ from paper_figs import (
     claim_d,
     claim_e,
     comparison_figures,
+    curves,
     differences,
     draw_run,
+    ladder,
     learning,
     planned_curves,
     rule_comparison,
@@ -51,6 +53,7 @@ from studies.errors import StudyError
 from studies.job import Job, simulate_job
 from studies.report import summarise
 from studies.scenario import load_scenario
+from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.sweep_tables import claim_table, difference_table
 
@@ -92,6 +95,8 @@ def drawn(source, runs, stop) -> dict[str, Figure]:
         "axle-shifts": axle_shifts.draw(read_slide_counts(SYNTHETIC_TABLE)),
         "unit-increments": unit_increments.draw(),
         "learning": learning.draw(synthetic(falling, trains=2)),
+        "ladder": ladder.draw(ladder_table()),
+        "curves": curves.draw(curve_table()),
     }
 
 

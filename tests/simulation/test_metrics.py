@@ -32,6 +32,13 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "slipping": (("time", "unit"), np.zeros((time.size, 1), dtype=np.int8)),
         "coefficient_estimate": (("time", "unit"), 0.08 * one[:, None]),
         "axle_unit": ("axle", [0, -1]),
+        "torque_command": (("time", "unit"), 600.0 * one[:, None]),
+        "torque_target": (("time", "unit"), 900.0 * one[:, None]),
+        "air_brake_force": (("time", "unit"), 0.0 * one[:, None]),
+        "expected": ("time", 0.15 * one),
+        "unit_static_load": ("unit", [1e5]),
+        "unit_gear": ("unit", [7.0]),
+        "unit_radius": ("unit", [0.5]),
     }
     counts = (
         "detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded",

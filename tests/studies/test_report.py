@@ -13,6 +13,9 @@ from alloc.metrics import METRICS
 from studies.comparison_table import tables
 from studies.report import RULE_CALL_TIME, mean_of, summarise, to_json
 
+FAULT_HEADINGS = {"fallbacks": "backs", "blinded": "blinded", "telegrams_lost": "telegr."}
+"""Counts of faults, and a word of the heading of each."""
+
 
 def rows(scenario="event", rule="exact", controller="none", seeds=3, **values) -> list[dict]:
     return [
@@ -81,7 +84,8 @@ def test_json_holds_every_metric_of_every_line_and_no_nan():
 
 @pytest.mark.parametrize("width", [95, 120, 170])
 def test_a_table_fits_the_terminal(width):
-    large = {"energy": 123.4, "telegrams": 1200.0, "damage": 98765.0, "coupler_peak": 1234.0}
+    large = dict.fromkeys(FAULT_HEADINGS, 0.0)
+    large |= {"energy": 123.4, "telegrams": 1200.0, "damage": 98765.0, "coupler_peak": 1234.0}
     table = pd.DataFrame(rows(rule="greedy-claim", controller="cut-and-ramp", seeds=1, **large))
     text = render(table, width)
     assert all(len(line.rstrip()) <= width for line in text.splitlines())
@@ -111,3 +115,17 @@ def test_columns_that_apply_to_nothing_are_left_out():
     text = render(rigid, 170)
     assert "coupler" not in text
     assert "control" not in text.replace("controller", "")
+
+
+@pytest.mark.parametrize("metric", FAULT_HEADINGS)
+def test_faults_are_shown_where_there_are_any_and_only_there(metric):
+    none = dict.fromkeys(FAULT_HEADINGS, 0.0)
+    heading = FAULT_HEADINGS[metric]
+    assert heading not in render(pd.DataFrame(rows(**none)), 200)
+    some = pd.DataFrame([*rows(**(none | {metric: 7.0})), *rows(rule="alone", **none)])
+    shown = render(some, 200)
+    assert heading in shown
+    (line,) = (line for line in shown.splitlines() if line.split()[:1] == ["exact"])
+    assert " 7 " in line
+    others = [text for name, text in FAULT_HEADINGS.items() if name != metric]
+    assert not any(text in shown for text in others)

@@ -104,6 +104,55 @@ def test_the_failed_unit_stops_pulling_and_the_next_one_leads(runs):
     assert late["case"].values.max() > 0.0
 
 
+FAULTS = {
+    "lost-sensors": ("blinded", 1),
+    "lost-telegrams": ("telegrams_lost", 300),
+    "noisy-sensors": ("unit_detections", 10),
+}
+"""Scenario -> what counts its fault, and how often that happens at least."""
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_happens_is_counted_and_stays_out_of_the_default_comparison(name, runs):
+    count, least = FAULTS[name]
+    assert runs(name).attrs[count] >= least
+    assert not load_scenario(name).in_default_comparison
+
+
+@pytest.mark.parametrize(
+    "controller", ["none", "table", "cut-and-ramp", "pi-creep", "perturb-observe"]
+)
+@pytest.mark.parametrize("name", FAULTS)
+def test_the_train_keeps_going_whatever_is_lost(name, controller, runs):
+    run = runs(name, "greedy", controller)
+    assert np.isfinite(run["speed"].values).all()
+    asked = run["driver_command"].values.mean() * run["time"].values[-1]
+    assert run["speed"].values[-1] > 0.7 * asked
+
+
+def test_the_blind_unit_of_lost_sensors_is_blind_from_its_last_loss_to_its_first_return(runs):
+    run = runs("lost-sensors")
+    blind = run["time"].values[run["axles_seen"].values[:, 1] == 0.0]
+    assert blind.min() == pytest.approx(4.0, abs=0.011)
+    assert blind.max() == pytest.approx(9.0, abs=0.011)
+    assert set(run["axles_seen"].values[:, 0]) == {4.0, 3.0}
+
+
+def test_units_fall_back_and_take_limits_up_again_where_telegrams_are_lost(runs):
+    run = runs("lost-telegrams")
+    fallen = run["fallen_back"].values.astype(int)
+    assert not fallen[:, 0].any()
+    assert (np.diff(fallen[:, 1:], axis=0) == 1).any(axis=0).all()
+    assert (np.diff(fallen[:, 1:], axis=0) == -1).any(axis=0).all()
+
+
+def test_false_alarms_hurt_most_where_limits_are_shared(runs):
+    shared, alone = (
+        runs("noisy-sensors", rule)["speed"].values[-1] for rule in ("greedy", "alone")
+    )
+    assert shared < alone
+
+
 def test_wrong_increments_keep_the_rear_slipping_and_right_ones_do_not(runs):
     wrong = runs("wrong-increments")
     scenario = load_scenario("wrong-increments")

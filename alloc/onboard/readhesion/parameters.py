@@ -53,7 +53,9 @@ class CreepControl:
 
     `reference` [m/s] is the slip of the unit's worst axle that is held; `proportional` [s/m] and `integral` [1/m] are gains
     from slip to coefficient. Assumed: the poles of a wheelset on a flat curve are then at 40 1/s with damping 0.7. The
-    searching controllers move the reference and use the same gains.
+    searching controllers move the reference and use the same gains. The reference is a compromise: over the probe events
+    of `PerturbObserve` 0.10 uses 97 % of the adhesion under a narrow peak and 93 % under Polach's wide one, 0.30 uses
+    92 and 99 %.
     """
 
     reference: float = 0.10
@@ -69,11 +71,14 @@ class PerturbObserve:
     """Perturb and observe: every `interval` [s] the creep reference moves by `step` [m/s], on if the coefficient rose.
 
     The coefficient is the observer's, averaged over the second half of the interval. The reference stays within `lowest`
-    and `highest` [m/s]. Values assumed; arXiv 2406.13650 names the weaknesses: the step is a compromise between search
-    time and fluctuation around the peak, and a change of the rail is taken for an answer to the step.
+    and `highest` [m/s]. Bounds assumed. Of nine pairs of interval (0.2, 0.3, 0.5 s) and step (0.01, 0.02, 0.04 m/s) this one
+    used most adhesion over eight probe events of `studies.sweeps.ladder_events` (seed 1000, the multiple units): 97.4 %
+    where short, against 96.8 % at 0.3 s and 91.9 % at 0.3 s and 0.04 m/s. arXiv 2406.13650 names the weaknesses: the step
+    is a compromise between search time and fluctuation around the peak, and a change of the rail is taken for an answer
+    to the step.
     """
 
-    interval: float = 0.3
+    interval: float = 0.2
     step: float = 0.01
     lowest: float = 0.02
     highest: float = 0.5
@@ -91,14 +96,16 @@ class SteepestGradient:
     """Steepest gradient: as `PerturbObserve`, but the step is `gain` [m2/s2] times the slope d mu / d slip.
 
     The slope is the quotient of both changes between intervals. Steps are bounded by `least` and `largest` [m/s]: without
-    the least one nothing is learnt at the peak, without the largest a small change of slip makes a wild step. Values
-    assumed; arXiv 2406.13650 names the weaknesses: the quotient is noisy, and small where the curve falls slowly.
+    the least one nothing is learnt at the peak, without the largest a small change of slip makes a wild step. Bounds and
+    interval assumed. Of five triples of gain, least and largest this one used most adhesion over the probe events of
+    `PerturbObserve`, with the shortest search of equals: 97.0 % where short in 0.04 s, against 95.9 % in 0.18 s with 0.04,
+    0.003 and 0.03. arXiv 2406.13650 names the weaknesses: the quotient is noisy, and small where the curve falls slowly.
     """
 
     interval: float = 0.3
-    gain: float = 0.04
-    least: float = 0.003
-    largest: float = 0.03
+    gain: float = 0.15
+    least: float = 0.01
+    largest: float = 0.06
     lowest: float = 0.02
     highest: float = 0.5
 

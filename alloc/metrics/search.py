@@ -1,0 +1,176 @@
+"""How long a readhesion controller searches for adhesion that was lost, and how much its torque moves meanwhile.
+
+A unit is *short* while its target asks for more than its rail offers: only then is there something to search for. What the
+rail offers a unit is counted by its weakest axle, for one inverter gives all its axles the same torque, and the weakest one
+runs away at more.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from alloc.metrics.registry import direction, metric, record_period, under_demand
+
+FOUND = 0.9
+"""Share of what is available from which on adhesion counts as used, and its peak as found."""
+STAY = 0.5
+"""Time [s] that the used share must stay there."""
+TURNING = 0.05
+"""Part of a target that turns the unit's own wheelsets; less than that beyond the rail's reach is no shortage."""
+LEAST_EPISODE = 1.0
+"""A shortage [s] that is over sooner leaves no time to search in."""
+DROP = 0.1
+"""Fall of the adhesion within `STAY`, as a share of it, with which a search starts anew."""
+MEAN_TIME = 1.0
+"""Time [s] over which torque is averaged: what is slower than that is the course of the event."""
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class Episode(NamedTuple):
+    """A stretch of a unit's shortage in which adhesion does not drop anew; `stop` is the first instant after it."""
+
+    unit: int
+    start: int
+    stop: int
+
+
+class Search(NamedTuple):
+    """What a unit needed to find adhesion again in one episode."""
+
+    time: float
+    """From the loss until the used share stays above `FOUND` [s]; 0 where it was not lost, the rest where not found."""
+    finished: bool
+
+
+def unit_shares(run: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+    """Coefficients of the units, (time, unit) each: asked for by the target, used, and available by the weakest axle."""
+    unit_of_axle = run["axle_unit"].values
+    sign = direction(run)
+    load, limit = run["axle_load"].values, run["adhesion_limit"].values
+    force = sign[:, None] * run["rail_force"].values
+    units = run.sizes["unit"]
+    used, available = np.empty((sign.size, units)), np.empty((sign.size, units))
+    for unit in range(units):
+        own = unit_of_axle == unit
+        used[:, unit] = force[:, own].sum(axis=1) / load[:, own].sum(axis=1)
+        available[:, unit] = limit[:, own].min(axis=1)
+    axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)
+    at_rim = np.abs(run["torque_target"].values) * (run["unit_gear"] / run["unit_radius"]).values
+    asked = (at_rim + run["air_brake_force"].values) * axles / run["unit_static_load"].values
+    return asked, used, available
+
+
+def shortage(run: xr.Dataset) -> Flags:
+    """Whether a unit's target asks for more than its rail offers, (time, unit); false without demand."""
+    asked, _, available = unit_shares(run)
+    return (asked > (1.0 + TURNING) * available) & under_demand(run)[:, None]
+
+
+def episodes(run: xr.Dataset) -> Iterator[Episode]:
+    """The shortages of all units, cut where adhesion drops; gaps shorter than `STAY` are bridged, short ones left out."""
+    period = record_period(run)
+    stay, least = max(1, round(STAY / period)), round(LEAST_EPISODE / period)
+    short, available = shortage(run), unit_shares(run)[2]
+    for unit in range(run.sizes["unit"]):
+        fallen = np.zeros(short.shape[0], dtype=bool)
+        fallen[stay:] = available[stay:, unit] < (1.0 - DROP) * available[:-stay, unit]
+        onsets = np.flatnonzero(np.diff(fallen.astype(np.int8)) == 1) + 1
+        for start, stop in _bridged(short[:, unit], stay):
+            cuts = [start, *onsets[(onsets > start) & (onsets < stop)].tolist(), stop]
+            for k in range(len(cuts) - 1):
+                if cuts[k + 1] - cuts[k] >= least:
+                    yield Episode(unit, cuts[k], cuts[k + 1])
+
+
+def _bridged(flags: Flags, gap: int) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    spans: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if spans and start - spans[-1][1] < gap:
+            spans[-1] = (spans[-1][0], stop)
+        else:
+            spans.append((start, stop))
+    return spans
+
+
+def searches(run: xr.Dataset) -> list[Search]:
+    """One search per episode."""
+    period = record_period(run)
+    stay = max(1, round(STAY / period))
+    _, used, available = unit_shares(run)
+    found = []
+    for unit, start, stop in episodes(run):
+        lost = used[start:stop, unit] < FOUND * available[start:stop, unit]
+        if not lost[:-stay].any():  # what is lost at the very end cannot be found in time
+            found.append(Search(0.0, finished=True))
+            continue
+        first = int(np.argmax(lost))
+        losses = np.concatenate([[0], np.cumsum(lost[first:])])
+        held = np.flatnonzero(losses[stay:] == losses[:-stay])
+        finished = held.size > 0
+        ticks = int(held[0]) if finished else lost.size - first
+        found.append(Search(ticks * period, finished))
+    return found
+
+
+@metric("search_time", "s", "mean time from a loss of adhesion until 90 % of it is used again", -1)
+def search_time(run: xr.Dataset) -> float:
+    """Mean over the episodes of shortage [s]; nan where there are none.
+
+    A search starts when the used coefficient falls below `FOUND` of what the rail offers and ends when it has come back
+    for `STAY` at least. One that is cut off, by adhesion's return, its next drop or the run's end, counts until then: a
+    lower bound.
+    """
+    times = [search.time for search in searches(run)]
+    return float(np.mean(times)) if times else float("nan")
+
+
+@metric(
+    "unfinished_searches", "1", "share of the searches for adhesion that found none in time", -1
+)
+def unfinished_searches(run: xr.Dataset) -> float:
+    """Share of the episodes of shortage in which adhesion was lost and not found again."""
+    unfinished = [not search.finished for search in searches(run)]
+    return float(np.mean(unfinished)) if unfinished else float("nan")
+
+
+@metric("utilisation_short", "1", "adhesion used by units whose target asks for more of it", +1)
+def utilisation_short(run: xr.Dataset) -> float:
+    """Rail force over what all axles of the short units could carry, summed over time; nan without shortage."""
+    unit = run["axle_unit"].values
+    counted = shortage(run)[:, unit] & (unit >= 0)
+    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
+    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
+    return float(used / available) if counted.any() else float("nan")
+
+
+@metric(
+    "torque_fluctuation", "1", "rms of torque commands about their 1 s mean, over the plan's", -1
+)
+def torque_fluctuation(run: xr.Dataset) -> float:
+    """Root mean square, over units and time under demand, of a command less its centred moving mean over `MEAN_TIME`.
+
+    Relative to the torque that the plan's coefficient asks of the unit; nan without demand.
+    """
+    demand = under_demand(run)
+    if not demand.any():
+        return float("nan")
+    window = max(1, round(MEAN_TIME / record_period(run)))
+    units = run.sizes["unit"]
+    unit_of_axle = run["axle_unit"].values
+    axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)
+    per_coefficient = (
+        run["unit_static_load"].values
+        * run["unit_radius"].values
+        / (run["unit_gear"].values * axles)
+    )
+    planned = run["expected"].values[demand].mean() * per_coefficient
+    command = run["torque_command"].values[demand] / planned
+    deviation = command - uniform_filter1d(command, window, axis=0, mode="nearest")
+    return float(np.sqrt((deviation**2).mean()))

@@ -1,0 +1,227 @@
+"""Faults of signals, telegrams, solvers and controllers: the train goes on, falls back as stated, and counts each."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from alloc.metrics import evaluate
+from alloc.onboard import Dropout, Onboard, OnboardError, Sensors, Telegrams
+from alloc.onboard.host import TorqueDecision
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.rules import find_rule
+from alloc.simulation import simulate
+
+
+def dropouts(axles, begin=2.0, until=5.0):
+    return Onboard(sensors=Sensors(dropouts=tuple(Dropout(k, begin, until) for k in axles)))
+
+
+def test_an_axle_without_signal_is_taken_for_the_mean_of_its_unit(make_event):
+    # on rail that carries the plan all axles of a unit turn alike: nothing changes but what is seen
+    whole = simulate(make_event(0.30), "greedy")
+    part = simulate(make_event(0.30, onboard=dropouts([4])), "greedy")
+    seen = part["axles_seen"].values
+    lost = (part["time"].values >= 2.0) & (part["time"].values < 5.0)
+    assert set(seen[lost, 0]) == {3.0}
+    assert set(seen[~lost, 0]) == set(seen[:, 1]) == {4.0}
+    assert part.attrs["blinded"] == 0
+    np.testing.assert_allclose(part["torque_command"], whole["torque_command"], rtol=1e-3)
+
+
+def test_an_axle_without_signal_slips_unnoticed_while_the_others_hold(make_event, train):
+    # the front axle of the foremost unit alone finds too little adhesion
+    given = np.full(train.axle_count, 0.05)
+    given[4] = 0.0
+    rail = Rail(0.09, increments=tuple(given))
+    base = make_event(0.09, duration=5.0)
+    slip = []
+    for onboard in (Onboard(), dropouts([4], 0.0, math.inf)):
+        event = replace(base, model=build(train, rail), onboard=onboard)
+        slip.append(simulate(event, "alone")["slip_velocity"].values[:, 4].max())
+    assert slip[1] > 2.0 * slip[0]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
+def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, share):
+    onboard = dropouts(range(4, 8))
+    onboard = replace(onboard, sensors=replace(onboard.sensors, blind_share=share))
+    run = simulate(make_event(0.30, onboard=onboard), "greedy")
+    whole = simulate(make_event(0.30), "greedy")
+    blind = run.sel(time=slice(2.02, 4.98))
+    target = whole["torque_target"].sel(time=slice(2.02, 4.98)).values
+    np.testing.assert_allclose(
+        blind["torque_command"].values[:, 0], share * target[:, 0], rtol=0.01
+    )
+    np.testing.assert_allclose(blind["torque_command"].values[:, 1], target[:, 1], rtol=0.01)
+    assert set(blind["axles_seen"].values[:, 0]) == {0.0}
+    after = run.sel(time=slice(5.02, None))["torque_command"].values[:, 0]
+    np.testing.assert_allclose(
+        after, whole["torque_target"].sel(time=slice(5.02, None)).values[:, 0], rtol=0.01
+    )
+    assert run.attrs["blinded"] == 1
+
+
+def test_a_train_that_sees_no_axle_at_all_goes_on(make_event):
+    run = simulate(make_event(0.30, onboard=dropouts(range(20), 2.0, 4.0)), "greedy")
+    assert run.attrs["blinded"] == 3
+    blind = run.sel(time=slice(2.1, 3.9))
+    assert np.all(np.diff(blind["speed"].values) > 0.0)
+    # the reference speed is then what the driver's command makes of the last one known
+    error = np.abs(blind["reference_speed"] - blind["speed"]).values.max()
+    assert error < 0.75 * 0.6 * 2.0
+
+
+def test_what_loses_its_signals_twice_is_blinded_twice(make_event):
+    pairs = [Dropout(k, begin, begin + 0.5) for k in range(4, 8) for begin in (2.0, 4.0)]
+    run = simulate(make_event(0.30, onboard=Onboard(sensors=Sensors(dropouts=tuple(pairs)))))
+    assert run.attrs["blinded"] == 2
+
+
+@pytest.mark.parametrize("rule", ["alone", "greedy", "exact"])
+def test_dropouts_leave_the_random_numbers_alone(make_event, rule):
+    noisy = Sensors(speed_noise=0.01, seed=3)
+    lost = replace(noisy, dropouts=(Dropout(4, 4.0, 5.0),))
+    one, other = (
+        simulate(make_event(0.13, onboard=Onboard(sensors=s), scatter=0.006, seed=3), rule)
+        for s in (noisy, lost)
+    )
+    before = one["time"].values < 4.0
+    for name in ("slip_velocity", "torque_command", "coefficient_estimate"):
+        np.testing.assert_array_equal(one[name].values[before], other[name].values[before])
+
+
+def test_dropouts_that_cannot_be_are_refused():
+    with pytest.raises(OnboardError, match="axle = -1"):
+        Dropout(-1, 0.0)
+    with pytest.raises(OnboardError, match=r"begin = 3\.0 must lie before until"):
+        Dropout(1, 3.0, 2.0)
+    with pytest.raises(OnboardError, match="dropouts need sensors"):
+        Sensors(sensorless_pole=20.0, dropouts=(Dropout(1, 0.0),))
+
+
+@pytest.mark.parametrize("loss", [0.5, 0.9])
+def test_telegrams_are_counted_and_units_fall_back_in_silence(make_event, loss):
+    onboard = Onboard(telegrams=Telegrams(loss=loss, silence=0.35))
+    run = simulate(make_event(0.10, onboard=onboard, duration=12.0), "greedy")
+    sent = 2 * 120  # two units hear of B1 ten times a second
+    assert run.attrs["telegrams_sent"] == sent
+    spread = 4.0 * math.sqrt(sent * loss * (1.0 - loss))
+    assert run.attrs["telegrams_lost"] == pytest.approx(sent * loss, abs=spread)
+    fallen = run["fallen_back"].values.astype(int)
+    onsets = int((np.diff(fallen, axis=0) == 1).sum() + fallen[0].sum())
+    assert run.attrs["fallbacks"] == onsets > 0
+    # who has fallen back keeps the plan, and takes limits up again with the next telegram
+    for unit in (1, 2):
+        silent = run["fallen_back"].values[:, unit].astype(bool)
+        expected = run["expected"].values[silent]
+        np.testing.assert_allclose(run["limit"].values[silent, unit], expected)
+    assert (np.diff(fallen, axis=0) == -1).any()
+
+
+def test_losing_telegrams_leaves_the_rail_and_the_noise_alone(make_event):
+    none, most = (
+        simulate(make_event(0.13, onboard=Onboard(telegrams=Telegrams(loss=p))), "alone")
+        for p in (0.0, 0.9)
+    )
+    for name in ("slip_velocity", "torque_command"):
+        np.testing.assert_array_equal(none[name], most[name])
+
+
+class FailingRule:
+    """The exact rule, whose solver fails every `every`-th call: it then answers with what stood before."""
+
+    name, compiled_id = "failing", None
+
+    def __init__(self, every: int) -> None:
+        inner = find_rule("sharing")
+        self.inner, self.every, self.calls, self.failed = find_rule("exact"), every, 0, 0
+        self.periodic, self.needs_truth = inner.periodic, False
+        self.parameters = self.inner.parameters
+
+    def __call__(self, problem):
+        self.calls += 1
+        answer = self.inner(problem)
+        if self.calls % self.every:
+            return answer
+        self.failed += 1
+        return replace(answer, limit=np.asarray(problem.previous), status="time limit reached")
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_rule_whose_solver_fails_is_counted_and_the_last_limits_stand(make_event, every):
+    rule = FailingRule(every)
+    run = simulate(make_event(0.10), rule)
+    assert run.attrs["rule_calls"] == rule.calls > 10
+    assert run.attrs["rule_failures"] == rule.failed == rule.calls // every
+    assert "rule: time limit reached" in run.attrs["messages"]
+    if every == 1:  # limits never leave the plan: the train runs as under `alone`
+        np.testing.assert_allclose(
+            run["limit"].values, run["expected"].values[:, None] + 0.0 * run["limit"].values
+        )
+    assert evaluate(run)["effort_ratio"] > 0.5
+
+
+class FailingController:
+    """Host controller that passes the target, and from `BEGIN` to `UNTIL` fails or says nothing usable."""
+
+    BEGIN, UNTIL = 2.0, 4.0
+
+    def __init__(self, answer: TorqueDecision) -> None:
+        self.answer = answer
+
+    def decide(self, sense) -> TorqueDecision:
+        if self.BEGIN <= sense.time < self.UNTIL:
+            return self.answer
+        return TorqueDecision(sense.target, True, "ok", 1e-4)
+
+
+FAILURES = {
+    "solver": TorqueDecision(0.0, False, "infeasible", 1e-3),
+    "late": TorqueDecision(500.0, False, "late", 0.02),
+    "nan": TorqueDecision(math.nan, True, "ok", 1e-4),
+}
+
+
+@pytest.mark.parametrize("kind", FAILURES)
+def test_where_a_controller_fails_its_unit_cuts_and_ramps(make_event, kind):
+    factories = {"failing": lambda context: FailingController(FAILURES[kind])}
+    event = make_event(0.11)
+    run = simulate(event, "alone", "failing", factories)
+    steps = round((FailingController.UNTIL - FailingController.BEGIN) / event.onboard.period)
+    assert run.attrs["controller_failures"] == steps * run.sizes["unit"]
+    status = FAILURES[kind].status
+    assert f"controller: {status}" in run.attrs["messages"]
+    inside = run.sel(time=slice(FailingController.BEGIN + 0.02, FailingController.UNTIL - 0.02))
+    # cut-and-ramp in reserve ends the slip that passing the target has brought
+    outside = run.sel(time=slice(None, FailingController.BEGIN))
+    assert np.abs(outside["slip_velocity"].values[-1]).max() > 0.3
+    command, target = inside["torque_command"].values, inside["torque_target"].values
+    assert np.all((command >= 0.0) & (command <= target))
+    assert (command < 0.9 * target).any()
+    assert evaluate(run)["effort_ratio"] > 0.5
+
+
+def test_a_controller_that_fails_throughout_is_cut_and_ramp(make_event):
+    class Dead(FailingController):
+        BEGIN, UNTIL = 0.0, math.inf
+
+    event = make_event(0.11)
+    run = simulate(event, "alone", "dead", {"dead": lambda context: Dead(FAILURES["solver"])})
+    reserve = simulate(event, "alone", "cut-and-ramp")
+    for name in ("torque_command", "slip_velocity"):
+        np.testing.assert_array_equal(run[name], reserve[name])
+
+
+def test_a_failed_unit_costs_its_share_and_no_more(make_event):
+    whole = simulate(make_event(0.30), "greedy")
+    failed = simulate(make_event(0.30, failures={1: 3.0}), "greedy")
+    late = slice(4.0, None)
+    force, left = (r["rail_force"].sel(time=late).values.sum() for r in (whole, failed))
+    assert left == pytest.approx(2.0 / 3.0 * force, rel=0.03)
+    others = failed["torque_command"].sel(time=late).values[:, [0, 2]]
+    np.testing.assert_allclose(
+        others, whole["torque_command"].sel(time=late).values[:, [0, 2]], rtol=0.01
+    )

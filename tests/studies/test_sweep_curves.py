@@ -1,0 +1,124 @@
+"""The same events on rails of several curves, and statements on which conclusions keep their sign."""
+
+import pandas as pd
+import pytest
+
+from studies.sweeps import curves
+from studies.sweeps.curve_statements import (
+    BASE,
+    CURVES,
+    INFORMED,
+    METRICS,
+    PAIRS,
+    RULES,
+    curve_statements,
+    paired_difference,
+)
+from studies.sweeps.events import REFERENCE_SPEED, draw
+from studies.sweeps.events import scenario as claim_event
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from tests.studies.ladder_tables import curve_table
+
+SHORT = 2.5
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("curves")
+    return folder, curves.run(folder, 1, 0, 1, duration=SHORT)
+
+
+def verdict(table, name):
+    return next(s for s in curve_statements(table) if s.name == name)
+
+
+def test_every_arm_meets_every_curve(swept):
+    _, table = swept
+    assert (table["status"] == "ok").all(), table["reason"].tolist()
+    assert len(table) == len(CURVES) * (len(RULES) + 2)
+    assert set(table["curve"]) == set(CURVES)
+    for curve, rows in table.groupby("curve"):
+        assert rows["scenario_hash"].nunique() == (1 if curve == BASE else 2), curve
+        assert (rows["controller"] == INFORMED).sum() == 1
+    assert {"held_effort", "utilisation", "event"} <= set(table)
+
+
+def test_a_second_sweep_runs_nothing(swept, monkeypatch):
+    folder, table = swept
+    monkeypatch.setattr("studies.runner.run_job", None)
+    pd.testing.assert_frame_equal(curves.run(folder, 1, 0, 1, duration=SHORT), table)
+    assert curves.stored(folder) == 1
+    assert curves.stored(folder, seed=2) == 0
+
+
+@pytest.mark.parametrize("k", range(4))
+@pytest.mark.parametrize("curve", CURVES)
+def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
+    base, other = claim_event(0, k), curves.scenario(0, k, curve)
+    (rail,), (same,) = other.event(k).model.rails, base.event(k).model.rails
+    assert (rail.scatter, rail.seed, rail.increments) == (same.scatter, same.seed, same.increments)
+    assert rail.patches == same.patches
+    # where adhesion falls with speed, the level is a factor on a law: only its ratio can be compared
+    adhesion = draw(0, k)["level"]
+    friction = adhesion * rail.level / same.level
+    assert float(rail.curve.limit(friction, REFERENCE_SPEED)[0]) == pytest.approx(adhesion)
+    assert other.event(k).onboard.belief.curve == base.event(k).onboard.belief.curve
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_an_informed_train_differs_in_what_it_believes_alone(curve):
+    event = curves.scenario(0, 1, curve)
+    known = curves.informed(event)
+    assert known.event(1).onboard.belief.curve == known.event(1).model.rails[0].curve
+    assert known.event(1).model.rails == event.event(1).model.rails
+    assert known.changed(belief=event.belief.model_dump()).hash() == event.hash()
+
+
+@pytest.mark.parametrize("curve", [c for c in CURVES if "flat" in c])
+def test_a_flat_curve_hardly_falls_beyond_its_peak(curve):
+    (rail,) = curves.scenario(0, 0, curve).event(0).model.rails
+    top, slip = (float(v) for v in rail.curve.limit(0.13, 5.0))
+    beyond = float(rail.curve.coefficient(slip + 2.0, 0.13, 5.0))
+    assert beyond > 0.98 * top
+
+
+def test_a_conclusion_with_the_same_sign_under_every_curve_stands():
+    for pair in PAIRS:
+        for text in METRICS.values():
+            assert verdict(curve_table(), f"{pair.name}: {text}").verdict == HOLDS
+
+
+def changed(metric, curve, factor):
+    def change(row):
+        hit = row["curve"] == curve and row["rule"] == "greedy"
+        return row | ({metric: row[metric] * factor} if hit else {})
+
+    return curve_table(change=change)
+
+
+def test_an_opposite_sign_under_one_curve_breaks_it_and_an_unknown_one_is_a_condition():
+    name = f"greedy less alone: {METRICS['damage']}"
+    opposite = verdict(changed("damage", "Polach wet", 0.95), name)
+    assert opposite.verdict == FAILS
+    assert opposite.conditions == ("the other way round with Polach wet",)
+    unknown = verdict(changed("damage", "Polach wet", 1.0 / 1.01), name)
+    assert unknown.verdict == CONDITIONS
+    assert "Polach wet" in unknown.conditions[0]
+
+
+def test_few_events_give_no_verdict():
+    name = f"mpc less cut-and-ramp: {METRICS['damage']}"
+    assert verdict(curve_table(events=8), name).verdict == TOO_FEW
+    assert verdict(curve_table(events=24), name).verdict == HOLDS
+
+
+def test_differences_are_paired_by_event():
+    def shifted(row):
+        return row | {"damage": row["damage"] + 1000.0 * row["event"]}
+
+    plain, spread = (
+        paired_difference(table, BASE, PAIRS[0], "damage")
+        for table in (curve_table(), curve_table(change=shifted))
+    )
+    assert spread.value == pytest.approx(plain.value)
+    assert spread.high - spread.low == pytest.approx(plain.high - plain.low)

@@ -1,0 +1,164 @@
+"""The ladder's events and measures do what they say, and its statements count right."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.plant.adhesion import POLACH_WET
+from alloc.simulation import simulate
+from studies.controllers import controller_names
+from studies.sweeps import ladder
+from studies.sweeps.ladder_events import (
+    QUANTITIES,
+    REFERENCE_SPEED,
+    TRAINS,
+    draw,
+    polach_level,
+    scenario,
+)
+from studies.sweeps.ladder_measures import INTERVAL, measure
+from studies.sweeps.ladder_statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from tests.studies.ladder_tables import ladder_table
+
+SHORT = 1.5
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ladder")
+    return folder, ladder.run(folder, 2, 0, 1, duration=SHORT)
+
+
+def verdict(table, name):
+    return next(s for s in ladder_statements(ladder.complete(table)) if s.name == name)
+
+
+def test_the_ladder_has_every_controller():
+    assert list(LADDER) == controller_names()
+
+
+def test_controllers_meet_the_same_events(swept):
+    _, table = swept
+    assert (table["status"] == "ok").all(), table["reason"].tolist()
+    for k, (_, event) in enumerate(table.groupby("scenario")):
+        assert tuple(event["controller"]) == ladder.controllers_of(k)
+        assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
+    assert set(QUANTITIES) | {"search_time", "torque_fluctuation", "steps_still"} <= set(table)
+    assert set(table["rule"]) == {ladder.RULE}
+
+
+def test_a_second_sweep_runs_nothing(swept, monkeypatch):
+    folder, table = swept
+    monkeypatch.setattr("studies.runner.run_job", None)
+    pd.testing.assert_frame_equal(ladder.run(folder, 2, 0, 1, duration=SHORT), table)
+    assert ladder.stored(folder) == 2
+    assert ladder.stored(folder, seed=1) == 0
+
+
+def test_an_event_follows_from_its_number_and_trains_and_curves_take_turns():
+    assert draw(0, 5) == draw(0, 5)
+    assert draw(0, 5) != draw(1, 5)
+    for block in range(3):
+        drawn = [draw(0, ladder.BLOCK * block + k) for k in range(ladder.BLOCK)]
+        met = {(d["train"], d["curve"]) for d in drawn}
+        assert met == {(train, curve) for train in TRAINS for curve in ("piecewise", "polach")}
+        with_mpc = {"mpc" in ladder.controllers_of(ladder.BLOCK * block + k) for k in range(6)}
+        assert with_mpc == {block % 2 == 0}
+
+
+@pytest.mark.parametrize(("k", "axles"), [(0, 4), (1, 1), (2, 1)])
+def test_units_are_cars_or_axles_as_drawn(k, axles):
+    structure = scenario(0, k).event(k).model.structure
+    assert set(structure.unit_axles.astype(int)) == {axles}
+
+
+def test_the_locomotive_has_no_free_axle_and_the_multiple_unit_has():
+    for k, free in ((0, True), (2, False)):
+        structure = scenario(0, k).event(k).model.structure
+        first = structure.axle_body == structure.axle_body[structure.axle_unit >= 0][0]
+        assert bool(np.any(structure.axle_unit[first] < 0)) == free
+
+
+@pytest.mark.parametrize("adhesion", [0.08, 0.13, 0.19])
+def test_rails_of_both_curves_offer_the_same_peak(adhesion):
+    level = polach_level(adhesion)
+    assert float(POLACH_WET.limit(level, REFERENCE_SPEED)[0]) == pytest.approx(adhesion, rel=1e-9)
+
+
+def test_steps_of_slip_towards_the_peak_are_right_and_away_from_it_wrong():
+    event = scenario(0, 0, 4.0).event(0)
+    run = simulate(event, "alone", "none")
+    time, shape = run["time"].values, run["slip_velocity"].shape
+    run["torque_target"] = run["torque_target"] * 0.0 + 1e5  # short of adhesion throughout
+    run["driver_command"] = run["driver_command"] * 0.0 + 0.8
+    run["adhesion_limit"] = run["adhesion_limit"] * 0.0 + 0.1
+    run["peak_slip"] = run["peak_slip"] * 0.0 + 0.5
+    steps = np.floor(time / INTERVAL + 1e-9)
+    for way, wrong in ((0.01, 0.0), (-0.01, 1.0)):  # from 0.2 m/s up, and down
+        slip = np.broadcast_to((0.2 + way * steps)[:, None], shape)
+        run["slip_velocity"] = (("time", "axle"), slip)
+        found = measure(run)
+        assert found["wrong_steps_still"] == wrong
+        assert found["steps_still"] > 0
+        assert found["steps_changing"] == 0.0
+        assert np.isnan(found["wrong_steps_changing"])
+
+
+def test_yardsticks_are_held_by_who_uses_more():
+    table = ladder_table()
+    assert verdict(table, "90%: perturb-observe").verdict == HOLDS
+    assert verdict(table, "95%: mpc").verdict == HOLDS
+    assert verdict(table, "95%: pi-creep").verdict == FAILS
+    assert verdict(table, "90%: table").verdict == FAILS
+
+
+def test_a_yardstick_missed_by_one_train_holds_with_that_condition():
+    def worse(row):
+        low = row["train"] == LOCOMOTIVE and row["controller"] == "mpc"
+        return row | ({"utilisation_short": 0.85} if low else {})
+
+    found = verdict(ladder_table(events=90, change=worse), "90%: mpc")
+    assert found.verdict == CONDITIONS
+    assert any("locomotive" in text for text in found.conditions)
+
+
+@pytest.mark.parametrize("name", LADDER[1:])
+def test_every_rung_is_above_the_one_below(name):
+    found = verdict(ladder_table(), f"rung: {name}")
+    assert found.verdict == HOLDS
+    reverse = verdict(
+        ladder_table(
+            change=lambda row: row | {"utilisation_short": 1.0 - row["utilisation_short"]}
+        ),
+        f"rung: {name}",
+    )
+    assert reverse.verdict == FAILS
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+@pytest.mark.parametrize(
+    ("claim", "metric", "value"),
+    [
+        ("slow", "search_time", 2.0),
+        ("restless", "torque_fluctuation", 0.08),
+        ("misled", "wrong_steps_changing", 0.8),
+    ],
+)
+def test_a_weakness_is_found_where_it_is(name, claim, metric, value):
+    assert verdict(ladder_table(), f"{claim}: {name}").verdict == FAILS
+    weak = ladder_table(
+        change=lambda row: row | ({metric: value} if row["controller"] == name else {})
+    )
+    found = verdict(weak, f"{claim}: {name}")
+    assert found.verdict == HOLDS
+    assert all(interval.count > 0 for interval in found.numbers.values())
+
+
+def test_few_events_give_no_verdict_and_failed_ones_are_left_out():
+    assert verdict(ladder_table(events=6), "90%: mpc").verdict == TOO_FEW
+    table = ladder_table(events=20)
+    table.loc[table.index[3], "status"] = "failed"
+    name = table.loc[table.index[3], "scenario"]
+    assert name not in set(ladder.complete(table)["scenario"])
+    assert ladder.complete(table)["scenario"].nunique() == 19
