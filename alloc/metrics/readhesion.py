@@ -178,19 +178,20 @@ class LimitSearch:
 def limit_coefficient(
     possible: Callable[[NDArray[np.int64], Floats], Flags],
     searches: int,
-    low: float,
-    high: float,
+    low: ArrayLike,
+    high: ArrayLike,
     tolerance: float,
     points: int = 1,
 ) -> LimitSearch:
-    """Limit adhesion coefficient by bisection in [low, high], for many controllers at once.
+    """Limit adhesion coefficient by bisection in [low, high], for many controllers at once; one bracket or one for each.
 
     `possible(search, limit)` tells for trials (n,), each the number of a search and a coefficient mu_lim, where readhesion
     is possible. The first call tries both ends and the `points` between them, each later one the `points` between the two
     coefficients that enclose the limit; the more, the likelier is it seen that readhesion is possible at one coefficient
     and not at a greater one.
     """
-    if not (low < high and tolerance > 0.0 and points >= 1):
+    low, high = (np.broadcast_to(np.asarray(end, dtype=float), searches) for end in (low, high))
+    if not (np.all(low < high) and tolerance > 0.0 and points >= 1):
         raise ValueError(
             f"limit coefficient: needs low < high, a tolerance and a point, got {low}, {high}, {tolerance}, {points}"
         )
@@ -199,9 +200,9 @@ def limit_coefficient(
         return possible(np.repeat(which, trial.shape[1]), trial.ravel()).reshape(trial.shape)
 
     every = np.arange(searches)
-    trial = np.tile(np.linspace(low, high, points + 2), (searches, 1))
-    upper, lower, monotone = _enclosed(trial, asked(every, trial))
     share = np.arange(points + 2) / (points + 1)
+    trial = low[:, None] + share * (high - low)[:, None]
+    upper, lower, monotone = _enclosed(trial, asked(every, trial))
     while True:
         # nan, that is possible everywhere or nowhere, is never wider than the tolerance
         active = every[upper - lower > tolerance * (1.0 + 1e-9)]

@@ -7,7 +7,7 @@ from typing import Protocol
 import pandas as pd
 
 from studies.errors import unknown
-from studies.sweeps import claims, differences, learning
+from studies.sweeps import calibration, claims, differences, learning, readhesion
 from studies.sweeps.statement import Statement
 
 OnRow = Callable[[str, int, int], None]
@@ -30,7 +30,13 @@ class Sweep(Protocol):
         """What the table says, computed from it by thresholds that the module states."""
 
 
-SWEEPS: dict[str, Sweep] = {"claims": claims, "differences": differences, "learning": learning}
+SWEEPS: dict[str, Sweep] = {
+    "claims": claims,
+    "differences": differences,
+    "learning": learning,
+    "readhesion": readhesion,
+    "calibration": calibration,
+}
 """Every sweep by name."""
 
 

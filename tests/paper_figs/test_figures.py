@@ -16,9 +16,11 @@ from alloc.rules import RULES
 from paper_figs import (
     FIGURES,
     adhesion_curve,
+    adhesion_drop,
     allocation_bars,
     axle_shifts,
     blended_braking,
+    calibration,
     claim_a,
     claim_b,
     claim_c,
@@ -27,16 +29,25 @@ from paper_figs import (
     comparison_figures,
     differences,
     draw_run,
+    half_slip,
     learning,
+    margin_sweep,
     planned_curves,
+    readhesion_factor,
+    readhesion_slip,
+    readhesion_torque,
+    readhesion_trajectory,
     rule_comparison,
     save_figure,
     sharing_wanders,
     slip_detection,
     slip_event,
+    torque_table,
     unit_increments,
     utilisation_damage,
+    width_sweep,
 )
+from paper_figs.readhesion_cases import CASES
 from paper_figs.style import (
     CONTROLLER_COLOURS,
     CONTROLLER_FILL,
@@ -49,13 +60,15 @@ from paper_figs.style import (
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
+from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
 from tests.studies.learning_tables import falling, synthetic
+from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -75,7 +88,16 @@ def stop():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop) -> dict[str, Figure]:
+def cases():
+    """Cases A and B of the readhesion paper, and two just below the plan, at a tenth of its resolution."""
+    return tuple(
+        run_cases(CALIBRATED, shown, recovers=True, step=5e-4)
+        for shown in (tuple(CASES.values()), half_slip.CASES)
+    )
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -92,6 +114,16 @@ def drawn(source, runs, stop) -> dict[str, Figure]:
         "axle-shifts": axle_shifts.draw(read_slide_counts(SYNTHETIC_TABLE)),
         "unit-increments": unit_increments.draw(),
         "learning": learning.draw(synthetic(falling, trains=2)),
+        "torque-table": torque_table.draw(),
+        "adhesion-drop": adhesion_drop.draw(),
+        "readhesion-slip": readhesion_slip.draw(cases[0]),
+        "readhesion-torque": readhesion_torque.draw(cases[0]),
+        "readhesion-factor": readhesion_factor.draw(cases[0]),
+        "readhesion-trajectory": readhesion_trajectory.draw(cases[0]),
+        "margin-sweep": margin_sweep.draw(sweep_table()),
+        "width-sweep": width_sweep.draw(sweep_table()),
+        "half-slip": half_slip.draw(cases[1]),
+        "calibration": calibration.draw(calibration_table()),
     }
 
 
