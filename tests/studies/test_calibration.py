@@ -11,6 +11,7 @@ from studies.calibration import (
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
+    best_of_units,
     calibrate,
     draw,
     draw_near,
@@ -81,8 +82,8 @@ def test_samples_near_the_best_are_near_and_inside():
     table = calibration_table()
     drawn = draw_near(table, 30, 0, 1)
     assert all(inside(one) for one in drawn)
-    parents = table.nsmallest(calibration.PARENTS, "objective")
-    assert {one.unit for one in drawn} == set(parents["unit"])
+    parents = best_of_units(table, calibration.PARENTS // 2)
+    assert {one.unit for one in drawn} == set(UNITS)
     cube = np.array([to_unit_cube(row) for _, row in parents.iterrows()])
     for k, one in enumerate(drawn):
         away = np.abs(to_unit_cube(row_of_set(one)) - cube[k % len(cube)])
@@ -96,7 +97,7 @@ def test_every_stage_comes_nearer_to_the_best(stub):
     counts = table["stage"].value_counts()
     assert counts["assumed"] == 1
     assert counts["wide"] + counts["near"] == 60
-    assert counts["refined"] <= calibration.REFINED * 15
+    assert counts["refined"] <= len(UNITS) * 15
     pd.testing.assert_frame_equal(table, calibrate(60, 0, 1, refinements=15))
 
 
@@ -105,6 +106,15 @@ def test_progress_is_told(stub):
     calibrate(10, 0, 1, lambda *row: told.append(row), refinements=5)
     assert [row[:2] for row in told[:2]] == [("assumed", 1), ("wide", 2)]
     assert told[-1][1] == 11
+
+
+def test_each_unit_keeps_its_best():
+    table = calibration_table()
+    chosen = best_of_units(table, 3)
+    for unit in UNITS:
+        own = table[table["unit"] == unit]["objective"]
+        kept = chosen[chosen["unit"] == unit]["objective"]
+        assert sorted(kept) == sorted(own)[:3]
 
 
 def test_the_best_is_among_those_that_fulfil():
@@ -156,6 +166,11 @@ def test_statements_say_how_narrow_the_good_sets_are():
     assert found["narrow: rise"].verdict == FAILS  # from 0.3 to 2 s
     assert found["unit"].verdict == HOLDS
     assert found["half-slip"].verdict == FAILS
+    rivals = table["unit"] == "m/s2"
+    table.loc[table[rivals].index[:2], "objective"] = 2.5
+    undecided = {statement.name: statement for statement in sweep.statements(table)}["unit"]
+    assert undecided.verdict == FAILS
+    assert len(undecided.conditions) == len(CLAIMS)
     close = table[~table.index.isin(good.index) | (table["rise"] > 1.2)]
     again = {statement.name: statement for statement in sweep.statements(close)}
     assert again["narrow: rise"].verdict == HOLDS
