@@ -63,7 +63,10 @@ class Unprinted:
 ASSUMED = Unprinted()
 """The defaults of `TorqueTable` and `PiecewiseCurve`."""
 CALIBRATED = ASSUMED
-"""The best set of `studies.calibration`."""
+"""The best set of `studies.calibration` among those that fulfil all findings but the half-slip's."""
+RIVAL = Unprinted(residual_ratio=0.45, rise=1.35, fall=0.02, time_constant=0.16, unit="m/s2")
+"""A set that meets as many findings and comes nearer in the sum: the half-slip of a_w = 0.3 costs adhesion as printed, but
+a_w = 0.5 never readheres. The paper does not decide between the two."""
 
 
 class Case(NamedTuple):

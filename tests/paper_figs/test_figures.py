@@ -89,15 +89,21 @@ def stop():
 
 @pytest.fixture(scope="module")
 def cases():
-    """Cases A and B of the readhesion paper, and two just below the plan, at a tenth of its resolution."""
-    return tuple(
-        run_cases(CALIBRATED, shown, recovers=True, step=5e-4)
-        for shown in (tuple(CASES.values()), half_slip.CASES)
-    )
+    """Cases A and B of the readhesion paper at a tenth of its resolution."""
+    return run_cases(CALIBRATED, tuple(CASES.values()), recovers=True, step=5e-4)
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases) -> dict[str, Figure]:
+def half_slips():
+    """The case just below the plan under each set."""
+    return [
+        run_cases(unprinted, [half_slip.CASE], recovers=True, step=5e-4)
+        for unprinted in half_slip.SETS.values()
+    ]
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -116,13 +122,13 @@ def drawn(source, runs, stop, cases) -> dict[str, Figure]:
         "learning": learning.draw(synthetic(falling, trains=2)),
         "torque-table": torque_table.draw(),
         "adhesion-drop": adhesion_drop.draw(),
-        "readhesion-slip": readhesion_slip.draw(cases[0]),
-        "readhesion-torque": readhesion_torque.draw(cases[0]),
-        "readhesion-factor": readhesion_factor.draw(cases[0]),
-        "readhesion-trajectory": readhesion_trajectory.draw(cases[0]),
+        "readhesion-slip": readhesion_slip.draw(cases),
+        "readhesion-torque": readhesion_torque.draw(cases),
+        "readhesion-factor": readhesion_factor.draw(cases),
+        "readhesion-trajectory": readhesion_trajectory.draw(cases),
         "margin-sweep": margin_sweep.draw(sweep_table()),
         "width-sweep": width_sweep.draw(sweep_table()),
-        "half-slip": half_slip.draw(cases[1]),
+        "half-slip": half_slip.draw(half_slips),
         "calibration": calibration.draw(calibration_table()),
     }
 
