@@ -3,6 +3,7 @@
 import matplotlib as mpl
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
@@ -17,6 +18,8 @@ LABELS = {
 }
 UNIT_LOOKS = {"km/h/s": ("o", "#0072b2"), "m/s2": ("^", "#e69f00")}
 """Marker and colour of each unit that a_0 and a_w may be meant in."""
+TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""Ticks of logarithmic axes."""
 FEW_EVENTS = 60
 """Samples that are drawn for the figure where the results hold none."""
 HEADROOM = 12.0
@@ -61,6 +64,9 @@ def draw(table: pd.DataFrame) -> Figure:
             )  # fmt: skip
             if logarithmic:
                 axes.set_xscale("log")
+                axes.xaxis.set_major_locator(FixedLocator(TICKS))
+                axes.xaxis.set_major_formatter("{x:g}")
+                axes.xaxis.set_minor_locator(NullLocator())
             axes.set(xlim=(low, high), ylim=(0.0, lowest + HEADROOM), xlabel=LABELS[name])
             if len(good) > 1:
                 axes.axvspan(good[name].min(), good[name].max(), color="#0072b2", alpha=0.10)
