@@ -24,7 +24,15 @@ from scipy.stats import norm, qmc
 
 from studies.readhesion_findings import CLAIMS, Finding, case_findings, grid_findings, objective
 from studies.readhesion_grid import Cases, grid_tables, search_limits
-from studies.readhesion_paper import ASSUMED, CASE_A, CASE_B, UNITS, Unprinted, run_cases
+from studies.readhesion_paper import (
+    ASSUMED,
+    CASE_A,
+    CASE_B,
+    RIVAL,
+    UNITS,
+    Unprinted,
+    run_cases,
+)
 
 DEFAULT_SAMPLES = 300
 WIDE_SHARE = 0.5
@@ -135,9 +143,10 @@ def calibrate(
 ) -> pd.DataFrame:
     """A row per set that was tried (`row_of`), with its stage: "assumed", "wide", "near" or "refined".
 
-    What was assumed before, after trials by hand, is one of the samples.
+    What was assumed before, after trials by hand, and the rival in the other unit, which a search of that unit alone found,
+    are samples too: so few draws may miss either.
     """
-    total = samples + 1 + len(UNITS) * refinements
+    total = samples + 2 + len(UNITS) * refinements
     rows: list[dict[str, Any]] = []
 
     def run(stage: str, tried: Sequence[Unprinted]) -> None:
@@ -147,9 +156,9 @@ def calibrate(
             if on_row is not None:
                 on_row(stage, len(rows), total)
 
-    run("assumed", [ASSUMED])
+    run("assumed", [ASSUMED, RIVAL])
     run("wide", draw(math.ceil(WIDE_SHARE * samples), seed))
-    rest = samples + 1 - len(rows)
+    rest = samples + 2 - len(rows)
     for generation in range(len(NEARNESS)):
         part = rest // len(NEARNESS) + (generation < rest % len(NEARNESS))
         run("near", draw_near(pd.DataFrame(rows), part, seed, generation))

@@ -91,7 +91,7 @@ def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> State
             f"findings met by the best set, of {len(CLAIMS)}": _one(met),
             "its objective": _one(chosen["objective"]),
             "objective of the values assumed": _one(
-                table.loc[table["stage"] == "assumed", "objective"].min()
+                table.loc[table["stage"] == "assumed", "objective"].head(1).min()
             ),
             "share of wide samples that fulfil all but the half-slip": share_interval(
                 table.index[table["stage"] == "wide"].isin(good.index)

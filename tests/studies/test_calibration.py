@@ -21,7 +21,7 @@ from studies.calibration import (
     to_unit_cube,
 )
 from studies.readhesion_findings import CLAIMS
-from studies.readhesion_paper import ASSUMED, UNITS
+from studies.readhesion_paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from studies.sweeps import calibration as sweep
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS
 from tests.studies.readhesion_tables import calibration_table
@@ -74,8 +74,10 @@ def test_samples_cover_every_range_in_both_units():
     assert draw(40, 1) != drawn
 
 
-def test_the_values_assumed_lie_in_the_ranges():
+def test_known_sets_lie_in_the_ranges():
     assert inside(ASSUMED)
+    assert inside(CALIBRATED)
+    assert inside(RIVAL)
 
 
 def test_samples_near_the_best_are_near_and_inside():
@@ -95,7 +97,7 @@ def test_every_stage_comes_nearer_to_the_best(stub):
     least = table.groupby("stage")["objective"].min()
     assert least["refined"] < least["near"] < least["wide"]
     counts = table["stage"].value_counts()
-    assert counts["assumed"] == 1
+    assert counts["assumed"] == 2
     assert counts["wide"] + counts["near"] == 60
     assert counts["refined"] <= len(UNITS) * 15
     pd.testing.assert_frame_equal(table, calibrate(60, 0, 1, refinements=15))
@@ -104,8 +106,8 @@ def test_every_stage_comes_nearer_to_the_best(stub):
 def test_progress_is_told(stub):
     told = []
     calibrate(10, 0, 1, lambda *row: told.append(row), refinements=5)
-    assert [row[:2] for row in told[:2]] == [("assumed", 1), ("wide", 2)]
-    assert told[-1][1] == 11
+    assert [row[:2] for row in told[:2]] == [("assumed", 1), ("assumed", 2)]
+    assert told[-1][1] == 12
 
 
 def test_each_unit_keeps_its_best():
@@ -141,7 +143,7 @@ def test_what_the_cases_already_refute_is_not_asked_further(monkeypatch):
 def test_the_command_writes_every_set(stub, tmp_path, capsys):
     out = tmp_path / "sets.parquet"
     assert main(["--samples", "8", "--jobs", "1", "--out", str(out)]) == 0
-    assert len(pd.read_parquet(out)) >= 9
+    assert len(pd.read_parquet(out)) >= 10
     assert "tau" not in capsys.readouterr().err
 
 
