@@ -88,6 +88,44 @@ FIGURES: dict[str, FigureEntry] = {
         "curves",
         "differences of rules and controllers under several adhesion curves (sweep curves)",
     ),
+    "torque-table": FigureEntry(
+        "torque_table", "torque factor over the deviation of acceleration (readhesion paper Fig. 5)"
+    ),
+    "adhesion-drop": FigureEntry(
+        "adhesion_drop",
+        "adhesion curve before and after the rail's change (readhesion paper Fig. 6)",
+    ),
+    "readhesion-slip": FigureEntry(
+        "readhesion_slip", "slip with and without readhesion (readhesion paper Figs. 7, 8, 9)"
+    ),
+    "readhesion-torque": FigureEntry(
+        "readhesion_torque",
+        "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11)",
+    ),
+    "readhesion-factor": FigureEntry(
+        "readhesion_factor",
+        "torque factor with and without readhesion (readhesion paper Figs. 12, 13)",
+    ),
+    "readhesion-trajectory": FigureEntry(
+        "readhesion_trajectory",
+        "torque and coefficient over slip: limit cycle or none (readhesion paper Figs. 14, 15)",
+    ),
+    "margin-sweep": FigureEntry(
+        "margin_sweep", "readhesion and adhesion used over a_0 (readhesion paper Figs. 16, 17, 18)"
+    ),
+    "width-sweep": FigureEntry(
+        "width_sweep", "readhesion and adhesion used over a_w (readhesion paper Figs. 19, 20, 21)"
+    ),
+    "half-slip": FigureEntry(
+        "half_slip", "slip and torque on a rail just below the plan (readhesion paper Figs. 22, 23)"
+    ),
+    "limit-cycle": FigureEntry(
+        "limit_cycle",
+        "limit cycle of the torque table, simulated and predicted; when wheels run away",
+    ),
+    "calibration": FigureEntry(
+        "calibration", "how narrowly the readhesion paper determines what it does not print"
+    ),
 }
 """Every figure by name."""
 

@@ -23,3 +23,11 @@ def code_hash() -> str:
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def hash_with(*paths: str | Path) -> str:
+    """Hash of `code_hash` and further sources: of a table that is more than rows of runs."""
+    digest = hashlib.sha256(code_hash().encode())
+    for path in paths:
+        digest.update(Path(path).read_bytes())
+    return digest.hexdigest()[:16]

@@ -7,7 +7,15 @@ from typing import Protocol
 import pandas as pd
 
 from studies.errors import unknown
-from studies.sweeps import claims, curves, differences, ladder, learning
+from studies.sweeps import (
+    calibration,
+    claims,
+    curves,
+    differences,
+    ladder,
+    learning,
+    readhesion,
+)
 from studies.sweeps.statement import Statement
 
 OnRow = Callable[[str, int, int], None]
@@ -36,6 +44,8 @@ SWEEPS: dict[str, Sweep] = {
     "learning": learning,
     "ladder": ladder,
     "curves": curves,
+    "readhesion": readhesion,
+    "calibration": calibration,
 }
 """Every sweep by name."""
 

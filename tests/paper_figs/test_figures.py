@@ -16,9 +16,11 @@ from alloc.rules import RULES
 from paper_figs import (
     FIGURES,
     adhesion_curve,
+    adhesion_drop,
     allocation_bars,
     axle_shifts,
     blended_braking,
+    calibration,
     claim_a,
     claim_b,
     claim_c,
@@ -29,16 +31,26 @@ from paper_figs import (
     differences,
     draw_run,
     ladder,
+    half_slip,
     learning,
+    limit_cycle,
+    margin_sweep,
     planned_curves,
+    readhesion_factor,
+    readhesion_slip,
+    readhesion_torque,
+    readhesion_trajectory,
     rule_comparison,
     save_figure,
     sharing_wanders,
     slip_detection,
     slip_event,
+    torque_table,
     unit_increments,
     utilisation_damage,
+    width_sweep,
 )
+from paper_figs.readhesion_cases import CASES
 from paper_figs.style import (
     CONTROLLER_COLOURS,
     CONTROLLER_FILL,
@@ -51,14 +63,17 @@ from paper_figs.style import (
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
+from studies.limit_cycle import compare_cycles
+from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
+from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -78,7 +93,22 @@ def stop():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop) -> dict[str, Figure]:
+def cases():
+    """Cases A and B of the readhesion paper at a tenth of its resolution."""
+    return run_cases(CALIBRATED, tuple(CASES.values()), recovers=True, step=5e-4)
+
+
+@pytest.fixture(scope="module")
+def half_slips():
+    """The case just below the plan under each set."""
+    return [
+        run_cases(unprinted, [half_slip.CASE], recovers=True, step=5e-4)
+        for unprinted in half_slip.SETS.values()
+    ]
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -97,6 +127,17 @@ def drawn(source, runs, stop) -> dict[str, Figure]:
         "learning": learning.draw(synthetic(falling, trains=2)),
         "ladder": ladder.draw(ladder_table()),
         "curves": curves.draw(curve_table()),
+        "torque-table": torque_table.draw(),
+        "adhesion-drop": adhesion_drop.draw(),
+        "readhesion-slip": readhesion_slip.draw(cases),
+        "readhesion-torque": readhesion_torque.draw(cases),
+        "readhesion-factor": readhesion_factor.draw(cases),
+        "readhesion-trajectory": readhesion_trajectory.draw(cases),
+        "margin-sweep": margin_sweep.draw(sweep_table()),
+        "width-sweep": width_sweep.draw(sweep_table()),
+        "half-slip": half_slip.draw(half_slips),
+        "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
+        "calibration": calibration.draw(calibration_table()),
     }
 
 

@@ -1,0 +1,109 @@
+"""Figures of the readhesion paper show its runs, its sweep and its calibration."""
+
+import numpy as np
+import pytest
+
+from paper_figs import (
+    calibration,
+    margin_sweep,
+    readhesion_slip,
+    readhesion_torque,
+    readhesion_trajectory,
+    torque_table,
+    width_sweep,
+)
+from paper_figs.readhesion_cases import CASES, case_runs, on_coefficient_scale
+from paper_figs.source import Source
+from studies.calibration import best, fulfilling
+from studies.readhesion_paper import CALIBRATED, DROP, RECOVERY, run_cases
+from studies.store import Store
+from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return run_cases(CALIBRATED, tuple(CASES.values()), recovers=True, step=5e-4)
+
+
+def data(line):
+    return np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+
+
+def test_torque_and_coefficient_lie_on_each_other_until_the_wheel_slips(runs):
+    held = (runs.time > 3.0) & (runs.time < DROP - 0.1)
+    for lane in range(2):
+        torque = on_coefficient_scale(runs, lane)
+        np.testing.assert_allclose(torque[held], runs.coefficient[held, lane], rtol=2e-3)
+
+
+def test_slip_and_torque_are_those_of_the_runs(runs):
+    axes = readhesion_slip.draw(runs).axes
+    for one, lane in zip(axes, (0, 1, 1), strict=True):
+        np.testing.assert_array_equal(data(one.get_lines()[0])[1], runs.slip[:, lane])
+        np.testing.assert_array_equal(data(one.get_lines()[1])[1], runs.peak_slip[:, lane])
+    for lane, one in enumerate(readhesion_torque.draw(runs).axes):
+        np.testing.assert_array_equal(data(one.get_lines()[1])[1], runs.coefficient[:, lane])
+
+
+def test_trajectories_end_before_the_rail_recovers(runs):
+    for lane, axes in enumerate(readhesion_trajectory.draw(runs).axes):
+        slip, torque = data(axes.get_lines()[0])
+        shown = (runs.time >= DROP) & (runs.time < RECOVERY - 0.02)
+        np.testing.assert_array_equal(slip, runs.slip[shown, lane])
+        np.testing.assert_array_equal(torque, on_coefficient_scale(runs, lane)[shown])
+
+
+def test_the_table_falls_from_its_margin_over_its_width():
+    for line, case in zip(torque_table.draw().axes[0].get_lines(), CASES.values(), strict=True):
+        deviation, factor = data(line)
+        assert (factor[deviation <= case.margin] == 1.0).all()
+        assert (factor[deviation >= case.margin + case.width] == 0.0).all()
+        assert (np.diff(factor) <= 0.0).all()
+
+
+@pytest.mark.parametrize(("module", "over"), [(margin_sweep, "margin"), (width_sweep, "width")])
+def test_a_sweep_shows_what_readheres(module, over):
+    axes = module.draw(sweep_table()).axes[0]
+    good, bad, limits = (data(line) for line in axes.get_lines())
+    for mu, value in zip(*good, strict=True):
+        assert mu >= (limit_of(value, 0.2) if over == "margin" else limit_of(0.4, value))
+    for mu, value in zip(*bad, strict=True):
+        assert mu < (limit_of(value, 0.2) if over == "margin" else limit_of(0.4, value))
+    assert len(good[0]) + len(bad[0]) == 150
+    assert np.isfinite(limits[0]).sum() == (10 if over == "margin" else 5)
+
+
+def test_the_calibration_marks_the_best_set_and_the_range_of_the_good_ones():
+    table = calibration_table()
+    for axes, name in zip(calibration.draw(table).axes, calibration.RANGES, strict=True):
+        star = next(line for line in axes.get_lines() if line.get_label() == "best")
+        assert data(star)[0] == [best(table)[name]]
+        (span,) = axes.patches
+        assert span.get_x() == fulfilling(table)[name].min()
+
+
+def test_data_come_from_the_sweeps_of_the_results(tmp_path, monkeypatch):
+    source, asked = Source(Store(tmp_path), jobs=2), []
+
+    def run(folder, events, seed, jobs, on_row):
+        asked.append((folder.name, events, seed, jobs))
+        return sweep_table() if folder.name == "readhesion" else calibration_table()
+
+    monkeypatch.setattr("studies.sweeps.readhesion.run", run)
+    monkeypatch.setattr("studies.sweeps.calibration.run", run)
+    for module in (margin_sweep, width_sweep, calibration):
+        assert len(module.figure(source).axes) >= 3
+    assert asked == [("readhesion", 1, 0, 2)] * 2 + [("calibration", calibration.FEW_EVENTS, 0, 2)]
+    monkeypatch.setattr("studies.sweeps.calibration.stored", lambda _: calibration_table())
+    calibration.figure(source)
+    assert len(asked) == 3
+
+
+def test_runs_are_made_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr("paper_figs.readhesion_cases.run_cases", lambda *a, **k: calls.append(a))
+    case_runs.cache_clear()
+    case_runs()
+    case_runs()
+    assert len(calls) == 1
+    case_runs.cache_clear()

@@ -1,0 +1,184 @@
+"""Calibration tries sets in its ranges, comes near the best, and says how narrow the good ones are."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from studies import calibration
+from studies.calibration import (
+    NOT_ASKED_OF_ALL,
+    RANGES,
+    best,
+    best_of_units,
+    calibrate,
+    draw,
+    draw_near,
+    from_unit_cube,
+    fulfilling,
+    main,
+    to_unit_cube,
+)
+from studies.readhesion_findings import CLAIMS
+from studies.readhesion_paper import ASSUMED, CALIBRATED, RIVAL, UNITS
+from studies.sweeps import calibration as sweep
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS
+from tests.studies.readhesion_tables import calibration_table
+
+WANTED = np.array([0.7, 0.4, 0.5, 0.6])
+"""Where in the unit cube the stub's objective is least."""
+
+
+def row_of_set(unprinted):
+    return pd.Series({name: getattr(unprinted, name) for name in RANGES})
+
+
+def inside(unprinted):
+    return all(
+        low * (1 - 1e-9) <= getattr(unprinted, name) <= high * (1 + 1e-9)
+        for name, (low, high, _) in RANGES.items()
+    )
+
+
+@pytest.fixture
+def stub(monkeypatch):
+    """An objective that takes no time: distance from `WANTED`, nothing met in m/s2."""
+
+    def row_of(unprinted):
+        distance = float(np.sum((to_unit_cube(row_of_set(unprinted)) - WANTED) ** 2))
+        good = unprinted.unit == "km/h/s" and distance < 0.3
+        met = {f"met: {name}": good and name not in NOT_ASKED_OF_ALL for name in CLAIMS}
+        values = {name: getattr(unprinted, name) for name in (*RANGES, "unit")}
+        return {**values, "objective": 100.0 * distance, "met": sum(met.values()), **met}
+
+    monkeypatch.setattr(calibration, "row_of", row_of)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4), st.sampled_from(list(UNITS)))
+def test_the_unit_cube_is_the_ranges(point, unit):
+    unprinted = from_unit_cube(np.array(point), unit)
+    assert inside(unprinted)
+    assert unprinted.unit == unit
+    np.testing.assert_allclose(to_unit_cube(row_of_set(unprinted)), point, atol=1e-9)
+
+
+def test_samples_cover_every_range_in_both_units():
+    drawn = draw(40, 0)
+    assert all(inside(one) for one in drawn)
+    assert {one.unit for one in drawn} == set(UNITS)
+    cube = np.array([to_unit_cube(row_of_set(one)) for one in drawn])
+    for column in cube.T:  # a Latin hypercube: one sample in every fortieth of a range
+        assert sorted(np.floor(column * 40).astype(int)) == list(range(40))
+    assert draw(40, 0) == drawn
+    assert draw(40, 1) != drawn
+
+
+def test_known_sets_lie_in_the_ranges():
+    assert inside(ASSUMED)
+    assert inside(CALIBRATED)
+    assert inside(RIVAL)
+
+
+def test_samples_near_the_best_are_near_and_inside():
+    table = calibration_table()
+    drawn = draw_near(table, 30, 0, 1)
+    assert all(inside(one) for one in drawn)
+    parents = best_of_units(table, calibration.PARENTS // 2)
+    assert {one.unit for one in drawn} == set(UNITS)
+    cube = np.array([to_unit_cube(row) for _, row in parents.iterrows()])
+    for k, one in enumerate(drawn):
+        away = np.abs(to_unit_cube(row_of_set(one)) - cube[k % len(cube)])
+        assert away.max() < 4.0 * calibration.NEARNESS[1]
+
+
+def test_every_stage_comes_nearer_to_the_best(stub):
+    table = calibrate(60, 0, 1, refinements=15)
+    least = table.groupby("stage")["objective"].min()
+    assert least["refined"] < least["near"] < least["wide"]
+    counts = table["stage"].value_counts()
+    assert counts["assumed"] == 2
+    assert counts["wide"] + counts["near"] == 60
+    assert counts["refined"] <= len(UNITS) * 15
+    pd.testing.assert_frame_equal(table, calibrate(60, 0, 1, refinements=15))
+
+
+def test_progress_is_told(stub):
+    told = []
+    calibrate(10, 0, 1, lambda *row: told.append(row), refinements=5)
+    assert [row[:2] for row in told[:2]] == [("assumed", 1), ("assumed", 2)]
+    assert told[-1][1] == 12
+
+
+def test_each_unit_keeps_its_best():
+    table = calibration_table()
+    chosen = best_of_units(table, 3)
+    for unit in UNITS:
+        own = table[table["unit"] == unit]["objective"]
+        kept = chosen[chosen["unit"] == unit]["objective"]
+        assert sorted(kept) == sorted(own)[:3]
+
+
+def test_the_best_is_among_those_that_fulfil():
+    table = calibration_table()
+    good = fulfilling(table)
+    assert 0 < len(good) < len(table)
+    assert (good["rise"] < 2.0).all()
+    assert best(table)["objective"] == good["objective"].min()
+    none = table.assign(**{"met: A readheres": False})
+    assert len(fulfilling(none)) == 0
+    assert best(none)["objective"] == table["objective"].min()
+
+
+def test_what_the_cases_already_refute_is_not_asked_further(monkeypatch):
+    monkeypatch.setattr(calibration, "search_limits", None)
+    found = calibration.findings_of(calibration.Unprinted(rise=0.3, time_constant=0.02))
+    assert not all(found[name].met for name in calibration.DECISIVE)
+    assert "wide never" not in found
+    row = calibration.row_of(calibration.Unprinted(rise=0.3, time_constant=0.02))
+    assert np.isnan(row["misfit: wide never"])
+    assert not row["met: wide never"]
+
+
+def test_the_command_writes_every_set(stub, tmp_path, capsys):
+    out = tmp_path / "sets.parquet"
+    assert main(["--samples", "8", "--jobs", "1", "--out", str(out)]) == 0
+    assert len(pd.read_parquet(out)) >= 10
+    assert "tau" not in capsys.readouterr().err
+
+
+def test_the_sweep_keeps_its_table(stub, tmp_path, monkeypatch):
+    table = sweep.run(tmp_path, 8, 0, 1, refinements=5)
+    monkeypatch.setattr(sweep, "calibrate", None)
+    pd.testing.assert_frame_equal(sweep.run(tmp_path, 8, 0, 1), table)
+    with pytest.raises(TypeError):
+        sweep.run(tmp_path, 8, 1, 1)  # another seed is another table
+    monkeypatch.setattr(sweep, "_hash", lambda: "other code")
+    assert sweep.stored(tmp_path) is None
+
+
+def test_statements_say_how_narrow_the_good_sets_are():
+    table = calibration_table()
+    found = {statement.name: statement for statement in sweep.statements(table)}
+    good = fulfilling(table)
+    assert found["a set exists"].verdict == CONDITIONS
+    assert len(found["a set exists"].conditions) == len(NOT_ASKED_OF_ALL)
+    ranges = next(iter(found["narrow: rise"].numbers.values()))
+    assert (ranges.low, ranges.high) == (good["rise"].min(), good["rise"].max())
+    assert found["narrow: rise"].verdict == FAILS  # from 0.3 to 2 s
+    assert found["unit"].verdict == HOLDS
+    assert found["half-slip"].verdict == FAILS
+    rivals = table["unit"] == "m/s2"
+    table.loc[table[rivals].index[:2], "objective"] = 2.5
+    undecided = {statement.name: statement for statement in sweep.statements(table)}["unit"]
+    assert undecided.verdict == FAILS
+    assert len(undecided.conditions) == len(CLAIMS)
+    close = table[~table.index.isin(good.index) | (table["rise"] > 1.2)]
+    again = {statement.name: statement for statement in sweep.statements(close)}
+    assert again["narrow: rise"].verdict == HOLDS
+
+
+def test_without_any_good_set_nothing_is_narrow():
+    table = calibration_table().assign(**{"met: A readheres": False})
+    found = {statement.name: statement.verdict for statement in sweep.statements(table)}
+    assert found["a set exists"] == found["narrow: rise"] == found["unit"] == FAILS

@@ -1,0 +1,99 @@
+"""The sweep of the readhesion paper: what it runs, what it keeps, and what it states."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from studies.readhesion_findings import CLAIMS
+from studies.sweeps import SWEEPS, readhesion
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from tests.studies.readhesion_tables import limit_of, sweep_table
+
+COARSE = 5e-4
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("readhesion")
+    return readhesion.run(folder, 1, 0, 1, margins=(0.4,), widths=(0.2, 0.8), step=COARSE)
+
+
+def test_every_parabola_meets_every_controller(swept):
+    limits = swept[swept["part"] == "limit"]
+    assert limits.groupby("parabola").size().to_dict() == {
+        readhesion.PRINTED: 2,
+        readhesion.NARROW: 2,
+    }
+    runs = swept[swept["part"] == "indices"]
+    assert (runs.groupby(["parabola", "width"]).size() >= 15).all()
+    assert not runs.duplicated(["parabola", "margin", "width", "limit"]).any()
+
+
+def test_the_limit_separates_what_readheres(swept):
+    limits = swept[swept["part"] == "limit"].set_index(["parabola", "width"])
+    for key, runs in swept[swept["part"] == "indices"].groupby(["parabola", "width"]):
+        good = runs["possible"].astype(bool)
+        limit = limits.loc[key, "limit_coefficient"]
+        if np.isnan(limit):
+            assert not good.any()
+        else:
+            assert limit == pytest.approx(runs["limit"][good].min())
+            assert (good == (runs["limit"] >= limit - 1e-9)).all() == limits.loc[key, "monotone"]
+
+
+def test_only_the_whole_sweep_is_kept(tmp_path, monkeypatch):
+    table = sweep_table()
+    monkeypatch.setattr(readhesion, "_searched", lambda *_: table.iloc[:10])
+    monkeypatch.setattr(readhesion, "run_cases", lambda *_, **__: None)
+    monkeypatch.setattr(readhesion, "case_findings", lambda _: {})
+    readhesion.run(tmp_path, 1, 0, 1, widths=(0.2,))
+    assert readhesion.stored(tmp_path) is None
+    told = []
+    whole = readhesion.run(tmp_path, 1, 0, 1, lambda *row: told.append(row))
+    assert len(told) == 3
+    pd.testing.assert_frame_equal(readhesion.stored(tmp_path), whole, check_dtype=False)
+    monkeypatch.setattr(readhesion, "_searched", None)
+    assert len(readhesion.run(tmp_path, 1, 0, 1)) == len(whole)
+    monkeypatch.setattr(readhesion, "_hash", lambda: "other code")
+    assert readhesion.stored(tmp_path) is None
+
+
+def test_every_finding_has_its_statement(swept):
+    found = {statement.name: statement for statement in readhesion.statements(swept)}
+    assert set(CLAIMS) | {"limit exists", "parabola"} == set(found)
+    assert {statement.verdict for statement in found.values()} <= set(VERDICTS)
+    assert SWEEPS["readhesion"] is readhesion
+
+
+def test_a_table_as_the_paper_found_it_holds():
+    found = readhesion.statements(sweep_table())
+    assert {statement.verdict for statement in found} == {HOLDS}
+
+
+def test_a_case_that_fails_is_said_to():
+    table = sweep_table()
+    table.loc[table["finding"] == "A period", "met"] = False
+    verdicts = {statement.name: statement.verdict for statement in readhesion.statements(table)}
+    assert [name for name, verdict in verdicts.items() if verdict != HOLDS] == ["A period"]
+
+
+def test_a_limit_that_is_none_is_said_to_be():
+    found = {s.name: s for s in readhesion.statements(sweep_table(monotone=False))}
+    assert found["limit exists"].verdict == CONDITIONS
+    assert found["limit exists"].conditions == ("not with a_0 0, a_w 0.2",)
+
+
+def test_a_parabola_that_matters_is_said_to():
+    def parabola(narrow_limit):
+        found = readhesion.statements(sweep_table(narrow_limit))
+        return next(statement for statement in found if statement.name == "parabola")
+
+    assert parabola(lambda m, w: limit_of(m, w) - 0.012).verdict == FAILS
+    assert parabola(lambda m, w: limit_of(m, w) - 0.002).verdict == HOLDS
+    # a finding that changes where C = 40 makes a curve is a condition, one that changes elsewhere refutes
+    wide = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.158)
+    assert wide.verdict == CONDITIONS
+    assert wide.conditions == ("narrow at every mu_max, changes: wide never",)
+    lower = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.148)
+    assert lower.verdict == FAILS
+    assert "narrow there, changes: wide never" in lower.conditions
