@@ -30,8 +30,8 @@ from paper_figs import (
     curves,
     differences,
     draw_run,
-    ladder,
     half_slip,
+    ladder,
     learning,
     limit_cycle,
     margin_sweep,
@@ -63,7 +63,7 @@ from paper_figs.style import (
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
-from studies.limit_cycle import compare_cycles
+from studies.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
