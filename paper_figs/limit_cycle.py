@@ -22,7 +22,10 @@ def figure(source: Source) -> Figure:
 
 
 def draw(cycles: pd.DataFrame, growth_widths: tuple[float, ...]) -> Figure:
-    """Panels: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w."""
+    """Panels: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w.
+
+    Simulated cycles are drawn where the wheel readheres.
+    """
     drawn = new_figure(7.1, 2.9)
     with mpl.rc_context(fname=STYLE_FILE):
         period, slip, growth = drawn.subplots(1, 3)
@@ -32,8 +35,9 @@ def draw(cycles: pd.DataFrame, growth_widths: tuple[float, ...]) -> Figure:
                     rows["limit"], rows[f"predicted_{quantity}"], color=colour,
                     label=f"predicted, $a_w$ = {width:g} km/h/s",
                 )  # fmt: skip
+                back = rows[rows["possible"]]  # wheels that run away swing as well, elsewhere
                 panel.plot(
-                    rows["limit"], rows[quantity], "o", color=colour, markersize=3.5,
+                    back["limit"], back[quantity], "o", color=colour, markersize=3.5,
                     markerfacecolor="none", label=f"simulated, $a_w$ = {width:g} km/h/s",
                 )  # fmt: skip
         for panel in (period, slip):
@@ -49,7 +53,7 @@ def draw(cycles: pd.DataFrame, growth_widths: tuple[float, ...]) -> Figure:
         growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
         growth.axhline(1.0, linestyle=":", color="black", linewidth=0.9)
         growth.annotate(
-            f"wheels run away\nfrom $a_w$ = {critical:.2f} on", (critical, float(np.max(sizes))),
+            f"can run away\nfrom {critical:.2f} on", (critical, float(np.max(sizes))),
             xytext=(6, 0), textcoords="offset points", va="top",
         )  # fmt: skip
         growth.set_title("(c) swings while running away")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from alloc.metrics.readhesion import PROMINENCE
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.readhesion import TorqueTable
@@ -177,7 +178,8 @@ class ReducedModel:
             moved = np.max(np.abs(state - start) / scale)
             if state[SLIP] > 100.0 * self.top or moved < 1e-3 * tolerance * passed / STEP:
                 return None
-            if turned:
+            # at rest rounding turns the filter to and fro: a cycle must swing
+            if turned and high[TORQUE] - low[TORQUE] > PROMINENCE * self.target:
                 if np.max(np.abs(state - last) / scale) < tolerance:
                     return LimitCycle(
                         time - last_time,
