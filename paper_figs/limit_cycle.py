@@ -53,7 +53,7 @@ def draw(cycles: pd.DataFrame, growth_widths: tuple[float, ...]) -> Figure:
         growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
         growth.axhline(1.0, linestyle=":", color="black", linewidth=0.9)
         growth.annotate(
-            f"can run away\nfrom {critical:.2f} on", (critical, float(np.max(sizes))),
+            f"factor rests\nfrom {critical:.2f} on", (critical, float(np.max(sizes))),
             xytext=(6, 0), textcoords="offset points", va="top",
         )  # fmt: skip
         growth.set_title("(c) swings while running away")

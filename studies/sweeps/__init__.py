@@ -12,6 +12,7 @@ from studies.sweeps import (
     claims,
     curves,
     differences,
+    joint,
     ladder,
     learning,
     readhesion,
@@ -44,6 +45,7 @@ SWEEPS: dict[str, Sweep] = {
     "learning": learning,
     "ladder": ladder,
     "curves": curves,
+    "joint": joint,
     "readhesion": readhesion,
     "calibration": calibration,
 }

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from studies.sweeps.arms import Arm, arm_difference
 from studies.sweeps.statement import (
     CONDITIONS,
     CONFIDENCE,
@@ -12,7 +13,6 @@ from studies.sweeps.statement import (
     TOO_FEW,
     Interval,
     Statement,
-    mean_interval,
 )
 from studies.sweeps.verdict import LEAST_EVENTS
 
@@ -29,13 +29,6 @@ RULES = ("alone", "greedy", "exact")
 
 INFORMED = "informed mpc"
 """The MPC on a train that believes in the rail's own curve; all others believe in the piecewise one."""
-
-
-class Arm(NamedTuple):
-    """A rule under a controller."""
-
-    rule: str
-    controller: str
 
 
 class Pair(NamedTuple):
@@ -69,12 +62,7 @@ def curve_statements(table: pd.DataFrame) -> list[Statement]:
 
 def paired_difference(table: pd.DataFrame, curve: str, pair: Pair, metric: str) -> Interval:
     """Mean over events of a metric's difference between the arms of `pair`, on rails of `curve`."""
-    rows = table[table["curve"] == curve]
-    values = []
-    for arm in (pair.one, pair.other):
-        chosen = (rows["rule"] == arm.rule) & (rows["controller"] == arm.controller)
-        values.append(rows[chosen].set_index("event")[metric])
-    return mean_interval(values[0] - values[1])
+    return arm_difference(table[table["curve"] == curve], pair.one, pair.other, metric)
 
 
 def sign(interval: Interval) -> int:

@@ -1,0 +1,51 @@
+"""Allocation rules against the joint optimum: paired over the same events."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from studies.sweeps import joint
+from studies.sweeps.curve_statements import METRICS
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+
+
+def table(short: float, events: int = 20, spread: float = 0.002) -> pd.DataFrame:
+    """Every arm `short` of the optimum's effort, with `spread` from event to event, on events that differ by much more."""
+    noise = np.random.default_rng(5)
+    rows = []
+    for k in range(events):
+        level = 0.7 + 0.2 * noise.random()
+        for arm in (*joint.ARMS, joint.OPTIMUM):
+            missed = 0.0 if arm == joint.OPTIMUM else short + spread * noise.standard_normal()
+            values = dict.fromkeys(METRICS, 1.0) | {"held_effort": level - missed}
+            rows.append({"event": k, "status": "ok", **arm._asdict(), **values})
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("short", "spread", "verdict"),
+    [(0.0, 0.002, HOLDS), (0.05, 0.002, FAILS), (0.01, 0.01, CONDITIONS)],
+)
+def test_the_verdict_follows_the_effort_missed(short, spread, verdict):
+    found = joint.statements(table(short, spread=spread))
+    assert len(found) == len(joint.ARMS)
+    assert {statement.verdict for statement in found} == {verdict}
+
+
+def test_few_events_and_failed_ones_say_nothing():
+    assert {s.verdict for s in joint.statements(table(0.0, events=5))} == {TOO_FEW}
+    failed = table(0.0)
+    failed.loc[(failed["controller"] == "mpc-train-ideal") & (failed["event"] > 4), "status"] = (
+        "failed"
+    )
+    assert {s.verdict for s in joint.statements(failed)} == {TOO_FEW}
+
+
+def test_every_arm_meets_the_same_event(tmp_path):
+    swept = joint.run(tmp_path, 1, 0, 1, duration=1.5)
+    assert (swept["status"] == "ok").all(), swept["reason"].tolist()
+    assert len(swept) == len(joint.ARMS) + 1
+    assert swept["scenario_hash"].nunique() == 1
+    assert (swept["controller_failures"] == 0).all()
+    again = joint.run(tmp_path, 1, 0, 1, duration=1.5)
+    pd.testing.assert_frame_equal(again, swept)
