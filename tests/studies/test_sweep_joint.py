@@ -8,6 +8,9 @@ from studies.sweeps import joint
 from studies.sweeps.curve_statements import METRICS
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 
+SHORT = 3.0
+"""Length of an event [s] that is just long enough for the measures."""
+
 
 def table(short: float, events: int = 20, spread: float = 0.002) -> pd.DataFrame:
     """Every arm `short` of the optimum's effort, with `spread` from event to event, on events that differ by much more."""
@@ -42,10 +45,10 @@ def test_few_events_and_failed_ones_say_nothing():
 
 
 def test_every_arm_meets_the_same_event(tmp_path):
-    swept = joint.run(tmp_path, 1, 0, 1, duration=1.5)
+    swept = joint.run(tmp_path, 1, 0, 1, duration=SHORT)
     assert (swept["status"] == "ok").all(), swept["reason"].tolist()
     assert len(swept) == len(joint.ARMS) + 1
     assert swept["scenario_hash"].nunique() == 1
     assert (swept["controller_failures"] == 0).all()
-    again = joint.run(tmp_path, 1, 0, 1, duration=1.5)
+    again = joint.run(tmp_path, 1, 0, 1, duration=SHORT)
     pd.testing.assert_frame_equal(again, swept)
