@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import norm, qmc
 
+from studies.errors import StudyError
+from studies.options import check_writable
 from studies.readhesion_findings import CLAIMS, Finding, case_findings, grid_findings, objective
 from studies.readhesion_grid import Cases, grid_tables, search_limits
 from studies.readhesion_paper import (
@@ -211,6 +213,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
     parser.add_argument("--out", type=Path, default=Path("calibration.parquet"))
     chosen = parser.parse_args(arguments)
+    try:
+        for name, least in (("samples", 1), ("seed", 0), ("jobs", 1)):
+            if getattr(chosen, name) < least:
+                raise StudyError(f"--{name} {getattr(chosen, name)}: must be {least} or greater")
+        check_writable(chosen.out)
+    except StudyError as error:
+        parser.error(str(error))  # exit code 2
     table = calibrate(chosen.samples, chosen.seed, chosen.jobs)
     table.to_parquet(chosen.out, index=False)
     row = best(table)

@@ -182,3 +182,14 @@ def test_without_any_good_set_nothing_is_narrow():
     table = calibration_table().assign(**{"met: A readheres": False})
     found = {statement.name: statement.verdict for statement in sweep.statements(table)}
     assert found["a set exists"] == found["narrow: rise"] == found["unit"] == FAILS
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--samples", "0"), ("--seed", "-1"), ("--jobs", "0"), ("--out", "/no/such/file")],
+)
+def test_bad_options_end_with_one_line_and_exit_code_2(option, value, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([option, value])
+    assert ended.value.code == 2
+    assert value in capsys.readouterr().err.splitlines()[-1]
