@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.event import DriverCommand, SimulationError
-from alloc.onboard.detector import differentiate, differentiator_gain
+from alloc.onboard.detector import differentiate
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.readhesion import TorqueTable
-from alloc.onboard.readhesion.torque_table import asymmetric_lag, lag_share, torque_factor
+from alloc.onboard.readhesion.torque_table import asymmetric_lag, table_constants, torque_factor
 from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.batch import select_lanes
@@ -61,7 +61,7 @@ def _run(
     s, e, layout, state, inputs, w, table, memory, target, commanded, radius,
     period, step, steps, ticks, first_tick, record_ticks, states, peaks, commands, factors,
 ):  # fmt: skip
-    """`table` (6, lanes): margin, width, pole and gain of the differentiator, shares of rise and fall."""
+    """`table` (6, lanes): constants of each lane's table, see `table_constants`."""
     omega = 2 * layout.bodies
     lanes = state.shape[1]
     for k in range(ticks):
@@ -130,6 +130,7 @@ def simulate_tables(
     target = commanded * eq.planned_share * to_torque
     steps = model.substeps(period)
     lanes = len(rails)
+    constants = np.array([table_constants(table, period) for table in tables]).T
     states = np.zeros((records, n.rows, lanes))
     peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
     for start in range(0, lanes, LANES_TOGETHER):
@@ -140,7 +141,7 @@ def simulate_tables(
         _run(
             own.structure, own.environment, compiled.rows(n),
             own.initial_state(), own.zero_inputs(), compiled.workspace(own, period / steps),
-            _columns(tables[part], period), np.zeros((3, width)), target, commanded,
+            constants[:, part].copy(), np.zeros((3, width)), target, commanded,
             float(eq.radius[0]), period, period / steps, steps, ticks, first_tick, record_ticks, *kept,
         )  # fmt: skip
         for whole, piece in zip((states, peaks, commands, factors), kept, strict=True):
@@ -163,20 +164,3 @@ def simulate_tables(
         plan=float(target.max(initial=0.0)),
         torque_per_coefficient=to_torque,
     )
-
-
-def _columns(tables: Sequence[TorqueTable], period: float) -> Floats:
-    """Tables as the compiled loop takes them, (6, lanes)."""
-    return np.array(
-        [
-            (
-                t.margin,
-                t.width,
-                1.0 / t.time_constant,
-                differentiator_gain(1.0 / t.time_constant, period),
-                lag_share(t.rise, period),
-                lag_share(t.fall, period),
-            )
-            for t in tables
-        ]
-    ).T.copy()

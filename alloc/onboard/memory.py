@@ -10,7 +10,7 @@ from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.readhesion.torque_table import lag_share
+from alloc.onboard.readhesion.torque_table import table_constants
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,9 @@ class Settings(NamedTuple):
     period: float
     detector: Floats  # on, off, pole, gain, speed_on
     observer: Floats  # pole, keep, old, new
-    control: Floats  # parameters of the readhesion controller, as `alloc.onboard.torque` takes them
+    control: (
+        Floats  # parameters of the readhesion controller, as `alloc.onboard.control` takes them
+    )
     telegram: Floats  # latency, jitter, silence
     telegram_ticks: int
     hold_time: float
@@ -140,11 +142,7 @@ def _control_parameters(onboard: Onboard, controller: int) -> Floats:
     """What the law of a built-in controller needs; of a hosted one, what cut-and-ramp needs in its stead."""
     creep = (onboard.creep.proportional, onboard.creep.integral, onboard.creep.reference)
     if controller == readhesion.TABLE:
-        t = onboard.table
-        pole = 1.0 / t.time_constant
-        gain = differentiator_gain(pole, onboard.period)
-        shares = [lag_share(lag, onboard.period) for lag in (t.rise, t.fall)]
-        return np.array([t.margin, t.width, pole, gain, *shares])
+        return np.array(table_constants(onboard.table, onboard.period))
     if controller == readhesion.PI_CREEP:
         return np.array(creep)
     if controller == readhesion.PERTURB_OBSERVE:

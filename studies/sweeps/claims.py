@@ -1,18 +1,17 @@
 """The claims of JP5484215 put to the test by Monte Carlo: random events, every rule meets each of them."""
 
 from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 
 import pandas as pd
 
-from studies.code_version import code_hash
 from studies.runner import run_jobs
 from studies.store import Store
 from studies.sweeps.claim_statements import claim_statements
 from studies.sweeps.events import DURATION, drawn_table, event_jobs, event_name
 from studies.sweeps.measures import measure
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_events
 
 DESCRIPTION = "claims (a) to (e) of JP5484215 over random events, all rules paired"
 DEFAULT_EVENTS = 240
@@ -39,12 +38,11 @@ def run(
 
 def stored(folder: Path, seed: int = 0) -> int:
     """Number of events, counted from the first, that a folder holds in full under the present code."""
-    keys, code = Store(folder).keys(), code_hash()
-    done = {(key.scenario, key.rule) for key in keys if key.code_hash == code}
-    for k in count():
-        if not {(event_name(seed, k), rule) for rule in RULES} <= done:
-            return k
-    raise AssertionError
+    return stored_events(
+        folder,
+        lambda key: (key.scenario, key.rule),
+        lambda k: {(event_name(seed, k), rule) for rule in RULES},
+    )
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

@@ -1,13 +1,11 @@
 """Limits of the adhesion model: do the conclusions on rules and controllers stand under other adhesion curves?"""
 
 from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from studies.code_version import code_hash
 from studies.job import Job
 from studies.runner import run_jobs
 from studies.scenario import Scenario
@@ -18,6 +16,7 @@ from studies.sweeps.events import scenario as claim_event
 from studies.sweeps.ladder_events import polach_level
 from studies.sweeps.measures import measure
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_events
 
 DESCRIPTION = "whether the order of rules and of controllers stands under other adhesion curves"
 DEFAULT_EVENTS = 20
@@ -85,13 +84,11 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
 
 def stored(folder: Path, seed: int = 0) -> int:
     """Number of events, counted from the first, that a folder holds in full under the present code."""
-    keys, code = Store(folder).keys(), code_hash()
-    done = {(key.scenario, key.rule) for key in keys if key.code_hash == code}
-    for k in count():
-        names = [name_of(seed, k, curve) for curve in CURVES]
-        if not {(name, rule) for name in names for rule in RULES} <= done:
-            return k
-    raise AssertionError
+    return stored_events(
+        folder,
+        lambda key: (key.scenario, key.rule),
+        lambda k: {(name_of(seed, k, curve), rule) for curve in CURVES for rule in RULES},
+    )
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

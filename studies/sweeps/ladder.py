@@ -1,12 +1,10 @@
 """The ladder of readhesion controllers, from none to MPC: all of them meet the same random events with the same noise."""
 
 from collections.abc import Callable
-from itertools import count
 from pathlib import Path
 
 import pandas as pd
 
-from studies.code_version import code_hash
 from studies.job import Job
 from studies.runner import run_jobs
 from studies.store import Store
@@ -14,6 +12,7 @@ from studies.sweeps.ladder_events import DURATION, draw, event_name, scenario
 from studies.sweeps.ladder_measures import measure
 from studies.sweeps.ladder_statements import HOSTED_RUNG, LADDER, ladder_statements
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_events
 
 DESCRIPTION = (
     "readhesion controllers from none to MPC: adhesion used, search time, fluctuation, slip, damage"
@@ -58,12 +57,11 @@ def controllers_of(k: int) -> tuple[str, ...]:
 
 def stored(folder: Path, seed: int = 0) -> int:
     """Number of events, counted from the first, that a folder holds in full under the present code."""
-    keys, code = Store(folder).keys(), code_hash()
-    done = {(key.scenario, key.controller) for key in keys if key.code_hash == code}
-    for k in count():
-        if not {(event_name(seed, k), controller) for controller in controllers_of(k)} <= done:
-            return k
-    raise AssertionError
+    return stored_events(
+        folder,
+        lambda key: (key.scenario, key.controller),
+        lambda k: {(event_name(seed, k), controller) for controller in controllers_of(k)},
+    )
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

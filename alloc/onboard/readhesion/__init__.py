@@ -1,6 +1,6 @@
 """Readhesion controllers that are built in: what a traction unit does with its torque when its wheels slip.
 
-Each is a law in a module of its own, driven by what the unit senses; `alloc.onboard.torque` calls the one that a run uses.
+Each is a law in a module of its own, driven by what the unit senses; `alloc.onboard.control` calls the one that a run uses.
 """
 
 from alloc.onboard.readhesion.parameters import (

@@ -3,11 +3,26 @@
 import math
 
 from alloc.compilation import equation
+from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.readhesion.parameters import TorqueTable
 
 
 def lag_share(time_constant: float, period: float) -> float:
     """Share of the way to its input that a first-order lag goes in one `period` [s]."""
     return -math.expm1(-period / time_constant)
+
+
+def table_constants(table: TorqueTable, period: float) -> tuple[float, ...]:
+    """Constants of the law per `period` [s]: margin, width, pole and gain of the differentiator, shares of rise and fall."""
+    pole = 1.0 / table.time_constant
+    return (
+        table.margin,
+        table.width,
+        pole,
+        differentiator_gain(pole, period),
+        lag_share(table.rise, period),
+        lag_share(table.fall, period),
+    )
 
 
 @equation
