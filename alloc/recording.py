@@ -38,7 +38,10 @@ VARIABLES: dict[str, Variable] = {
     "driver_command": Variable(("time",), "m s-2", "acceleration asked for on level track"),
     "expected": Variable(("time",), "1", "coefficient that the plan needs of every unit"),
     "reference_speed": Variable(
-        ("time",), "m s-1", "reference speed of the foremost traction unit"
+        ("time",), "m s-1", "reference speed of the foremost traction unit; the train's if it has none"
+    ),
+    "slide_reference": Variable(
+        ("time", "car"), "m s-1", "speed from which the car's slide protection measures slip"
     ),
     "case": Variable(("time",), "1", "case of the allocation: 0 none, 1 A, 2 B"),
     "level": Variable(("time",), "1", "level of the last allocation"),
@@ -52,6 +55,9 @@ VARIABLES: dict[str, Variable] = {
     ),
     "peak_slip": Variable(("time", "axle"), "m s-1", "slip velocity of that maximum"),
     "rail_force": Variable(("time", "axle"), "N", "tangential force between wheel and rail"),
+    "brake_force": Variable(
+        ("time", "axle"), "N", "force of the brake shoes at the rim, against its rotation"
+    ),
     "axle_load": Variable(("time", "axle"), "N", "axle load"),
     "friction_work": Variable(("time", "axle"), "J", "work dissipated between wheel and rail"),
     "motor_torque": Variable(("time", "unit"), "N m", "torque of each motor of the unit"),
@@ -80,6 +86,9 @@ VARIABLES: dict[str, Variable] = {
         ("time", "unit"), "N", "air brake force commanded per axle of the unit, at the rim"
     ),
     "cylinder_pressure": Variable(("time", "brake_group"), "Pa", "brake cylinder pressure"),
+    "valve": Variable(
+        ("time", "brake_group"), "1", "slide protection's valves: 0 supply, 1 hold, 2 release"
+    ),
     "coupler_force": Variable(("time", "coupler"), "N", "coupler force, tension positive"),
     "motor_work": Variable(("time",), "J", "work of the motors at the wheels"),
     "shoe_work": Variable(("time",), "J", "work lost in brake shoes"),
@@ -87,6 +96,8 @@ VARIABLES: dict[str, Variable] = {
     "coupler_work": Variable(("time",), "J", "work lost in couplers"),
     "axle_unit": Variable(("axle",), "1", "traction unit of the axle, 0 = foremost, -1: none"),
     "axle_car": Variable(("axle",), "1", "car of the axle, 0 = foremost"),
+    "axle_group": Variable(("axle",), "1", "air brake group of the axle, 0 = foremost, -1: none"),
+    "group_volume": Variable(("brake_group",), "m3", "volume of the group's brake cylinders"),
     "unit_static_load": Variable(("unit",), "N", "axle load of the unit's axles, summed"),
     "unit_gear": Variable(("unit",), "1", "gear ratio"),
     "unit_radius": Variable(("unit",), "m", "wheel radius"),
@@ -113,6 +124,8 @@ class Record(NamedTuple):
     seen: Floats
     acceleration: Floats
     air: Floats
+    valve: Floats
+    car_reference: Floats
     train: Floats
 
     @classmethod
@@ -137,6 +150,8 @@ class Record(NamedTuple):
             seen=unit(),
             acceleration=unit(),
             air=unit(),
+            valve=np.zeros((records, n.groups)),
+            car_reference=np.zeros((records, n.cars)),
             train=np.zeros((records, 5)),
         )
 
@@ -172,6 +187,8 @@ def to_dataset(
         "driver_command": record.train[:, 2],
         "expected": record.train[:, 4],
         "reference_speed": record.train[:, 3],
+        "slide_reference": record.car_reference,
+        "valve": record.valve.astype(np.int8),
         "case": record.train[:, 0],
         "level": record.train[:, 1],
         "torque_command": record.command,
@@ -200,13 +217,17 @@ def to_dataset(
         "train": model.train.name,
         "train_mass": model.train.mass,
         "train_rotating_mass": model.train.rotating_mass,
-        "blended_brakes": int(model.layout.groups > 0 and event.onboard.braking.blended),
+        "blended_brakes": int(
+            model.layout.groups > 0 and (event.onboard.braking.blended or model.layout.units == 0)
+        ),
         "detections": int(counter[om.DETECTIONS]),
         "unit_detections": int(counter[om.UNIT_DETECTIONS]),
         "telegrams_sent": int(counter[om.TELEGRAMS]),
         "telegrams_lost": int(counter[om.LOST]),
         "fallbacks": int(counter[om.FALLBACKS]),
         "blinded": int(counter[om.BLINDED]),
+        "locks": int(counter[om.LOCKS]),
+        "time_outs": int(counter[om.TIME_OUTS]),
         "rule_calls": int(counter[om.RULE_CALLS]),
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,
@@ -258,6 +279,7 @@ def _physical(model: Model, record: Record) -> dict[str, NDArray[Any]]:
         "adhesion_limit": limit.T,
         "peak_slip": np.broadcast_to(top, limit.shape).T,
         "rail_force": force.T,
+        "brake_force": (arrays.shoe_torques(state, force) / s.radius[:, None]).T,
         "axle_load": load.T,
         "friction_work": state[n.friction_work].T,
         "motor_torque": state[n.torque].T,
@@ -269,6 +291,15 @@ def _physical(model: Model, record: Record) -> dict[str, NDArray[Any]]:
         "coupler_work": work[3],
         "axle_unit": s.axle_unit,
         "axle_car": s.axle_car,
+        "axle_group": s.axle_group,
+        "group_volume": np.array(
+            [
+                car.air_brake.cylinder_volume
+                for car in model.train.cars
+                if car.air_brake is not None
+                for _ in range(max(car.bogie_of_axle) + 1)
+            ]
+        ),
         "unit_static_load": unit_load,
         "unit_gear": s.unit_gear,
         "unit_radius": unit_radius / np.maximum(s.unit_axles, 1.0),

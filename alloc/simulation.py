@@ -39,9 +39,6 @@ STABLE_SHARE = 0.97
 """Share of the true adhesion that the oracle's units may use. At the very peak a torque is not held: any change of the
 rail between two telegrams carries the slip over it."""
 
-STOPPED = 0.5
-"""Speed [m/s] below which a braking train counts as stopped: the driver releases, and a run ends rolling."""
-
 NEEDS_NOTHING, NEEDS_ALLOCATION, NEEDS_CONTROL = 0, 1, 2
 PHASE_SENSE, PHASE_DISTRIBUTE, PHASE_ADVANCE = 0, 1, 2
 
@@ -84,10 +81,15 @@ def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
         r.seen[k, j] = m.seen[j]
         r.acceleration[k, j] = m.acceleration[j]
         r.air[k, j] = m.air[j]
+    for g in range(layout.groups):
+        r.valve[k, g] = inputs.valve[g, 0]
+    for c in range(layout.cars):
+        r.car_reference[k, c] = m.slide.reference[c]
     r.train[k, 0] = m.held[om.HELD_CASE]
     r.train[k, 1] = m.held[om.HELD_LEVEL]
     r.train[k, 2] = commanded
-    r.train[k, 3] = m.reference[eq.unit_body[int(m.held[om.HELD_FIRST])]]
+    body = eq.unit_body[int(m.held[om.HELD_FIRST])] if layout.units > 0 else 0
+    r.train[k, 3] = m.reference[body]
     r.train[k, 4] = m.held[om.HELD_EXPECTED]
 
 
@@ -102,7 +104,7 @@ def _run(
         tick = progress[0]
         time = tick * period
         a = commanded[tick]
-        if a < 0.0 and m.reference[0] < STOPPED:
+        if a < 0.0 and m.reference[0] < st.release_speed:
             a = 0.0
         if progress[1] == PHASE_SENSE:
             for j in range(units):
@@ -140,7 +142,8 @@ def _run(
             control(eq, st, m, a)
         for j in range(units):
             inputs.torque_command[j, 0] = m.command[j]
-        brake_receiver(eq, st, m, eq.blended and a < 0.0, inputs.pressure_target, inputs.valve)
+        braking = eq.blended and a < 0.0
+        brake_receiver(eq, st, m, tick, braking, inputs.pressure_target, inputs.valve)
         if tick % record_ticks == 0:
             _write_record(s, e, layout, eq, time, state, inputs, w, m, a, tick // record_ticks, r)
         compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
@@ -213,7 +216,8 @@ def simulate(
 ) -> xr.Dataset:
     """Run `event` under a rule and a readhesion controller; returns the recorded run (see `alloc.recording`).
 
-    `controller` is a name in `CONTROLLERS` or in `host_factories`. `on_progress` is told the share done, 0 to 1.
+    `controller` is a name in `CONTROLLERS` or in `host_factories`. `on_progress` is told the share done, 0 to 1. On a train
+    without motors, which brakes with air alone, rule and controller have nothing to do.
     Raises `SimulationError`, `AllocationError` or `OnboardError` for what cannot be run.
     """
     host_factories = host_factories or {}
@@ -228,14 +232,16 @@ def simulate(
     onboard, model = event.onboard, event.model
     s, e, layout = model.structure, model.environment, compiled.rows(model.layout)
     eq = equipment(model, onboard)
-    hosted = controller not in CONTROLLERS
+    # a train without motors has no torque to control, whatever controller it is given
+    hosted = controller not in CONTROLLERS and model.layout.units > 0
+    known_controller = CONTROLLERS.get(controller, CONTROLLERS["none"])
     compiled_rule = chosen.compiled_id if onboard.limit_rate is None else None
     st = om.settings(
         onboard,
         -1 if compiled_rule is None else compiled_rule,
         om.ALLOCATE_PERIODICALLY if chosen.periodic else om.ALLOCATE_ON_SLIP,
         chosen.needs_truth,
-        HOST if hosted else CONTROLLERS[controller],
+        HOST if hosted else known_controller,
         np.asarray(chosen.parameters, dtype=float),
     )
     period = onboard.period

@@ -30,6 +30,8 @@ class Slip(NamedTuple):
 )
 def estimate_error(run: xr.Dataset) -> float:
     """Mean over the foremost unit's detections of estimate minus true adhesion coefficient (mean of its axles)."""
+    if run.sizes["unit"] == 0:
+        return float("nan")
     onset = _rising(run["slipping"].values[:, 0].astype(bool))
     if onset.size == 0:
         return float("nan")

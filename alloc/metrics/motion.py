@@ -20,6 +20,9 @@ JERK_CUT_OFF = 5.0
 
 Longitudinal ride comfort is a matter of a few hertz."""
 
+STANDSTILL = 0.01
+"""Speed [m/s] from which on a braked train stands: it has less than a millimetre to go."""
+
 
 @metric("acceleration", "m/s2", "mean acceleration under demand, in its direction", +1)
 def acceleration(run: xr.Dataset) -> float:
@@ -73,6 +76,8 @@ def _adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
 def utilisation_slipping(run: xr.Dataset) -> float:
     """Utilisation over the instants and units in which an axle of the unit slips or its detector has signalled."""
     unit = run["axle_unit"].values
+    if run.sizes["unit"] == 0:
+        return float("nan")
     slipping = run["slipping"].values.astype(bool)[:, unit] & (unit >= 0)
     return _adhesion_used(run, slipping & under_demand(run)[:, None])
 
@@ -100,7 +105,10 @@ def damage(run: xr.Dataset) -> float:
 
 @metric("distance", "m", "distance run until the end, or until the target speed", 0)
 def distance(run: xr.Dataset) -> float:
-    """Distance [m] until the target speed is reached; until the end of the run where there is none."""
+    """Distance [m] until the target speed is reached; until the end of the run where there is none.
+
+    A target of 0 is the standstill, which a train nears but does not pass: it counts from `STANDSTILL` on.
+    """
     end = _target_index(run)
     if end < 0:
         return float("nan")
@@ -125,6 +133,8 @@ def _target_index(run: xr.Dataset) -> int:
     speed = run["speed"].values
     if not np.isfinite(target):
         return int(speed.size - 1)
+    if speed[0] > STANDSTILL:
+        target = max(target, STANDSTILL)
     reached = (speed - target) * np.sign(target - speed[0]) >= 0.0
     return int(np.argmax(reached)) if reached.any() else -1
 

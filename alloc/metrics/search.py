@@ -144,6 +144,8 @@ def unfinished_searches(run: xr.Dataset) -> float:
 def utilisation_short(run: xr.Dataset) -> float:
     """Rail force over what all axles of the short units could carry, summed over time; nan without shortage."""
     unit = run["axle_unit"].values
+    if run.sizes["unit"] == 0:
+        return float("nan")
     counted = shortage(run)[:, unit] & (unit >= 0)
     used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
     available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
@@ -159,7 +161,7 @@ def torque_fluctuation(run: xr.Dataset) -> float:
     Relative to the torque that the plan's coefficient asks of the unit; nan without demand.
     """
     demand = under_demand(run)
-    if not demand.any():
+    if not demand.any() or run.sizes["unit"] == 0:
         return float("nan")
     window = max(1, round(MEAN_TIME / record_period(run)))
     units = run.sizes["unit"]

@@ -20,6 +20,7 @@ from alloc.onboard.readhesion import (
     SteepestGradient,
     TorqueTable,
 )
+from alloc.onboard.slide_protection import Fuzzy, SlideProtection, Threshold
 
 __all__ = [
     "Belief",
@@ -28,12 +29,15 @@ __all__ = [
     "CutAndRamp",
     "Detector",
     "Dropout",
+    "Fuzzy",
     "Observer",
     "Onboard",
     "OnboardError",
     "PerturbObserve",
     "Sensors",
+    "SlideProtection",
     "SteepestGradient",
     "Telegrams",
+    "Threshold",
     "TorqueTable",
 ]

@@ -8,10 +8,8 @@ import numpy as np
 
 from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
+from alloc.onboard.slide_protection.protect import LOWEST_SPEED, protect
 from alloc.plant.equations import hyperbolic_speed_law
-
-LOWEST_SPEED = 1.0
-"""Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
 
 
 @inlined_jit
@@ -44,14 +42,15 @@ def set_brake_targets(eq, st, m):
 
 
 @inlined_jit
-def brake_receiver(eq, st, m, braking, pressure, valve):
-    """Cylinder pressures [Pa] and valves of every brake group: force wanted of it, and release where its wheels slide.
+def brake_receiver(eq, st, m, tick, braking, pressure, valve):
+    """Cylinder pressures [Pa] and valves of every brake group: force wanted of it, and its slide protection.
 
     `pressure`, `valve` (groups, 1) are filled. A trailer follows the plan by air alone.
     """
+    protect(eq, st, m, tick, braking, valve)
     for g in range(eq.group_unit.size):
         if not braking:
-            pressure[g, 0], valve[g, 0] = 0.0, 0.0
+            pressure[g, 0] = 0.0
             continue
         reference = max(m.reference[eq.group_body[g]], LOWEST_SPEED)
         unit = eq.group_unit[g]
@@ -63,10 +62,3 @@ def brake_receiver(eq, st, m, braking, pressure, valve):
         numerator, offset, constant = eq.group_friction[g]
         friction = hyperbolic_speed_law(reference, numerator, offset, constant)
         pressure[g, 0] = min(force / (eq.group_gain[g] * friction), eq.group_pressure[g])
-        slide = m.group_slide[g] / reference
-        if slide > st.slide[0]:
-            valve[g, 0] = 2.0
-        elif slide > st.slide[1]:
-            valve[g, 0] = 1.0
-        else:
-            valve[g, 0] = 0.0

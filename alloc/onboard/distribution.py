@@ -10,12 +10,14 @@ from alloc.onboard import memory as om
 def prepare_allocation(eq, st, m, time, tick, commanded):
     """Caps by (5) from the coefficient held at detection; returns whether the rule must be called now.
 
-    Without slip the limits are the plan and no rule is called.
+    Without slip the limits are the plan and no rule is called; nor is it where there are no units to limit.
     """
     blended = eq.blended and commanded < 0.0
     expected = abs(commanded) * (eq.brake_share if blended else eq.planned_share)
     changed = expected != m.held[om.HELD_EXPECTED]
     m.held[om.HELD_EXPECTED] = expected
+    if m.cap.size == 0:
+        return False
     first = int(m.held[om.HELD_FIRST])
     periodic = st.when == om.ALLOCATE_PERIODICALLY
     since = m.held[om.HELD_ANY_TIME] if periodic else m.held[om.HELD_TIME]
@@ -37,6 +39,8 @@ def prepare_allocation(eq, st, m, time, tick, commanded):
 def distribute(eq, st, m, time, tick, arrival_draw, loss_draw, loss):
     """Send limits and states with the periodic telegrams; each unit takes what has arrived, or falls back."""
     units = eq.axles.size
+    if units == 0:
+        return
     first = int(m.held[om.HELD_FIRST])
     if tick % st.telegram_ticks == 0:
         for j in range(units):

@@ -20,6 +20,7 @@ class Equipment(NamedTuple):
     axle_body: NDArray[
         np.int64
     ]  # (axles,) body whose speed an axle tells: its car, or the whole rigid train
+    axle_car: NDArray[np.int64]  # (axles,)
     unit_body: NDArray[np.int64]
     axle_radius: Floats  # (axles,)
     axles: Floats
@@ -44,6 +45,7 @@ class Equipment(NamedTuple):
     axle_group: NDArray[np.int64]  # (axles,) air brake group, -1: none
     group_unit: NDArray[np.int64]  # (groups,) unit on whose axles it acts, -1: a trailer's
     group_body: NDArray[np.int64]  # (groups,)
+    group_car: NDArray[np.int64]  # (groups,)
     group_weight: Floats  # (groups,) load of an axle [N]
     group_inertia: Floats  # (groups,) as brake_inertia
     group_gain: Floats  # (groups,) force at the rim per axle and pascal
@@ -54,9 +56,9 @@ class Equipment(NamedTuple):
 def equipment(model: Model, onboard: Onboard) -> Equipment:
     """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
     s, n = model.structure, model.layout
-    if n.units == 0:
+    if n.units == 0 and n.groups == 0:
         raise OnboardError(
-            "on board: the train has no traction unit; give at least one driven axle"
+            "on board: the train has no traction unit and no air brake; give at least one driven axle, or an air brake"
         )
     cars = model.train.cars
     generator = np.random.default_rng(onboard.sensors.seed)
@@ -82,7 +84,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
             )
 
     def mean(values: Floats) -> Floats:
-        return np.array([values[s.axle_unit == j].mean() for j in range(n.units)])
+        return np.array([values[s.axle_unit == j].mean() for j in range(n.units)], dtype=float)
 
     for dropout in onboard.sensors.dropouts:
         if dropout.axle >= n.axles:
@@ -100,11 +102,15 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         return train_mass + float((turning[~acting] if onboard.inertia_in_limit else turning).sum())
 
     own = mean(turning) / mean(loaded) if onboard.inertia_in_limit else np.zeros(n.units)
-    planned_share = moved(s.axle_unit >= 0) / (GRAVITY * float(weight.sum()))
-    blended = n.groups > 0 and onboard.braking.blended
-    braked = (s.axle_unit >= 0) | (s.axle_group >= 0) if blended else s.axle_unit >= 0
+    driven = s.axle_unit >= 0
+    # a train without motors does nothing for a command to pull, and brakes with air whatever is said of blending
+    planned_share = moved(driven) / (GRAVITY * float(weight.sum())) if n.units else 0.0
+    blended = n.groups > 0 and (onboard.braking.blended or n.units == 0)
+    braked = driven | (s.axle_group >= 0) if blended else driven
     brake_share = moved(braked) / (GRAVITY * float(loaded[braked].sum()))
-    foremost = [np.flatnonzero(s.axle_group == g)[0] for g in range(n.groups)]
+    foremost = np.array(
+        [np.flatnonzero(s.axle_group == g)[0] for g in range(n.groups)], dtype=np.int64
+    )
     group_unit = np.array(
         [s.axle_unit[s.axle_group == g].max() for g in range(n.groups)], dtype=np.int64
     )
@@ -112,7 +118,10 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     return Equipment(
         axle_unit=s.axle_unit,
         axle_body=s.axle_body,
-        unit_body=np.array([s.axle_body[s.axle_unit == j][0] for j in range(n.units)]),
+        axle_car=s.axle_car,
+        unit_body=np.array(
+            [s.axle_body[s.axle_unit == j][0] for j in range(n.units)], dtype=np.int64
+        ),
         axle_radius=s.radius,
         axles=axles,
         radius=mean(s.radius),
@@ -121,7 +130,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         empty_axle_mass=empty_mean,
         load_per_axle=mean(load),
         axle_load=(empty_mean + mean(load)) * GRAVITY,
-        mass=weight / weight.mean(),
+        mass=weight / weight.mean() if n.units else weight,
         increment=mean(per_axle)
         if belief.unit_increments is None
         else np.asarray(belief.unit_increments, dtype=float),
@@ -130,7 +139,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         else np.asarray(belief.unit_deviation, dtype=float),
         drive_table=s.drive_table,
         brake_table=s.brake_table,
-        own_inertia=own / (GRAVITY * planned_share),
+        own_inertia=own / (GRAVITY * planned_share) if n.units else own,
         planned_share=planned_share,
         blended=blended,
         brake_inertia=own / (GRAVITY * brake_share),
@@ -138,6 +147,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         axle_group=s.axle_group,
         group_unit=group_unit,
         group_body=s.axle_body[foremost],
+        group_car=s.axle_car[foremost],
         group_weight=loaded[foremost] * GRAVITY,
         group_inertia=float(onboard.inertia_in_limit)
         * (turning / loaded)[foremost]

@@ -11,6 +11,12 @@ from alloc.onboard.equipment import Equipment
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.readhesion.torque_table import table_constants
+from alloc.onboard.slide_protection.state import (
+    SlideMemory,
+    SlideSettings,
+    slide_memory,
+    slide_settings,
+)
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +24,8 @@ ALLOCATE_ON_SLIP, ALLOCATE_PERIODICALLY = 0, 1
 """When a rule acts: at each detection by B1, or with every telegram."""
 
 # Counters of a run
-DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, BLINDED, COUNTERS = range(8)
+DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, BLINDED = range(7)
+LOCKS, TIME_OUTS, COUNTERS = 7, 8, 9
 
 SLOTS = 16
 """Telegrams that can be on their way to one unit."""
@@ -48,7 +55,8 @@ class Settings(NamedTuple):
     speed_pole: float  # of the speed estimate without sensors [1/s]; 0: sensors
     brake_inertia: float  # 1: the estimate (18) counts the wheelsets' deceleration; 0: as printed
     blend_time: float
-    slide: Floats  # slip ratios above which an air brake releases, and holds
+    release_speed: float
+    slide: SlideSettings
 
 
 class Memory(NamedTuple):
@@ -65,7 +73,7 @@ class Memory(NamedTuple):
     torque: Floats  # as the inverters know it
     air: Floats  # air brake force commanded per axle, at the rim [N]
     brake_rise: Floats  # (1,) share of the plan that the trailers' brakes have risen to
-    group_slide: Floats  # (groups,) how much slower than the reference its slowest axle turns [m/s]
+    slide: SlideMemory
     mean_speed: Floats  # mean rim speed of the unit's axles as read
     speed: Floats  # mean rim speed as the unit knows it
     worst_slip: Floats  # largest slip of the unit's axles against the reference speed, in the direction of the demand
@@ -134,7 +142,8 @@ def settings(
         speed_pole=onboard.sensors.sensorless_pole or 0.0,
         brake_inertia=float(onboard.braking.inertia_in_estimate),
         blend_time=onboard.braking.blend_time,
-        slide=np.array([onboard.braking.release, onboard.braking.hold]),
+        release_speed=onboard.braking.release_speed,
+        slide=slide_settings(onboard.braking.slide_protection, onboard.period),
     )
 
 
@@ -178,7 +187,9 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         torque=zeros(),
         air=zeros(),
         brake_rise=np.zeros(1),
-        group_slide=np.zeros(eq.group_unit.size),
+        slide=slide_memory(
+            int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed
+        ),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         worst_slip=zeros(),

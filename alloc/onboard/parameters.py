@@ -11,6 +11,7 @@ from alloc.onboard.readhesion import (
     SteepestGradient,
     TorqueTable,
 )
+from alloc.onboard.slide_protection import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
 
@@ -120,27 +121,24 @@ class Sensors:
 class Braking:
     """Brakes of the train. `blended`: every car brakes itself, the air brake filling what the electric brake lacks and
     serving the trailers alone, as JP5484215, embodiment 3; else the motors brake the whole train. A train without air brakes
-    is never blended.
+    is never blended; one without motors brakes with air alone.
 
     `blend_time` [s]: time in which the motors take over a full brake from the air (assumed: a few times the cylinders' lag).
     `inertia_in_estimate`: (18) counts what decelerates the wheelsets; as printed it does not, and finds more adhesion than
     there is in wheels that are just being braked to a slide.
-    `release`, `hold`: slip ratios above which a bogie's air brake releases, and keeps its pressure; a plain threshold slide
-    protection (assumed), which the patent does not describe and without which a trailer's wheels would lock.
+    `slide_protection`: what the valves of the air brakes do while wheels slide, which the patent does not describe and
+    without which a trailer's wheels would lock; a plain threshold if nothing is said. `release_speed` [m/s]: reference speed
+    below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and beyond.
     """
 
     blended: bool = True
     blend_time: float = 4.0
     inertia_in_estimate: bool = True
-    release: float = 0.15
-    hold: float = 0.08
+    slide_protection: SlideProtection = field(default_factory=SlideProtection)
+    release_speed: float = 0.5
 
     def __post_init__(self) -> None:
-        check_numbers("braking", self, positive=("release", "hold", "blend_time"))
-        if not self.hold <= self.release:
-            raise OnboardError(
-                f"braking: hold = {self.hold!r} must not exceed release = {self.release!r}"
-            )
+        check_numbers("braking", self, positive=("blend_time",), nonnegative=("release_speed",))
 
 
 @dataclass(frozen=True)

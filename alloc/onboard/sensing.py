@@ -69,7 +69,7 @@ def _read_speeds(eq, st, m, omega, noise):
 
 @inlined_jit
 def _compare_with_reference(eq, st, m, sign, commanded):
-    """Reference speeds, and how far the worst axle of each unit and brake group is from them."""
+    """Reference speeds, and how far the worst axle of each unit is from them."""
     for body in range(m.candidate.size):
         m.candidate[body] = np.inf
     for i in range(m.axle_omega.size):
@@ -87,15 +87,11 @@ def _compare_with_reference(eq, st, m, sign, commanded):
         )
     for j in range(m.worst_slip.size):
         m.worst_slip[j] = -np.inf
-    for g in range(m.group_slide.size):
-        m.group_slide[g] = -np.inf
     for i in range(m.axle_omega.size):
         slip = eq.axle_radius[i] * m.axle_omega[i] - m.reference[eq.axle_body[i]]
-        j, g = eq.axle_unit[i], eq.axle_group[i]
+        j = eq.axle_unit[i]
         if j >= 0:
             m.worst_slip[j] = max(m.worst_slip[j], sign * slip)
-        if g >= 0:
-            m.group_slide[g] = max(m.group_slide[g], -slip)
 
 
 @inlined_jit

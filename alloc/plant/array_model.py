@@ -98,20 +98,27 @@ class ArrayModel:
         )
         return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
 
+    def shoe_torques(self, state: Array, force: Array) -> Array:
+        """Torque of the brake shoes on every wheelset [N m] under its rail force [N], against its rotation."""
+        s, n = self.structure, self.layout
+        omega = state[n.omega]
+        radius = self._column(s.radius, omega)
+        a, o, c = (self._column(s.shoe_friction[:, k], omega) for k in range(3))
+        grip = hyperbolic_speed_law(self.body_of_axle @ state[n.speed], a, o, c)
+        cylinder = self.group_of_axle @ state[n.pressure]
+        limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
+        motor = self._column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
+        return shoe_torque(motor - radius * force, omega, limit, self._column(s.inertia, omega))
+
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
         """Derivative of the state, (rows,) or (rows, lanes); rows as in `Layout`."""
         s, n = self.structure, self.layout
         column = self._column
         speed, omega = state[n.speed], state[n.omega]
         slip, _, force = self.forces(state, local.peak)
-        axle_speed = self.body_of_axle @ speed
         radius, inertia = column(s.radius, omega), column(s.inertia, omega)
         motor = column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
-        a, o, c = (column(s.shoe_friction[:, k], omega) for k in range(3))
-        grip = hyperbolic_speed_law(axle_speed, a, o, c)
-        cylinder = self.group_of_axle @ state[n.pressure]
-        shoe_limit = column(s.shoe_gain, omega) * radius * cylinder * grip
-        shoe = shoe_torque(motor - radius * force, omega, shoe_limit, inertia)
+        shoe = self.shoe_torques(state, force)
         omega_rate = wheel_acceleration(motor, force, radius, shoe, inertia)
 
         car_speed = self.body_of_car @ speed

@@ -257,7 +257,7 @@ def _environment(
     law = np.empty((3, layout.axles, lanes))
     failure = np.full((layout.units, lanes), np.inf)
     for b, rail in enumerate(rails):
-        law[:, :, b] = np.array(rail.speed_law_coefficients())[:, None]
+        law[:, :, b] = rail.axle_laws(layout.axles)
         for p, item in enumerate(rail.patches):
             patch[p, :, b] = (
                 item.factor, item.start, item.end, item.edge, item.begin, item.until, item.fade,

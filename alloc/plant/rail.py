@@ -68,10 +68,16 @@ class Rail:
     the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
     from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
     that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned rail.
+
+    `rear_speed_law`: law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled by `level` too. Axle i
+    (0 = foremost) follows the front's law blended towards it by 1 - exp(-i / `rear_axles`): further back adhesion is
+    another and may depend less on speed (JP4209318, Fig. 2, par. 0051, findings 1 and 2). None: one law for all axles.
     """
 
     level: float
     speed_law: str | tuple[float, float, float] = "none"
+    rear_speed_law: tuple[float, float, float] | None = None
+    rear_axles: float = 4.0
     patches: tuple[Patch, ...] = ()
     increments: tuple[float, ...] | None = None
     scatter: float = 0.0
@@ -86,19 +92,28 @@ class Rail:
         require_finite(
             "rail",
             self,
-            positive=("level", "scatter_length", "conditioning_slip", "cleaning_spacing"),
+            positive=(
+                "level", "scatter_length", "conditioning_slip", "cleaning_spacing", "rear_axles",
+            ),
             nonnegative=("scatter", "conditioning"),
         )
         if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
             raise PlantError(
                 f"rail: speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
             )
-        if not isinstance(self.speed_law, str):
-            a, b, c = self.speed_law if len(self.speed_law) == 3 else (math.nan,) * 3
-            if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c) and b > 0.0):
+        for name in ("speed_law", "rear_speed_law"):
+            law = getattr(self, name)
+            if law is None or isinstance(law, str):
+                continue
+            if len(law) != 3 or not all(math.isfinite(x) for x in law) or not law[1] > 0.0:
                 raise PlantError(
-                    f"rail: speed_law = {self.speed_law} must be three finite numbers, the offset > 0"
+                    f"rail: {name} = {law} must be three finite numbers, the offset > 0"
                 )
+        offset = self.speed_law_coefficients()[1]
+        if self.rear_speed_law is not None and self.rear_speed_law[1] != offset:
+            raise PlantError(
+                f"rail: rear_speed_law = {self.rear_speed_law} must have the offset {offset} of speed_law"
+            )
         if not isinstance(self.seed, int) or self.seed < 0:
             raise PlantError(f"rail: seed = {self.seed!r} must be a whole number, 0 or greater")
         if self.increments is not None and not np.all(np.isfinite(self.increments)):
@@ -109,10 +124,25 @@ class Rail:
         a, b, c = SPEED_LAWS[self.speed_law] if isinstance(self.speed_law, str) else self.speed_law
         return self.level * a, b, self.level * c
 
+    def axle_laws(self, axle_count: int) -> NDArray[np.float64]:
+        """Numerator, offset and constant of every axle's speed law from the front, scaled by `level`, (3, axles)."""
+        front = np.array(self.speed_law_coefficients())[:, None]
+        if self.rear_speed_law is None:
+            return np.repeat(front, axle_count, axis=1)
+        a, b, c = self.rear_speed_law
+        rear = np.array([self.level * a, b, self.level * c])[:, None]
+        share = -np.expm1(-np.arange(axle_count) / self.rear_axles)
+        laws: NDArray[np.float64] = front + (rear - front) * share
+        return laws
+
     def greatest_peak(self) -> float:
         """Estimate from above of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
-        a, b, c = self.speed_law_coefficients()
-        base = max(a / b, 0.0) + c
+        laws = [self.speed_law_coefficients()]
+        if self.rear_speed_law is not None:
+            a, b, c = self.rear_speed_law
+            laws.append((self.level * a, b, self.level * c))
+        # an axle's law lies between the two
+        base = max(max(a / b, 0.0) + c for a, b, c in laws)
         for patch in self.patches:
             base *= max(patch.factor, 1.0)
         growth = max(self.increments or (0.0,))

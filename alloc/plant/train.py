@@ -103,12 +103,15 @@ class AirBrake:
     release_time: float = 1.2
     dead_time: float = 0.05
     friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
+    cylinder_volume: float = 4e-3
+    """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
+    units of about 0.7 l at their stroke (7 in piston, 30 mm) and as much as one more in the pipes."""
 
     def __post_init__(self) -> None:
         require_finite(
             "air brake",
             self,
-            positive=("maximum_pressure", "fill_time", "release_time"),
+            positive=("maximum_pressure", "fill_time", "release_time", "cylinder_volume"),
             nonnegative=("force_per_pascal", "dead_time"),
         )
         numerator, offset, constant = _triple("air brake", "friction", self.friction)

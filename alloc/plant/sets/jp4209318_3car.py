@@ -26,12 +26,12 @@ SHOE_FORCE_SHARE = 0.14
 AXLE_MASS = 8000.0
 
 
-def train(cars: int = 3) -> Train:
+def train(cars: int = 3, shoe_force_share: float = SHOE_FORCE_SHARE) -> Train:
     """The train with 1, 2 or 3 `cars` (Table 3), or any other number."""
     pressure = 550e3
     brake = AirBrake(
         maximum_pressure=pressure,
-        force_per_pascal=SHOE_FORCE_SHARE * AXLE_MASS * GRAVITY / pressure,
+        force_per_pascal=shoe_force_share * AXLE_MASS * GRAVITY / pressure,
         fill_time=1.2,
         release_time=1.2,
         dead_time=0.05,

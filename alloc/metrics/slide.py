@@ -1,0 +1,36 @@
+"""What sliding wheels cost under brakes: wheels that stood, and air."""
+
+import numpy as np
+import xarray as xr
+
+from alloc.metrics.registry import metric, record_period
+
+LOCK_SPEED = 5.0 / 3.6
+"""Train speed [m/s] above which a standing wheel counts as locked; slide protection rests below it."""
+
+STANDING_SPEED = 0.1
+"""Rim speed [m/s] below which a wheel counts as standing."""
+
+ATMOSPHERE = 101325.0
+"""Pressure [Pa] of a normal litre."""
+
+
+@metric("locked_time", "s", "time that wheels stood above 5 km/h, summed over axles", -1)
+def locked_time(run: xr.Dataset) -> float:
+    """Axle-seconds in which a wheel stands while its train runs faster than `LOCK_SPEED`."""
+    standing = np.abs(run["rim_speed"].values) < STANDING_SPEED
+    running = np.abs(run["speed"].values) > LOCK_SPEED
+    return float((standing & running[:, None]).sum() * record_period(run))
+
+
+@metric("air_consumption", "l", "air let into the brake cylinders, at atmospheric pressure", -1)
+def air_consumption(run: xr.Dataset) -> float:
+    """Volume of the brake cylinders times all rises of their pressure over the atmosphere's [normal litres].
+
+    Isothermal; the first application of the brakes counts too. nan for a train without air brakes.
+    """
+    pressure = run["cylinder_pressure"].values
+    if pressure.shape[1] == 0:
+        return float("nan")
+    rises = np.maximum(np.diff(pressure, axis=0), 0.0).sum(axis=0)
+    return float(1e3 * (run["group_volume"].values * rises).sum() / ATMOSPHERE)

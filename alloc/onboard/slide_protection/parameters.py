@@ -1,0 +1,91 @@
+"""Parameters of the wheel slide protection. SI units; what no source prints is "assumed" or calibrated."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from alloc.onboard.errors import OnboardError, check_numbers
+
+SENSITIVITIES: dict[str, float] = {"low": 0.9, "medium": 1.0, "high": 3.0}
+"""Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`."""
+
+
+def _check_growing(name: str, knots: tuple[float, float, float]) -> None:
+    numbers = all(isinstance(x, (int, float)) and math.isfinite(x) for x in knots)
+    if len(knots) != 3 or not numbers or not knots[0] < knots[1] < knots[2]:
+        raise OnboardError(f"fuzzy slide protection: {name} = {knots} must be three growing numbers")
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Plain switching points: slip ratios above which a bogie's pressure is released, and held (assumed)."""
+
+    release: float = 0.15
+    hold: float = 0.08
+
+    def __post_init__(self) -> None:
+        check_numbers("threshold slide protection", self, positive=("release", "hold"))
+        if not self.hold <= self.release:
+            raise OnboardError(
+                f"threshold slide protection: hold = {self.hold!r} must not exceed release = {self.release!r}"
+            )
+
+
+@dataclass(frozen=True)
+class Fuzzy:
+    """Fuzzy inference on slip and slip rate; the rules are `alloc.onboard.slide_protection.fuzzy.RULES`.
+
+    `slip`: slip ratios at which the sets small, medium, large peak. `rate` [m/s2]: slip accelerations at which the sets
+    falling, steady, growing peak. `sensitivity` scales both: at 2 every set lies at half its slip and rate. `pole` [1/s]: of
+    the filter that differentiates the slip. JP4209318 does not disclose its rules.
+    """
+
+    sensitivity: float = SENSITIVITIES["medium"]
+    slip: tuple[float, float, float] = (0.0, 0.05, 0.15)
+    rate: tuple[float, float, float] = (-1.0, 0.0, 1.0)
+    pole: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_numbers("fuzzy slide protection", self, positive=("sensitivity", "pole"))
+        _check_growing("slip", self.slip)
+        _check_growing("rate", self.rate)
+
+
+@dataclass(frozen=True)
+class SlideProtection:
+    """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
+
+    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, a multiple of the control period. `reference`: the
+    speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each "car"'s own from
+    its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Below `cut_out_speed` [m/s]
+    the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s], whatever the law says:
+    sliding wheels must not cost a train its brakes for good (assumed, as usual in such equipment). An axle that stands
+    while its car runs is released.
+    """
+
+    law: Literal["none", "threshold", "fuzzy"] = "threshold"
+    threshold: Threshold = field(default_factory=Threshold)
+    fuzzy: Fuzzy = field(default_factory=Fuzzy)
+    period: float = 0.01
+    reference: Literal["train", "car"] = "train"
+    deceleration: float = 1.5
+    cut_out_speed: float = 5.0 / 3.6
+    time_out: float = 10.0
+    refill: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            "slide protection",
+            self,
+            positive=("period", "deceleration", "time_out", "refill"),
+            nonnegative=("cut_out_speed",),
+        )
+        for name, known in (
+            ("law", ("none", "threshold", "fuzzy")),
+            ("reference", ("train", "car")),
+        ):
+            value = getattr(self, name)
+            if value not in known:
+                raise OnboardError(
+                    f"slide protection: {name} = {value!r} must be one of {', '.join(known)}"
+                )

@@ -1,0 +1,111 @@
+"""The decisions of the cars' slide protection: reference speeds, the law on every axle, safeguards, the valves."""
+
+from alloc.compilation import inlined_jit
+from alloc.onboard import memory as om
+from alloc.onboard import slide_protection
+from alloc.onboard.detector import differentiate
+from alloc.onboard.slide_protection.fuzzy import HOLD, RELEASE, SUPPLY, infer, valve_action
+
+LOWEST_SPEED = 1.0
+"""Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
+
+STANDING_SPEED = 0.1
+"""Rim speed [m/s] below which an axle counts as standing; sensors see no less."""
+
+
+@inlined_jit
+def _follow_cars(eq, p, m):
+    """Reference speed of every car: its fastest axle, as far as a car can have slowed down.
+
+    No wheel runs ahead of a train that brakes (JP4209318 (20)), so a faster axle is always believed at once.
+    """
+    k = m.slide
+    for c in range(k.reference.size):
+        k.candidate[c] = -1.0
+    for i in range(m.axle_omega.size):
+        if m.axle_seen[i]:
+            c = eq.axle_car[i]
+            k.candidate[c] = max(k.candidate[c], eq.axle_radius[i] * m.axle_omega[i])
+    for i in range(m.axle_omega.size):
+        c = eq.axle_car[i]
+        if not p.of_car or k.candidate[c] < 0.0:
+            k.candidate[c] = m.reference[eq.axle_body[i]]
+            k.reference[c] = k.candidate[c]
+    for c in range(k.reference.size):
+        k.reference[c] = max(k.candidate[c], k.reference[c] - p.deceleration * p.period)
+
+
+@inlined_jit
+def _severity(p, ratio, rate):
+    """What the law asks for at one axle: `SUPPLY` to `RELEASE`."""
+    if p.law == slide_protection.FUZZY:
+        return infer(ratio, rate, p.sensitivity, p.slip_knots, p.rate_knots)
+    if p.law == slide_protection.THRESHOLD:
+        if ratio > p.threshold[0]:
+            return RELEASE
+        return HOLD if ratio > p.threshold[1] else SUPPLY
+    return SUPPLY
+
+
+@inlined_jit
+def _ask_axles(eq, p, m):
+    """The worst axle of each bogie asks for its valves' action; a standing one asks for release."""
+    k = m.slide
+    for g in range(k.severity.size):
+        k.severity[g] = SUPPLY
+    for i in range(m.axle_omega.size):
+        g = eq.axle_group[i]
+        if g < 0:
+            continue
+        reference = k.reference[eq.axle_car[i]]
+        rim = eq.axle_radius[i] * m.axle_omega[i]
+        slip = max(reference - rim, 0.0)
+        k.filtered[i], rate = differentiate(k.filtered[i], slip, p.pole, p.gain)
+        asked = _severity(p, slip / max(reference, LOWEST_SPEED), rate)
+        stands = rim < STANDING_SPEED and reference > p.cut_out_speed
+        if stands and not k.locked[i]:
+            m.counter[om.LOCKS] += 1
+        k.locked[i] = stands
+        if stands and p.law != slide_protection.NONE:
+            asked = RELEASE
+        k.severity[g] = max(k.severity[g], asked)
+
+
+@inlined_jit
+def _decide(eq, p, m, g):
+    """Action of the valves of group `g` until the next decision."""
+    k = m.slide
+    action = valve_action(k.severity[g])
+    if k.reference[eq.group_car[g]] < p.cut_out_speed:
+        action = SUPPLY
+    k.away[g] = 0.0 if action == SUPPLY else k.away[g] + p.period
+    if k.away[g] > p.time_out:
+        m.counter[om.TIME_OUTS] += 1
+        k.refill[g], k.away[g] = p.refill, 0.0
+    if k.refill[g] > 0.0:
+        k.refill[g] -= p.period
+        k.away[g] = 0.0
+        action = SUPPLY
+    k.action[g] = action
+
+
+@inlined_jit
+def protect(eq, st, m, tick, braking, valve):
+    """Fill `valve` (groups, 1) with the actions of all bogies; everything rests while the air brakes do."""
+    p, k = st.slide, m.slide
+    if not braking:
+        for i in range(k.filtered.size):
+            k.reference[eq.axle_car[i]] = m.reference[eq.axle_body[i]]
+            k.filtered[i], k.locked[i] = 0.0, False
+        for g in range(k.action.size):
+            k.action[g] = k.away[g] = k.refill[g] = 0.0
+    elif tick % p.every == 0:
+        _follow_cars(eq, p, m)
+        _ask_axles(eq, p, m)
+        for g in range(k.action.size):
+            _decide(eq, p, m, g)
+    for g in range(k.action.size):
+        valve[g, 0] = k.action[g]
+
+
+__all__ = ["LOWEST_SPEED", "STANDING_SPEED", "protect"]

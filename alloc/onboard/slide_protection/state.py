@@ -1,0 +1,85 @@
+"""What the slide protection of a run is told, and what it remembers."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.onboard import slide_protection
+from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.errors import OnboardError
+from alloc.onboard.slide_protection.parameters import SlideProtection
+
+Floats = NDArray[np.float64]
+
+
+class SlideSettings(NamedTuple):
+    """Parameters for one run."""
+
+    law: int
+    every: int  # control periods between two decisions
+    period: float  # between two decisions [s]
+    of_car: bool  # whether slip is measured from the car's own reference
+    deceleration: float
+    cut_out_speed: float
+    time_out: float
+    refill: float
+    threshold: Floats  # release, hold
+    sensitivity: float
+    slip_knots: Floats  # (3,)
+    rate_knots: Floats  # (3,)
+    pole: float
+    gain: float
+
+
+class SlideMemory(NamedTuple):
+    """What the cars' computers remember."""
+
+    reference: Floats  # (cars,) reference speed
+    candidate: Floats  # (cars,) speed of the car's fastest axle
+    filtered: Floats  # (axles,) slip behind the differentiator's filter [m/s]
+    locked: NDArray[np.bool_]  # (axles,) stands while its car runs
+    severity: Floats  # (groups,) action that the worst axle asks for, before it is rounded
+    action: Floats  # (groups,) of the valves until the next decision
+    away: Floats  # (groups,) time since the valve last supplied [s]
+    refill: Floats  # (groups,) time that it must still supply [s]
+
+
+def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
+    """Settings for a control period [s]; raises `OnboardError` where the protection's is no multiple of it."""
+    every = round(protection.period / period)
+    if every < 1 or abs(every * period - protection.period) > 1e-9:
+        raise OnboardError(
+            f"slide protection: period = {protection.period!r} must be a multiple of the control period {period!r}"
+        )
+    fuzzy, threshold = protection.fuzzy, protection.threshold
+    return SlideSettings(
+        law=slide_protection.LAWS[protection.law],
+        every=every,
+        period=protection.period,
+        of_car=protection.reference == "car",
+        deceleration=protection.deceleration,
+        cut_out_speed=protection.cut_out_speed,
+        time_out=protection.time_out,
+        refill=protection.refill,
+        threshold=np.array([threshold.release, threshold.hold]),
+        sensitivity=float(fuzzy.sensitivity),
+        slip_knots=np.array(fuzzy.slip, dtype=float),
+        rate_knots=np.array(fuzzy.rate, dtype=float),
+        pole=fuzzy.pole,
+        gain=differentiator_gain(fuzzy.pole, protection.period),
+    )
+
+
+def slide_memory(cars: int, axles: int, groups: int, speed: float) -> SlideMemory:
+    """Memory of a train that rolls at `speed` [m/s]."""
+    return SlideMemory(
+        reference=np.full(cars, speed),
+        candidate=np.full(cars, speed),
+        filtered=np.zeros(axles),
+        locked=np.zeros(axles, dtype=np.bool_),
+        severity=np.zeros(groups),
+        action=np.zeros(groups),
+        away=np.zeros(groups),
+        refill=np.zeros(groups),
+    )
