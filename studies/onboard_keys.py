@@ -1,5 +1,7 @@
 """What a scenario file says about the equipment on board, and what the train believes."""
 
+from typing import Literal
+
 from alloc.onboard import (
     Belief,
     Braking,
@@ -10,6 +12,7 @@ from alloc.onboard import (
     Observer,
     Onboard,
     PerturbObserve,
+    ReferenceSpeed,
     Sensors,
     SteepestGradient,
     Telegrams,
@@ -127,6 +130,13 @@ class BrakingKeys(Strict):
     hold: float | None = None
 
 
+class ReferenceKeys(Strict):
+    """Reference speed: `[onboard.reference]`."""
+
+    bound: Literal["command", "forces"] | None = None
+    margin_kmhs: float | None = None
+
+
 class BeliefKeys(Strict):
     """What the train believes where that differs from the truth: `[belief]`."""
 
@@ -154,6 +164,7 @@ class OnboardKeys(Strict):
     telegrams: TelegramKeys = TelegramKeys()
     sensors: SensorKeys = SensorKeys()
     braking: BrakingKeys = BrakingKeys()
+    reference: ReferenceKeys = ReferenceKeys()
 
     def onboard(
         self,
@@ -177,6 +188,7 @@ class OnboardKeys(Strict):
             steepest_gradient=SteepestGradient(**si(self.steepest_gradient)),
             telegrams=Telegrams(**si(self.telegrams)),
             sensors=self.sensors.sensors(seed),
+            reference=ReferenceSpeed(**si(self.reference)),
             braking=Braking(**si(self.braking)),
             belief=Belief(
                 increments=increments,

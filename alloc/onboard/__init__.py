@@ -10,6 +10,7 @@ from alloc.onboard.parameters import (
     Dropout,
     Observer,
     Onboard,
+    ReferenceSpeed,
     Sensors,
     Telegrams,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "Onboard",
     "OnboardError",
     "PerturbObserve",
+    "ReferenceSpeed",
     "Sensors",
     "SlideProtection",
     "SteepestGradient",

@@ -39,6 +39,7 @@ class Equipment(NamedTuple):
         Floats  # torque that turns a unit's own wheelsets, relative to what the rail receives
     )
     planned_share: float  # expected coefficient per m/s2 of commanded acceleration
+    moved_mass: float  # that the rail forces of units and braked trailers accelerate [kg]
     blended: bool  # whether every car brakes itself, with air where it has no motors
     brake_inertia: Floats  # as own_inertia, braking
     brake_share: float  # as planned_share, braking
@@ -46,6 +47,7 @@ class Equipment(NamedTuple):
     group_unit: NDArray[np.int64]  # (groups,) unit on whose axles it acts, -1: a trailer's
     group_body: NDArray[np.int64]  # (groups,)
     group_car: NDArray[np.int64]  # (groups,)
+    group_axles: Floats  # (groups,)
     group_weight: Floats  # (groups,) load of an axle [N]
     group_inertia: Floats  # (groups,) as brake_inertia
     group_gain: Floats  # (groups,) force at the rim per axle and pascal
@@ -141,6 +143,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         brake_table=s.brake_table,
         own_inertia=own / (GRAVITY * planned_share) if n.units else own,
         planned_share=planned_share,
+        moved_mass=moved(braked),
         blended=blended,
         brake_inertia=own / (GRAVITY * brake_share),
         brake_share=brake_share,
@@ -148,6 +151,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         group_unit=group_unit,
         group_body=s.axle_body[foremost],
         group_car=s.axle_car[foremost],
+        group_axles=np.bincount(s.axle_group[s.axle_group >= 0], minlength=n.groups).astype(float),
         group_weight=loaded[foremost] * GRAVITY,
         group_inertia=float(onboard.inertia_in_limit)
         * (turning / loaded)[foremost]

@@ -56,6 +56,7 @@ class Settings(NamedTuple):
     brake_inertia: float  # 1: the estimate (18) counts the wheelsets' deceleration; 0: as printed
     blend_time: float
     release_speed: float
+    reference: Floats  # whether estimated forces bound the reference speed, and the margin [m/s2]
     slide: SlideSettings
 
 
@@ -72,6 +73,9 @@ class Memory(NamedTuple):
     slipping: NDArray[np.bool_]
     torque: Floats  # as the inverters know it
     air: Floats  # air brake force commanded per axle, at the rim [N]
+    motion: (
+        Floats  # (1,) acceleration that the train must have under the estimated rail forces [m/s2]
+    )
     brake_rise: Floats  # (1,) share of the plan that the trailers' brakes have risen to
     slide: SlideMemory
     mean_speed: Floats  # mean rim speed of the unit's axles as read
@@ -143,6 +147,7 @@ def settings(
         brake_inertia=float(onboard.braking.inertia_in_estimate),
         blend_time=onboard.braking.blend_time,
         release_speed=onboard.braking.release_speed,
+        reference=np.array([float(onboard.reference.bound == "forces"), onboard.reference.margin]),
         slide=slide_settings(onboard.braking.slide_protection, onboard.period),
     )
 
@@ -186,10 +191,9 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         slipping=np.zeros(n, dtype=np.bool_),
         torque=zeros(),
         air=zeros(),
+        motion=np.zeros(1),
         brake_rise=np.zeros(1),
-        slide=slide_memory(
-            int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed
-        ),
+        slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         worst_slip=zeros(),

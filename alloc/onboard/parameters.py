@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 from alloc.onboard.errors import OnboardError, check_numbers
 from alloc.onboard.readhesion import (
@@ -142,6 +143,28 @@ class Braking:
 
 
 @dataclass(frozen=True)
+class ReferenceSpeed:
+    """How far the reference speed may follow the axles, which all slip at times.
+
+    `bound` "command": as far as a train can accelerate under the driver's command; "forces": under the rail forces that the
+    units' observers estimate, which know how little a slippery rail gives (not in the patent). `margin` [m/s2]: what
+    gradient and resistance may add to either, 0.3 and 0.1 if nothing is said.
+    """
+
+    bound: Literal["command", "forces"] = "command"
+    margin: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.bound not in ("command", "forces"):
+            raise OnboardError(
+                f"reference speed: bound = {self.bound!r} must be 'command' or 'forces'"
+            )
+        if self.margin is None:
+            object.__setattr__(self, "margin", 0.3 if self.bound == "command" else 0.1)
+        check_numbers("reference speed", self, nonnegative=("margin",))
+
+
+@dataclass(frozen=True)
 class Belief:
     """What the train takes for true: growth of adhesion per axle from the front, and the adhesion curve.
 
@@ -178,6 +201,7 @@ class Onboard:
     sensors: Sensors = field(default_factory=Sensors)
     belief: Belief = field(default_factory=Belief)
     braking: Braking = field(default_factory=Braking)
+    reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
     hold_time: float = 5.0
     rise_time: float = 1.0
     period: float = 0.01

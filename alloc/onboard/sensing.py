@@ -6,7 +6,7 @@ from alloc.compilation import inlined_jit
 from alloc.onboard import memory as om
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
-from alloc.onboard.reference_speed import follow_reference
+from alloc.onboard.reference_speed import acceleration_from_command, follow_reference
 
 
 @inlined_jit
@@ -82,8 +82,12 @@ def _compare_with_reference(eq, st, m, sign, commanded):
             m.candidate[body]
         ):  # no axle left to tell: the driver's command is all there is
             m.candidate[body] = sign * (m.reference[body] + commanded * st.period)
+        if st.reference[0] > 0.0:
+            least, greatest = m.motion[0] - st.reference[1], m.motion[0] + st.reference[1]
+        else:
+            least, greatest = acceleration_from_command(commanded, st.reference[1])
         m.reference[body] = follow_reference(
-            m.reference[body], sign * m.candidate[body], commanded, st.period
+            m.reference[body], sign * m.candidate[body], least, greatest, st.period
         )
     for j in range(m.worst_slip.size):
         m.worst_slip[j] = -np.inf
@@ -92,6 +96,23 @@ def _compare_with_reference(eq, st, m, sign, commanded):
         j = eq.axle_unit[i]
         if j >= 0:
             m.worst_slip[j] = max(m.worst_slip[j], sign * slip)
+
+
+@inlined_jit
+def _move_by_forces(eq, m, sign, blended):
+    """Acceleration [m/s2] that the train must have under the rail forces that its units estimate.
+
+    Of axles without motor only the plan is known. Resistance and gradient are not.
+    """
+    force = 0.0
+    for j in range(eq.axles.size):
+        force += sign * m.estimate[j] * eq.axle_load[j] * eq.axles[j]
+    if blended:
+        for g in range(eq.group_unit.size):
+            if eq.group_unit[g] < 0:
+                planned = m.held[om.HELD_EXPECTED] * m.brake_rise[0] * eq.group_weight[g]
+                force += sign * planned * eq.group_axles[g]
+    m.motion[0] = force / eq.moved_mass
 
 
 @inlined_jit
@@ -166,3 +187,4 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
             m.limit_max[j] = np.inf  # what the motors cannot, the air brake can
         else:
             m.limit_max[j] = at_rail if m.in_service[j] else 0.0
+    _move_by_forces(eq, m, sign, blended)

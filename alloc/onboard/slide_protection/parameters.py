@@ -13,7 +13,9 @@ SENSITIVITIES: dict[str, float] = {"low": 0.9, "medium": 1.0, "high": 3.0}
 def _check_growing(name: str, knots: tuple[float, float, float]) -> None:
     numbers = all(isinstance(x, (int, float)) and math.isfinite(x) for x in knots)
     if len(knots) != 3 or not numbers or not knots[0] < knots[1] < knots[2]:
-        raise OnboardError(f"fuzzy slide protection: {name} = {knots} must be three growing numbers")
+        raise OnboardError(
+            f"fuzzy slide protection: {name} = {knots} must be three growing numbers"
+        )
 
 
 @dataclass(frozen=True)
