@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from alloc.number_fault import number_fault
+
 CODES = ("numba", "c")
 """Ways of compiling the model."""
 
@@ -20,16 +22,11 @@ def _check(
         if item.type not in (int, float):
             continue
         value = getattr(record, item.name)
-        kinds = (int,) if item.type is int else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds):
-            kind = "an integer" if item.type is int else "a number"
-            raise MpcError(f"{owner}: {item.name} = {value!r} must be {kind}")
-        if (value == 0.0 and item.name in zero) or (value == math.inf and item.name in infinite):
-            continue
-        if not (math.isfinite(value) and value > 0.0):
-            least = "0 or greater" if item.name in zero else "greater than 0"
-            most = "" if item.name in infinite else "finite and "
-            raise MpcError(f"{owner}: {item.name} = {value!r} must be {most}{least}")
+        if item.type is int and not isinstance(value, int):
+            raise MpcError(f"{owner}: {item.name} = {value!r} must be an integer")
+        fault = number_fault(value, item.name in zero, item.name in infinite)
+        if fault is not None:
+            raise MpcError(f"{owner}: {item.name} = {value!r} {fault}")
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """What is wrong with on-board equipment, and the checks of its numbers."""
 
-import math
 from collections.abc import Iterable
 from typing import Any
+
+from alloc.number_fault import number_fault
 
 
 class OnboardError(ValueError):
@@ -13,13 +14,9 @@ def check_numbers(
     owner: str, record: Any, positive: Iterable[str] = (), nonnegative: Iterable[str] = ()
 ) -> None:
     """Raise `OnboardError` where a field of `record` is no number, nan or outside its range; inf is allowed."""
-    for names, low, text in (
-        (positive, False, "greater than 0"),
-        (nonnegative, True, "0 or greater"),
-    ):
+    for names, zero in ((positive, False), (nonnegative, True)):
         for name in names:
             value = getattr(record, name)
-            if not isinstance(value, (int, float)) or math.isnan(value) or value < 0.0:
-                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
-            if value == 0.0 and not low:
-                raise OnboardError(f"{owner}: {name} = {value!r} must be {text}")
+            fault = number_fault(value, zero, infinite=True)
+            if fault is not None:
+                raise OnboardError(f"{owner}: {name} = {value!r} {fault}")

@@ -1,8 +1,9 @@
 """What is raised when a train, a line or a rail cannot exist."""
 
-import math
 from collections.abc import Iterable
 from typing import Any
+
+from alloc.number_fault import number_fault
 
 
 class PlantError(ValueError):
@@ -13,9 +14,9 @@ def require_finite(
     owner: str, record: Any, positive: Iterable[str] = (), nonnegative: Iterable[str] = ()
 ) -> None:
     """Check named attributes of `record`: finite, and > 0 or >= 0; raise `PlantError` naming the first fault."""
-    for names, bound in ((positive, "greater than 0"), (nonnegative, "0 or greater")):
+    for names, zero in ((positive, False), (nonnegative, True)):
         for name in names:
             value = getattr(record, name)
-            good = isinstance(value, (int, float)) and math.isfinite(value)
-            if not good or value < 0.0 or (bound == "greater than 0" and value == 0.0):
-                raise PlantError(f"{owner}: {name} = {value!r} must be a finite number {bound}")
+            fault = number_fault(value, zero)
+            if fault is not None:
+                raise PlantError(f"{owner}: {name} = {value!r} {fault}")
