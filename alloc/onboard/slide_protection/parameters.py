@@ -55,7 +55,7 @@ class Fuzzy:
 class SlideProtection:
     """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
 
-    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, a multiple of the control period. `reference`: the
+    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods. `reference`: the
     speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each "car"'s own from
     its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Below `cut_out_speed` [m/s]
     the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s], whatever the law says:

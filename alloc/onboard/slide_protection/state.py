@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from alloc.onboard import slide_protection
 from alloc.onboard.detector import differentiator_gain
-from alloc.onboard.errors import OnboardError
 from alloc.onboard.slide_protection.parameters import SlideProtection
 
 Floats = NDArray[np.float64]
@@ -46,17 +45,13 @@ class SlideMemory(NamedTuple):
 
 
 def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
-    """Settings for a control period [s]; raises `OnboardError` where the protection's is no multiple of it."""
-    every = round(protection.period / period)
-    if every < 1 or abs(every * period - protection.period) > 1e-9:
-        raise OnboardError(
-            f"slide protection: period = {protection.period!r} must be a multiple of the control period {period!r}"
-        )
+    """Settings for a control period [s], to a whole number of which the protection's is rounded."""
+    every = max(1, round(protection.period / period))
     fuzzy, threshold = protection.fuzzy, protection.threshold
     return SlideSettings(
         law=slide_protection.LAWS[protection.law],
         every=every,
-        period=protection.period,
+        period=every * period,
         of_car=protection.reference == "car",
         deceleration=protection.deceleration,
         cut_out_speed=protection.cut_out_speed,
@@ -67,7 +62,7 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
         slip_knots=np.array(fuzzy.slip, dtype=float),
         rate_knots=np.array(fuzzy.rate, dtype=float),
         pole=fuzzy.pole,
-        gain=differentiator_gain(fuzzy.pole, protection.period),
+        gain=differentiator_gain(fuzzy.pole, every * period),
     )
 
 
