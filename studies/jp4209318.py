@@ -121,7 +121,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "rear_axles": (1.0, 12.0),
     "conditioning": (0.02, 0.4),
     "conditioning_slip": (0.01, 0.12),
-    "peak_slip_ratio": (0.015, 0.06),
+    "peak_slip_ratio": (0.01, 0.05),
     "shoe_force_share": (0.13, 0.15),
     "slip_medium": (0.02, 0.10),
     "slip_large": (0.06, 0.30),

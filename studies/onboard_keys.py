@@ -157,6 +157,7 @@ class SlideProtectionKeys(Strict):
     period_s: float | None = None
     reference: Literal["train", "car"] | None = None
     deceleration_kmhs: float | None = None
+    sounding_s: float | None = None
     cut_out_speed_kmh: float | None = None
     time_out_s: float | None = None
     refill_s: float | None = None

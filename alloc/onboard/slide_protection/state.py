@@ -20,6 +20,7 @@ class SlideSettings(NamedTuple):
     period: float  # between two decisions [s]
     of_car: bool  # whether slip is measured from the car's own reference
     deceleration: float
+    sounding: float
     cut_out_speed: float
     time_out: float
     refill: float
@@ -36,6 +37,7 @@ class SlideMemory(NamedTuple):
 
     reference: Floats  # (cars,) reference speed
     candidate: Floats  # (cars,) speed of the car's fastest axle
+    lost: Floats  # (cars,) time since an axle last told the reference [s]
     filtered: Floats  # (axles,) slip behind the differentiator's filter [m/s]
     locked: NDArray[np.bool_]  # (axles,) stands while its car runs
     severity: Floats  # (groups,) action that the worst axle asks for, before it is rounded
@@ -54,6 +56,7 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
         period=every * period,
         of_car=protection.reference == "car",
         deceleration=protection.deceleration,
+        sounding=protection.sounding,
         cut_out_speed=protection.cut_out_speed,
         time_out=protection.time_out,
         refill=protection.refill,
@@ -71,6 +74,7 @@ def slide_memory(cars: int, axles: int, groups: int, speed: float) -> SlideMemor
     return SlideMemory(
         reference=np.full(cars, speed),
         candidate=np.full(cars, speed),
+        lost=np.zeros(cars),
         filtered=np.zeros(axles),
         locked=np.zeros(axles, dtype=np.bool_),
         severity=np.zeros(groups),
