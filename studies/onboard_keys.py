@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import field_validator
+
 from alloc.onboard import (
     Belief,
     Braking,
@@ -9,15 +11,19 @@ from alloc.onboard import (
     CutAndRamp,
     Detector,
     Dropout,
+    Fuzzy,
     Observer,
     Onboard,
     PerturbObserve,
     ReferenceSpeed,
     Sensors,
+    SlideProtection,
     SteepestGradient,
     Telegrams,
+    Threshold,
     TorqueTable,
 )
+from alloc.onboard.slide_protection import SENSITIVITIES
 from alloc.plant.adhesion import AdhesionCurve
 from studies.rail_keys import CurveKeys, IncrementKeys
 from studies.strict import Strict
@@ -120,14 +126,60 @@ class SensorKeys(Strict):
         return Sensors(**values, seed=seed)
 
 
+class ThresholdKeys(Strict):
+    """Switching points of a plain slide protection: `[onboard.braking.slide_protection.threshold]`."""
+
+    release: float | None = None
+    hold: float | None = None
+
+
+class FuzzyKeys(Strict):
+    """Sets and sensitivity of the fuzzy slide protection: `[onboard.braking.slide_protection.fuzzy]`."""
+
+    sensitivity: float | None = None
+    slip: tuple[float, float, float] | None = None
+    rate_kmhs: tuple[float, float, float] | None = None
+    pole_per_s: float | None = None
+
+    @field_validator("sensitivity", mode="before")
+    @classmethod
+    def _named(cls, value: object) -> object:
+        if isinstance(value, str):
+            if value not in SENSITIVITIES:
+                raise ValueError(f"must be {', '.join(map(repr, SENSITIVITIES))} or a number")
+            return SENSITIVITIES[value]
+        return value
+
+
+class SlideProtectionKeys(Strict):
+    """Wheel slide protection of the air brakes: `[onboard.braking.slide_protection]`."""
+
+    law: Literal["none", "threshold", "fuzzy"] | None = None
+    period_s: float | None = None
+    reference: Literal["train", "car"] | None = None
+    deceleration_kmhs: float | None = None
+    sounding_s: float | None = None
+    cut_out_speed_kmh: float | None = None
+    time_out_s: float | None = None
+    refill_s: float | None = None
+    threshold: ThresholdKeys = ThresholdKeys()
+    fuzzy: FuzzyKeys = FuzzyKeys()
+
+    def slide_protection(self) -> SlideProtection:
+        """The train's slide protection."""
+        return SlideProtection(
+            **si(self), threshold=Threshold(**si(self.threshold)), fuzzy=Fuzzy(**si(self.fuzzy))
+        )
+
+
 class BrakingKeys(Strict):
-    """Blended brakes: `[onboard.braking]`."""
+    """Brakes: `[onboard.braking]`."""
 
     blended: bool | None = None
     blend_time_s: float | None = None
     inertia_in_estimate: bool | None = None
-    release: float | None = None
-    hold: float | None = None
+    release_speed_kmh: float | None = None
+    slide_protection: SlideProtectionKeys = SlideProtectionKeys()
 
 
 class ReferenceKeys(Strict):
@@ -189,7 +241,10 @@ class OnboardKeys(Strict):
             telegrams=Telegrams(**si(self.telegrams)),
             sensors=self.sensors.sensors(seed),
             reference=ReferenceSpeed(**si(self.reference)),
-            braking=Braking(**si(self.braking)),
+            braking=Braking(
+                **si(self.braking),
+                slide_protection=self.braking.slide_protection.slide_protection(),
+            ),
             belief=Belief(
                 increments=increments,
                 unit_increments=belief.unit_increments,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Braking, Onboard
+from alloc.onboard import Belief, Braking, Onboard, SlideProtection
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, Receptivity, logarithmic_increments
 from alloc.plant.sets import find_set
@@ -142,8 +142,8 @@ def test_pattern_following_is_suppressed_while_limits_arrive():
 
 def test_slide_protection_keeps_trailers_from_locking():
     with_protection, without = (
-        simulate(stop(0.06, braking=Braking(release=release, hold=min(release, 0.08))), "greedy")
-        for release in (0.15, 1e6)
+        simulate(stop(0.06, braking=Braking(slide_protection=SlideProtection(law=law))), "greedy")
+        for law in ("threshold", "none")
     )
     moving = with_protection["speed"].values > 3.0
 

@@ -21,6 +21,9 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "driver_command": ("time", 0.6 * one),
         "car_acceleration": (("time", "car"), acceleration * one[:, None]),
         "slip_velocity": (("time", "axle"), two * [0.2, 0.01]),
+        "rim_speed": (("time", "axle"), v[:, None] + two * [0.2, 0.01]),
+        "cylinder_pressure": (("time", "brake_group"), np.zeros((time.size, 0))),
+        "group_volume": ("brake_group", np.zeros(0)),
         "coefficient": (("time", "axle"), two * [0.08, 0.0]),
         "adhesion_limit": (("time", "axle"), 0.1 * two),
         "peak_slip": (("time", "axle"), 0.05 * two),
@@ -41,7 +44,7 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "unit_radius": ("unit", [0.5]),
     }
     counts = (
-        "detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded",
+        "detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded", "locks", "time_outs",
         "rule_calls", "rule_failures", "rule_time_s", "controller_failures", "controller_median_s", "controller_p99_s",
     )  # fmt: skip
     attributes = {"train_mass": 20e3, "target_speed": 12.0, "blended_brakes": 0}

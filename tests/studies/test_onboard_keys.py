@@ -2,7 +2,8 @@
 
 import pytest
 
-from alloc.onboard import Braking, Onboard, Sensors
+from alloc.onboard import Braking, Fuzzy, Onboard, Sensors, SlideProtection, Threshold
+from alloc.onboard.slide_protection import SENSITIVITIES
 from studies.errors import StudyError
 from studies.scenario import load_scenario
 
@@ -44,15 +45,40 @@ sensorless_pole_per_s = 20.0
 blended = false
 blend_time_s = 2.0
 inertia_in_estimate = false
+release_speed_kmh = 0.0
+[onboard.braking.slide_protection]
+law = "fuzzy"
+period_s = 0.02
+reference = "car"
+deceleration_kmhs = 4.5
+time_out_s = 5.0
+[onboard.braking.slide_protection.threshold]
 release = 0.2
 hold = 0.1
+[onboard.braking.slide_protection.fuzzy]
+sensitivity = "high"
+slip = [0.0, 0.04, 0.1]
+rate_kmhs = [-3.6, 0.0, 3.6]
+pole_per_s = 8.0
 [belief]
 unit_increments = [0.0, 0.004, 0.008, 0.009]
 unit_deviation = [0.002, 0.003, 0.003, 0.003]
 """,
     )
     assert found.braking == Braking(
-        blended=False, release=0.2, hold=0.1, blend_time=2.0, inertia_in_estimate=False
+        blended=False,
+        blend_time=2.0,
+        inertia_in_estimate=False,
+        release_speed=0.0,
+        slide_protection=SlideProtection(
+            law="fuzzy",
+            threshold=Threshold(0.2, 0.1),
+            fuzzy=Fuzzy(SENSITIVITIES["high"], (0.0, 0.04, 0.1), (-1.0, 0.0, 1.0), 8.0),
+            period=0.02,
+            reference="car",
+            deceleration=1.25,
+            time_out=5.0,
+        ),
     )
     assert found.sensors == Sensors(sensorless_pole=20.0, seed=found.sensors.seed)
     assert not found.inertia_in_limit
@@ -63,7 +89,20 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[onboard.braking]\nrelease = 0.1\nhold = 0.2\n", "hold = 0.2 must not exceed release"),
+        (
+            "[onboard.braking.slide_protection.threshold]\nrelease = 0.1\nhold = 0.2\n",
+            "hold = 0.2 must not exceed release",
+        ),
+        ('[onboard.braking.slide_protection]\nlaw = "fuzy"\n', "law"),
+        ("[onboard.braking.slide_protection]\nperiod_s = 0.0\n", "period = 0.0"),
+        (
+            '[onboard.braking.slide_protection.fuzzy]\nsensitivity = "hgh"\n',
+            "must be 'low', 'medium', 'high' or a number",
+        ),
+        (
+            "[onboard.braking.slide_protection.fuzzy]\nslip = [0.0, 0.2, 0.1]\n",
+            "three growing numbers",
+        ),
         ("[onboard.braking]\nblend_time_s = 0.0\n", "blend_time = 0.0"),
         ("[onboard.sensors]\nsensorless_pole_per_s = -1.0\n", "sensorless_pole = -1.0"),
         ("[onboard.braking]\nblendd = true\n", "blendd"),

@@ -93,7 +93,7 @@ def test_a_misspelt_key_of_a_scenario_is_named(write_scenario, old, new, words):
         ("loss = 0.1", "loss = 1.5", "loss = 1.5"),
         ('case = "A"', 'case = "C"', "'case' = 'C'"),
         ('train = "commuter-8car"', 'train = "commuter-8car"\nload_t = [1.0]', "load"),
-        ('train = "commuter-8car"', 'train = "jp4209318-3car"', "no traction unit"),
+        ("loss = 0.1", "loss = 0.1\n[onboard.braking.slide_protection]\nlaw = 'fuzy'", "'fuzy'"),
         ("title", "title = [", "is not TOML"),
         ("title", 'name = "../elsewhere"\ntitle', "key 'name' = '../elsewhere'"),
     ],

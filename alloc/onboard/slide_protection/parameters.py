@@ -57,10 +57,11 @@ class Fuzzy:
 class SlideProtection:
     """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
 
-    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, a multiple of the control period. `reference`: the
+    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods. `reference`: the
     speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each "car"'s own from
-    its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Below `cut_out_speed` [m/s]
-    the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s], whatever the law says:
+    its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Once they have for `sounding`
+    [s], the car's rearmost bogie is released until one of its axles tells the speed again: all four sliding slowly would
+    pass for braking (assumed, as usual). Below `cut_out_speed` [m/s] the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s], whatever the law says:
     sliding wheels must not cost a train its brakes for good (assumed, as usual in such equipment). An axle that stands
     while its car runs is released.
     """
@@ -71,6 +72,7 @@ class SlideProtection:
     period: float = 0.01
     reference: Literal["train", "car"] = "train"
     deceleration: float = 1.5
+    sounding: float = 1.0
     cut_out_speed: float = 5.0 / 3.6
     time_out: float = 10.0
     refill: float = 0.5
@@ -79,7 +81,7 @@ class SlideProtection:
         check_numbers(
             "slide protection",
             self,
-            positive=("period", "deceleration", "time_out", "refill"),
+            positive=("period", "deceleration", "sounding", "time_out", "refill"),
             nonnegative=("cut_out_speed",),
         )
         for name, known in (

@@ -32,7 +32,9 @@ def _follow_cars(eq, p, m):
             k.candidate[c] = m.reference[eq.axle_body[i]]
             k.reference[c] = k.candidate[c]
     for c in range(k.reference.size):
-        k.reference[c] = max(k.candidate[c], k.reference[c] - p.deceleration * p.period)
+        least = k.reference[c] - p.deceleration * p.period
+        k.lost[c] = 0.0 if k.candidate[c] >= least else k.lost[c] + p.period
+        k.reference[c] = max(k.candidate[c], least)
 
 
 @inlined_jit
@@ -74,9 +76,12 @@ def _ask_axles(eq, p, m):
 @inlined_jit
 def _decide(eq, p, m, g):
     """Action of the valves of group `g` until the next decision."""
-    k = m.slide
+    k, car = m.slide, eq.group_car[g]
     action = valve_action(k.severity[g])
-    if k.reference[eq.group_car[g]] < p.cut_out_speed:
+    rearmost = g + 1 == k.action.size or eq.group_car[g + 1] != car
+    if rearmost and k.lost[car] > p.sounding and p.law != slide_protection.NONE:
+        action = RELEASE
+    if k.reference[car] < p.cut_out_speed:
         action = SUPPLY
     k.away[g] = 0.0 if action == SUPPLY else k.away[g] + p.period
     if k.away[g] > p.time_out:
@@ -98,7 +103,7 @@ def protect(eq, st, m, tick, braking, valve):
             k.reference[eq.axle_car[i]] = m.reference[eq.axle_body[i]]
             k.filtered[i], k.locked[i] = 0.0, False
         for g in range(k.action.size):
-            k.action[g] = k.away[g] = k.refill[g] = 0.0
+            k.action[g] = k.away[g] = k.refill[g] = k.lost[eq.group_car[g]] = 0.0
     elif tick % p.every == 0:
         _follow_cars(eq, p, m)
         _ask_axles(eq, p, m)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from alloc.onboard import slide_protection
 from alloc.onboard.detector import differentiator_gain
-from alloc.onboard.errors import OnboardError
 from alloc.onboard.slide_protection.parameters import SlideProtection
 
 Floats = NDArray[np.float64]
@@ -21,6 +20,7 @@ class SlideSettings(NamedTuple):
     period: float  # between two decisions [s]
     of_car: bool  # whether slip is measured from the car's own reference
     deceleration: float
+    sounding: float
     cut_out_speed: float
     time_out: float
     refill: float
@@ -37,6 +37,7 @@ class SlideMemory(NamedTuple):
 
     reference: Floats  # (cars,) reference speed
     candidate: Floats  # (cars,) speed of the car's fastest axle
+    lost: Floats  # (cars,) time since an axle last told the reference [s]
     filtered: Floats  # (axles,) slip behind the differentiator's filter [m/s]
     locked: NDArray[np.bool_]  # (axles,) stands while its car runs
     severity: Floats  # (groups,) action that the worst axle asks for, before it is rounded
@@ -46,19 +47,16 @@ class SlideMemory(NamedTuple):
 
 
 def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
-    """Settings for a control period [s]; raises `OnboardError` where the protection's is no multiple of it."""
-    every = round(protection.period / period)
-    if every < 1 or abs(every * period - protection.period) > 1e-9:
-        raise OnboardError(
-            f"slide protection: period = {protection.period!r} must be a multiple of the control period {period!r}"
-        )
+    """Settings for a control period [s], to a whole number of which the protection's is rounded."""
+    every = max(1, round(protection.period / period))
     fuzzy, threshold = protection.fuzzy, protection.threshold
     return SlideSettings(
         law=slide_protection.LAWS[protection.law],
         every=every,
-        period=protection.period,
+        period=every * period,
         of_car=protection.reference == "car",
         deceleration=protection.deceleration,
+        sounding=protection.sounding,
         cut_out_speed=protection.cut_out_speed,
         time_out=protection.time_out,
         refill=protection.refill,
@@ -67,7 +65,7 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
         slip_knots=np.array(fuzzy.slip, dtype=float),
         rate_knots=np.array(fuzzy.rate, dtype=float),
         pole=fuzzy.pole,
-        gain=differentiator_gain(fuzzy.pole, protection.period),
+        gain=differentiator_gain(fuzzy.pole, every * period),
     )
 
 
@@ -76,6 +74,7 @@ def slide_memory(cars: int, axles: int, groups: int, speed: float) -> SlideMemor
     return SlideMemory(
         reference=np.full(cars, speed),
         candidate=np.full(cars, speed),
+        lost=np.zeros(cars),
         filtered=np.zeros(axles),
         locked=np.zeros(axles, dtype=np.bool_),
         severity=np.zeros(groups),

@@ -1,0 +1,196 @@
+"""Which undisclosed curves and rules make the demonstration of JP4209318 come out as its Tables 3 and 4 say?
+
+Unknown are the adhesion of Fig. 2, the conditioning, the fuzzy sets and the three sensitivities (`studies.jp4209318`). Sets
+are drawn by a Latin hypercube over `BOUNDS`; the best of them are refined by bounded least squares on the targets of
+`studies.slide_targets`, each in units of its tolerance. Other starts that end as near tell how little the tables determine;
+fits to one and three cars alone, which must predict two, how far the structure carries; noise of 1e-4 on every parameter,
+how far any such number can be trusted.
+
+`python -m studies.slide_calibration --samples 200 --starts 6 --seed 0 --jobs 2 --out slide_calibration.parquet`, or the
+sweep `slide-protection`, which keeps it.
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from studies.errors import StudyError
+from studies.jp4209318 import BOUNDS, Undisclosed, parameters
+from studies.options import check_writable
+from studies.slide_targets import HOLD_OUT, implausible, outcomes, residuals, unreached
+
+DEFAULT_SAMPLES, DEFAULT_STARTS = 200, 6
+EVALUATIONS = 14
+"""Steps of a refinement; each needs as many further runs as there are parameters."""
+DIFFERENCE = 0.02
+"""Step of the finite differences as a share of each range: far above the jitter of valves that switch."""
+TETHER = 0.3
+"""Weight, in tolerances per range, of the wish to stay near the start: of equally good sets the nearest."""
+JITTER = 1e-4
+"""Relative noise on every parameter (standard deviation)."""
+JITTER_DRAWS = 16
+LOGARITHMIC = ("conditioning_slip", "rate_growing", "sensitivity_high")
+"""Parameters that are drawn on a logarithmic scale."""
+
+OnRow = Callable[[str, int, int], None]
+
+
+def from_unit_cube(point: NDArray[np.float64]) -> Undisclosed:
+    """The set at a point of the unit cube, (parameters,)."""
+    values = {}
+    for x, (name, (low, high)) in zip(point, BOUNDS.items(), strict=True):
+        share = float(np.clip(x, 0.0, 1.0))
+        straight = low + share * (high - low)
+        values[name] = low * (high / low) ** share if name in LOGARITHMIC else straight
+    return Undisclosed(**values)
+
+
+def to_unit_cube(undisclosed: Undisclosed) -> NDArray[np.float64]:
+    """Where in the unit cube a set lies, (parameters,)."""
+    point = []
+    for name, value in parameters(undisclosed).items():
+        low, high = BOUNDS[name]
+        logarithmic = math.log(value / low) / math.log(high / low)
+        point.append(logarithmic if name in LOGARITHMIC else (value - low) / (high - low))
+    return np.array(point)
+
+
+def row_of(undisclosed: Undisclosed, stage: str, start: int = -1) -> dict[str, Any]:
+    """A row of the table: stage and start, the set, its outcomes, misfit, and what it does not reach."""
+    found = outcomes(undisclosed)
+    return {
+        "stage": stage,
+        "start": start,
+        **parameters(undisclosed),
+        **found,
+        "misfit": float(np.sum(np.square(residuals(undisclosed, found)))),
+        "misfit without 2": float(np.sum(np.square(residuals(undisclosed, found, HOLD_OUT)))),
+        "unreached": ", ".join(unreached(found)),
+        "plausible": implausible(undisclosed) == 0.0,
+    }
+
+
+def undisclosed_of(row: "pd.Series[Any]") -> Undisclosed:
+    """The set of a row."""
+    return Undisclosed(**{name: float(row[name]) for name in BOUNDS})
+
+
+def draw(samples: int, seed: int) -> list[Undisclosed]:
+    """Plausible sets by a Latin hypercube over the ranges, at most so many."""
+    points = qmc.LatinHypercube(len(BOUNDS), rng=seed).random(4 * samples)
+    sets = [from_unit_cube(point) for point in points]
+    return [one for one in sets if implausible(one) == 0.0][:samples]
+
+
+def refine(start: Undisclosed, number: int, leave_out: str | None = None) -> list[dict[str, Any]]:
+    """Bounded least squares from `start`; a row per step that was tried, finite differences left out."""
+    stage = "refined" if leave_out is None else "held out"
+    origin = to_unit_cube(start)
+
+    def deviations(shifted: NDArray[np.float64]) -> NDArray[np.float64]:
+        undisclosed = from_unit_cube(shifted - 1.0)
+        found = outcomes(undisclosed)
+        tether = TETHER * (shifted - 1.0 - origin)
+        return np.concatenate([residuals(undisclosed, found, leave_out), tether])
+
+    # the cube is shifted to 1..2, since the differences are relative to the value
+    fit = least_squares(
+        deviations, np.clip(origin, 0.02, 0.98) + 1.0, bounds=(1.0, 2.0), diff_step=DIFFERENCE,
+        loss="soft_l1", f_scale=4.0, max_nfev=EVALUATIONS,
+    )  # fmt: skip
+    return [row_of(from_unit_cube(fit.x - 1.0), stage, number)]
+
+
+def calibrate(
+    samples: int, starts: int, seed: int, jobs: int, on_row: OnRow | None = None
+) -> pd.DataFrame:
+    """A row per set: drawn ("wide"), refined from the best `starts` of them, and the same with two cars held out."""
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    rows: list[dict[str, Any]] = []
+
+    def collect(tasks: list[Any], what: str) -> list[Any]:
+        done = []
+        for k, result in enumerate(parallel(tasks)):
+            done.append(result)
+            if on_row is not None:
+                on_row(what, k + 1, len(tasks))
+        return done
+
+    sets = draw(samples, seed)
+    rows += collect([joblib.delayed(row_of)(one, "wide", k) for k, one in enumerate(sets)], "drawn")
+    order = np.argsort([row["misfit"] for row in rows], kind="stable")[:starts]
+    tasks = [
+        joblib.delayed(refine)(sets[k], int(k), leave_out)
+        for k in order
+        for leave_out in (None, HOLD_OUT)
+    ]
+    for found in collect(tasks, "refined"):
+        rows += found
+    return pd.DataFrame(rows)
+
+
+def jitter(undisclosed: Undisclosed, seed: int, draws: int = JITTER_DRAWS) -> pd.DataFrame:
+    """Outcomes of the set with normal noise of `JITTER` on every parameter, a row per draw."""
+    generator = np.random.default_rng(seed)
+    values = parameters(undisclosed)
+    rows = []
+    for _ in range(draws):
+        noisy = {
+            name: value * (1.0 + JITTER * float(generator.standard_normal()))
+            for name, value in values.items()
+        }
+        rows.append(outcomes(Undisclosed(**noisy)))
+    return pd.DataFrame(rows)
+
+
+def equally_good(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of refined, plausible sets that reach every target."""
+    return table[(table["stage"] == "refined") & (table["unreached"] == "") & table["plausible"]]
+
+
+def best(table: pd.DataFrame) -> "pd.Series[Any]":
+    """Row of the least misfit among the sets that reach every target; of all refined ones where none does."""
+    good = equally_good(table)
+    chosen = good if len(good) else table[table["stage"] == "refined"]
+    return chosen.sort_values("misfit", kind="stable").iloc[0]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Calibrate, write every set, print the best and its jitter."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--samples", type=int, default=DEFAULT_SAMPLES)
+    parser.add_argument("--starts", type=int, default=DEFAULT_STARTS)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
+    parser.add_argument("--out", type=Path, default=Path("slide_calibration.parquet"))
+    chosen = parser.parse_args(arguments)
+    try:
+        for name, least in (("samples", 1), ("starts", 1), ("seed", 0), ("jobs", 1)):
+            if getattr(chosen, name) < least:
+                raise StudyError(f"--{name} {getattr(chosen, name)}: must be {least} or greater")
+        check_writable(chosen.out)
+    except StudyError as error:
+        parser.error(str(error))  # exit code 2
+    table = calibrate(chosen.samples, chosen.starts, chosen.seed, chosen.jobs)
+    table.to_parquet(chosen.out, index=False)
+    row = best(table)
+    print(", ".join(f"{name} {row[name]:.5g}" for name in BOUNDS))
+    print(f"misfit {row['misfit']:.3g}; not reached: {row['unreached'] or 'nothing'}")
+    print(f"{len(equally_good(table))} of {chosen.starts} starts reach every target")
+    noise = jitter(undisclosed_of(row), chosen.seed)
+    print("jitter: " + ", ".join(f"{name} {noise[name].std():.2g}" for name in noise))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,155 @@
+"""The cars' slide protection, decision by decision: worst axle of a bogie, references, safeguards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
+from alloc.onboard import memory as om
+from alloc.onboard.equipment import equipment
+from alloc.onboard.readhesion import NONE
+from alloc.onboard.slide_protection.protect import protect
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import jp4209318_3car
+
+SPEED, CYCLE = 20.0, 0.02
+SUPPLY, HOLD, RELEASE = 0, 1, 2
+FUZZY = SlideProtection(
+    law="fuzzy", period=CYCLE, reference="car", deceleration=1.0, time_out=1.0, refill=0.1,
+    fuzzy=Fuzzy(slip=(0.0, 0.05, 0.15), rate=(-1.0, 0.0, 1.0)),
+)  # fmt: skip
+MODEL = build(jp4209318_3car.train(2), Rail(0.1))
+
+
+class Cars:
+    """Two braked cars whose axles turn as the test says."""
+
+    def __init__(self, protection: SlideProtection, period: float = CYCLE) -> None:
+        onboard = Onboard(period=period, braking=Braking(slide_protection=protection))
+        self.eq = equipment(MODEL, onboard)
+        self.settings = om.settings(onboard, 0, om.ALLOCATE_ON_SLIP, False, NONE, np.zeros(0))
+        self.memory = om.memory(self.eq, SPEED, 0.1)
+        self.valve = np.full((4, 1), np.nan)
+        self.tick = 0
+
+    def decide(self, slip=(), speed=SPEED, braking=True) -> list[int]:
+        """Valves after one control period; `slip`: slip ratio by axle, the others roll at `speed` [m/s]."""
+        rim = np.full(8, speed)
+        for axle, ratio in dict(slip).items():
+            rim[axle] = speed * (1.0 - ratio)
+        self.memory.axle_omega[:] = rim / self.eq.axle_radius
+        self.memory.reference[:] = speed
+        protect(self.eq, self.settings, self.memory, self.tick, braking, self.valve)
+        self.tick += 1
+        return self.valve[:, 0].astype(int).tolist()
+
+    def settle(self, slip=(), speed=SPEED) -> list[int]:
+        """Valves once the filters have settled on a constant slip."""
+        for _ in range(40):
+            valves = self.decide(slip, speed)
+        return valves
+
+
+@pytest.mark.parametrize("law", ["none", "threshold", "fuzzy"])
+def test_rolling_wheels_are_left_alone(law):
+    assert Cars(replace(FUZZY, law=law)).settle() == [SUPPLY] * 4
+
+
+@pytest.mark.parametrize(("ratio", "action"), [(0.01, SUPPLY), (0.05, HOLD), (0.2, RELEASE)])
+@pytest.mark.parametrize("axle", range(8))
+def test_the_worst_axle_decides_for_its_bogie_alone(axle, ratio, action):
+    valves = Cars(FUZZY).settle({axle: ratio})
+    expected = [SUPPLY] * 4
+    expected[axle // 2] = action
+    assert valves == expected
+
+
+def test_a_slide_that_grows_is_released_before_one_that_stays():
+    growing = Cars(FUZZY)
+    valves = [growing.decide({0: ratio})[0] for ratio in np.arange(0.0, 0.05, 0.004)]
+    assert RELEASE in valves
+    assert Cars(FUZZY).settle({0: 0.048})[0] == HOLD
+
+
+@pytest.mark.parametrize(("ratio", "action"), [(0.07, SUPPLY), (0.1, HOLD), (0.16, RELEASE)])
+def test_the_threshold_switches_at_its_points(ratio, action):
+    assert Cars(replace(FUZZY, law="threshold")).settle({2: ratio})[1] == action
+
+
+def test_a_car_all_of_whose_axles_slide_keeps_its_reference_for_a_while():
+    cars = Cars(FUZZY)
+    cars.decide()
+    sliding = dict.fromkeys(range(4), 0.5)
+    for k in range(1, 6):
+        cars.decide(sliding)
+        assert cars.memory.slide.reference[0] == pytest.approx(SPEED - k * CYCLE * 1.0)
+        assert cars.memory.slide.reference[1] == SPEED
+    cars.decide({0: 0.5, 1: 0.5, 2: 0.5})  # one wheel that rolls again is believed at once
+    assert cars.memory.slide.reference[0] == SPEED
+
+
+def test_a_car_that_has_lost_its_speed_releases_its_rearmost_bogie_until_an_axle_tells_it():
+    cars = Cars(FUZZY)
+    # all four axles of the first car slow down together, just faster than any car could
+    rolling, k = [1.0 - 1.02 * CYCLE * n / SPEED for n in range(100)], 0
+    while (valves := cars.decide(dict.fromkeys(range(4), 1.0 - rolling[k])))[1] == SUPPLY:
+        k += 1
+    assert valves == [SUPPLY, RELEASE, SUPPLY, SUPPLY]
+    assert k * CYCLE == pytest.approx(FUZZY.sounding, abs=3 * CYCLE)
+    back = dict.fromkeys((0, 1), 1.0 - rolling[k + 1])
+    assert cars.decide(back)[1] == SUPPLY
+    assert cars.memory.slide.reference[0] == SPEED
+
+
+def test_the_trains_reference_can_stand_in_for_the_cars():
+    cars = Cars(replace(FUZZY, reference="train"))
+    valves = cars.settle(dict.fromkeys(range(4), 0.2))
+    assert cars.memory.slide.reference.tolist() == [SPEED, SPEED]
+    assert valves == [RELEASE, RELEASE, SUPPLY, SUPPLY]
+
+
+def test_valves_rest_below_the_cut_out_speed():
+    assert Cars(FUZZY).decide({0: 0.5}, speed=1.4)[0] == RELEASE
+    slow = Cars(FUZZY)
+    slow.memory.slide.reference[:] = 1.3
+    assert slow.decide({0: 0.5}, speed=1.3) == [SUPPLY] * 4
+
+
+def test_a_valve_that_never_supplies_is_made_to():
+    cars = Cars(FUZZY)
+    actions = np.array([cars.decide({0: 0.3})[0] for _ in range(200)])
+    supplied = np.flatnonzero(actions == SUPPLY)
+    assert supplied[0] * CYCLE == pytest.approx(1.0, abs=1.5 * CYCLE)
+    assert (actions[supplied[0] : supplied[0] + 5] == SUPPLY).all()  # for the 0.1 s of its refill
+    assert actions[supplied[0] + 5] == RELEASE
+    # again and again, and the bogies that roll are not concerned
+    assert cars.memory.counter[om.TIME_OUTS] == 3
+
+
+@pytest.mark.parametrize(("law", "action"), [("none", SUPPLY), ("fuzzy", RELEASE)])
+def test_a_standing_axle_is_counted_once_and_released(law, action):
+    cars = Cars(replace(FUZZY, law=law))
+    for _ in range(5):
+        valves = cars.decide({5: 1.0})
+    assert valves[2] == action
+    assert cars.memory.counter[om.LOCKS] == 1
+    cars.decide()
+    cars.decide({5: 1.0})
+    assert cars.memory.counter[om.LOCKS] == 2
+
+
+def test_between_two_decisions_valves_stay():
+    cars = Cars(FUZZY, period=0.005)
+    assert cars.decide({0: 0.3})[0] == RELEASE
+    assert [cars.decide()[0] for _ in range(4)] == [RELEASE, RELEASE, RELEASE, SUPPLY]
+
+
+def test_released_brakes_forget():
+    cars = Cars(FUZZY)
+    for _ in range(20):
+        cars.decide({0: 0.3})
+    assert cars.memory.slide.away[0] > 0.0
+    assert cars.decide({0: 0.3}, braking=False) == [SUPPLY] * 4
+    assert cars.memory.slide.away[0] == 0.0
