@@ -142,7 +142,10 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         group_inertia=float(onboard.inertia_in_limit)
         * (turning / loaded)[foremost]
         / (GRAVITY * brake_share),
-        group_gain=s.shoe_gain[foremost],
+        # as built: a brake that has been cut out is what the computers do not know
+        group_gain=np.array(
+            [car.air_brake.force_per_pascal if car.air_brake else 0.0 for car in cars]
+        )[s.axle_car[foremost]],
         group_friction=s.shoe_friction[foremost],
         group_pressure=np.array(pressures)[s.axle_car[foremost]],
     )
