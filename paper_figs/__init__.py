@@ -66,6 +66,10 @@ FIGURES: dict[str, FigureEntry] = {
     "differences": FigureEntry(
         "differences", "where greedy and exact level differ: random problems and closed loop"
     ),
+    "measured-log": FigureEntry(
+        "measured_log",
+        "what a train's log tells: slips found, coefficients, Q, brake force per car",
+    ),
     "slip-detection": FigureEntry(
         "slip_detection", "acceleration of a unit, thresholds and slip signal (JP5484215 Fig. 5)"
     ),
@@ -167,13 +171,18 @@ def comparison_figures(table: "pd.DataFrame", store: "Store", out: str | Path) -
 
 def draw_run(run: "xr.Dataset", path: str | Path) -> None:
     """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.slip_event import draw
+
+    save_drawn(draw([run]), path)
+
+
+def save_drawn(figure: "Figure", path: str | Path) -> None:
+    """Write one figure into a file; its ending (pdf, png, svg) gives the format. Raises `StudyError` for another."""
     import matplotlib as mpl
 
-    from paper_figs.slip_event import draw
     from paper_figs.style import STYLE_FILE
     from studies.errors import StudyError
 
-    figure = draw([run])
     try:
         with mpl.rc_context(fname=STYLE_FILE):
             figure.savefig(path)
@@ -209,5 +218,6 @@ __all__ = [
     "comparison_figures",
     "draw_figures",
     "draw_run",
+    "save_drawn",
     "save_figure",
 ]

@@ -9,9 +9,12 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard import Detector
 from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.sets.jp4209318_3car import rail as wet_rail
+from alloc.plant.train import Coupler
 from alloc.rules import RULES
 from paper_figs import (
     FIGURES,
@@ -35,6 +38,7 @@ from paper_figs import (
     learning,
     limit_cycle,
     margin_sweep,
+    measured_log,
     planned_curves,
     readhesion_factor,
     readhesion_slip,
@@ -64,9 +68,12 @@ from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
+from studies.log_export import log_table
+from studies.measured_log import check_log
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
+from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
@@ -108,7 +115,16 @@ def half_slips():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
+def logged():
+    """A log with a gap, of coupled cars that slide."""
+    train = TRAIN.coupled(Coupler())
+    table = log_table(braked(readhering, train=train, rail=wet_rail(), duration=10.0), train, 5)
+    log = check_log(table.drop(index=range(60, 80)), MeasuredTrain.of(train), "log")
+    return log, analyse_run(log.run, log.train)
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips, logged) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -138,6 +154,7 @@ def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "measured-log": measured_log.draw(*logged),
     }
 
 
@@ -244,6 +261,18 @@ def test_the_bars_are_the_rules_answers(drawn):
             axes = drawn["allocation-bars"].axes[row * len(allocation_bars.SHOWN) + k]
             heights = [bar.get_height() for bar in axes.patches[: allocation_bars.UNITS]]
             np.testing.assert_allclose(heights, allocation_bars.allocate(rule, found).limit)
+
+
+def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
+    log, found = logged
+    axes = drawn["measured-log"].axes
+    train = next(line for line in axes[0].get_lines() if line.get_label() == "train")
+    assert np.isnan(train.get_ydata()).sum() == 1
+    np.testing.assert_allclose(train.get_ydata()[:60], 3.6 * log.run.speed[:60])
+    slips = [line for line in axes[1].get_lines() if line.get_marker() == "o" and line.get_xdata()]
+    assert len(slips) == len(found.events)
+    forces = {line.get_label(): line for line in axes[4].get_lines()}
+    np.testing.assert_allclose(forces["car 2"].get_ydata()[:60], 1e-3 * found.car_force[:60, 1])
 
 
 def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
