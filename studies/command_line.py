@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
-from studies.analyse_command import analyse
 from studies.errors import StudyError
+from studies.log_command_line import analyse
 from studies.options import Names, Whole, check_writable, process_count, split_names
 from studies.terminal import console, progress
 

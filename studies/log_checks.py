@@ -203,12 +203,21 @@ def check_balance(
     train: MeasuredTrain,
 ) -> list[Remark]:  # fmt: skip
     """Whether the train gains the momentum that its forces give it; says nothing where a force is missing."""
+    used = np.abs(force[np.isfinite(force)]).max(initial=0.0) / train.axle_load.min()
+    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
+    rate = np.abs(speed[width:] - speed[:-width]) / (time[width:] - time[:-width])
+    fastest = rate[np.isfinite(rate) & (part[width:] == part[:-width])].max(initial=0.0)
+    if 0.0 < used < 0.25 * LEAST_EFFORT and fastest > LEAST_EFFORT * GRAVITY:
+        text = (
+            f"no axle's force exceeds {100.0 * used:.2g} % of the axle load, but the train's speed changes by "
+            f"{fastest:.2g} m/s2: wrong unit?"
+        )
+        return [Remark("balance", "axleN_force", text)]
     momentum = (
         train.car_mass.sum() * speed + (train.inertia / train.radius**2 * rim).sum(axis=1)
     )  # fmt: skip
     total = force.sum(axis=1)
     gained, given = [], []
-    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
     for begin in range(0, time.size - width, width):
         end = begin + width
         impulse = np.trapezoid(total[begin : end + 1], time[begin : end + 1])

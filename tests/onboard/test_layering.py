@@ -32,7 +32,7 @@ def test_no_layer_imports_upward(layer):
     above = set(LAYERS[LAYERS.index(layer) + 1 :])
     # the command line draws figures on request: it may import them inside a function
     for path in (ROOT / layer).rglob("*.py"):
-        reader = _module_level_imports if path.name == "command_line.py" else _imports
+        reader = _module_level_imports if path.name.endswith("command_line.py") else _imports
         for name in reader(path):
             assert name.split(".")[0] not in above, f"{path.relative_to(ROOT)} imports {name}"
 

@@ -128,7 +128,7 @@ def test_a_stuck_speed_is_cut_out(table):
     assert np.isnan(run.rim_speed[300:401, 0]).all()
     assert np.isfinite(run.rim_speed[:300, 0]).all()
     table.loc[300:400, "speed_ms"] = table["speed_ms"][300]
-    assert [r.column for r in remarks(table, "stuck")][0] == "speed_ms"
+    assert remarks(table, "stuck")[0].column == "speed_ms"
 
 
 def test_a_locked_wheel_is_a_slide_and_a_dead_sensor_is_not(table):
@@ -164,17 +164,14 @@ def test_a_wheel_of_another_radius_is_seen_while_it_rolls(table):
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"), [(-1.0, "wrong sign"), (1e-3, "wrong unit"), (0.3, "wrong unit")]
+    ("factor", "words"),
+    [(-1.0, "wrong sign"), (1e-3, "0.0086 % of the axle load"), (0.3, "wrong unit")],
 )
 def test_forces_that_do_not_fit_the_motion_are_seen(table, factor, words):
     for axle in range(1, 5):
         table[f"axle{axle}_force_kn"] *= factor
-    table.loc[:, "axle1_force_kn"] -= 1e-6
-    found = remarks(table, "balance")
-    if factor == 1e-3:  # too small to draw a balance from
-        assert found == []
-    else:
-        assert words in found[0].text
+    (found,) = remarks(table, "balance")
+    assert words in found.text
 
 
 def test_couplers_are_used_all_or_none(table):
@@ -189,26 +186,62 @@ def test_couplers_are_used_all_or_none(table):
 
 
 FAULTS = {
-    "repeated": (lambda t: t.assign(time_s=t["time_s"].where(t.index != 9, 0.16)), "row 10: time is repeated"),
-    "backwards": (lambda t: t.assign(time_s=t["time_s"].where(t.index != 9, 0.1)), "row 10: time goes back: 0.1 s after 0.16"),
-    "no time": (lambda t: t.assign(time_s=t["time_s"].where(t.index != 9)), "'time_s', row 10: has no time"),
+    "repeated": (
+        lambda t: t.assign(time_s=t["time_s"].where(t.index != 9, 0.16)),
+        "row 10: time is repeated",
+    ),
+    "backwards": (
+        lambda t: t.assign(time_s=t["time_s"].where(t.index != 9, 0.1)),
+        "row 10: time goes back: 0.1 s after 0.16",
+    ),
+    "no time": (
+        lambda t: t.assign(time_s=t["time_s"].where(t.index != 9)),
+        "'time_s', row 10: has no time",
+    ),
     "short": (lambda t: t.head(5), "5 rows; give 10"),
     "missing speed": (lambda t: t.drop(columns="speed_ms"), "'speed_kmh or speed_ms': is missing"),
     "misspelt": (lambda t: t.rename(columns={"speed_ms": "sped_ms"}), "is it 'sped_ms'?"),
     "missing time": (lambda t: t.drop(columns="time_s"), "'time_s': is missing"),
     "no wheels": (lambda t: t[["time_s", "speed_ms"]], "axleN_speed_kmh"),
-    "text": (lambda t: t.assign(axle1_speed_ms=["x" if k == 3 else "1" for k in range(len(t))]), "'axle1_speed_ms', row 4: 'x' is not a number"),
-    "infinite": (lambda t: t.assign(axle1_force_kn=np.where(t.index == 3, np.inf, 0.0)), "'axle1_force_kn', row 4: is infinite"),
-    "km/h as m/s": (lambda t: t.assign(axle1_speed_ms=3.6 * t["axle1_speed_ms"]), "'axle1_speed_ms': 3.6 times the train's speed"),
-    "m/s as km/h": (lambda t: t.rename(columns={"speed_ms": "speed_kmh"}), "3.6 times the train's speed in column 'speed_kmh'"),
-    "too fast": (lambda t: t.assign(speed_ms=10 * t["speed_ms"]), "'speed_ms', row 1: 250 m/s is faster than any train"),
-    "negative": (lambda t: t.assign(axle2_speed_ms=-t["axle2_speed_ms"]), "'axle2_speed_ms', row 1: -25 m/s is negative"),
-    "N as kN": (lambda t: t.assign(axle1_force_kn=1e3 * t["axle1_force_kn"]), "exceed the axle load of 98.07 kN; wrong unit?"),
-    "axle 5": (lambda t: t.assign(axle5_speed_ms=1.0), "'axle5_speed_ms': train 'two cars' has 4 axles"),
+    "text": (
+        lambda t: t.assign(axle1_speed_ms=np.where(t.index == 3, "x", "1")),
+        "'axle1_speed_ms', row 4: 'x' is not a number",
+    ),
+    "infinite": (
+        lambda t: t.assign(axle1_force_kn=np.where(t.index == 3, np.inf, 0.0)),
+        "'axle1_force_kn', row 4: is infinite",
+    ),
+    "km/h as m/s": (
+        lambda t: t.assign(axle1_speed_ms=3.6 * t["axle1_speed_ms"]),
+        "'axle1_speed_ms': 3.6 times the train's speed",
+    ),
+    "m/s as km/h": (
+        lambda t: t.rename(columns={"speed_ms": "speed_kmh"}),
+        "3.6 times the train's speed in column 'speed_kmh'",
+    ),
+    "too fast": (
+        lambda t: t.assign(speed_ms=10 * t["speed_ms"]),
+        "'speed_ms', row 1: 250 m/s is faster than any train",
+    ),
+    "negative": (
+        lambda t: t.assign(axle2_speed_ms=-t["axle2_speed_ms"]),
+        "'axle2_speed_ms', row 1: -25 m/s is negative",
+    ),
+    "N as kN": (
+        lambda t: t.assign(axle1_force_kn=1e3 * t["axle1_force_kn"]),
+        "exceed the axle load of 98.07 kN; wrong unit?",
+    ),
+    "axle 5": (
+        lambda t: t.assign(axle5_speed_ms=1.0),
+        "'axle5_speed_ms': train 'two cars' has 4 axles",
+    ),
     "two units": (lambda t: t.assign(speed_kmh=1.0), "'speed_kmh': is the same as 'speed_ms'"),
-    "force and torque": (lambda t: t.assign(axle1_torque_nm=1.0), "is the same as 'axle1_force_kn'"),
+    "force and torque": (
+        lambda t: t.assign(axle1_torque_nm=1.0),
+        "is the same as 'axle1_force_kn'",
+    ),
     "nothing known": (lambda t: t.assign(speed_ms=np.nan), "at no instant"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
