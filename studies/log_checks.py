@@ -30,6 +30,8 @@ BACKWARDS = -0.5
 STUCK_TIME = 1.0
 """Time [s] for which a speed may stay exactly the same while others change by `STUCK_CHANGE` [m/s]."""
 STUCK_CHANGE = 0.5
+CONSTANT_TIME = 10.0
+"""Time [s] for which a measured force never is exactly constant."""
 RADIUS_ERROR = 0.005
 """Deviation of a rolling wheel's speed from the train's that its radius explains and that spoils Q."""
 LARGEST_COEFFICIENT = 1.0
@@ -154,6 +156,13 @@ def check_force(name: str, force: Floats, load: float, source: str) -> None:
             source, name, int(rows[0]) + 1,
             f"{1e-3 * force[rows[0]]:.4g} kN at the rim exceed the axle load of {1e-3 * load:.4g} kN; wrong unit?",
         )  # fmt: skip
+
+
+def check_constant(name: str, force: Floats, time: Floats) -> list[Remark]:
+    """Whether a force has one and the same value, not zero, all the time."""
+    if force[0] == 0.0 or not np.all(force == force[0]) or time[-1] - time[0] < CONSTANT_TIME:
+        return []
+    return [Remark("stuck", name, "the same value all the time: a dead channel, or a set value?")]
 
 
 def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: str) -> None:

@@ -21,17 +21,20 @@ from alloc.plant.equations import GRAVITY
 from studies.errors import StudyError
 from studies.strict import Strict, parse
 
-Positive = Annotated[float, Field(gt=0.0)]
+Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
+Radius = Annotated[float, Field(ge=200.0, le=800.0)]
+Inertia = Annotated[float, Field(ge=5.0, le=5000.0)]
+"""Bounds that no car leaves: a value outside them has another unit."""
 
 
 class LoggedCar(Strict):
     """A car of the file: `[[cars]]`."""
 
-    mass_t: Positive
-    wheel_radius_mm: Positive | tuple[Positive, ...]
-    wheel_inertia_kgm2: tuple[Positive, ...] = Field(min_length=1)
+    mass_t: Mass
+    wheel_radius_mm: Radius | tuple[Radius, ...]
+    wheel_inertia_kgm2: tuple[Inertia, ...] = Field(min_length=1)
     driven: tuple[bool, ...] | None = None
-    axle_load_t: tuple[Positive, ...] | None = None
+    axle_load_t: tuple[Mass, ...] | None = None
 
     @model_validator(mode="after")
     def _one_of_each_axle(self) -> "LoggedCar":

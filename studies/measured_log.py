@@ -112,6 +112,7 @@ def check_log(table: pd.DataFrame, train: MeasuredTrain, source: str) -> Measure
         lever = train.radius[i] if column.quantity == "axleN_torque" else 1.0
         force[:, i] = values(column) / lever
         checks.check_force(column.name, force[:, i], float(train.axle_load[i]), source)
+        remarks += checks.check_constant(column.name, force[:, i], time)
     remarks += _cut_out_stuck(by_quantity, time, speed, rim)
     if not np.isfinite(speed[:, None] * rim).any():
         raise faulty(source, speed_column.name, None, "at no instant are train and a wheel known")

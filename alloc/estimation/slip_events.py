@@ -63,10 +63,10 @@ class SlipEvent(NamedTuple):
     """Largest slip velocity over the larger of rim and train speed at that instant, a magnitude up to 1."""
     onset_coefficient: float
     """Estimate of the adhesion coefficient: the largest between the start and `ONSET_TIME` after the slip passed its bound.
-    nan without forces."""
+    nan without forces, and where the slip was there before the part of the log began."""
     onset_time: float
     utilisation: float
-    """Mean coefficient during the event over the one at its onset. nan without forces."""
+    """Mean coefficient during the event over the one at its onset; above 1 where the rail improved. nan without that one."""
     damage: float
     """Wheel damage Q during the event [J]. nan without forces."""
 
@@ -115,7 +115,7 @@ def find_slips(
             worst = begin + int(np.argmax(sign * slip[inside]))
             reference = max(abs(speed[worst]), abs(rim_speed[worst]))
             onset, onset_time, used, lost = (float("nan"),) * 4
-            if coefficient is not None:
+            if coefficient is not None and begin > 0:
                 last = np.searchsorted(time, time[begin + beyond[0]] + ONSET_TIME, "right")
                 # the mean over a window looks back: right at the start it still tells of before
                 first = min(

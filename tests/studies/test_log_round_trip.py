@@ -88,6 +88,7 @@ def test_coefficients_and_damage_come_back(
     assert 1e-3 * found.total_damage == pytest.approx(damage, rel=damage_error)
     limit, time = case.run["adhesion_limit"].values, case.run["time"].values
     assert len(found.events) >= 2
+    assert all(np.isfinite(event.onset_coefficient) for event in found.events)
     for event in found.events:
         truth = limit[np.argmin(np.abs(time - event.onset_time)), event.axle]
         assert event.onset_coefficient == pytest.approx(truth, abs=onset_error)

@@ -88,6 +88,7 @@ def test_a_gap_is_reported_and_never_bridged(table):
     (event,) = found.events  # its beginning is in the gap
     assert event.cut
     assert event.start == pytest.approx(6.0)
+    assert np.isnan(event.onset_coefficient)  # and with it the adhesion
     # what happened in the gap is not in Q
     whole = analyse_run(check_log(table, TRAIN, "log").run, TRAIN)
     assert 0.0 < found.total_damage < 0.8 * whole.total_damage
@@ -172,6 +173,11 @@ def test_forces_that_do_not_fit_the_motion_are_seen(table, factor, words):
         table[f"axle{axle}_force_kn"] *= factor
     (found,) = remarks(table, "balance")
     assert words in found.text
+
+
+def test_a_force_that_never_changes_is_remarked_on(table):
+    table["axle4_force_kn"] = -9.0
+    assert [remark.column for remark in remarks(table, "stuck")] == ["axle4_force_kn"]
 
 
 def test_couplers_are_used_all_or_none(table):
@@ -299,15 +305,19 @@ def test_a_trains_file_reads_back(tmp_path):
     ("text", "words"),
     [
         ("name = 'x'\ncars = []\n", "key 'cars'"),
-        ("nam = 'x'\n", "unknown key 'nam'; did you mean 'name'?"),
-        ("name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_inertia_kgm2 = [1.0]\n", "wheel_radius_mm"),
         (
-            "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [1.0]\n"
+            "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 0.43\nwheel_inertia_kgm2 = [90.0]\n",
+            "wheel_radius_mm",
+        ),
+        ("nam = 'x'\n", "unknown key 'nam'; did you mean 'name'?"),
+        ("name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_inertia_kgm2 = [90.0]\n", "wheel_radius_mm"),
+        (
+            "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [90.0]\n"
             "axle_load_t = [40.0]\n",
             "axle_load_t sums to 40 t",
         ),
         (
-            "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [1.0]\n"
+            "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [90.0]\n"
             "driven = [true, false]\n",
             "driven has 2 entries for 1",
         ),
