@@ -7,13 +7,13 @@ from alloc.estimation.errors import EstimationError
 
 
 def car_brake_forces(
-    mass: ArrayLike, acceleration: ArrayLike, coupler_force: ArrayLike
+    acceleration: ArrayLike, coupler_force: ArrayLike, mass: ArrayLike
 ) -> NDArray[np.float64]:
     """Brake force f [N] of each car, positive braking, negative driving, (instants, cars): RTRI report (2).
 
-    `mass` [kg] (cars,); `acceleration` [m/s2] (instants, cars), or (instants,) where one is taken for all cars;
-    `coupler_force` [N] (instants, cars - 1), tension positive. Running resistance is part of f; what the wheelsets' own
-    deceleration takes of the brake is not. Raises `EstimationError`.
+    `acceleration` [m/s2] (instants, cars), or (instants,) where one is taken for all cars; `coupler_force` [N] (instants,
+    cars - 1), tension positive; `mass` [kg] (cars,). Running resistance is part of f; what the wheelsets' own deceleration
+    takes of the brake is not. Raises `EstimationError`.
     """
     mass = np.asarray(mass, dtype=float)
     rate = np.asarray(acceleration, dtype=float)

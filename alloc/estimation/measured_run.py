@@ -108,7 +108,7 @@ class Findings:
     slipping_time: Floats
     """Time in slips and slides [s], (axles,)."""
     car_force: Floats | None
-    """Brake force of each car, positive braking [N], (instants, cars)."""
+    """Brake force of each car as rail and resistance exert it, positive braking [N], (instants, cars)."""
     window: float
     """Over which forces were averaged [s]."""
 
@@ -210,9 +210,15 @@ def _car_forces(run: MeasuredRun, train: MeasuredTrain, window: float) -> Floats
     """Brake force of each car where all coupler forces are measured; the train's acceleration stands in for the cars'."""
     if run.coupler_force is None:
         return None
-    if run.car_acceleration is not None:
-        return car_brake_forces(train.car_mass, run.car_acceleration, run.coupler_force)
-    return car_brake_forces(train.car_mass, train_acceleration(run, window), run.coupler_force)
+    rate = run.car_acceleration
+    if rate is None:
+        rate = train_acceleration(run, window)
+    known = np.isfinite(run.coupler_force).all(axis=1)
+    known &= np.isfinite(rate.reshape(rate.shape[0], -1)).all(axis=1)
+    force = np.full((rate.shape[0], train.car_mass.size), np.nan)
+    if known.any():
+        force[known] = car_brake_forces(rate[known], run.coupler_force[known], train.car_mass)
+    return force
 
 
 def train_acceleration(run: MeasuredRun, window: float) -> Floats:

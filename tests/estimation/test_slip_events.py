@@ -86,9 +86,9 @@ def test_car_forces_balance_masses_couplers_and_acceleration():
     """RTRI (2), the locomotive braked alone: it carries the wagons' inertia through the coupler."""
     mass, alpha = np.array([100e3, 50e3, 50e3]), np.full(4, -0.5)
     coupler = np.tile([-50e3, -25e3], (4, 1))  # compressed
-    force = car_brake_forces(mass, alpha, coupler)
+    force = car_brake_forces(alpha, coupler, mass)
     np.testing.assert_allclose(force, np.tile([100e3, 0.0, 0.0], (4, 1)))
     own = np.tile([-0.5, -0.4, -0.6], (4, 1))
-    np.testing.assert_allclose(car_brake_forces(mass, own, coupler)[0], [100e3, -5e3, 5e3])
+    np.testing.assert_allclose(car_brake_forces(own, coupler, mass)[0], [100e3, -5e3, 5e3])
     with pytest.raises(EstimationError, match="coupler_force"):
-        car_brake_forces(mass, alpha, coupler[:, :1])
+        car_brake_forces(alpha, coupler[:, :1], mass)

@@ -189,6 +189,10 @@ def test_couplers_are_used_all_or_none(table):
     table["coupler2_force_kn"] = 0.0
     force = analyse_run(check_log(table, three, "log").run, three).car_force
     np.testing.assert_allclose(force[200:], 13e3 * 0.8, rtol=1e-6)
+    table.loc[300:310, "coupler2_force_kn"] = np.nan
+    force = analyse_run(check_log(table, three, "log").run, three).car_force
+    assert np.isnan(force[300:311]).all()
+    np.testing.assert_allclose(force[311:], 13e3 * 0.8, rtol=1e-6)
 
 
 FAULTS = {
