@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from studies.line_run import LineRun
     from studies.store import Store
 
 
@@ -126,6 +127,10 @@ FIGURES: dict[str, FigureEntry] = {
     "calibration": FigureEntry(
         "calibration", "how narrowly the readhesion paper determines what it does not print"
     ),
+    "real-line": FigureEntry(
+        "real_line",
+        "speed, limits and gradients of a minimum-time run (example line; run-line draws yours)",
+    ),
 }
 """Every figure by name."""
 
@@ -167,13 +172,24 @@ def comparison_figures(table: "pd.DataFrame", store: "Store", out: str | Path) -
 
 def draw_run(run: "xr.Dataset", path: str | Path) -> None:
     """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.slip_event import draw
+
+    _write(draw([run]), path)
+
+
+def draw_line_run(found: "LineRun", path: str | Path) -> None:
+    """Draw a run over a line by position into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.real_line import draw
+
+    _write(draw(found), path)
+
+
+def _write(figure: "Figure", path: str | Path) -> None:
     import matplotlib as mpl
 
-    from paper_figs.slip_event import draw
     from paper_figs.style import STYLE_FILE
     from studies.errors import StudyError
 
-    figure = draw([run])
     try:
         with mpl.rc_context(fname=STYLE_FILE):
             figure.savefig(path)
@@ -208,6 +224,7 @@ __all__ = [
     "FigureEntry",
     "comparison_figures",
     "draw_figures",
+    "draw_line_run",
     "draw_run",
     "save_figure",
 ]

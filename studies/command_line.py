@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.errors import StudyError
+from studies.line_command import run_line
 from studies.options import Names, Whole, check_writable, process_count, split_names
 from studies.terminal import console, progress
 
@@ -195,6 +196,9 @@ def simulate(
         shown = "–" if value != value else f"{value:.4g}"
         table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
     console().print(table)
+
+
+app.command(run_line)
 
 
 @app.command
