@@ -12,8 +12,8 @@ from studies.line_run import LineRun, run_line
 
 LIMIT, PERMITTED, SPEED = "#7f7f7f", "#e69f00", "#0072b2"
 CLIMB, FALL = "#d55e00", "#56b4e9"
-NAMED = 12
-"""Most points of interest whose names find room."""
+NAME_WIDTH = 0.02
+"""Room that an upright name takes, as a share of the line; names that do not find it are left out."""
 
 
 def figure(source: Source) -> Figure:
@@ -43,7 +43,10 @@ def _draw_speed(axes: Axes, found: LineRun) -> None:
     edges = np.array([section.start for section in sections] + [end])
     line_limits = 3.6 * np.array([section.speed_limit for section in sections])
     place = np.linspace(start, end, 4000)
-    axes.stairs(line_limits, 1e-3 * edges, color=LIMIT, linewidth=0.9, label="limit of the line")
+    axes.stairs(
+        line_limits, 1e-3 * edges, baseline=None, color=LIMIT, linewidth=0.9,
+        label="limit of the line",
+    )  # fmt: skip
     axes.plot(
         1e-3 * place, 3.6 * profile.permitted(place), color=PERMITTED, linewidth=0.9,
         linestyle=(0, (4, 1.5)), label="permitted: whole train, vehicle, braking",
@@ -53,19 +56,32 @@ def _draw_speed(axes: Axes, found: LineRun) -> None:
         label="speed",
     )  # fmt: skip
     top = max(line_limits[np.isfinite(line_limits)].max(initial=0.0), 3.6 * max(profile.limits))
-    named = len(found.passings) <= NAMED
-    for passed in found.passings if named else ():
-        station = passed.point.station
-        axes.axvline(1e-3 * station, color=LIMIT, linewidth=0.6, linestyle=":")
-        # names at the start of the line stand right of their line, others left of it
-        early = station - start < 0.04 * (end - start)
-        axes.annotate(
-            passed.point.name, (1e-3 * station, 0.02), xycoords=("data", "axes fraction"),
-            xytext=(2.0 if early else -2.0, 0.0), textcoords="offset points", rotation=90,
-            ha="left" if early else "right", va="bottom", fontsize=6.5, color="#444444",
-        )  # fmt: skip
-    axes.set(xlim=(1e-3 * start, 1e-3 * end), ylim=(0.0, 1.18 * top), ylabel="speed [km/h]")
+    _name_points(axes, found)
+    margin = 0.008 * (end - start)
+    axes.set(
+        xlim=(1e-3 * (start - margin), 1e-3 * (end + margin)),
+        ylim=(0.0, 1.18 * top),
+        ylabel="speed [km/h]",
+    )
     axes.legend(loc="upper right", ncols=3)
+
+
+def _name_points(axes: Axes, found: LineRun) -> None:
+    """Mark the points of interest; a name stands left of its mark, or right of it, where there is room."""
+    start, end = found.path.span
+    room = NAME_WIDTH * (end - start)
+    taken = start
+    for point in sorted((passed.point for passed in found.passings), key=lambda p: p.station):
+        axes.axvline(1e-3 * point.station, ymax=0.86, color=LIMIT, linewidth=0.6, linestyle=":")
+        left = point.station - room >= taken
+        if not left and point.station < taken:
+            continue
+        taken = point.station if left else point.station + room
+        axes.annotate(
+            point.name, (1e-3 * point.station, 0.02), xycoords=("data", "axes fraction"),
+            xytext=(-1.5 if left else 1.5, 0.0), textcoords="offset points", rotation=90,
+            ha="right" if left else "left", va="bottom", fontsize=6.5, color="#444444",
+        )  # fmt: skip
 
 
 def _draw_gradient(axes: Axes, found: LineRun) -> None:

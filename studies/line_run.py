@@ -19,8 +19,8 @@ from studies.speed_profile import SpeedProfile
 from studies.train_forces import TrainForces
 
 ADHESION = 0.5
-"""Adhesion coefficient of the rail, assumed: the files say nothing of it and mean the effort to be what the rail carries. Dry rail
-with sand reaches 0.35 to 0.45."""
+"""Adhesion coefficient of the rail, assumed: the files say nothing of it and mean the effort to be what the rail carries.
+Dry rail with sand reaches 0.35 to 0.45."""
 CONTROL_PERIOD = 0.1
 """Control period [s]; twice or half of it changes the running time of 100 km by less than 0.1 s."""
 LONGEST = 1.2

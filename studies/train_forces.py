@@ -55,7 +55,7 @@ class TrainForces:
         return float(running + np.interp(position, self._places, self._climbing))
 
     def forward_resistance(self, position: float, speed: float) -> float:
-        """As `resistance` for a train that moves forward or is about to, without the plant's smooth sign at standstill [N]."""
+        """As `resistance` [N], for a train that moves forward or is about to: without the smooth sign at standstill."""
         moving = max(speed, 1e-6 * STANDSTILL_SPEED)
         lost = math.hypot(moving, STANDSTILL_SPEED) / moving - 1.0
         running = self.resistance(position, moving) - np.interp(
