@@ -15,6 +15,7 @@ from studies.distance_steps import run_by_distance
 from studies.errors import StudyError
 from studies.minimum_time import MinimumTimeDriver
 from studies.railtoolkit import PointOfInterest, RollingStock, RunningPath
+from studies.railtoolkit_train import BRAKED_FALL
 from studies.speed_profile import SpeedProfile
 from studies.train_forces import TrainForces
 
@@ -67,8 +68,14 @@ class LineRun:
 def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESION) -> Model:
     """The plant's model of this train on this line.
 
-    Raises `StudyError` if the effort asks for more than the `adhesion`.
+    Raises `StudyError` if the effort asks for more than the `adhesion`, or the line falls more than the brake is made for.
     """
+    steepest = min(path.sections, key=lambda section: section.grade)
+    if steepest.grade < -BRAKED_FALL:
+        raise StudyError(
+            f"line {path.name!r}: falls by {-1e3 * steepest.grade:g} per mille at {steepest.start:g} m; the brake "
+            f"assumed for a_braking holds on {1e3 * BRAKED_FALL:g} per mille at most"
+        )
     model = build(stock.train, Rail(adhesion), path.line(), span=path.span)
     s = model.structure
     for unit, table in enumerate(s.drive_table):

@@ -23,10 +23,12 @@ class PathKeys(Foreign):
     def _fits(self) -> "PathKeys":
         for k, (start, limit, _) in enumerate(self.characteristic_sections):
             if limit <= 0.0:
-                raise ValueError(f"section {k + 1}: speed limit {limit:g} km/h must exceed 0")
+                raise ValueError(
+                    f"characteristic_sections[{k + 1}]: speed limit {limit:g} km/h must exceed 0"
+                )
             if k and start <= self.characteristic_sections[k - 1][0]:
                 raise ValueError(
-                    f"section {k + 1}: start {start:g} m must lie beyond the one before"
+                    f"characteristic_sections[{k + 1}]: start {start:g} m must lie beyond the one before"
                 )
         first, last = (self.characteristic_sections[k][0] for k in (0, -1))
         for k, (station, name, _) in enumerate(self.points_of_interest):
