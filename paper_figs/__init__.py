@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from alloc.estimation.measured_run import Findings
+    from studies.line_run import LineRun
+    from studies.measured_log import MeasuredLog
     from studies.store import Store
 
 
@@ -130,6 +133,10 @@ FIGURES: dict[str, FigureEntry] = {
     "calibration": FigureEntry(
         "calibration", "how narrowly the readhesion paper determines what it does not print"
     ),
+    "real-line": FigureEntry(
+        "real_line",
+        "speed, limits and gradients of a minimum-time run (example line; run-line draws yours)",
+    ),
 }
 """Every figure by name."""
 
@@ -173,11 +180,24 @@ def draw_run(run: "xr.Dataset", path: str | Path) -> None:
     """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
     from paper_figs.slip_event import draw
 
-    save_drawn(draw([run]), path)
+    _write(draw([run]), path)
 
 
-def save_drawn(figure: "Figure", path: str | Path) -> None:
-    """Write one figure into a file; its ending (pdf, png, svg) gives the format. Raises `StudyError` for another."""
+def draw_line_run(found: "LineRun", path: str | Path) -> None:
+    """Draw a run over a line by position into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.real_line import draw
+
+    _write(draw(found), path)
+
+
+def draw_log(log: "MeasuredLog", found: "Findings", path: str | Path) -> None:
+    """Draw what a log tells into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.measured_log import draw
+
+    _write(draw(log, found), path)
+
+
+def _write(figure: "Figure", path: str | Path) -> None:
     import matplotlib as mpl
 
     from paper_figs.style import STYLE_FILE
@@ -217,7 +237,8 @@ __all__ = [
     "FigureEntry",
     "comparison_figures",
     "draw_figures",
+    "draw_line_run",
+    "draw_log",
     "draw_run",
-    "save_drawn",
     "save_figure",
 ]

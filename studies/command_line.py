@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.errors import StudyError
-from studies.log_command_line import analyse
+from studies.line_command import run_line
+from studies.log_command import analyse
 from studies.options import Names, Whole, check_writable, process_count, split_names
 from studies.terminal import console, progress
 
@@ -205,6 +206,9 @@ def simulate(
         shown = "–" if value != value else f"{value:.4g}"
         table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
     console().print(table)
+
+
+app.command(run_line)
 
 
 @app.command

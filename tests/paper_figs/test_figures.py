@@ -44,6 +44,7 @@ from paper_figs import (
     readhesion_slip,
     readhesion_torque,
     readhesion_trajectory,
+    real_line,
     rule_comparison,
     save_figure,
     sharing_wanders,
@@ -66,8 +67,10 @@ from paper_figs.style import (
 )
 from studies.controllers import controller_names
 from studies.errors import StudyError
+from studies.example_line import EXAMPLE_PATH, example_stock
 from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
+from studies.line_run import run_line
 from studies.log_export import log_table
 from studies.measured_log import check_log
 from studies.readhesion_paper import CALIBRATED, run_cases
@@ -80,7 +83,7 @@ from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|km|‰)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -124,7 +127,12 @@ def logged():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases, half_slips, logged) -> dict[str, Figure]:
+def line_run():
+    return run_line(EXAMPLE_PATH, example_stock())
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips, line_run, logged) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -154,6 +162,7 @@ def drawn(source, runs, stop, cases, half_slips, logged) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "real-line": real_line.draw(line_run),
         "measured-log": measured_log.draw(*logged),
     }
 
@@ -291,6 +300,14 @@ def test_the_event_shows_the_recorded_run(drawn, runs):
             np.testing.assert_array_equal(line.get_ydata(), run["motor_torque"].values[:, unit])
         train = next(line for line in lines_of(axes[0, column]) if line.get_label() == "train")
         np.testing.assert_allclose(train.get_ydata(), 3.6 * run["speed"].values)
+
+
+def test_the_line_shows_the_run_below_what_is_permitted(drawn, line_run):
+    permitted, speed = drawn["real-line"].axes[0].get_lines()[:2]
+    np.testing.assert_allclose(speed.get_xdata(), 1e-3 * line_run.run["position"].values)
+    np.testing.assert_allclose(speed.get_ydata(), 3.6 * line_run.run["speed"].values)
+    allowed = np.interp(speed.get_xdata(), permitted.get_xdata(), permitted.get_ydata())
+    assert (speed.get_ydata() - allowed).max() < 2.0  # between two points of the drawn curve
 
 
 def test_the_comparison_shows_the_means_of_the_table(drawn, source):

@@ -66,10 +66,9 @@ def analyse(
     found = analyse_run(measured.run, measured.train, criterion)
     report = content(measured, found, criterion)
     if figure is not None:
-        from paper_figs import save_drawn
-        from paper_figs.measured_log import draw
+        from paper_figs import draw_log
 
-        save_drawn(draw(measured, found), figure)
+        draw_log(measured, found, figure)
     if as_json:
         print(json.dumps(report, indent=2, allow_nan=False))
         return
