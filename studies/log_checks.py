@@ -19,8 +19,10 @@ from studies.errors import StudyError
 Floats = NDArray[np.float64]
 
 FEWEST_ROWS = 10
-GAP = 2.5
-"""Sampling periods between two rows that make a gap."""
+GAP_EVEN, GAP_UNEVEN = 1.5, 2.5
+"""Sampling periods between two rows that make a gap: a single lost row, or more where the sampling is uneven anyway."""
+EVEN = 0.95
+"""Share of the steps within a tenth of the period from which on sampling is even."""
 COARSE = 0.25
 """Sampling period [s] above which slips are missed."""
 FASTEST = 160.0
@@ -97,7 +99,9 @@ def check_time(time: Floats, source: str) -> tuple[NDArray[np.int64], list[Remar
             source, name, row + 1, f"time {what}: {time[row]:.9g} s after {time[row - 1]:.9g} s"
         )
     period = float(np.median(step))
-    gaps = np.flatnonzero(step > GAP * period)
+    is_even = np.mean(np.abs(step / period - 1.0) < 0.1) > EVEN
+    apart = step > (GAP_EVEN if is_even else GAP_UNEVEN) * period
+    gaps = np.flatnonzero(apart)
     remarks = [
         Remark(
             "gap", name, f"gap of {step[k]:.4g} s from {time[k]:.6g} s to {time[k + 1]:.6g} s",
@@ -105,21 +109,21 @@ def check_time(time: Floats, source: str) -> tuple[NDArray[np.int64], list[Remar
         )
         for k in gaps
     ]  # fmt: skip
-    even = step[step <= GAP * period]
-    uneven = np.abs(even / period - 1.0) > 0.1
+    near = step[~apart]
+    uneven = np.abs(near / period - 1.0) > 0.1
     if uneven.mean() > 0.01:
         remarks.append(
             Remark(
                 "sampling", name,
                 f"uneven sampling: {100.0 * uneven.mean():.0f} % of the steps differ from {period:.4g} s by more than "
-                f"10 % ({even.min():.4g} to {even.max():.4g} s); the times are used as they are",
+                f"10 % ({near.min():.4g} to {near.max():.4g} s); the times are used as they are",
             )
         )  # fmt: skip
     if period > COARSE:
         remarks.append(
             Remark("sampling", name, f"a row every {period:.4g} s: short slips are missed")
         )
-    return np.concatenate([[0], np.cumsum(step > GAP * period)]), remarks
+    return np.concatenate([[0], np.cumsum(apart)]), remarks
 
 
 def missing_values(name: str, values: Floats, time: Floats) -> list[Remark]:

@@ -94,6 +94,11 @@ def test_a_gap_is_reported_and_never_bridged(table):
     assert 0.0 < found.total_damage < 0.8 * whole.total_damage
 
 
+def test_a_single_lost_row_is_a_gap(table):
+    (gap,) = remarks(table.drop(index=77).reset_index(drop=True), "gap")
+    assert "from 1.52 s to 1.56 s" in gap.text
+
+
 def test_missing_values_of_one_axle_leave_the_others_alone(table):
     table.loc[260:279, "axle2_speed_ms"] = np.nan
     (missing,) = remarks(table, "missing")
