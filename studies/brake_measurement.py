@@ -1,6 +1,6 @@
 """A measuring system on a running train: what the RTRI report's running tests record, with the errors of real sensors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +39,9 @@ class MeasuringSystem:
     """[Pa]"""
     speed_noise: float = 0.02
     """[m/s]"""
-    calibration: CalibrationErrors = CalibrationErrors(0.005, 300.0, 0.005, 0.005)
+    calibration: CalibrationErrors = field(
+        default_factory=lambda: CalibrationErrors(0.005, 300.0, 0.005, 0.005)
+    )
 
     def every(self, run: xr.Dataset) -> int:
         """Recorded instants per sample."""
@@ -92,12 +94,13 @@ def measure(run: xr.Dataset, train: Train, system: MeasuringSystem, seed: int) -
     first_group = [group_car.index(k) for k in range(len(train.cars))]
     pressure = system.sampled(run, run["cylinder_pressure"].values[:, first_group])
     speed = system.sampled(run, run["car_speed"].values[:, :1])[:, 0]
-    speed = np.abs(speed + system.speed_noise * draw.standard_normal(speed.shape))
     bare = np.array([car.mass for car in train.cars])
     bare = bare * (1.0 + errors.mass * draw.standard_normal(bare.size))
     offsets = errors.acceleration_offset * draw.standard_normal(bare.size)
     gains = 1.0 + errors.coupler_gain * draw.standard_normal(force.shape[1])
     zeros = errors.coupler_offset * draw.standard_normal(force.shape[1])
+    # noise after what is constant: that must not depend on how long the run is
+    speed = np.abs(speed + system.speed_noise * draw.standard_normal(speed.shape))
     return Measured(
         time=run["time"].values[:: system.every(run)],
         speed=speed,
@@ -117,7 +120,7 @@ def measure(run: xr.Dataset, train: Train, system: MeasuringSystem, seed: int) -
 def resistance_of_cars(train: Train, speed: Floats) -> Floats:
     """Running resistance [N] of each car at `speed` (time,) [m/s], (time, cars), by the train's formula."""
     share = build(train, Rail(0.3)).structure.car_resistance
-    return np.stack([running_resistance(speed, *one, 1.0) for one in share], axis=1)
+    return np.stack([running_resistance(speed, a, b, c, 1.0) for a, b, c in share], axis=1)
 
 
 def rail_brake_forces(run: xr.Dataset) -> Floats:

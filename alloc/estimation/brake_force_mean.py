@@ -56,26 +56,30 @@ class SeriesMean:
     mean: Floats
     deviation: Floats
     """Standard deviation of the mean, by batch means."""
-    batches: int
-    """Batches it was estimated from; it has one degree of freedom less."""
+    freedom: int
+    """Degrees of freedom from which the deviation was estimated."""
 
     def interval(self, confidence: float = 0.95) -> tuple[Floats, Floats]:
         """Lower and upper end of the confidence interval, by Student's t."""
-        half = student.ppf(0.5 + 0.5 * confidence, self.batches - 1) * self.deviation
+        half = student.ppf(0.5 + 0.5 * confidence, self.freedom) * self.deviation
         return self.mean - half, self.mean + half
 
 
-def batch_mean(values: ArrayLike, batches: int = BATCHES) -> SeriesMean:
+def batch_mean(values: ArrayLike, batches: int = BATCHES, trend: int = 0) -> SeriesMean:
     """Mean of a correlated series (time,) or of several (time, series), and its deviation by batch means.
 
     The series is cut into equal batches; if a batch is long against the correlation, their means are all but independent and
     their scatter, over the root of their number, is that of the whole mean (Law and Kelton, Simulation Modeling and
-    Analysis, 9.5.3). Oscillation, whose halves cancel, makes it smaller than counting independent samples would; a
-    trend within the window counts as scatter and makes it larger. Raises `EstimationError` where the series is too short.
+    Analysis, 9.5.3). Oscillation, whose halves cancel, makes it smaller than counting independent samples would.
+    `trend`: degree of the polynomial in time about which the batches scatter; a force that itself changes within the window
+    would else count as uncertain. Raises `EstimationError` where the series is too short.
     """
     x = finite_series("values", values, (None,), (None, None))
-    if batches < 2:
-        raise EstimationError(f"averaging: batches = {batches} must be 2 or more")
+    freedom = batches - 1 - trend
+    if trend < 0 or freedom < 1:
+        raise EstimationError(
+            f"averaging: batches = {batches} must exceed trend + 1, trend = {trend} be 0 or more"
+        )
     size = x.shape[0] // batches
     if size < 1:
         raise EstimationError(
@@ -83,8 +87,9 @@ def batch_mean(values: ArrayLike, batches: int = BATCHES) -> SeriesMean:
         )
     # what does not fill a batch is left out of the scatter at the start, where the transient is
     parts = x[x.shape[0] - size * batches :].reshape(batches, size, *x.shape[1:]).mean(axis=1)
-    deviation = parts.std(axis=0, ddof=1) / math.sqrt(batches)
-    return SeriesMean(np.asarray(x.mean(axis=0)), np.asarray(deviation), batches)
+    powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, batches), trend + 1))[0]
+    scatter = np.square(parts - powers @ (powers.T @ parts)).sum(axis=0) / freedom
+    return SeriesMean(np.asarray(x.mean(axis=0)), np.asarray(np.sqrt(scatter / batches)), freedom)
 
 
 __all__ = ["BATCHES", "BUILT_UP", "SeriesMean", "batch_mean", "braking_window"]

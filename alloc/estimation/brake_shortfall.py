@@ -59,7 +59,7 @@ class Shortfalls:
     @property
     def accused(self) -> NDArray[np.int64]:
         """Cars (0 = foremost) beyond their threshold, the surest first."""
-        order = np.argsort(-self.shortfall / self.deviation)
+        order = np.argsort(-self.shortfall / np.maximum(self.deviation, 1e-9))
         return order[self.shortfall[order] > self.threshold[order]]
 
 
@@ -73,7 +73,8 @@ def find_shortfalls(
     """Compare allocated and estimated brake forces [N], both (time, cars) within the window of a stop.
 
     A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni):
-    batch means of the difference, and `constant_deviation` [N], scalar or (cars,), of what averaging does not remove.
+    batch means of the difference, and `constant_deviation` [N], scalar or (cars,), of what averaging does not remove. The
+    former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and Satterthwaite.
     """
     if not 0.5 < confidence < 1.0:
         raise EstimationError(f"shortfall: confidence = {confidence!r} must lie in (0.5, 1)")
@@ -82,7 +83,11 @@ def find_shortfalls(
     constant = finite_series("constant_deviation", constant_deviation, (), (given.shape[1],))
     mean = batch_mean(given - found, batches)
     deviation = np.sqrt(mean.deviation**2 + constant**2)
-    quantile = float(student.ppf(1.0 - (1.0 - confidence) / given.shape[1], batches - 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = mean.freedom * np.nan_to_num(
+            (deviation / mean.deviation) ** 4, nan=1.0, posinf=1e9
+        )
+    quantile = student.ppf(1.0 - (1.0 - confidence) / given.shape[1], freedom)
     return Shortfalls(mean.mean, deviation, quantile * deviation)
 
 

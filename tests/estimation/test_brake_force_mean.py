@@ -58,6 +58,17 @@ def test_mean_is_unbiased_and_its_deviation_is_that_of_repeated_stops(poles):
     assert 0.92 < covered < 0.98
 
 
+def test_a_force_that_grows_is_not_uncertain_for_that():
+    """With the trend taken out the deviation is that of the noise, whatever the force does slowly."""
+    noise = correlated(np.random.default_rng(8), 400, 1500, (0.9,))
+    growing = noise + 20.0 * np.linspace(0.0, 1.0, 1500)[:, None] ** 2
+    plain, fitted = batch_mean(growing), batch_mean(growing, trend=2)
+    np.testing.assert_allclose(fitted.deviation, batch_mean(noise, trend=2).deviation, rtol=1e-2)
+    assert fitted.deviation.mean() == pytest.approx(fitted.mean.std(), rel=0.12)
+    assert plain.deviation.mean() > 3.0 * fitted.deviation.mean()
+    assert fitted.freedom == 7
+
+
 def test_samples_that_repeat_add_nothing():
     x = np.random.default_rng(1).standard_normal(200)
     once, often = batch_mean(x), batch_mean(np.repeat(x, 7))
@@ -68,7 +79,9 @@ def test_samples_that_repeat_add_nothing():
 def test_too_short_series_are_refused():
     with pytest.raises(EstimationError, match="9 samples do not fill 10 batches"):
         batch_mean(np.zeros(9))
-    with pytest.raises(EstimationError, match="batches = 1"):
+    with pytest.raises(EstimationError, match="batches = 1 must exceed"):
         batch_mean(np.zeros(9), 1)
+    with pytest.raises(EstimationError, match="trend = 9"):
+        batch_mean(np.zeros(90), 10, trend=9)
     with pytest.raises(EstimationError, match="values holds nan"):
         batch_mean(np.array([0.0, np.nan]))

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from alloc.estimation.brake_shortfall import CalibrationErrors, find_shortfalls
 from alloc.estimation.car_brake_force import car_brake_forces
@@ -45,9 +47,7 @@ def test_deviation_is_that_of_repeated_stops():
 
 def test_a_sound_train_is_rarely_accused():
     accused = sum(stop(seed).accused.size > 0 for seed in range(300))
-    assert (
-        accused <= 7
-    )  # stated: 1 % of trains; Student's t is wider than need be for constant errors
+    assert accused <= 7  # stated: 1 % of trains
 
 
 def test_the_surest_is_named_first():
@@ -55,6 +55,19 @@ def test_the_surest_is_named_first():
     allocated = np.full((SAMPLES, 3), 1e4) + draw.normal(0.0, 100.0, (SAMPLES, 3))
     found = find_shortfalls(allocated, allocated - [2e3, 0.0, 5e3], 100.0)
     assert found.accused.tolist() == [2, 0]
+
+
+def test_the_threshold_is_normal_where_all_is_known_and_students_where_nothing_is():
+    draw = np.random.default_rng(0)
+    allocated, noise = np.full((SAMPLES, 2), 1e4), draw.normal(0.0, 100.0, (SAMPLES, 2))
+    known, unknown = (find_shortfalls(allocated, allocated + noise, c) for c in (1e4, 0.0))
+    ratio = [(one.threshold / one.deviation)[0] for one in (known, unknown)]
+    np.testing.assert_allclose(
+        ratio, [norm.ppf(1.0 - 0.005), student.ppf(1.0 - 0.005, 9)], rtol=1e-4
+    )
+    nothing = find_shortfalls(allocated, allocated)
+    assert nothing.threshold.tolist() == [0.0, 0.0]
+    assert nothing.accused.size == 0
 
 
 def test_each_constant_error_adds_its_share():

@@ -20,6 +20,10 @@ from paper_figs import (
     allocation_bars,
     axle_shifts,
     blended_braking,
+    brake_all_cars,
+    brake_cut_out,
+    brake_emergency,
+    brake_locomotive_only,
     calibration,
     claim_a,
     claim_b,
@@ -30,6 +34,7 @@ from paper_figs import (
     curves,
     differences,
     draw_run,
+    faulty_car,
     half_slip,
     ladder,
     learning,
@@ -60,13 +65,16 @@ from paper_figs.style import (
     STYLE_FILE,
     rule_colour,
 )
+from studies.brake_tests import run_test
 from studies.controllers import controller_names
 from studies.errors import StudyError
+from studies.faulty_car import allocated_stops
 from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
+from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
@@ -75,7 +83,7 @@ from tests.studies.sweep_tables import claim_table, difference_table
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
-    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+    "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -138,6 +146,14 @@ def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "brake-locomotive-only": brake_locomotive_only.draw(run_test("locomotive", 0)),
+        "brake-all-cars": brake_all_cars.draw(run_test("all", 0)),
+        "brake-cut-out": brake_cut_out.draw(brake_table()),
+        "brake-emergency": brake_emergency.draw(run_test("emergency", 0)),
+        "faulty-car": faulty_car.draw(
+            allocated_stops(faulty_car.FAULT, 0),
+            brake_table()[lambda t: t["part"] == "driven"],
+        ),
     }
 
 
