@@ -9,6 +9,7 @@ from paper_figs.brake_panels import THEORY, WAGONS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
 from studies.brake_findings import row_of_test
+from studies.brake_tests import run_test
 from studies.sweeps import brake_force, sweep_folder
 from studies.sweeps.brake_force_statements import CUT_OUT
 
@@ -22,7 +23,11 @@ def figure(source: Source) -> Figure:
     days = brake_force.stored(folder)
     if days:
         return draw(brake_force.run(folder, days, 0, source.jobs, source.on_row))
-    rows = [row_of_test(name, k) | {"event": k} for k in range(FEW_EVENTS) for name in CUT_OUT]
+    rows = [
+        row_of_test(name, run_test(name, k)) | {"event": k}
+        for k in range(FEW_EVENTS)
+        for name in CUT_OUT
+    ]
     return draw(pd.DataFrame(rows))
 
 
@@ -32,7 +37,7 @@ def draw(table: pd.DataFrame) -> Figure:
     count = chosen["test"].map(CUT_OUT).astype(float)
     mean, deviation = chosen["mean"].astype(float), chosen["whole_deviation"].astype(float)
     of_day = chosen["event"].rank(method="dense").astype(float)
-    aside = 0.16 * (of_day - (of_day.max() + 1.0) / 2.0) / max(float(of_day.max()) - 1.0, 1.0)
+    aside = 0.3 * (of_day - (of_day.max() + 1.0) / 2.0) / max(float(of_day.max()) - 1.0, 1.0)
     means = mean.groupby(count).mean()
     slope, intercept = np.polyfit(means.index.to_numpy(dtype=float), means.to_numpy(), 1)
     drawn = new_figure(4.2, 3.4)
@@ -52,6 +57,7 @@ def draw(table: pd.DataFrame) -> Figure:
             label="mean over days",
         )  # fmt: skip
         axes.set(xlim=(0.0, 5.4), ylim=(0.0, None), xticks=(0, 1, 2, 2.5, 3, 4, 5))
+        axes.xaxis.set_major_formatter("{x:g}")
         axes.set_xlabel("braked wagons [–]")
         axes.set_ylabel("averaged brake force of all wagons [kN]")
         axes.legend(loc="upper left")

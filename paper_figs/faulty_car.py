@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brake_findings import fault_rows
+from studies.brake_findings import driven_rows
 from studies.faulty_car import Fault, Stop, allocated_stops
 from studies.sweeps import brake_force, sweep_folder
 
@@ -26,7 +26,7 @@ def figure(source: Source) -> Figure:
     if days:
         table = brake_force.run(folder, days, 0, source.jobs, source.on_row)
     else:
-        table = pd.DataFrame(fault_rows(DAY))
+        table = pd.DataFrame(driven_rows(DAY))
     return draw(allocated_stops(FAULT, DAY), table[table["part"] == "driven"])
 
 
@@ -61,8 +61,8 @@ def _stop(axes: Axes, stop: Stop) -> None:
     axes.set_xlabel("car (1 = foremost)")
     axes.set_ylabel("brake force at the rails [kN]")
     axes.set_xticks(car)
-    axes.set_ylim(0.0, 1.32 * float(allocated.max()))
-    axes.legend(loc="upper center", ncols=4, columnspacing=1.0)
+    axes.set_ylim(0.0, 1.4 * float(allocated.max()))
+    axes.legend(loc="upper center", ncols=2)
 
 
 def _shares(axes: Axes, dry: pd.DataFrame) -> None:
@@ -70,7 +70,7 @@ def _shares(axes: Axes, dry: pd.DataFrame) -> None:
     asked = means[means.index > 0.0]
     axes.plot(asked.index * 100.0, asked["found"], "o-", color=ESTIMATED, label="faulty car found")
     axes.plot(means.index * 100.0, means["wrong"], "x--", color=WRONG, label="a sound car accused")
-    axes.set_title("(b) dry stops, each measured ten times")
+    axes.set_title("(b) dry stops")
     axes.set_xlabel("brake force missing on one car [%]")
     axes.set_ylabel("share of stops [%]")
     axes.set_ylim(-3.0, 103.0)

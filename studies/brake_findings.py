@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from alloc.estimation.brake_force_mean import batch_mean
 from alloc.estimation.car_brake_force import coupler_force_between
 from studies.brake_measurement import MeasuringSystem
-from studies.brake_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
+from studies.brake_tests import BRAKED_AT, TestResult, estimate, smooth
 from studies.faulty_car import Fault, Stop, allocated_stops, commuter_train, driven_stops
 
 Floats = NDArray[np.float64]
@@ -36,9 +36,8 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
 
 
-def row_of_test(name: str, seed: int) -> Row:
-    """Numbers of one test, forces in kN; which ones depends on the test."""
-    result = run_test(name, seed)
+def row_of_test(name: str, result: TestResult) -> Row:
+    """Numbers of the test called `name`, forces in kN; which ones depends on the test."""
     row: Row = {"part": "test", "test": name} | _averages(result) | _errors(result)
     if name == "locomotive":
         row |= _shock(result)
@@ -198,10 +197,8 @@ def _theory(result: TestResult) -> Row:
     return row
 
 
-def fault_rows(
-    seed: int, shortfalls: Sequence[float] = SHORTFALLS, draws: int = DRAWS
-) -> list[Row]:
-    """Stops of the passenger train: sound, with each kind of fault under allocation, and dry with each shortfall."""
+def allocated_rows(seed: int, draws: int = DRAWS) -> list[Row]:
+    """Stops of the passenger train under allocation: sound, and with each kind of fault."""
     draw = np.random.default_rng([seed, 44])
     cars = commuter_train(seed).cars
     motor = int(draw.choice([k for k, car in enumerate(cars) if car.motors is not None]))
@@ -220,7 +217,15 @@ def fault_rows(
         row = _accusations(stops, None if fault is None else fault.car)
         calls = int(stops[0].run.attrs["rule_calls"])
         rows.append({"part": "allocated", "kind": kind, "rule_calls": calls} | row)
-    car = int(draw.integers(len(cars)))
+    return rows
+
+
+def driven_rows(
+    seed: int, shortfalls: Sequence[float] = SHORTFALLS, draws: int = DRAWS
+) -> list[Row]:
+    """Dry stops of the passenger train in which one car, drawn, falls short by each of these shares."""
+    car = int(np.random.default_rng([seed, 45]).integers(len(commuter_train(seed).cars)))
+    rows = []
     for missing in shortfalls:
         row = _accusations(driven_stops(car, missing, seed, draws), car if missing else None)
         rows.append({"part": "driven", "missing": missing} | row)
@@ -252,4 +257,4 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
     }
 
 
-__all__ = ["SHORTFALLS", "SOUND", "fault_rows", "row_of_test"]
+__all__ = ["SHORTFALLS", "SOUND", "allocated_rows", "driven_rows", "row_of_test"]

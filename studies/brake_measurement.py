@@ -1,6 +1,7 @@
 """A measuring system on a running train: what the RTRI report's running tests record, with the errors of real sensors."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -83,34 +84,46 @@ def turning_inertia(train: Train) -> tuple[Floats, Floats]:
     )
 
 
-def measure(run: xr.Dataset, train: Train, system: MeasuringSystem, seed: int) -> Measured:
-    """Measure a recorded run of a train with couplers on level, dry track; errors are drawn from `seed`."""
-    draw = np.random.default_rng([seed, 41])
-    errors = system.calibration
-    acceleration = system.sampled(run, run["car_acceleration"].values)
-    force = system.sampled(run, run["coupler_force"].values)
+def record(run: xr.Dataset, train: Train, system: MeasuringSystem) -> Measured:
+    """What `system` would record of a run of a train with couplers on level, dry track if its sensors had no errors."""
     group_car = [k for k, car in enumerate(train.cars) if car.air_brake is not None
                  for _ in range(car.bogie_of_axle[-1] + 1)]  # fmt: skip
     first_group = [group_car.index(k) for k in range(len(train.cars))]
-    pressure = system.sampled(run, run["cylinder_pressure"].values[:, first_group])
-    speed = system.sampled(run, run["car_speed"].values[:, :1])[:, 0]
     bare = np.array([car.mass for car in train.cars])
-    bare = bare * (1.0 + errors.mass * draw.standard_normal(bare.size))
-    offsets = errors.acceleration_offset * draw.standard_normal(bare.size)
-    gains = 1.0 + errors.coupler_gain * draw.standard_normal(force.shape[1])
-    zeros = errors.coupler_offset * draw.standard_normal(force.shape[1])
-    # noise after what is constant: that must not depend on how long the run is
-    speed = np.abs(speed + system.speed_noise * draw.standard_normal(speed.shape))
+    speed = system.sampled(run, run["car_speed"].values[:, :1])[:, 0]
     return Measured(
         time=run["time"].values[:: system.every(run)],
         speed=speed,
-        acceleration=acceleration
-        + offsets
-        + system.acceleration_noise * draw.standard_normal(acceleration.shape),
+        acceleration=system.sampled(run, run["car_acceleration"].values),
+        coupler_force=system.sampled(run, run["coupler_force"].values),
+        pressure=system.sampled(run, run["cylinder_pressure"].values[:, first_group]),
+        bare_mass=bare,
+        mass=rolling_mass(bare, *turning_inertia(train)),
+        resistance=resistance_of_cars(train, speed),
+    )
+
+
+def disturb(exact: Measured, train: Train, system: MeasuringSystem, seed: int) -> Measured:
+    """The same with sensor errors drawn from `seed`."""
+    draw = np.random.default_rng([seed, 41])
+    errors = system.calibration
+    a, force = exact.acceleration, exact.coupler_force
+    bare = exact.bare_mass * (1.0 + errors.mass * draw.standard_normal(exact.bare_mass.size))
+    offsets = errors.acceleration_offset * draw.standard_normal(a.shape[1])
+    gains = 1.0 + errors.coupler_gain * draw.standard_normal(force.shape[1])
+    zeros = errors.coupler_offset * draw.standard_normal(force.shape[1])
+    # noise after what is constant: that must not depend on how long the run is
+    noise = system.speed_noise * draw.standard_normal(exact.speed.shape)
+    speed = np.abs(exact.speed + noise)
+    return Measured(
+        time=exact.time,
+        speed=speed,
+        acceleration=a + offsets + system.acceleration_noise * draw.standard_normal(a.shape),
         coupler_force=gains * force
         + zeros
         + system.coupler_noise * draw.standard_normal(force.shape),
-        pressure=pressure + system.pressure_noise * draw.standard_normal(pressure.shape),
+        pressure=exact.pressure
+        + system.pressure_noise * draw.standard_normal(exact.pressure.shape),
         bare_mass=bare,
         mass=rolling_mass(bare, *turning_inertia(train)),
         resistance=resistance_of_cars(train, speed),
@@ -119,8 +132,15 @@ def measure(run: xr.Dataset, train: Train, system: MeasuringSystem, seed: int) -
 
 def resistance_of_cars(train: Train, speed: Floats) -> Floats:
     """Running resistance [N] of each car at `speed` (time,) [m/s], (time, cars), by the train's formula."""
-    share = build(train, Rail(0.3)).structure.car_resistance
-    return np.stack([running_resistance(speed, a, b, c, 1.0) for a, b, c in share], axis=1)
+    return np.stack(
+        [running_resistance(speed, a, b, c, 1.0) for a, b, c in _resistance(train)], axis=1
+    )
+
+
+@lru_cache(maxsize=8)
+def _resistance(train: Train) -> Floats:
+    """A, B, C of each car, (cars, 3), as the plant shares them."""
+    return build(train, Rail(0.3)).structure.car_resistance
 
 
 def rail_brake_forces(run: xr.Dataset) -> Floats:
@@ -138,8 +158,9 @@ def true_brake_forces(run: xr.Dataset, train: Train) -> Floats:
 __all__ = [
     "Measured",
     "MeasuringSystem",
-    "measure",
+    "disturb",
     "rail_brake_forces",
+    "record",
     "resistance_of_cars",
     "true_brake_forces",
     "turning_inertia",

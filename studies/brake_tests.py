@@ -1,7 +1,7 @@
 """The RTRI report's running tests of a freight train, made on the plant: locomotive and 5, locomotive and 17 wagons.
 
-Cylinders fill in the order in which the brake pipe's wave reaches them. Wagons differ in the friction of their shoes, as the
-report says of its own (3.2.2); the measuring system, whose errors are drawn, knows of that nothing.
+Cylinders fill in the order in which the brake pipe's wave reaches them (their dead time in the plant). Wagons differ in the
+friction of their shoes, as the report says of its own (3.2.2); the measuring system, whose errors are drawn, does not know.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import freight
 from alloc.plant.train import Train
-from studies.brake_measurement import Measured, MeasuringSystem, measure, true_brake_forces
+from studies.brake_measurement import Measured, MeasuringSystem, disturb, record, true_brake_forces
 
 Floats = NDArray[np.float64]
 
@@ -94,24 +94,21 @@ def train_of_test(test: BrakeTest, seed: int) -> Train:
     return replace(train, cars=tuple(cars))
 
 
-class BrakePipe:
-    """A driver who applies the brake once; each car's cylinders fill when the brake pipe's wave has reached its valve."""
+class BrakeHandle:
+    """A driver who applies the brake once; the plant's cylinders know when the brake pipe's wave reaches them."""
 
     def __init__(self, train: Train, pressure: float, locomotive_only: bool = False) -> None:
-        delays, wanted = [], []
-        for k, car in enumerate(train.cars):
-            brake = car.air_brake
-            if brake is None:
-                continue
-            bogies = car.bogie_of_axle[-1] + 1
-            delays += [brake.dead_time] * bogies
-            wanted += [0.0 if locomotive_only and k > 0 else pressure] * bogies
-        self.start = BRAKED_AT + np.array(delays)
-        self.pressure = np.array(wanted)
+        self.pressure = np.array(
+            [
+                0.0 if locomotive_only and k > 0 else pressure
+                for k, car in enumerate(train.cars)
+                for _ in range(car.bogie_of_axle[-1] + 1)
+            ]
+        )
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
-        """Fill what the wave has reached; the test ends when the train is about to stand."""
-        controls.pressure[:] = np.where(sense.time >= self.start - 1e-9, self.pressure, 0.0)
+        """Brake from `BRAKED_AT` on; the test ends when the train is about to stand."""
+        controls.pressure[:] = self.pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
         return sense.speed > STOP_SPEED
 
 
@@ -133,7 +130,7 @@ def run_test(name: str, seed: int, system: MeasuringSystem | None = None) -> Tes
     train = train_of_test(test, seed)
     run = drive_test(test, train)
     system = system or MeasuringSystem()
-    measured = measure(run, train, system, seed)
+    measured = disturb(record(run, train, system), train, system, seed)
     true = system.sampled(run, true_brake_forces(run, train))
     # the wagons' pressure, measured on the first; where they are not braked the locomotive's
     pressure = measured.pressure[:, 0 if test.locomotive_only else 1]
@@ -142,7 +139,7 @@ def run_test(name: str, seed: int, system: MeasuringSystem | None = None) -> Tes
 
 def drive_test(test: BrakeTest, train: Train) -> xr.Dataset:
     """The recorded run of a test."""
-    driver = BrakePipe(train, test.pressure, test.locomotive_only)
+    driver = BrakeHandle(train, test.pressure, test.locomotive_only)
     length = sum(car.length for car in train.cars)
     model = build(train, Rail(DRY), span=(0.0, length + LONGEST * test.speed / 3.6))
     return drive(model, driver, LONGEST, test.title, test.speed / 3.6, length, 0.01)

@@ -26,8 +26,9 @@ from alloc.simulation import simulate
 from studies.brake_measurement import (
     Measured,
     MeasuringSystem,
-    measure,
+    disturb,
     rail_brake_forces,
+    record,
 )
 
 Floats = NDArray[np.float64]
@@ -128,10 +129,7 @@ def allocated_stops(
                 for j in range(run.sizes["unit"])]  # fmt: skip
     coefficient = np.repeat(run["expected"].values[::every, None], len(train.cars), axis=1)
     coefficient[:, unit_car] = run["limit"].values[::every]
-    return [
-        _stop(run, measured, coefficient * GRAVITY * measured.bare_mass)
-        for measured in _measurements(run, train, seed, draws)
-    ]
+    return _measured(run, train, seed, draws, coefficient * GRAVITY)
 
 
 def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[Stop]:
@@ -164,16 +162,8 @@ def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[St
 
     length = sum(one.length for one in cars)
     run = drive(build(train, Rail(DRY)), driver, 60.0, "stop", INITIAL_SPEED, length, 0.01)
-    # what is allocated follows the mass as weighed
     decrement = np.array(gain) / np.array([one.mass for one in cars])
-    return [
-        _stop(run, measured, np.tile(decrement * measured.bare_mass, (measured.time.size, 1)))
-        for measured in _measurements(run, train, seed, draws)
-    ]
-
-
-def _measurements(run: xr.Dataset, train: Train, seed: int, draws: int) -> list[Measured]:
-    return [measure(run, train, SYSTEM, 1000 * seed + k) for k in range(draws)]
+    return _measured(run, train, seed, draws, decrement)
 
 
 def _cut_out(train: Train, car: int, bogies: tuple[int, ...]) -> Train:
@@ -184,13 +174,20 @@ def _cut_out(train: Train, car: int, bogies: tuple[int, ...]) -> Train:
     return replace(train, cars=tuple(cars))
 
 
-def _stop(run: xr.Dataset, measured: Measured, allocated: Floats) -> Stop:
-    estimated = car_brake_forces(
-        measured.acceleration, measured.coupler_force, measured.bare_mass, measured.resistance
-    )
-    window = (measured.time >= COMMANDED_AT + SETTLED) & (measured.speed >= SLOWEST)
+def _measured(
+    run: xr.Dataset, train: Train, seed: int, draws: int, decrement: Floats
+) -> list[Stop]:
+    """Measure a run so many times; what is allocated, `decrement` [m/s2] per car, follows the mass as weighed."""
+    exact = record(run, train, SYSTEM)
     true = SYSTEM.sampled(run, rail_brake_forces(run))
-    return Stop(run, measured, window, allocated, estimated, true)
+    stops = []
+    for k in range(draws):
+        m = disturb(exact, train, SYSTEM, 1000 * seed + k)
+        estimated = car_brake_forces(m.acceleration, m.coupler_force, m.bare_mass, m.resistance)
+        window = (m.time >= COMMANDED_AT + SETTLED) & (m.speed >= SLOWEST)
+        allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
+        stops.append(Stop(run, m, window, allocated, estimated, true))
+    return stops
 
 
 __all__ = ["Fault", "Stop", "allocated_stops", "commuter_train", "driven_stops"]

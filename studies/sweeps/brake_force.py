@@ -7,8 +7,8 @@ import joblib
 import pandas as pd
 
 from studies import brake_findings, brake_measurement, brake_tests, faulty_car
-from studies.brake_findings import SHORTFALLS, fault_rows, row_of_test
-from studies.brake_tests import TESTS
+from studies.brake_findings import SHORTFALLS, allocated_rows, driven_rows, row_of_test
+from studies.brake_tests import TESTS, run_test
 from studies.code_version import hash_with
 from studies.store import Store
 from studies.sweeps.brake_force_statements import brake_force_statements
@@ -77,7 +77,8 @@ def statements(table: pd.DataFrame) -> list[Statement]:
 
 def _day(seed: int, k: int, tests: Sequence[str], shortfalls: Sequence[float]) -> pd.DataFrame:
     draw = 10_000 * seed + k
-    rows = [row_of_test(name, draw) for name in tests] + fault_rows(draw, shortfalls)
+    rows = [row_of_test(name, run_test(name, draw)) for name in tests]
+    rows += [*allocated_rows(draw), *driven_rows(draw, shortfalls)]
     return pd.DataFrame(rows).assign(event=k)
 
 

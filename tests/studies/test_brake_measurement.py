@@ -7,8 +7,9 @@ from alloc.estimation.brake_shortfall import CalibrationErrors
 from alloc.estimation.car_brake_force import car_brake_forces
 from studies.brake_measurement import (
     MeasuringSystem,
-    measure,
+    disturb,
     rail_brake_forces,
+    record,
     resistance_of_cars,
     true_brake_forces,
 )
@@ -26,7 +27,7 @@ def stop():
 def test_without_errors_the_estimate_is_the_truth_at_every_instant(stop):
     """(2) with own accelerations, of a plant with slack, stiffening draft gear and slipping wheels: what it must give."""
     run, train = stop
-    measured = measure(run, train, EXACT, 0)
+    measured = record(run, train, EXACT)
     drag = EXACT.sampled(
         run, np.stack([resistance_of_cars(train, v)[:, k] for k, v in enumerate(run["car_speed"].values.T)], axis=1)
     )  # fmt: skip
@@ -53,8 +54,8 @@ def test_all_cars_brake_the_train(stop):
 def test_errors_are_those_stated(stop):
     run, train = stop
     system = MeasuringSystem()
-    exact = measure(run, train, EXACT, 0)
-    many = [measure(run, train, system, seed) for seed in range(40)]
+    exact = record(run, train, system)
+    many = [disturb(exact, train, system, seed) for seed in range(40)]
     noise = np.stack([m.acceleration - exact.acceleration for m in many])
     offset = noise.mean(axis=1)
     assert offset.std() == pytest.approx(system.calibration.acceleration_offset, rel=0.15)
@@ -70,8 +71,9 @@ def test_errors_are_those_stated(stop):
 def test_the_seed_draws_and_constant_errors_do_not_depend_on_the_runs_length(stop):
     run, train = stop
     system = MeasuringSystem(acceleration_noise=0.0, coupler_noise=0.0)
-    whole, same, other = (measure(run, train, system, seed) for seed in (1, 1, 2))
-    part = measure(run.isel(time=slice(0, 701)), train, system, 1)
+    exact, short = (record(one, train, system) for one in (run, run.isel(time=slice(0, 701))))
+    whole, same, other = (disturb(exact, train, system, seed) for seed in (1, 1, 2))
+    part = disturb(short, train, system, 1)
     np.testing.assert_array_equal(whole.acceleration, same.acceleration)
     np.testing.assert_allclose(whole.acceleration[: part.time.size], part.acceleration, atol=1e-12)
     np.testing.assert_allclose(whole.coupler_force[: part.time.size], part.coupler_force, atol=1e-6)

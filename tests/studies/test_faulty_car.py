@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.brake_findings import SOUND, fault_rows
+from studies.brake_findings import SOUND, driven_rows
 from studies.faulty_car import DECELERATION, Fault, allocated_stops, commuter_train, driven_stops
 
 TRAILER, MOTOR = 3, 5
@@ -57,7 +57,7 @@ def test_a_sound_train_in_a_dry_stop_delivers_its_shares():
 
 
 def test_larger_shortfalls_are_found_more_often():
-    rows = {row["missing"]: row for row in fault_rows(4, (0.02, 0.3), 4) if row["part"] == "driven"}
+    rows = {row["missing"]: row for row in driven_rows(4, (0.02, 0.3), 4)}
     assert rows[0.3]["found"] == rows[0.3]["first"] == 1.0
     assert rows[0.02]["found"] <= rows[0.3]["found"]
     assert rows[0.3]["true_share"] - rows[0.02]["true_share"] == pytest.approx(0.28, abs=0.05)
