@@ -27,6 +27,8 @@ SOUND = 0.05
 """A car that truly falls short by less than this share of its allocated force is sound: to accuse it is wrong."""
 TREND = 2
 """Degree of the polynomial that a brake force follows while the pressure builds up and friction rises with falling speed."""
+WHOLE = 0.01
+"""A car that truly falls short by less than this share delivers its force, but for what nobody measures."""
 DRAWS = 10
 """Measurements of each stop of the passenger train, with sensor errors of their own."""
 
@@ -233,8 +235,14 @@ def driven_rows(
 
 
 def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
-    """Shares of the measurements in which the faulty car is found, is the first named, and a sound car is accused."""
-    said: dict[str, list[bool]] = {"found": [], "first": [], "wrong": [], "others_short": []}
+    """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
+    said: dict[str, list[bool]] = {
+        "found": [],
+        "first": [],
+        "wrong": [],
+        "whole": [],
+        "others_short": [],
+    }
     threshold, error = [], []
     for stop in stops:
         shortfalls, w = stop.shortfalls(), stop.window
@@ -244,6 +252,7 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
         said["first"].append(bool(accused.size and accused[0] == faulty))
         others = [k for k in accused if k != faulty]
         said["wrong"].append(bool(np.any(sound[others])))
+        said["whole"].append(bool(np.any((stop.true_shortfall < WHOLE * allocated)[others])))
         said["others_short"].append(bool(np.any(~sound[others])))
         threshold.append(float(np.mean(shortfalls.threshold / allocated)))
         error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)

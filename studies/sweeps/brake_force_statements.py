@@ -319,6 +319,7 @@ def _resolution(dry: pd.DataFrame) -> Statement:
         [
             *bounds,
             Bound("share of stops in which a sound car is accused", dry["wrong"], most=0.05),
+            Bound("share in which a car is accused that truly lacks less than 1 %", dry["whole"]),
             Bound("threshold over a car's allocated force", dry["threshold"]),
             Bound("error over the stated deviation", dry["error_in_deviations"]),
         ],

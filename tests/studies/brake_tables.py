@@ -60,7 +60,7 @@ def brake_table(days: int = 20, change: Callable[[Row], Row] = lambda row: row) 
         for missing in SHORTFALLS:
             rows.append(
                 {
-                    "part": "driven", "missing": missing, "event": day, "wrong": 0.01, "threshold": 0.06,
+                    "part": "driven", "missing": missing, "event": day, "wrong": 0.01, "whole": 0.005, "threshold": 0.06,
                     "found": float(np.clip(missing / 0.08 + own, 0.0, 1.0)) if missing else 0.0,
                     "error_in_deviations": 1.0,
                 }
