@@ -6,11 +6,12 @@ says "about". Nothing was tuned to a verdict.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from studies.sweeps.bounds import Bound, judged
+from studies.sweeps.faulty_car_statements import faulty_car, smallest_shortfall
 from studies.sweeps.statement import (
     CONDITIONS,
     FAILS,
@@ -30,18 +31,6 @@ CUT_OUT = {"all": 5.0, "4 wagons": 4.0, "3 wagons": 3.0, "2.5 wagons": 2.5}
 """Tests of the report's Table 2 and the wagons braked in them."""
 BOGIE = 0.5
 """A bogie, in wagons of the test with one bogie of every wagon cut out: five of them are two and a half wagons."""
-TENTH = 0.1
-"""Share of a car's brake force from which on it is claimed to be missed."""
-METHOD = "mean over days with its 95 % interval, which must lie wholly within the bound stated"
-
-
-class Bound(NamedTuple):
-    """A mean over days and the side of a threshold on which the claim puts it."""
-
-    text: str
-    values: "pd.Series[float]"
-    least: float = -math.inf
-    most: float = math.inf
 
 
 def brake_force_statements(table: pd.DataFrame) -> list[Statement]:
@@ -59,40 +48,14 @@ def brake_force_statements(table: pd.DataFrame) -> list[Statement]:
     found = [one for needed, make in makers if needed <= set(tests) for one in make()]
     return [
         *found,
-        *([_faulty(stops)] if len(stops) else []),
-        *([_resolution(dry)] if len(dry) else []),
+        *([faulty_car(stops)] if len(stops) else []),
+        *([smallest_shortfall(dry)] if len(dry) else []),
     ]
-
-
-def _judged(name: str, claim: str, bounds: Sequence[Bound], note: str = "") -> Statement:
-    """Holds where every mean lies within its bound; with conditions where the first does but another does not."""
-    numbers, unmet = {}, []
-    for bound in bounds:
-        interval = mean_interval(bound.values)
-        numbers[bound.text + (f" ({words})" if (words := _words(bound)) else "")] = interval
-        if not (interval.low >= bound.least and interval.high <= bound.most):
-            unmet.append(bound)
-    if min(interval.count for interval in numbers.values()) < LEAST_EVENTS:
-        verdict = TOO_FEW
-    else:
-        verdict = HOLDS if not unmet else FAILS if bounds[0] in unmet else CONDITIONS
-    broken = tuple(f"not within its bound: {bound.text} ({_words(bound)})" for bound in unmet)
-    text = METHOD + (f"; {note}" if note else "")
-    return Statement(name, claim, verdict, numbers, broken if verdict != TOO_FEW else (), text)
-
-
-def _words(bound: Bound) -> str:
-    parts = [
-        f"{word} {value:g}"
-        for word, value in (("at least", bound.least), ("at most", bound.most))
-        if math.isfinite(value)
-    ]
-    return ", ".join(parts)
 
 
 def _locomotive_only(rows: pd.DataFrame) -> list[Statement]:
     return [
-        _judged(
+        judged(
             "compressive shock",
             "braked by the locomotive alone, the first coupler is pressed by a shock, then oscillates and settles",
             [
@@ -104,7 +67,7 @@ def _locomotive_only(rows: pd.DataFrame) -> list[Statement]:
                 Bound("relative motion has died out after [s]", rows["settled"]),
             ],
         ),
-        _judged(
+        judged(
             "locomotive steady at once",
             "the locomotive's estimate is right from the first, however the coupler oscillates",
             [
@@ -115,7 +78,7 @@ def _locomotive_only(rows: pd.DataFrame) -> list[Statement]:
             ],
             "sensor noise included",
         ),
-        _judged(
+        judged(
             "wagons' sum settles at zero",
             "the sum of unbraked wagons is wrong until relative motion has died out, then about 0 kN",
             [
@@ -135,7 +98,7 @@ def _locomotive_only(rows: pd.DataFrame) -> list[Statement]:
 def _all_braked(alone: pd.DataFrame, rows: pd.DataFrame) -> list[Statement]:
     both = pd.concat([alone["locomotive"], rows["locomotive"]], axis=1).mean(axis=1)
     return [
-        _judged(
+        judged(
             "couplers free when all brake",
             "braked on all cars, the coupler carries almost nothing but some spikes",
             [
@@ -148,7 +111,7 @@ def _all_braked(alone: pd.DataFrame, rows: pd.DataFrame) -> list[Statement]:
                 Bound("share of the time in spikes", rows["spike_share"], most=0.25),
             ],
         ),
-        _judged(
+        judged(
             "locomotive equal in both tests",
             "the locomotive's estimate is the same, about 60 kN, whether the wagons brake or not",
             [
@@ -161,7 +124,7 @@ def _all_braked(alone: pd.DataFrame, rows: pd.DataFrame) -> list[Statement]:
             ],
             "means while the pressure is above 95 % of its steady value",
         ),
-        _judged(
+        judged(
             "wagons' sum varies with the spikes",
             "braked on all cars, the wagons' sum errs more than under the locomotive alone, most of all in the spikes",
             [
@@ -187,7 +150,7 @@ def _cut_out(tests: dict[str, pd.DataFrame]) -> Statement:
     slope = pd.Series(fit[0], index=means.index)
     # two single tests differ significantly where their means differ by 1.96 sqrt(2) deviations
     resolution = 1.96 * math.sqrt(2.0) * pd.Series(variance**0.5, index=means.index) / slope
-    return _judged(
+    return judged(
         "linear in the wagons braked",
         "the averaged estimate is linear in the number of braked wagons and resolves one bogie of each, and less",
         [
@@ -205,7 +168,7 @@ def _cut_out(tests: dict[str, pd.DataFrame]) -> Statement:
 def _emergency(rows: pd.DataFrame, service: pd.DataFrame) -> list[Statement]:
     swings = {"sum": "wagons' sum", "wagon": "first wagon"}
     statements = [
-        _judged(
+        judged(
             f"{words} follows theory",
             f"emergency brake of 18 cars: the {words} follows the theoretical force on average, and oscillates",
             [
@@ -219,7 +182,7 @@ def _emergency(rows: pd.DataFrame, service: pd.DataFrame) -> list[Statement]:
         )
         for name, words in swings.items()
     ]  # fmt: skip
-    larger = _judged(
+    larger = judged(
         "oscillation grows with the train",
         "the 18 cars' sum oscillates more than that of 6 cars in a service stop",
         [
@@ -245,7 +208,7 @@ def _remedies(tests: dict[str, pd.DataFrame]) -> Statement:
         )
         for name, test in rows.items()
     ]  # fmt: skip
-    return _judged(
+    return judged(
         "remedies",
         "own accelerations and averaging at least halve the error of the wagons' sum",
         bounds,
@@ -277,53 +240,6 @@ def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
         },
         (why,) if wide else (),
         "batch means about a parabola and calibration errors; Wilson's interval of the share",
-    )
-
-
-def _faulty(stops: pd.DataFrame) -> Statement:
-    """Stops under allocation: where the faulty car is named first, and how often a sound one is accused."""
-    kinds = {str(kind): rows for kind, rows in stops.groupby("kind", sort=False)}
-    short = {
-        kind: rows
-        for kind, rows in kinds.items()
-        if kind != "sound" and rows["true_share"].mean() > CLOSE
-    }
-    bounds = [
-        *(Bound(f"named first: {kind}", rows["first"], least=0.95) for kind, rows in short.items()),
-        Bound("share of stops in which a sound car is accused", stops["wrong"], most=0.05),
-        *(Bound(f"accused all the same: {kind}", rows["found"], most=0.05)
-          for kind, rows in kinds.items() if kind not in short and kind != "sound"),
-        Bound("another car, truly short, is found too", stops["others_short"]),
-        Bound("allocations per stop", stops["rule_calls"]),
-    ]  # fmt: skip
-    return _judged(
-        "faulty car found under allocation",
-        "the estimate names the car that did not deliver its allocated force, and accuses no other",
-        bounds,
-        "a sound car falls truly short by less than 5 %; stated for a train: 1 % accused wrongly",
-    )
-
-
-def _resolution(dry: pd.DataFrame) -> Statement:
-    bounds = [
-        Bound(
-            f"found, {missing:.1%} missing",
-            dry[dry["missing"] == missing]["found"],
-            least=0.95 if missing >= TENTH else -math.inf,
-        )
-        for missing in sorted(set(dry["missing"].astype(float)) - {0.0}, reverse=True)
-    ]
-    return _judged(
-        "smallest shortfall found",
-        "a tenth of one car's brake force that is missing is found in one stop",
-        [
-            *bounds,
-            Bound("share of stops in which a sound car is accused", dry["wrong"], most=0.05),
-            Bound("share in which a car is accused that truly lacks less than 1 %", dry["whole"]),
-            Bound("threshold over a car's allocated force", dry["threshold"]),
-            Bound("error over the stated deviation", dry["error_in_deviations"]),
-        ],
-        "dry stops; 10 measurements of each; shares of force that the car's shoes lack, beside 2 % of scatter",
     )
 
 
