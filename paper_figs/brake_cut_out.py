@@ -54,7 +54,7 @@ def draw(table: pd.DataFrame) -> Figure:
         )  # fmt: skip
         axes.plot(
             means.index, means, "D", color=THEORY, markersize=5, markerfacecolor="none",
-            label="mean over days",
+            zorder=4, label="mean over days",
         )  # fmt: skip
         axes.set(xlim=(0.0, 5.4), ylim=(0.0, None), xticks=(0, 1, 2, 2.5, 3, 4, 5))
         axes.xaxis.set_major_formatter("{x:g}")

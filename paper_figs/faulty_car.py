@@ -66,10 +66,14 @@ def _stop(axes: Axes, stop: Stop) -> None:
 
 
 def _shares(axes: Axes, dry: pd.DataFrame) -> None:
-    means = dry.groupby("missing")[["found", "wrong"]].mean() * 100.0
+    means = dry.groupby("missing")[["found", "wrong", "whole"]].mean() * 100.0
     asked = means[means.index > 0.0]
     axes.plot(asked.index * 100.0, asked["found"], "o-", color=ESTIMATED, label="faulty car found")
-    axes.plot(means.index * 100.0, means["wrong"], "x--", color=WRONG, label="a sound car accused")
+    for column, look, words in (("wrong", "x--", "lacks < 5 %"), ("whole", "+:", "lacks < 1 %")):
+        axes.plot(
+            means.index * 100.0, means[column], look, color=WRONG, linewidth=0.9,
+            label=f"accused, {words}",
+        )  # fmt: skip
     axes.set_title("(b) dry stops")
     axes.set_xlabel("brake force missing on one car [%]")
     axes.set_ylabel("share of stops [%]")
