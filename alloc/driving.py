@@ -41,7 +41,7 @@ class Controls(NamedTuple):
     torque: Floats
     """Torque wanted of each motor of the units [N m], (units,), negative braking."""
     pressure: Floats
-    """Brake cylinder pressures wanted [Pa], (groups,)."""
+    """Brake cylinder pressures wanted [Pa], (groups,); the plant delays them by each brake's dead time."""
     valve: Floats
     """Per brake group, (groups,): 0 the cylinder follows the pressure wanted, 1 it holds, 2 it releases."""
 

@@ -137,6 +137,24 @@ FIGURES: dict[str, FigureEntry] = {
         "real_line",
         "speed, limits and gradients of a minimum-time run (example line; run-line draws yours)",
     ),
+    "brake-locomotive-only": FigureEntry(
+        "brake_locomotive_only",
+        "running test with only the locomotive braked: brake force per car (RTRI report Fig. 4)",
+    ),
+    "brake-all-cars": FigureEntry(
+        "brake_all_cars", "running test with locomotive and wagons braked (RTRI report Fig. 5)"
+    ),
+    "brake-cut-out": FigureEntry(
+        "brake_cut_out",
+        "averaged brake force over the number of braked wagons (RTRI report Fig. 6)",
+    ),
+    "brake-emergency": FigureEntry(
+        "brake_emergency",
+        "emergency brake of 18 cars: estimate, theory and remedies (RTRI report Fig. 7)",
+    ),
+    "faulty-car": FigureEntry(
+        "faulty_car", "which car did not deliver its allocated brake force (sweep brake-force)"
+    ),
 }
 """Every figure by name."""
 

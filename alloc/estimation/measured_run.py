@@ -24,7 +24,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.car_force_balance import car_brake_forces
+from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.errors import EstimationError
 from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips, spans
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage

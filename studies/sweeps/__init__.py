@@ -8,6 +8,7 @@ import pandas as pd
 
 from studies.errors import unknown
 from studies.sweeps import (
+    brake_force,
     calibration,
     claims,
     curves,
@@ -48,6 +49,7 @@ SWEEPS: dict[str, Sweep] = {
     "joint": joint,
     "readhesion": readhesion,
     "calibration": calibration,
+    "brake-force": brake_force,
 }
 """Every sweep by name."""
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.car_force_balance import car_brake_forces
 from alloc.estimation.errors import EstimationError
 from alloc.estimation.measured_run import parts
 from alloc.estimation.slip_events import SlipCriterion, find_slips
@@ -80,15 +79,3 @@ def test_parts_end_at_gaps_and_at_missing_values():
 def test_an_impossible_criterion_is_refused(name, value):
     with pytest.raises(EstimationError, match=name):
         SlipCriterion(**{name: value})
-
-
-def test_car_forces_balance_masses_couplers_and_acceleration():
-    """RTRI (2), the locomotive braked alone: it carries the wagons' inertia through the coupler."""
-    mass, alpha = np.array([100e3, 50e3, 50e3]), np.full(4, -0.5)
-    coupler = np.tile([-50e3, -25e3], (4, 1))  # compressed
-    force = car_brake_forces(alpha, coupler, mass)
-    np.testing.assert_allclose(force, np.tile([100e3, 0.0, 0.0], (4, 1)))
-    own = np.tile([-0.5, -0.4, -0.6], (4, 1))
-    np.testing.assert_allclose(car_brake_forces(own, coupler, mass)[0], [100e3, -5e3, 5e3])
-    with pytest.raises(EstimationError, match="coupler_force"):
-        car_brake_forces(alpha, coupler[:, :1], mass)

@@ -23,6 +23,10 @@ from paper_figs import (
     allocation_bars,
     axle_shifts,
     blended_braking,
+    brake_all_cars,
+    brake_cut_out,
+    brake_emergency,
+    brake_locomotive_only,
     calibration,
     claim_a,
     claim_b,
@@ -33,6 +37,7 @@ from paper_figs import (
     curves,
     differences,
     draw_run,
+    faulty_car,
     half_slip,
     ladder,
     learning,
@@ -65,9 +70,11 @@ from paper_figs.style import (
     STYLE_FILE,
     rule_colour,
 )
+from studies.brake_tests import run_test
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.example_line import EXAMPLE_PATH, example_stock
+from studies.faulty_car import allocated_stops
 from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
 from studies.line_run import run_line
@@ -77,6 +84,7 @@ from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
 from studies.scenario import load_scenario
 from tests.simulation.slides import TRAIN, braked, readhering
+from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
@@ -85,7 +93,7 @@ from tests.studies.sweep_tables import claim_table, difference_table
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|km|‰)\]$")
 COUNTED = {
-    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+    "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -164,6 +172,14 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged) -> dict[str, 
         "calibration": calibration.draw(calibration_table()),
         "real-line": real_line.draw(line_run),
         "measured-log": measured_log.draw(*logged),
+        "brake-locomotive-only": brake_locomotive_only.draw(run_test("locomotive", 0)),
+        "brake-all-cars": brake_all_cars.draw(run_test("all", 0)),
+        "brake-cut-out": brake_cut_out.draw(brake_table()),
+        "brake-emergency": brake_emergency.draw(run_test("emergency", 0)),
+        "faulty-car": faulty_car.draw(
+            allocated_stops(faulty_car.FAULT, 0),
+            brake_table()[lambda t: t["part"] == "driven"],
+        ),
     }
 
 
