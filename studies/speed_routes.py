@@ -41,7 +41,7 @@ class Route:
         end = 100.0 + self.duration * max(*self.command.speeds, self.command.initial)
         return build(self.train, DRY, self.line, span=(0.0, end))
 
-    def memory(self, reading: str = "front") -> LineMemory:
+    def memory(self, reading: str = "middle") -> LineMemory:
         """What the train remembers of the line, read at its "front", its "middle" or in the middle of all "cars"."""
         ends = np.cumsum([car.length for car in self.train.cars])
         middles = ends - 0.5 * np.array([car.length for car in self.train.cars])
@@ -96,10 +96,10 @@ def route(
     """
     if name == "commuter":
         found, first, speed, grade, factor, rate = "commuter-8car", 0.0, 20.0, 0.025, 2.0, 0.3
-        stretch, start = 700.0, 1100.0
+        stretch, start = 500.0, 1700.0
     else:
         found, first, speed, grade, factor, rate = "high-speed-16car", 62.0, 70.0, 0.012, 1.8, 0.12
-        stretch, start = 2600.0, 5200.0
+        stretch, start = 2000.0, 7500.0
     speed, grade = cruise or speed, grade if gradient is None else gradient
     first = min(first, speed - 8.0 * (first > 0.0)) if first else 0.0
     train = find_set(found)

@@ -108,8 +108,8 @@ def learn_from_log(
     """Let `learner` learn from `log`, as on board in Fig. 7: the error is force less W Z, with measured V and a.
 
     `rotating_mass` [kg] as in `alloc.onboard.speed_control.resistance`; `filter_time` [s]; `train_length` [m]: samples
-    with a change of section or gradient under the train are left out. `source` "commanded": V_c and a_c in the place of V and a. `keep` picks
-    samples by time. Raises `EstimationError` for a log that cannot be learnt from.
+    with a change of section or gradient under the train are left out. `source` "commanded": V_c and a_c in
+    the place of V and a. `keep` picks samples by time. Raises `EstimationError` for a log that cannot be learnt from.
     """
     if source not in get_args(Source):
         raise EstimationError(f"resistance log: source = {source!r} must be measured or commanded")
@@ -135,17 +135,20 @@ def learn_from_log(
     smooth = RegressionFilter(filter_time, log.period)
     history, errors = np.empty((middle.size, count)), np.empty(middle.size)
     filtered, forces = np.full_like(z, np.nan), np.full(middle.size, np.nan)
+    errors[:] = np.nan
     for k in range(middle.size):
         if used[k]:
-            sample = smooth.add(
-                Regression(z[k], float(target[k]), 0.0, float(acceleration[k])), tunnel[k] > 0.5
-            )
-            errors[k] = sample.target - float(learner.weights @ sample.regressor)
-            learner.update(sample.regressor, errors[k], sample.acceleration)
-            filtered[k], forces[k] = sample.regressor, sample.target
+            raw = Regression(z[k], float(target[k]), 0.0, float(acceleration[k]))
+            sample = smooth.add(raw, tunnel[k] > 0.5)
+            if sample is not None:
+                errors[k] = sample.target - float(learner.weights @ sample.regressor)
+                learner.update(sample.regressor, errors[k], sample.acceleration)
+                filtered[k], forces[k] = sample.regressor, sample.target
         else:
             smooth.restart()
-            errors[k] = np.nan
         history[k] = learner.weights
-    excitation = judge_excitation(filtered[used], forces[used], EXTENDED_WEIGHTS[:count])
+    taken = np.isfinite(forces)
+    if not taken.any():
+        raise EstimationError("resistance log: no section is long enough for the filter to settle")
+    excitation = judge_excitation(filtered[taken], forces[taken], EXTENDED_WEIGHTS[:count])
     return Learnt(log.time[:-1], history, errors, excitation)

@@ -61,9 +61,9 @@ class SpeedControl:
 
     `weights` (3,) or (5,) are used where no `learner` is given. `error`: what is learnt on, "feedback" (I_FB, claims 4, 6)
     or "model" (what the weights leave of the force supplied, with measured V and a; claims 5, 7). `rotating_mass` M_r [kg]
-    as in `resistance`; `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no learning while section or gradient change
-    under the train (not in the source); 0: learn there too. `speed_noise` [m/s]: standard deviation of the measured speed,
-    white, drawn from `seed`. Raises `OnboardError` for what cannot be.
+    as in `resistance`; `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no learning while section or gradient
+    change under the train (not in the source); 0: learn there too. `speed_noise` [m/s]: standard deviation of the measured
+    speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
     """
 
     def __init__(
@@ -138,6 +138,7 @@ class SpeedControl:
         if self.switch is not None and error is not None and self.switch.update(error, self.period):
             # what the feedforward gives from now on the integrator need no longer give, and the other way round
             self.feedback.shift(ahead if self._using else -ahead)
+            self._filter.restart()
         back = self.feedback.current(difference)
         current = back + ahead
         if self.mode == "learn-then-use":
@@ -172,7 +173,7 @@ class SpeedControl:
         return self.traction.current_per_force * float(force)
 
     def _learn(self, speed: float, position: float) -> float | None:
-        """Learn from the control period that has passed; returns the error [N] that the switch looks at."""
+        """Learn from the control period that has passed; returns the error [N] that the switch looks at, if any."""
         if self._last is None:
             return None
         before, behind, supplied, back, bounded = self._last
@@ -181,6 +182,11 @@ class SpeedControl:
         acceleration = (speed - before) / self.period
         motion = Motion(0.5 * (speed + before), acceleration, slope, tunnel)
         per_force = self.traction.current_per_force
+        if bounded or (
+            self.train_length > 0.0 and bool(self.memory.straddled(middle, self.train_length))
+        ):
+            self._filter.restart()
+            return None
         sample = self._filter.add(
             Regression(
                 regressor(motion, self.weights.size),
@@ -190,20 +196,18 @@ class SpeedControl:
             ),
             tunnel > 0.5,
         )
+        if sample is None:
+            return None
         model = sample.target - float(self.weights @ sample.regressor)
-        learning = self.mode != "learn-then-use" or not self._using
-        left_out = bounded or (
-            self.train_length > 0.0 and bool(self.memory.straddled(middle, self.train_length))
-        )
-        if left_out:
-            self._filter.restart()
-        elif self.learner is not None and learning:
+        if self.mode == "learn-then-use" and self._using:
+            return sample.feedback
+        if self.learner is not None:
             # learning on the feedback that drives alone is claim 5's: its error is against the model
             on_model = self.error == "model" or self.mode == "learn-then-use"
             self.learner.update(
                 sample.regressor, model if on_model else sample.feedback, sample.acceleration
             )
-        return model if learning else sample.feedback
+        return model
 
     def log(self) -> xr.Dataset:
         """What was noted, over time: `LOGGED`, and the weights in use (time, weight)."""

@@ -24,11 +24,15 @@ class Regression(NamedTuple):
     """a [m/s2] alone, which the source prints as Z3."""
 
 
+SETTLED = 3.0
+"""Time constants after which the filter's output holds noise that is filtered as well as it ever will be."""
+
+
 class RegressionFilter:
     """First-order low-pass of `time_constant` [s] over samples every `period` [s]; 0 s: none.
 
-    A linear filter over both sides of F = W Z leaves W as it is, and takes the noise out of a = dV/dt. It starts anew
-    where the section changes, so that no sample mixes the open and a tunnel.
+    A linear filter over both sides of F = W Z leaves W as it is, and takes the noise out of a = dV/dt. It starts anew,
+    from zero on both sides, where the section changes, so that no sample mixes the open and a tunnel.
     """
 
     def __init__(self, time_constant: float, period: float) -> None:
@@ -38,16 +42,20 @@ class RegressionFilter:
                 f"period = {period!r} greater than 0"
             )
         self._share = 1.0 if time_constant == 0.0 else -math.expm1(-period / time_constant)
+        self._wait = math.ceil(SETTLED * time_constant / period)
         self._state: Floats | None = None
         self._section: object = None
+        self._count = 0
 
-    def add(self, sample: Regression, section: object) -> Regression:
-        """The filtered sample after this one, which belongs to `section` (open or tunnel)."""
+    def add(self, sample: Regression, section: object) -> Regression | None:
+        """The filtered sample after this one, which belongs to `section` (open or tunnel); None until it has settled."""
         raw = np.array([*sample.regressor, sample.target, sample.feedback, sample.acceleration])
         if self._state is None or section != self._section:
-            self._state, self._section = raw, section
-        else:
-            self._state = self._state + self._share * (raw - self._state)
+            self._state, self._section, self._count = np.zeros_like(raw), section, 0
+        self._state = self._state + self._share * (raw - self._state)
+        self._count += 1
+        if self._count <= self._wait:
+            return None
         *_, target, feedback, acceleration = (float(value) for value in self._state)
         return Regression(self._state[:-3].copy(), target, feedback, acceleration)
 
