@@ -17,8 +17,8 @@ from alloc.onboard.speed_control import Feedback, LearnThenUse, SpeedControl, Tr
 from studies.errors import unknown
 from studies.speed_routes import Route
 
-PERIOD, STEP = 0.05, 2.5e-3
-"""Control period and integration step [s]."""
+PERIOD = 0.05
+"""Control period [s]; it is integrated in the largest steps that the plant allows."""
 CURRENT_PER_FORCE = 1e-3
 """K_i [A/N], assumed; no result depends on it, since gains are given by times."""
 TIME_CONSTANT, RESET_TIME = 4.0, 16.0
@@ -42,11 +42,13 @@ FEEDBACK, RIGHT, WRONGLY, LEARNED = (
     "compensation, wrong",
     "learned",
 )
-FRONT, CARS, USED = "compensation at the front", "compensation, car by car", "learn, then use"
+FRONT, CARS = "compensation at the front", "compensation, car by car"
+EXACT, USED = "feedforward, car by car", "learn, then use"
 CASES = (FEEDBACK, RIGHT, WRONGLY, LEARNED)
 """The four that are compared, with the line's memory read at the middle of the train: the source does not say which
 position of a train is its position. `FRONT` and `CARS` read it at the front and in the middle of every car (not in the
-source); `USED` is claim 5."""
+source); `EXACT` does so with the plant's five weights in the feedforward from commanded values; `USED` is claim 5."""
+ALL_CASES = (*CASES, FRONT, CARS, EXACT, USED)
 
 
 class CaseRun(NamedTuple):
@@ -66,10 +68,15 @@ def feedback(route: Route, control: Control) -> Feedback:
     )
 
 
-def make_learner(route: Route, kind: str = "normalised", weights: int = 3) -> Learner:
-    """A learner that begins with `WRONG` weights (A and B, if any, with zero)."""
+def make_learner(
+    route: Route,
+    kind: str = "normalised",
+    weights: int = 3,
+    wrong: tuple[float, float, float] = WRONG,
+) -> Learner:
+    """A learner that begins with weights `wrong` by these factors (A and B, if any, with zero)."""
     true = route.true_weights(weights)
-    start = np.array([*(np.array(WRONG) * true[:3]), 0.0, 0.0])[:weights]
+    start = np.array([*(np.array(wrong) * true[:3]), 0.0, 0.0])[:weights]
     speed, rate = route.command.speeds[0], route.command.acceleration
     typical = np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
     if kind == "normalised":
@@ -88,28 +95,29 @@ def drive_case(
     speed_noise: float = 0.0,
     seed: int = 0,
     open_loop: bool = False,
+    wrong: tuple[float, float, float] = WRONG,
 ) -> CaseRun:
     """One run of `route` in a `case`; `LEARNED` and `USED` go on with `learner`, a new one if None.
 
-    `LEARNED` has its weights from one run of the same route before this one, which began with `WRONG` weights and
-    compensated while it learnt. `open_loop`: `USED` as printed, without feedback while what was learnt is used.
+    `LEARNED` has its weights from one run of the same route before this one, which began with weights `wrong` by these
+    factors and compensated while it learnt. `open_loop`: `USED` as printed, without feedback while what was learnt is used.
     """
-    if case not in (*CASES, FRONT, CARS, USED):
-        raise unknown("case", case, (*CASES, FRONT, CARS, USED))
+    if case not in ALL_CASES:
+        raise unknown("case", case, ALL_CASES)
     if case == LEARNED and learner is None:
-        learner = make_learner(route)
-        _run(route, case, control, learner, reading, speed_noise, seed + 1, False)
+        learner = make_learner(route, wrong=wrong)
+        _run(route, case, control, learner, reading, speed_noise, seed + 1, False, wrong)
     if case == USED and learner is None:
-        learner = make_learner(route, "least-squares")
-    return _run(route, case, control, learner, reading, speed_noise, seed, open_loop)
+        learner = make_learner(route, "least-squares", wrong=wrong)
+    return _run(route, case, control, learner, reading, speed_noise, seed, open_loop, wrong)
 
 
 def _run(
     route: Route, case: str, control: Control, learner: Learner | None, reading: str,
-    speed_noise: float, seed: int, open_loop: bool,
+    speed_noise: float, seed: int, open_loop: bool, wrong: tuple[float, float, float],
 ) -> CaseRun:  # fmt: skip
-    true = route.true_weights()
-    weights = true * np.array(WRONG) if case == WRONGLY else true
+    true = route.true_weights(5 if case == EXACT else 3)
+    weights = true * np.array(wrong) if case == WRONGLY else true
     mass = route.train.mass + route.train.rotating_mass
     switch = LearnThenUse(0.01 * mass, 0.05 * mass, feedback=not open_loop)
     driver = SpeedControl(
@@ -118,10 +126,10 @@ def _run(
         Traction.of(route.train, CURRENT_PER_FORCE),
         PERIOD,
         "feedback" if case == FEEDBACK
-        else "feedforward" if case == LEARNED
+        else "feedforward" if case in (LEARNED, EXACT)
         else "learn-then-use" if case == USED
         else "compensation",
-        route.memory({CARS: "cars", FRONT: "front"}.get(case, reading)),
+        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, reading)),
         None if case == FEEDBACK else weights,
         learner if case in (LEARNED, USED) else None,
         switch=switch if case == USED else None,
@@ -133,7 +141,7 @@ def _run(
     )  # fmt: skip
     run = drive(
         route.model(), driver, route.duration, f"{route.name}, {case}",
-        initial_speed=route.command.initial, period=PERIOD, step=STEP,
+        initial_speed=route.command.initial, period=PERIOD, step=PERIOD,
     )  # fmt: skip
     return CaseRun(run, driver.log(), driver)
 

@@ -16,6 +16,7 @@ from studies.sweeps import (
     ladder,
     learning,
     readhesion,
+    resistance,
 )
 from studies.sweeps.statement import Statement
 
@@ -48,6 +49,7 @@ SWEEPS: dict[str, Sweep] = {
     "joint": joint,
     "readhesion": readhesion,
     "calibration": calibration,
+    "resistance": resistance,
 }
 """Every sweep by name."""
 
