@@ -126,6 +126,18 @@ FIGURES: dict[str, FigureEntry] = {
     "calibration": FigureEntry(
         "calibration", "how narrowly the readhesion paper determines what it does not print"
     ),
+    "air-resistance": FigureEntry(
+        "air_resistance", "air resistance coefficient, open and tunnel (JP H07-322414 Fig. 3)"
+    ),
+    "tunnel-mouth": FigureEntry(
+        "tunnel_mouth", "acceleration and speed through a tunnel, by case (JP H07-322414 Fig. 9)"
+    ),
+    "gradient-change": FigureEntry(
+        "gradient_change", "acceleration and speed over a climb, by case (JP H07-322414 Fig. 10)"
+    ),
+    "resistance-weights": FigureEntry(
+        "resistance_weights", "convergence of the weights of running resistance, by learner"
+    ),
 }
 """Every figure by name."""
 

@@ -17,6 +17,7 @@ from paper_figs import (
     FIGURES,
     adhesion_curve,
     adhesion_drop,
+    air_resistance,
     allocation_bars,
     axle_shifts,
     blended_braking,
@@ -30,6 +31,7 @@ from paper_figs import (
     curves,
     differences,
     draw_run,
+    gradient_change,
     half_slip,
     ladder,
     learning,
@@ -40,12 +42,14 @@ from paper_figs import (
     readhesion_slip,
     readhesion_torque,
     readhesion_trajectory,
+    resistance_weights,
     rule_comparison,
     save_figure,
     sharing_wanders,
     slip_detection,
     slip_event,
     torque_table,
+    tunnel_mouth,
     unit_increments,
     utilisation_damage,
     width_sweep,
@@ -66,14 +70,17 @@ from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
+from studies.resistance_learning import convergence
 from studies.scenario import load_scenario
+from studies.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.short_route import short_route
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -108,7 +115,17 @@ def half_slips():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
+def passages():
+    """Two cases under both speed controls on a short route."""
+    return {
+        (control, case): drive_case(short_route(), case, control)
+        for control in CONTROLS
+        for case in (FEEDBACK, RIGHT)
+    }
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips, passages) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -138,6 +155,10 @@ def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "air-resistance": air_resistance.draw(short_route()),
+        "tunnel-mouth": tunnel_mouth.draw(short_route(), passages),
+        "gradient-change": gradient_change.draw(short_route(), passages),
+        "resistance-weights": resistance_weights.draw(convergence(short_route(), 1)),
     }
 
 
