@@ -1,4 +1,4 @@
-"""A route of half a minute for tests of the speed control."""
+"""A route of a minute and a half for tests of the speed control."""
 
 from functools import lru_cache
 
@@ -10,7 +10,7 @@ from studies.speed_routes import Route
 
 @lru_cache(maxsize=1)
 def short_route() -> Route:
-    """The loaded commuter train at 15 m/s meets a tunnel, then a climb, and goes on at 18 m/s."""
+    """The loaded commuter train goes from 12 to 18 m/s and meets a tunnel, then a climb."""
     train = find_set("commuter-8car").loaded((6e3,) * 8)
-    line = Line((0.0, 500.0, 700.0), (0.0, 0.02, 0.0), ((100.0, 300.0),), 2.0, 1.0)
-    return Route("short", train, line, SpeedCommand((8.0,), (16.0,), 0.3, 15.0), 65.0)
+    line = Line((0.0, 1250.0, 1550.0), (0.0, 0.02, 0.0), ((650.0, 950.0),), 3.0, 1.0)
+    return Route("short", train, line, SpeedCommand((2.0,), (18.0,), 0.4, 12.0), 108.0)
