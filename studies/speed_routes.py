@@ -77,6 +77,15 @@ class Route:
         factor = self.line.tunnel_factor
         return np.array([c, factor * c, self.train.mass, a, b])[:weights]
 
+    def one_car(self) -> "Route":
+        """The same route of the train's first motor car alone: where its resistance changes, it does so at once."""
+        k = next(k for k, car in enumerate(self.train.cars) if car.motors is not None)
+        car, (a, b, c) = self.train.cars[k], self.train.resistance
+        by_mass, by_length = car.mass / self.train.mass, car.length / self.length
+        resistance = (a * by_mass, b * by_mass, c * by_length)
+        train = replace(self.train, cars=(car,), resistance=resistance)
+        return replace(self, name=f"{self.name}, one car", train=train)
+
     def square_only(self) -> "Route":
         """The same route of a train whose running resistance is C V^2 alone, as the source takes it to be."""
         train = replace(self.train, resistance=(0.0, 0.0, self.train.resistance[2]))

@@ -21,6 +21,7 @@ from studies.speed_control import (
     EXACT,
     FEEDBACK,
     FRONT,
+    RIGHT,
     SPEED_NOISE,
     USED,
     CaseRun,
@@ -41,6 +42,8 @@ LEVEL = (0.10, 0.14)
 """Adhesion coefficient of the slip event after boarding, uniform."""
 FALSE_BY = 3.0 * LARGEST_DEVIATION
 """Relative error of a weight that must not be called learned."""
+ONE_CAR = {FEEDBACK: "one car, feedback only", RIGHT: "one car, compensation"}
+"""Labels of the cases that are also driven with a single car."""
 QUANTITIES = ("speed_peak", "acceleration_peak", "acceleration_rms", "jerk_peak")
 
 
@@ -82,9 +85,9 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
     row = {name: value for name, value in drawn.items() if name not in ("wrong", "loads")}
     row |= {f"wrong_{name}": x for name, x in zip(("W1", "W2", "W3"), drawn["wrong"], strict=True)}
 
-    def driven(case: str, open_loop: bool = False) -> CaseRun:
+    def driven(case: str, open_loop: bool = False, on: Route = of) -> CaseRun:
         return drive_case(
-            of, case, drawn["control"], speed_noise=SPEED_NOISE, seed=noise_seed,
+            on, case, drawn["control"], speed_noise=SPEED_NOISE, seed=noise_seed,
             open_loop=open_loop, wrong=drawn["wrong"],
         )  # fmt: skip
 
@@ -95,6 +98,13 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
             row |= {column(q, str(kind), case): float(values[q]) for q in QUANTITIES}
         force = one.log["feedback_current"].values / CURRENT_PER_FORCE
         row[f"feedback_share@{case}"] = _rms(force) / _rms(one.log["force"].values)
+    single = of.one_car()
+    for case, label in ONE_CAR.items():
+        means = (
+            disturbances(single, driven(case, on=single)).groupby("kind")[list(QUANTITIES)].mean()
+        )
+        for kind, values in means.iterrows():
+            row |= {column(q, str(kind), label): float(values[q]) for q in QUANTITIES}
     true = of.true_weights()
     for place, name in enumerate(("W1", "W2", "W3")):
         row[f"{name}@{LEARNED_CASE}"] = float(

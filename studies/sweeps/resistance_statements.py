@@ -7,7 +7,7 @@ import pandas as pd
 from alloc.estimation.excitation import LARGEST_DEVIATION
 from studies.resistance_learning import GRADIENT, NORMALISED, PRINTED, SQUARES
 from studies.speed_control import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY
-from studies.sweeps.resistance_events import FALSE_BY, column
+from studies.sweeps.resistance_events import FALSE_BY, ONE_CAR, column
 from studies.sweeps.statement import Interval, Statement, mean_interval, share_interval
 from studies.sweeps.verdict import Part, Test, judge
 
@@ -39,7 +39,8 @@ def resistance_statements(table: pd.DataFrame) -> list[Statement]:
     found = []
     for kind, word in ((MOUTH, "mouth"), (SLOPE, "gradient")):
         for quantity, what in (
-            ("speed_peak", "speed"), ("acceleration_peak", "acceleration"), ("jerk_peak", "jerk"),
+            ("speed_peak", "speed, peak"), ("acceleration_rms", "acceleration, rms"),
+            ("acceleration_peak", "acceleration, peak"), ("jerk_peak", "jerk, peak"),
         ):  # fmt: skip
             found.append(_compensation(table, kind, word, quantity, what))
     for kind, word in ((MOUTH, "mouth"), (SLOPE, "gradient")):
@@ -76,12 +77,13 @@ def _compensation(table: pd.DataFrame, kind: str, word: str, quantity: str, what
     """Claims 1 and 2."""
     return _judged(
         f"1, 2: {what}, {word}",
-        f"compensation by position lessens the disturbance of {what} at a {kind}",
+        f"compensation by position lessens the disturbance ({what}) at a {kind}",
         table,
         Test(_ratio(quantity, kind, RIGHT, FEEDBACK), 1.0, -1),
-        "peak, over that of the feedback alone",
+        "disturbance, over that of the feedback alone",
         memory_read_at_the_front=_ratio(quantity, kind, FRONT, FEEDBACK),
         memory_read_car_by_car=_ratio(quantity, kind, CARS, FEEDBACK),
+        of_a_single_car=_ratio(quantity, kind, ONE_CAR[RIGHT], ONE_CAR[FEEDBACK]),
     )
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 
 from studies.resistance_learning import LEARNER_NAMES
 from studies.speed_control import CARS, CASES, EXACT, FEEDBACK, FRONT, LEARNED, WRONGLY
-from studies.sweeps.resistance_events import QUANTITIES, column
+from studies.sweeps.resistance_events import ONE_CAR, QUANTITIES, column
 from studies.sweeps.resistance_statements import MOUTH, SLOPE
 
 PEAKS = {FEEDBACK: 1.0, WRONGLY: 0.6, CARS: 0.05, EXACT: 0.02, FRONT: 0.5}
@@ -23,13 +23,16 @@ def resistance_table(events: int = 20, **changes: float) -> pd.DataFrame:
     }
 
     def noisy(value: float) -> np.ndarray:
-        return value * (1.0 + 0.05 * g.standard_normal(events))
+        return value * (1.0 + 0.02 * g.standard_normal(events))
 
     for case in (*CASES, FRONT, CARS, EXACT):
         for kind in (MOUTH, SLOPE):
             for quantity in QUANTITIES:
                 columns[column(quantity, kind, case)] = noisy(PEAKS.get(case, 0.2))
         columns[f"feedback_share@{case}"] = noisy(0.01 if case == EXACT else 0.3)
+    for case, label in ONE_CAR.items():
+        for kind in (MOUTH, SLOPE):
+            columns |= {column(q, kind, label): noisy(PEAKS.get(case, 0.2)) for q in QUANTITIES}
     for weight in ("W1", "W2", "W3"):
         columns[f"{weight}@{LEARNED}"] = 1.0 + noisy(0.02)
         for name in LEARNER_NAMES:

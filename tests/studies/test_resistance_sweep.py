@@ -41,7 +41,7 @@ def test_a_table_as_the_source_would_have_it_holds():
 @pytest.mark.parametrize(
     ("changed", "value", "broken"),
     [
-        (column("jerk_peak", MOUTH, RIGHT), 3.0, "1, 2: jerk, mouth"),
+        (column("jerk_peak", MOUTH, RIGHT), 3.0, "1, 2: jerk, peak, mouth"),
         (column("speed_peak", MOUTH, WRONGLY), 0.1, "wrong coefficients, mouth"),
         (column("speed_peak", MOUTH, LEARNED), 0.5, "3, 4: learned, mouth"),
         (f"feedback_share@{EXACT}", 0.2, "true weights, no feedback"),
