@@ -22,7 +22,11 @@ PERIOD = 0.05
 CURRENT_PER_FORCE = 1e-3
 """K_i [A/N], assumed; no result depends on it, since gains are given by times."""
 TIME_CONSTANT, RESET_TIME = 4.0, 16.0
-"""Of the speed loop [s], assumed: critically damped under PI control."""
+"""Of the speed loop [s], assumed: critically damped under PI control.
+
+What compensation does for the acceleration depends on it: on the commuter train's gradient the root mean square over that
+of the feedback alone is 1.25 at half of it, 0.71 as it is, and 0.42 at twice of it; for the speed it is a gain throughout.
+"""
 RATE = PERIOD / 10.0
 """Rate of the normalised gradient: learning acts like an integrator of 10 s on the feedback, slower than the loop."""
 FILTER_TIME = 1.0
