@@ -155,6 +155,18 @@ FIGURES: dict[str, FigureEntry] = {
     "faulty-car": FigureEntry(
         "faulty_car", "which car did not deliver its allocated brake force (sweep brake-force)"
     ),
+    "air-resistance": FigureEntry(
+        "air_resistance", "air resistance coefficient, open and tunnel (JP H07-322414 Fig. 3)"
+    ),
+    "tunnel-mouth": FigureEntry(
+        "tunnel_mouth", "acceleration and speed through a tunnel, by case (JP H07-322414 Fig. 9)"
+    ),
+    "gradient-change": FigureEntry(
+        "gradient_change", "acceleration and speed over a climb, by case (JP H07-322414 Fig. 10)"
+    ),
+    "resistance-weights": FigureEntry(
+        "resistance_weights", "convergence of the weights of running resistance, by learner"
+    ),
 }
 """Every figure by name."""
 

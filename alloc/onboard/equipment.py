@@ -51,6 +51,18 @@ class Equipment(NamedTuple):
     group_pressure: Floats  # (groups,) highest pressure [Pa]
 
 
+def _load_signal(model: Model, onboard: Onboard) -> Floats:
+    """Pay load of each car [kg] as the computers take it, (cars,): learnt, or from sensors with their errors."""
+    cars, loads = model.train.cars, onboard.belief.loads
+    if loads is None:
+        generator = np.random.default_rng(onboard.sensors.seed)
+        errors = onboard.sensors.load_error * generator.standard_normal(len(cars))
+        return np.array([car.load for car in cars]) * (1.0 + errors)
+    if len(loads) != len(cars):
+        raise OnboardError(f"belief: {len(loads)} loads for {len(cars)} cars; give one per car")
+    return np.asarray(loads, dtype=float)
+
+
 def equipment(model: Model, onboard: Onboard) -> Equipment:
     """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
     s, n = model.structure, model.layout
@@ -59,10 +71,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
             "on board: the train has no traction unit; give at least one driven axle"
         )
     cars = model.train.cars
-    generator = np.random.default_rng(onboard.sensors.seed)
-    load_signal = np.array([car.load for car in cars]) * (
-        1.0 + onboard.sensors.load_error * generator.standard_normal(len(cars))
-    )
+    load_signal = _load_signal(model, onboard)
     share = s.static_load / np.array([car.mass for car in cars])[s.axle_car] / GRAVITY
     empty = np.array([car.empty_mass for car in cars])[s.axle_car] * share
     load = np.maximum(load_signal, 0.0)[s.axle_car] * share

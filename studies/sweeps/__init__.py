@@ -17,6 +17,7 @@ from studies.sweeps import (
     ladder,
     learning,
     readhesion,
+    resistance,
 )
 from studies.sweeps.statement import Statement
 
@@ -50,6 +51,7 @@ SWEEPS: dict[str, Sweep] = {
     "readhesion": readhesion,
     "calibration": calibration,
     "brake-force": brake_force,
+    "resistance": resistance,
 }
 """Every sweep by name."""
 

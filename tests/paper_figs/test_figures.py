@@ -20,6 +20,7 @@ from paper_figs import (
     FIGURES,
     adhesion_curve,
     adhesion_drop,
+    air_resistance,
     allocation_bars,
     axle_shifts,
     blended_braking,
@@ -38,6 +39,7 @@ from paper_figs import (
     differences,
     draw_run,
     faulty_car,
+    gradient_change,
     half_slip,
     ladder,
     learning,
@@ -50,12 +52,14 @@ from paper_figs import (
     readhesion_torque,
     readhesion_trajectory,
     real_line,
+    resistance_weights,
     rule_comparison,
     save_figure,
     sharing_wanders,
     slip_detection,
     slip_event,
     torque_table,
+    tunnel_mouth,
     unit_increments,
     utilisation_damage,
     width_sweep,
@@ -82,16 +86,19 @@ from studies.log_export import log_table
 from studies.measured_log import check_log
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
+from studies.resistance_learning import convergence
 from studies.scenario import load_scenario
+from studies.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.short_route import short_route
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|km|‰)\]$")
+UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -140,7 +147,17 @@ def line_run():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases, half_slips, line_run, logged) -> dict[str, Figure]:
+def passages():
+    """Two cases under both speed controls on a short route."""
+    return {
+        (control, case): drive_case(short_route(), case, control)
+        for control in CONTROLS
+        for case in (FEEDBACK, RIGHT)
+    }
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -180,6 +197,10 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged) -> dict[str, 
             allocated_stops(faulty_car.FAULT, 0),
             brake_table()[lambda t: t["part"] == "driven"],
         ),
+        "air-resistance": air_resistance.draw(short_route()),
+        "tunnel-mouth": tunnel_mouth.draw(short_route(), passages),
+        "gradient-change": gradient_change.draw(short_route(), passages),
+        "resistance-weights": resistance_weights.draw(convergence(short_route(), 1)),
     }
 
 
