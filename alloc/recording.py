@@ -184,7 +184,7 @@ def to_dataset(
 ) -> xr.Dataset:
     """Turn what the loop wrote into the recorded run."""
     model = event.model
-    values = _physical(model, record)
+    values = _physical(model, record.state, record.peak, record.body_acceleration)
     values |= {
         "driver_command": record.train[:, 2],
         "expected": record.train[:, 4],
@@ -204,11 +204,6 @@ def to_dataset(
         "computed_acceleration": record.acceleration,
         "air_brake_force": record.air,
     }
-    data = {
-        name: (v.dims, values[name], {"units": v.units, "long_name": v.long_name})
-        for name, v in VARIABLES.items()
-    }
-    coordinates = {"time": ("time", record.time, {"units": "s", "long_name": "time"})}
     attributes: dict[str, Any] = {
         "event": event.name,
         "event_hash": event_hash(event),
@@ -242,14 +237,50 @@ def to_dataset(
         "messages": json.dumps(tally.messages),
         **provenance(),
     }
+    return _dataset(record.time, values, attributes)
+
+
+def driven_dataset(
+    name: str,
+    model: Model,
+    time: Floats,
+    states: Floats,
+    peaks: Floats,
+    body_accelerations: Floats,
+    torque_command: Floats,
+) -> xr.Dataset:
+    """A run of `alloc.driving`: the variables that plant and driver decide; first dimension of all arrays: instants."""
+    values = _physical(model, states, peaks, body_accelerations)
+    values["torque_command"] = torque_command
+    attributes: dict[str, Any] = {
+        "event": name,
+        "train": model.train.name,
+        "train_mass": model.train.mass,
+        "train_rotating_mass": model.train.rotating_mass,
+        **provenance(),
+    }
+    return _dataset(time, values, attributes)
+
+
+def _dataset(
+    time: Floats, values: dict[str, NDArray[Any]], attributes: dict[str, Any]
+) -> xr.Dataset:
+    data = {
+        name: (v.dims, values[name], {"units": v.units, "long_name": v.long_name})
+        for name, v in VARIABLES.items()
+        if name in values
+    }
+    coordinates = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
 
 
-def _physical(model: Model, record: Record) -> dict[str, NDArray[Any]]:
-    """Everything that follows from the recorded states by the plant's own laws."""
+def _physical(
+    model: Model, states: Floats, peaks: Floats, body_accelerations: Floats
+) -> dict[str, NDArray[Any]]:
+    """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
     arrays = ArrayModel.of(model)
-    state, peak = record.state.T, record.peak.T
+    state, peak = states.T, peaks.T
     slip, mu, force = arrays.forces(state, peak)
     speed = state[n.speed]
     share = s.body_mass / s.body_mass.sum()
@@ -272,9 +303,9 @@ def _physical(model: Model, record: Record) -> dict[str, NDArray[Any]]:
     return {
         "position": state[n.position][0],
         "speed": share @ speed,
-        "acceleration": record.body_acceleration @ share,
+        "acceleration": body_accelerations @ share,
         "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": record.body_acceleration @ arrays.body_of_car.T,
+        "car_acceleration": body_accelerations @ arrays.body_of_car.T,
         "rim_speed": (s.radius[:, None] * state[n.omega]).T,
         "slip_velocity": slip.T,
         "coefficient": mu.T,

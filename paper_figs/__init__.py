@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from alloc.estimation.measured_run import Findings
+    from studies.line_run import LineRun
+    from studies.measured_log import MeasuredLog
     from studies.store import Store
 
 
@@ -65,6 +68,10 @@ FIGURES: dict[str, FigureEntry] = {
     ),
     "differences": FigureEntry(
         "differences", "where greedy and exact level differ: random problems and closed loop"
+    ),
+    "measured-log": FigureEntry(
+        "measured_log",
+        "what a train's log tells: slips found, coefficients, Q, brake force per car",
     ),
     "slip-detection": FigureEntry(
         "slip_detection", "acceleration of a unit, thresholds and slip signal (JP5484215 Fig. 5)"
@@ -126,6 +133,40 @@ FIGURES: dict[str, FigureEntry] = {
     "calibration": FigureEntry(
         "calibration", "how narrowly the readhesion paper determines what it does not print"
     ),
+    "real-line": FigureEntry(
+        "real_line",
+        "speed, limits and gradients of a minimum-time run (example line; run-line draws yours)",
+    ),
+    "brake-locomotive-only": FigureEntry(
+        "brake_locomotive_only",
+        "running test with only the locomotive braked: brake force per car (RTRI report Fig. 4)",
+    ),
+    "brake-all-cars": FigureEntry(
+        "brake_all_cars", "running test with locomotive and wagons braked (RTRI report Fig. 5)"
+    ),
+    "brake-cut-out": FigureEntry(
+        "brake_cut_out",
+        "averaged brake force over the number of braked wagons (RTRI report Fig. 6)",
+    ),
+    "brake-emergency": FigureEntry(
+        "brake_emergency",
+        "emergency brake of 18 cars: estimate, theory and remedies (RTRI report Fig. 7)",
+    ),
+    "faulty-car": FigureEntry(
+        "faulty_car", "which car did not deliver its allocated brake force (sweep brake-force)"
+    ),
+    "air-resistance": FigureEntry(
+        "air_resistance", "air resistance coefficient, open and tunnel (JP H07-322414 Fig. 3)"
+    ),
+    "tunnel-mouth": FigureEntry(
+        "tunnel_mouth", "acceleration and speed through a tunnel, by case (JP H07-322414 Fig. 9)"
+    ),
+    "gradient-change": FigureEntry(
+        "gradient_change", "acceleration and speed over a climb, by case (JP H07-322414 Fig. 10)"
+    ),
+    "resistance-weights": FigureEntry(
+        "resistance_weights", "convergence of the weights of running resistance, by learner"
+    ),
 }
 """Every figure by name."""
 
@@ -167,13 +208,31 @@ def comparison_figures(table: "pd.DataFrame", store: "Store", out: str | Path) -
 
 def draw_run(run: "xr.Dataset", path: str | Path) -> None:
     """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.slip_event import draw
+
+    _write(draw([run]), path)
+
+
+def draw_line_run(found: "LineRun", path: str | Path) -> None:
+    """Draw a run over a line by position into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.real_line import draw
+
+    _write(draw(found), path)
+
+
+def draw_log(log: "MeasuredLog", found: "Findings", path: str | Path) -> None:
+    """Draw what a log tells into a file; its ending (pdf, png, svg) gives the format."""
+    from paper_figs.measured_log import draw
+
+    _write(draw(log, found), path)
+
+
+def _write(figure: "Figure", path: str | Path) -> None:
     import matplotlib as mpl
 
-    from paper_figs.slip_event import draw
     from paper_figs.style import STYLE_FILE
     from studies.errors import StudyError
 
-    figure = draw([run])
     try:
         with mpl.rc_context(fname=STYLE_FILE):
             figure.savefig(path)
@@ -208,6 +267,8 @@ __all__ = [
     "FigureEntry",
     "comparison_figures",
     "draw_figures",
+    "draw_line_run",
+    "draw_log",
     "draw_run",
     "save_figure",
 ]

@@ -7,6 +7,7 @@ from alloc.metrics import METRICS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.controllers import controller_names
+from studies.log_columns import column_names
 from studies.scenario import load_scenario, shipped_scenarios
 from studies.sweeps import SWEEPS
 
@@ -25,7 +26,7 @@ CONTROLLER_MEANINGS = {
 
 
 def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Kind -> name -> one line of meaning, for scenarios, rules, controllers, trains, sweeps, figures and metrics.
+    """Kind -> name -> one line of meaning, of all that a command can be told.
 
     `figures`: name -> meaning; the figures stand above this package and come from outside.
     """
@@ -41,6 +42,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")
             for name, m in METRICS.items()
         },
+        "columns of a log": column_names(),
     }
 
 

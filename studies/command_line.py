@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.errors import StudyError
+from studies.line_command import run_line
+from studies.log_command import analyse
 from studies.options import Names, Whole, check_writable, process_count, split_names
 from studies.terminal import console, progress
 
@@ -136,6 +138,7 @@ def simulate(
     controller: str = "cut-and-ramp",
     seed: Whole = 0,
     out: Path | None = None,
+    log: Path | None = None,
     figure: Path | None = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
@@ -153,6 +156,9 @@ def simulate(
         Seed of the event's random draws, 0 or greater.
     out
         File for the recorded run (netCDF).
+    log
+        File for a log (csv or parquet) as `readhesion analyse` reads it; the train's data go beside
+        it, with the ending .train.toml.
     figure
         File for a figure of the run (pdf or png).
     as_json
@@ -165,19 +171,24 @@ def simulate(
     from studies.controllers import host_factories
     from studies.defaults import check_names
     from studies.job import Job, simulate_job
+    from studies.log_export import check_log_path, write_log
     from studies.scenario import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])
     if seed < 0:
         raise StudyError(f"--seed {seed}: must be 0 or greater")
-    for path in (out, figure):
+    for path in (out, log, figure):
         if path is not None:
             check_writable(path)
+    if log is not None:
+        check_log_path(log)
     run = simulate_job(Job(chosen, rule, controller, seed), host_factories(controller))
     values = evaluate(run)
     if out is not None:
         save(run, out)
+    if log is not None:
+        write_log(run, chosen.event(seed).model.train, log)
     if figure is not None:
         from paper_figs import draw_run
 
@@ -195,6 +206,9 @@ def simulate(
         shown = "–" if value != value else f"{value:.4g}"
         table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
     console().print(table)
+
+
+app.command(run_line)
 
 
 @app.command
@@ -291,7 +305,7 @@ def figures(
 
 @app.command(name="list")
 def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = False) -> None:
-    """List scenarios, rules, controllers, train sets, sweeps, figures and metrics.
+    """List scenarios, rules, controllers, train sets, sweeps, figures, metrics and columns of logs.
 
     Parameters
     ----------
@@ -318,6 +332,9 @@ def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = F
         screen.print(table)
 
 
+app.command(analyse)
+
+
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
     from studies.real_input import with_real_input
     from studies.scenario import default_scenarios, load_scenario
@@ -333,12 +350,15 @@ def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130."""
+    from alloc.estimation.errors import EstimationError
     from alloc.onboard import OnboardError
     from alloc.plant.errors import PlantError
     from alloc.rules import AllocationError
     from alloc.simulation import SimulationError
 
-    refused = (StudyError, PlantError, OnboardError, SimulationError, AllocationError, OSError)
+    refused = (
+        StudyError, PlantError, OnboardError, SimulationError, AllocationError, EstimationError, OSError
+    )  # fmt: skip
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:

@@ -196,6 +196,7 @@ class BeliefKeys(Strict):
     unit_increments: tuple[float, ...] | None = None
     unit_deviation: tuple[float, ...] | None = None
     curve: CurveKeys | None = None
+    loads_t: tuple[float, ...] | None = None
 
 
 class OnboardKeys(Strict):
@@ -250,5 +251,6 @@ class OnboardKeys(Strict):
                 unit_increments=belief.unit_increments,
                 unit_deviation=belief.unit_deviation,
                 curve=curve,
+                loads=None if belief.loads_t is None else tuple(1e3 * t for t in belief.loads_t),
             ),
         )

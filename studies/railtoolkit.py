@@ -1,101 +1,46 @@
 """Real lines and trains from railtoolkit files, schema 2022.05: running paths and rolling stock."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import Field, model_validator
 
 from alloc.plant.rail import Line
 from alloc.plant.train import Train
 from studies.errors import StudyError, unknown
-from studies.strict import Foreign, parse
+from studies.railtoolkit_keys import PathFile, StockFile, VehicleKeys
+from studies.railtoolkit_train import build_formation
+from studies.strict import parse
 
 SCHEMA_VERSION = "2022.05"
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"
 ROLLING_STOCK = "https://railtoolkit.org/schema/rolling-stock.json"
 
 
-class PathKeys(Foreign):
-    """A running path: sections of start [m], speed limit [km/h], gradient [per mille]."""
-
-    name: str
-    id: str
-    characteristic_sections: tuple[tuple[float, float, float], ...] = Field(min_length=2)
-
-    @model_validator(mode="after")
-    def _fits(self) -> "PathKeys":
-        for k, (start, limit, _) in enumerate(self.characteristic_sections):
-            if limit <= 0.0:
-                raise ValueError(f"section {k + 1}: speed limit {limit:g} km/h must exceed 0")
-            if k and start <= self.characteristic_sections[k - 1][0]:
-                raise ValueError(
-                    f"section {k + 1}: start {start:g} m must lie beyond the one before"
-                )
-        return self
-
-
-class VehicleKeys(Foreign):
-    """A vehicle: lengths in m, masses in t, resistance coefficients in per mille, effort as pairs of km/h and N."""
-
-    name: str
-    id: str
-    vehicle_type: Literal["traction unit", "freight", "passenger", "multiple unit"]
-    length: float = Field(gt=0.0)
-    mass: float = Field(gt=0.0)
-    mass_traction: float | None = Field(default=None, gt=0.0)
-    rotation_mass: float = Field(default=1.08, ge=1.0)
-    base_resistance: float = Field(default=0.0, ge=0.0)
-    rolling_resistance: float = Field(default=0.0, ge=0.0)
-    air_resistance: float = Field(default=0.0, ge=0.0)
-    tractive_effort: tuple[tuple[float, float], ...] | None = Field(default=None, min_length=2)
-
-    @model_validator(mode="after")
-    def _fits(self) -> "VehicleKeys":
-        if self.mass_traction is not None and self.mass_traction > self.mass * (1.0 + 1e-9):
-            raise ValueError(f"mass_traction = {self.mass_traction} exceeds mass = {self.mass}")
-        pairs = self.tractive_effort or ()
-        if any(speed < 0.0 or effort < 0.0 for speed, effort in pairs):
-            raise ValueError("tractive_effort must hold values of 0 or greater")
-        if any(b[0] <= a[0] for a, b in pairwise(pairs)):
-            raise ValueError("tractive_effort: speeds must grow")
-        if self.powered and (not pairs or self.mass_traction is None):
-            missing = "tractive_effort" if not pairs else "mass_traction"
-            raise ValueError(f"{missing} is missing for a {self.vehicle_type}")
-        return self
-
-    @property
-    def powered(self) -> bool:
-        """Whether the vehicle drives."""
-        return self.vehicle_type in ("traction unit", "multiple unit")
-
-
-class TrainKeys(Foreign):
-    """A train: the vehicles' ids from front to rear."""
-
-    name: str
-    id: str
-    formation: tuple[str, ...] = Field(min_length=1)
-
-
-class _PathFile(Foreign):
-    paths: tuple[PathKeys, ...] = Field(min_length=1)
-
-
-class _StockFile(Foreign):
-    trains: tuple[TrainKeys, ...] = ()
-    vehicles: tuple[VehicleKeys, ...] = Field(min_length=1)
-
-
 @dataclass(frozen=True)
 class Section:
-    """A stretch of line of one gradient: start, end [m], grade as rise per run."""
+    """A stretch of line of one gradient and one speed limit: start, end [m], grade as rise per run, limit [m/s]."""
 
     start: float
     end: float
     grade: float
+    speed_limit: float = math.inf
+
+
+@dataclass(frozen=True)
+class PointOfInterest:
+    """A point of the line [m] that the train's front or rear is to pass."""
+
+    station: float
+    name: str
+    measure: Literal["front", "rear"] = "front"
+
+    def front_position(self, length: float) -> float:
+        """Where the front of a train of this `length` [m] is when it passes."""
+        return self.station + (length if self.measure == "rear" else 0.0)
 
 
 @dataclass(frozen=True)
@@ -104,6 +49,12 @@ class RunningPath:
 
     name: str
     sections: tuple[Section, ...]
+    points: tuple[PointOfInterest, ...] = ()
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Start and end of the line [m]."""
+        return self.sections[0].start, self.sections[-1].end
 
     def line(
         self, tunnels: tuple[tuple[float, float], ...] = (), tunnel_factor: float = 1.0
@@ -121,28 +72,74 @@ class RunningPath:
         return max(self.sections, key=lambda section: section.grade)
 
 
+@dataclass(frozen=True)
+class RollingStock:
+    """A train that can run a line by itself: with its load, its brake and what it is allowed."""
+
+    train: Train
+    speed_limit: float
+    """Of its slowest vehicle [m/s]; inf if none has one."""
+    deceleration: float
+    """Under the service brake, in total: with resistance and gradient [m/s2], > 0."""
+
+    @property
+    def length(self) -> float:
+        """[m]"""
+        return sum(car.length for car in self.train.cars)
+
+
 def read_path(path: str | Path) -> RunningPath:
     """Read a running path; raises `StudyError` naming file, key and reason.
 
-    The gradient of a section holds to the start of the next one; the last entry only marks the end of the line.
+    Gradient and speed limit of a section hold to the start of the next one; the last entry only marks the end of the line.
     """
-    found = parse(_PathFile, _document(path, RUNNING_PATH, "running path"), str(path)).paths[0]
+    found = parse(PathFile, _document(path, RUNNING_PATH, "running path"), str(path)).paths[0]
     rows = found.characteristic_sections
     sections = tuple(
-        Section(row[0], following[0], 1e-3 * row[2]) for row, following in pairwise(rows)
+        Section(row[0], following[0], 1e-3 * row[2], row[1] / 3.6)
+        for row, following in pairwise(rows)
     )
-    return RunningPath(found.name, sections)
+    points = tuple(PointOfInterest(*row) for row in found.points_of_interest)
+    return RunningPath(found.name, sections, points)
 
 
 def read_train(path: str | Path) -> Train:
-    """Read the first train of a rolling-stock file; raises `StudyError` naming file, key and reason.
+    """Read the first train of a rolling-stock file, empty and without air brake.
 
     A file without trains is taken as one train of its first vehicle. See `studies.railtoolkit_train` for what the format
-    leaves open and what is assumed.
+    leaves open and what is assumed. Raises `StudyError` naming file, key and reason.
     """
-    from studies.railtoolkit_train import build_formation
+    name, members = _formation(path)
+    return build_formation(name, members, _source(path))
 
-    content = parse(_StockFile, _document(path, ROLLING_STOCK, "rolling stock"), str(path))
+
+def read_rolling_stock(path: str | Path, load_share: float = 1.0) -> RollingStock:
+    """Read the first train of a file as one that runs a line: loaded, and braked to its `a_braking`.
+
+    `load_share` of the vehicles' `load_limit`, 0 to 1. Of several vehicles with an `a_braking` or a `speed_limit` the
+    least one counts. Raises `StudyError` naming file, key and reason, as where no driving vehicle has an `a_braking`.
+    """
+    if not 0.0 <= load_share <= 1.0:
+        raise StudyError(f"load_share = {load_share!r} must lie between 0 and 1")
+    name, members = _formation(path)
+    braking = [-vehicle.a_braking for vehicle in members if vehicle.a_braking is not None]
+    if not braking:
+        driving = next(vehicle.id for vehicle in members if vehicle.powered)
+        raise StudyError(
+            f"{path}: key 'vehicles.a_braking' of vehicle {driving!r} is missing; a train that is to stop needs it"
+        )
+    limits = [v.speed_limit / 3.6 for v in members if v.speed_limit is not None]
+    train = build_formation(name, members, _source(path), load_share, min(braking))
+    return RollingStock(train, min(limits, default=math.inf), min(braking))
+
+
+def _source(path: str | Path) -> str:
+    return f"railtoolkit file {Path(path).name}"
+
+
+def _formation(path: str | Path) -> tuple[str, list[VehicleKeys]]:
+    """Name and vehicles, front to rear, of the first train of a file."""
+    content = parse(StockFile, _document(path, ROLLING_STOCK, "rolling stock"), str(path))
     vehicles = {vehicle.id: vehicle for vehicle in content.vehicles}
     train = content.trains[0] if content.trains else None
     formation = train.formation if train else (content.vehicles[0].id,)
@@ -151,11 +148,10 @@ def read_train(path: str | Path) -> Train:
             raise StudyError(
                 f"{path}: key 'trains[1].formation': {unknown('vehicle', member, vehicles)}"
             )
-    name = train.name if train else content.vehicles[0].name
     members = [vehicles[member] for member in formation]
     if not any(vehicle.powered for vehicle in members):
         raise StudyError(f"{path}: key 'trains[1].formation': no vehicle of the train has traction")
-    return build_formation(name, members, f"railtoolkit file {Path(path).name}")
+    return train.name if train else content.vehicles[0].name, members
 
 
 def _document(path: str | Path, schema: str, what: str) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 from alloc.plant.equations import GRAVITY
 from alloc.plant.errors import PlantError
-from alloc.plant.train import EFFORT_TABLE_LENGTH, Car, Motors, TorqueLimit, Train
+from alloc.plant.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Motors, TorqueLimit, Train
 from studies.errors import StudyError
-from studies.railtoolkit import VehicleKeys
+from studies.railtoolkit_keys import VehicleKeys
 
 BOGIE_SPACING = 20.0
 """Typical distance [m] between bogies of a section (two bogies on a coach of 26 m, three under an articulated pair)."""
@@ -24,6 +24,14 @@ GEAR_RATIO = 7.07
 """Of the readhesion paper; it cancels between effort, torque and wheel."""
 DRIVEN_INERTIA_RATIO = 2.0
 """Inertia of a driven wheelset with its gear and motor over that of a carrying one."""
+SERVICE_PRESSURE = 380e3
+"""Cylinder pressure [Pa] of a full service application, as usual in Europe."""
+BRAKE_LAG = 0.2
+"""Time constant [s] of the brake cylinders, assumed: the format knows a deceleration without build-up, so the brake is taken
+as quick as a good electropneumatic one and the driver sees the rest coming."""
+BRAKED_FALL = 0.05
+"""Fall (per run) on which the full brake still reaches `a_braking`, assumed: the format gives the deceleration alone, on
+whatever gradient. Running paths of standard railways stay below 0.04."""
 
 AIR_SPEED_MARGIN = 15.0 / 3.6
 """Headwind [m/s] that the resistance formula of traction units and coaches adds to the speed."""
@@ -83,14 +91,33 @@ def effort_table(vehicle: VehicleKeys) -> list[float]:
     return [*table, 0.0]
 
 
-def build_car(vehicle: VehicleKeys, name: str) -> Car:
-    """One car of the plant for a vehicle; an articulated one counts as one rigid car with all its bogies."""
+def air_brake(mass: float, rotation_mass: float, axles: int, deceleration: float) -> AirBrake:
+    """A brake on every axle of a car that gives `deceleration` [m/s2] on a fall of `BRAKED_FALL` at full pressure."""
+    force = mass * (rotation_mass * deceleration + GRAVITY * BRAKED_FALL)
+    return AirBrake(
+        maximum_pressure=SERVICE_PRESSURE,
+        force_per_pascal=force / (axles * SERVICE_PRESSURE),
+        fill_time=BRAKE_LAG,
+        release_time=BRAKE_LAG,
+        dead_time=0.0,
+    )
+
+
+def build_car(
+    vehicle: VehicleKeys, name: str, load_share: float = 0.0, deceleration: float | None = None
+) -> Car:
+    """One car of the plant for a vehicle; an articulated one counts as one rigid car with all its bogies.
+
+    `load_share` of its `load_limit` is on board; the rotating mass is that of the loaded car, as running-time programs
+    read `rotation_mass`. With a `deceleration` [m/s2] it has an air brake for it.
+    """
     bogies, driving = bogie_count(vehicle), driven_bogies(vehicle)
     overhang = min(3.5, 0.25 * vehicle.length)
     spacing = (vehicle.length - 2.0 * overhang) / (bogies - 1)
     centres = [overhang + spacing * b for b in range(bogies)]
     driven = tuple(b in driving for b in range(bogies) for _ in range(2))
-    mass = 1e3 * vehicle.mass
+    empty, load = 1e3 * vehicle.mass, 1e3 * load_share * vehicle.load_limit
+    mass = empty + load
     share = None
     if driving and vehicle.mass_traction is not None:
         on_driven = vehicle.mass_traction / vehicle.mass
@@ -116,26 +143,42 @@ def build_car(vehicle: VehicleKeys, name: str) -> Car:
     return Car(
         name=name,
         length=vehicle.length,
-        empty_mass=mass,
-        load=0.0,
+        empty_mass=empty,
+        load=load,
         axle_positions=tuple(c + side for c in centres for side in (-half, half)),
         bogie_of_axle=tuple(b for b in range(bogies) for _ in range(2)),
         wheel_radius=WHEEL_RADIUS,
         wheel_inertia=tuple(rotating * w / sum(weights) for w in weights),
         driven=driven,
         motors=motors,
+        air_brake=None
+        if deceleration is None
+        else air_brake(mass, vehicle.rotation_mass, len(driven), deceleration),
         axle_load_share=share,
     )
 
 
-def build_formation(name: str, vehicles: Sequence[VehicleKeys], source: str) -> Train:
-    """A rigid, empty train of these vehicles, front to rear; its plan is its full effort at standstill."""
+def build_formation(
+    name: str,
+    vehicles: Sequence[VehicleKeys],
+    source: str,
+    load_share: float = 0.0,
+    deceleration: float | None = None,
+) -> Train:
+    """A rigid train of these vehicles, front to rear; its plan is its full effort at standstill.
+
+    `load_share` and `deceleration` as in `build_car`. Resistance is that of the empty vehicles: the format's coefficients
+    refer to `mass`.
+    """
     try:
-        cars = tuple(build_car(v, f"{v.id} {k + 1}") for k, v in enumerate(vehicles))
+        cars = tuple(
+            build_car(v, f"{v.id} {k + 1}", load_share, deceleration)
+            for k, v in enumerate(vehicles)
+        )
         terms = [resistance(vehicle) for vehicle in vehicles]
         a, b, c = (sum(term[k] for term in terms) for k in range(3))
         effort = sum(v.tractive_effort[0][1] for v in vehicles if v.powered and v.tractive_effort)
-        moved = sum(1e3 * v.mass * v.rotation_mass for v in vehicles)
+        moved = sum(v.rotation_mass * car.mass for v, car in zip(vehicles, cars, strict=True))
         return Train(
             name=name,
             cars=cars,

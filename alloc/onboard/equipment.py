@@ -55,6 +55,18 @@ class Equipment(NamedTuple):
     group_pressure: Floats  # (groups,) highest pressure [Pa]
 
 
+def _load_signal(model: Model, onboard: Onboard) -> Floats:
+    """Pay load of each car [kg] as the computers take it, (cars,): learnt, or from sensors with their errors."""
+    cars, loads = model.train.cars, onboard.belief.loads
+    if loads is None:
+        generator = np.random.default_rng(onboard.sensors.seed)
+        errors = onboard.sensors.load_error * generator.standard_normal(len(cars))
+        return np.array([car.load for car in cars]) * (1.0 + errors)
+    if len(loads) != len(cars):
+        raise OnboardError(f"belief: {len(loads)} loads for {len(cars)} cars; give one per car")
+    return np.asarray(loads, dtype=float)
+
+
 def equipment(model: Model, onboard: Onboard) -> Equipment:
     """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
     s, n = model.structure, model.layout
@@ -63,10 +75,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
             "on board: the train has no traction unit and no air brake; give at least one driven axle, or an air brake"
         )
     cars = model.train.cars
-    generator = np.random.default_rng(onboard.sensors.seed)
-    load_signal = np.array([car.load for car in cars]) * (
-        1.0 + onboard.sensors.load_error * generator.standard_normal(len(cars))
-    )
+    load_signal = _load_signal(model, onboard)
     share = s.static_load / np.array([car.mass for car in cars])[s.axle_car] / GRAVITY
     empty = np.array([car.empty_mass for car in cars])[s.axle_car] * share
     load = np.maximum(load_signal, 0.0)[s.axle_car] * share
@@ -156,7 +165,10 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         group_inertia=float(onboard.inertia_in_limit)
         * (turning / loaded)[foremost]
         / (GRAVITY * brake_share),
-        group_gain=s.shoe_gain[foremost],
+        # as built: a brake that has been cut out is what the computers do not know
+        group_gain=np.array(
+            [car.air_brake.force_per_pascal if car.air_brake else 0.0 for car in cars]
+        )[s.axle_car[foremost]],
         group_friction=s.shoe_friction[foremost],
         group_pressure=np.array(pressures)[s.axle_car[foremost]],
     )

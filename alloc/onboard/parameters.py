@@ -171,12 +171,20 @@ class Belief:
     `increments` None: all zero. JP5484215 (15) gives Shinkansen values. `unit_increments`: increment of each traction unit
     over the foremost one, as learnt; stands in place of `increments`, from which it is otherwise the mean over the
     unit's axles. `unit_deviation`: standard deviation of each unit's cap about the truth, for rules that know risk.
+    `loads`: pay load of each car [kg] in place of the load sensors, as learnt from the train's motion (JP H07-322414).
     """
 
     increments: tuple[float, ...] | None = None
     unit_increments: tuple[float, ...] | None = None
     unit_deviation: tuple[float, ...] | None = None
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
+    loads: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.loads is not None and not all(math.isfinite(x) and x >= 0.0 for x in self.loads):
+            raise OnboardError(
+                f"belief: loads = {self.loads} must be finite, 0 or greater, one per car in kg"
+            )
 
 
 @dataclass(frozen=True)

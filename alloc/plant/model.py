@@ -183,7 +183,9 @@ def _structure(train: Train) -> tuple[Structure, Layout]:
                 -1 if car.air_brake is None else first_group + car.bogie_of_axle[i]
             )
             axle["offset"].append(-(front + position))
-            shoe_gain.append(0.0 if car.air_brake is None else car.air_brake.force_per_pascal)
+            brake = car.air_brake
+            works = brake is not None and car.bogie_of_axle[i] not in brake.cut_out
+            shoe_gain.append(brake.force_per_pascal if brake is not None and works else 0.0)
             friction.append((0.0, 1.0, 0.0) if car.air_brake is None else car.air_brake.friction)
         front += car.length
     mass = np.array([car.mass for car in cars])

@@ -106,6 +106,9 @@ class AirBrake:
     cylinder_volume: float = 4e-3
     """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
     units of about 0.7 l at their stroke (7 in piston, 30 mm) and as much as one more in the pipes."""
+    cut_out: tuple[int, ...] = ()
+    """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
+    computers do not know of it."""
 
     def __post_init__(self) -> None:
         require_finite(
@@ -118,6 +121,10 @@ class AirBrake:
         if not offset > 0.0 or numerator < 0.0 or constant < 0.0:
             raise PlantError(
                 f"air brake: friction = {self.friction} needs offset > 0, numerator and constant >= 0"
+            )
+        if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
+            raise PlantError(
+                f"air brake: cut_out = {self.cut_out} must be numbers of bogies, 0 = foremost"
             )
 
 
@@ -183,6 +190,11 @@ class Car:
             )
         if any(self.driven) and self.motors is None:
             raise PlantError(f"{owner}: has driven axles but no motors")
+        brake = self.air_brake
+        if brake is not None and any(b > self.bogie_of_axle[-1] for b in brake.cut_out):
+            raise PlantError(
+                f"{owner}: cut_out = {brake.cut_out}, but its bogies are 0 to {self.bogie_of_axle[-1]}"
+            )
         share = self.axle_load_share
         if share is not None and not (
             len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
@@ -238,8 +250,12 @@ class Car:
         """The same car running the other way round."""
         last = max(self.bogie_of_axle)
         share = self.axle_load_share
+        brake = self.air_brake
+        if brake is not None:
+            brake = replace(brake, cut_out=tuple(sorted(last - b for b in brake.cut_out)))
         return replace(
             self,
+            air_brake=brake,
             axle_positions=tuple(self.length - p for p in reversed(self.axle_positions)),
             bogie_of_axle=tuple(last - b for b in reversed(self.bogie_of_axle)),
             wheel_inertia=self.wheel_inertia[::-1],

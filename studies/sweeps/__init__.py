@@ -8,6 +8,7 @@ import pandas as pd
 
 from studies.errors import unknown
 from studies.sweeps import (
+    brake_force,
     calibration,
     claims,
     curves,
@@ -16,6 +17,7 @@ from studies.sweeps import (
     ladder,
     learning,
     readhesion,
+    resistance,
 )
 from studies.sweeps.statement import Statement
 
@@ -48,6 +50,8 @@ SWEEPS: dict[str, Sweep] = {
     "joint": joint,
     "readhesion": readhesion,
     "calibration": calibration,
+    "brake-force": brake_force,
+    "resistance": resistance,
 }
 """Every sweep by name."""
 

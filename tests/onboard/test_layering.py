@@ -30,9 +30,13 @@ def _module_level_imports(path):
 @pytest.mark.parametrize("layer", LAYERS)
 def test_no_layer_imports_upward(layer):
     above = set(LAYERS[LAYERS.index(layer) + 1 :])
-    # the command line draws figures on request: it may import them inside a function
+    # commands draw figures on request: they may import them inside a function
     for path in (ROOT / layer).rglob("*.py"):
-        reader = _module_level_imports if path.name == "command_line.py" else _imports
+        reader = (
+            _module_level_imports
+            if path.name.endswith(("command_line.py", "_command.py"))
+            else _imports
+        )
         for name in reader(path):
             assert name.split(".")[0] not in above, f"{path.relative_to(ROOT)} imports {name}"
 

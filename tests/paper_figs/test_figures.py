@@ -9,17 +9,25 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard import Detector
 from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.sets.jp4209318_3car import rail as wet_rail
+from alloc.plant.train import Coupler
 from alloc.rules import RULES
 from paper_figs import (
     FIGURES,
     adhesion_curve,
     adhesion_drop,
+    air_resistance,
     allocation_bars,
     axle_shifts,
     blended_braking,
+    brake_all_cars,
+    brake_cut_out,
+    brake_emergency,
+    brake_locomotive_only,
     calibration,
     claim_a,
     claim_b,
@@ -30,22 +38,28 @@ from paper_figs import (
     curves,
     differences,
     draw_run,
+    faulty_car,
+    gradient_change,
     half_slip,
     ladder,
     learning,
     limit_cycle,
     margin_sweep,
+    measured_log,
     planned_curves,
     readhesion_factor,
     readhesion_slip,
     readhesion_torque,
     readhesion_trajectory,
+    real_line,
+    resistance_weights,
     rule_comparison,
     save_figure,
     sharing_wanders,
     slip_detection,
     slip_event,
     torque_table,
+    tunnel_mouth,
     unit_increments,
     utilisation_damage,
     width_sweep,
@@ -60,22 +74,33 @@ from paper_figs.style import (
     STYLE_FILE,
     rule_colour,
 )
+from studies.brake_tests import run_test
 from studies.controllers import controller_names
 from studies.errors import StudyError
+from studies.example_line import EXAMPLE_PATH, example_stock
+from studies.faulty_car import allocated_stops
 from studies.job import Job, simulate_job
 from studies.limit_cycle_comparison import compare_cycles
+from studies.line_run import run_line
+from studies.log_export import log_table
+from studies.measured_log import check_log
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
+from studies.resistance_learning import convergence
 from studies.scenario import load_scenario
+from studies.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
+from tests.simulation.slides import TRAIN, braked, readhering
+from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.short_route import short_route
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
-    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+    "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -108,7 +133,31 @@ def half_slips():
 
 
 @pytest.fixture(scope="module")
-def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
+def logged():
+    """A log with a gap, of coupled cars that slide."""
+    train = TRAIN.coupled(Coupler())
+    table = log_table(braked(readhering, train=train, rail=wet_rail(), duration=10.0), train, 5)
+    log = check_log(table.drop(index=range(60, 80)), MeasuredTrain.of(train), "log")
+    return log, analyse_run(log.run, log.train)
+
+
+@pytest.fixture(scope="module")
+def line_run():
+    return run_line(EXAMPLE_PATH, example_stock())
+
+
+@pytest.fixture(scope="module")
+def passages():
+    """Two cases under both speed controls on a short route."""
+    return {
+        (control, case): drive_case(short_route(), case, control)
+        for control in CONTROLS
+        for case in (FEEDBACK, RIGHT)
+    }
+
+
+@pytest.fixture(scope="module")
+def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
         "adhesion-curve": adhesion_curve.draw(),
@@ -138,6 +187,20 @@ def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "real-line": real_line.draw(line_run),
+        "measured-log": measured_log.draw(*logged),
+        "brake-locomotive-only": brake_locomotive_only.draw(run_test("locomotive", 0)),
+        "brake-all-cars": brake_all_cars.draw(run_test("all", 0)),
+        "brake-cut-out": brake_cut_out.draw(brake_table()),
+        "brake-emergency": brake_emergency.draw(run_test("emergency", 0)),
+        "faulty-car": faulty_car.draw(
+            allocated_stops(faulty_car.FAULT, 0),
+            brake_table()[lambda t: t["part"] == "driven"],
+        ),
+        "air-resistance": air_resistance.draw(short_route()),
+        "tunnel-mouth": tunnel_mouth.draw(short_route(), passages),
+        "gradient-change": gradient_change.draw(short_route(), passages),
+        "resistance-weights": resistance_weights.draw(convergence(short_route(), 1)),
     }
 
 
@@ -246,6 +309,22 @@ def test_the_bars_are_the_rules_answers(drawn):
             np.testing.assert_allclose(heights, allocation_bars.allocate(rule, found).limit)
 
 
+def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
+    log, found = logged
+    axes = drawn["measured-log"].axes
+    train = next(line for line in axes[0].get_lines() if line.get_label() == "train")
+    assert np.isnan(train.get_ydata()).sum() == 1
+    np.testing.assert_allclose(train.get_ydata()[:60], 3.6 * log.run.speed[:60])
+    slips = [
+        line
+        for line in axes[1].get_lines()
+        if line.get_marker() == "o" and np.size(line.get_xdata())
+    ]
+    assert len(slips) == len(found.events)
+    forces = {line.get_label(): line for line in axes[4].get_lines()}
+    np.testing.assert_allclose(forces["car 2"].get_ydata()[:60], 1e-3 * found.car_force[:60, 1])
+
+
 def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
     assert allocation_bars.allocate("exact", allocation_bars.HIGH).case == "B"
     assert allocation_bars.allocate("exact", allocation_bars.LOW).case == "A"
@@ -258,6 +337,14 @@ def test_the_event_shows_the_recorded_run(drawn, runs):
             np.testing.assert_array_equal(line.get_ydata(), run["motor_torque"].values[:, unit])
         train = next(line for line in lines_of(axes[0, column]) if line.get_label() == "train")
         np.testing.assert_allclose(train.get_ydata(), 3.6 * run["speed"].values)
+
+
+def test_the_line_shows_the_run_below_what_is_permitted(drawn, line_run):
+    permitted, speed = drawn["real-line"].axes[0].get_lines()[:2]
+    np.testing.assert_allclose(speed.get_xdata(), 1e-3 * line_run.run["position"].values)
+    np.testing.assert_allclose(speed.get_ydata(), 3.6 * line_run.run["speed"].values)
+    allowed = np.interp(speed.get_xdata(), permitted.get_xdata(), permitted.get_ydata())
+    assert (speed.get_ydata() - allowed).max() < 2.0  # between two points of the drawn curve
 
 
 def test_the_comparison_shows_the_means_of_the_table(drawn, source):

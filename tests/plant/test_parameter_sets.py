@@ -69,11 +69,21 @@ def test_planned_coefficients():
 
 
 def test_freight_brake_is_that_of_the_report():
-    """RTRI report 3.2.2: about 60 kN on the locomotive in the third step, wagons in proportion to mass."""
+    """RTRI report 3.2.2: about 60 kN on the locomotive in stops from 25 km/h, wagons in proportion to mass."""
     cars = find_set("freight-5").cars
-    force = [c.air_brake.force_per_pascal * 350e3 * len(c.axle_positions) for c in cars]
+    friction = (12.5 + 150.0) / (2.0 * 12.5 + 150.0)  # at the mean speed of such a stop
+    force = [c.air_brake.force_per_pascal * 350e3 * friction * len(c.axle_positions) for c in cars]
     assert force[0] == pytest.approx(60e3)
     np.testing.assert_allclose(np.array(force) / [c.mass for c in cars], 60e3 / 96e3)
+
+
+def test_a_wagons_rigging_gives_its_brake_force():
+    """RTRI report (7): tau kappa eta S P mu."""
+    brake = find_set("freight-5").cars[-1].air_brake
+    product = freight.CYLINDERS * freight.LEVER_RATIO * freight.RIGGING_EFFICIENCY
+    force = product * freight.PISTON_AREA * 350e3 * freight.STANDSTILL_FRICTION
+    assert force == pytest.approx(4 * brake.force_per_pascal * 350e3)
+    assert 2.0 < freight.LEVER_RATIO < 10.0
 
 
 def test_dead_time_grows_along_the_freight_train():

@@ -111,3 +111,9 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
 def test_bad_values_are_refused(tmp_path, text, message):
     with pytest.raises((StudyError, ValueError), match=message):
         onboard(tmp_path, text)
+
+
+def test_believed_loads_are_tonnes_per_car(tmp_path):
+    found = onboard(tmp_path, "[belief]\nloads_t = [1.5, 2, 0, 0, 0, 0, 0, 0]")
+    assert found.belief.loads == (1500.0, 2000.0, *(0.0,) * 6)
+    assert onboard(tmp_path, "").belief.loads is None

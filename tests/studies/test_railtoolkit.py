@@ -144,8 +144,8 @@ def test_a_faulty_train_file_is_refused_with_file_key_and_reason(write, content,
     ("sections", "words"),
     [
         ([[0, 80, 0]], "characteristic_sections"),
-        ([[0, 80, 0], [0, 80, 1]], "section 2: start 0 m must lie beyond"),
-        ([[0, 0, 0], [9, 80, 1]], "section 1: speed limit 0 km/h must exceed 0"),
+        ([[0, 80, 0], [0, 80, 1]], "characteristic_sections[2]: start 0 m must lie beyond"),
+        ([[0, 0, 0], [9, 80, 1]], "characteristic_sections[1]: speed limit 0 km/h must exceed 0"),
         ([[0, 80, float("inf")], [9, 80, 1]], "finite"),
     ],
 )

@@ -1,6 +1,8 @@
 """Locomotive and container wagons with draft gear, as in RTRI's running tests with 5 and with 17 wagons."""
 
-from alloc.plant.equations import GRAVITY
+import math
+
+from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
 
 SOURCES = {
@@ -8,10 +10,13 @@ SOURCES = {
     "Koki 104 and 106",
     "locomotive": "DF200 (published data): 96 t on six axles, Bo-Bo-Bo; length 19.6 m",
     "wagon": "Koki 104 (published data): 20.4 m, about 19 t empty, 40 t of load; bogie centres 14.2 m, wheelbase 1.9 m",
-    "brake force": "RTRI report, 3.2.2: locomotive about 60 kN in the third service step, wagons in proportion to mass; "
-    "350 kPa in that step assumed",
+    "brake force": "RTRI report, 3.2.2: locomotive about 60 kN in stops from 25 km/h in the third service step, taken at "
+    "the middle of that speed range; wagons in proportion to mass; 350 kPa in that step and 500 kPa in emergency assumed",
     "friction": "assumed: (V + 150) / (2 V + 150), composition shoes relative to standstill; the report says that "
     "friction is a function of speed",
+    "rigging": "RTRI report (7): constants of a wagon; one cylinder per bogie, since bogies are cut out one by one, of "
+    "254 mm (10 inch, a usual size), efficiency 0.9 and shoe friction 0.25 at standstill assumed; the lever ratio, 4.9, "
+    "follows from the brake force",
     "dead_time": "assumed: the brake pipe's wave runs at 250 m/s from the locomotive, and 0.3 s at the valve",
     "fill_time": "assumed: 3 s to fill, 6 s to release, slow cylinders of freight stock",
     "coupler": "assumed: rubber draft gear that stiffens (report, section 2), about 0.8 MN at 70 mm, 20 mm of slack, "
@@ -24,18 +29,36 @@ SOURCES = {
 
 STEP_PRESSURE = 350e3
 LOCOMOTIVE_MASS = 96e3
-STEP_FORCE = 60e3  # locomotive, third step, RTRI report Fig. 5
+STEP_FORCE = 60e3  # locomotive, third step, RTRI report Figs. 4 and 5
+STEP_SPEED = 12.5 / 3.6  # a constant deceleration from 25 km/h has this mean speed
 FRICTION = (37.5, 75.0, 0.5)  # (V + 150) / (2 V + 150)
+STEP_FRICTION = hyperbolic_speed_law(STEP_SPEED, *FRICTION)
+WAGON_MASS = (19e3, 40e3)  # empty, load
+CYLINDERS = 2
+PISTON_AREA = math.pi / 4.0 * 0.254**2
+RIGGING_EFFICIENCY = 0.9
+STANDSTILL_FRICTION = 0.25
+EMERGENCY_PRESSURE = 500e3
 PIPE_WAVE_SPEED = 250.0
 VALVE_DEAD_TIME = 0.3
 PLANNED_COEFFICIENT = 0.16
 DRAFT_GEAR = Coupler(stiffness=4.0e6, stiffening=1.5e9, damping=1.2e5, slack=0.02)
 
 
+def _gain(mass: float) -> float:
+    """Brake force [N] of a whole car per pascal at standstill."""
+    return STEP_FORCE * mass / LOCOMOTIVE_MASS / STEP_PRESSURE / STEP_FRICTION
+
+
+LEVER_RATIO = _gain(sum(WAGON_MASS)) / (
+    CYLINDERS * RIGGING_EFFICIENCY * PISTON_AREA * STANDSTILL_FRICTION
+)
+
+
 def _brake(mass: float, axles: int, distance: float) -> AirBrake:
     return AirBrake(
-        maximum_pressure=500e3,
-        force_per_pascal=STEP_FORCE * mass / LOCOMOTIVE_MASS / axles / STEP_PRESSURE,
+        maximum_pressure=EMERGENCY_PRESSURE,
+        force_per_pascal=_gain(mass) / axles,
         fill_time=3.0,
         release_time=6.0,
         dead_time=VALVE_DEAD_TIME + distance / PIPE_WAVE_SPEED,
@@ -65,7 +88,7 @@ def _locomotive() -> Car:
 
 
 def _wagon(number: int) -> Car:
-    empty, load = 19e3, 40e3
+    empty, load = WAGON_MASS
     return Car(
         name=f"wagon {number}",
         length=20.4,

@@ -1,0 +1,205 @@
+"""Learning the weights of running resistance from a train's motion: JP H07-322414 (4), (5), (8), and two yardsticks.
+
+Every learner moves W1 in the open only and W2 in tunnels only. Errors are forces [N], delta / K_i of the source, whose gain
+K_d on the current is 1 / K_i times the gain here.
+
+Persistence of excitation: a weight is learnt only as far as the run moves its regressor apart from the others. At constant
+speed on level track V^2 is constant and a + g sin(theta) is zero: W1 can be learnt, W3 not at all. At constant speed on one
+gradient both are constant and only W1 V^2 + W3 g sin(theta) can be told: an error of one hides behind the other. A gradient
+or an acceleration that comes and goes at one speed excites W3; a change of speed on level track tells W1 from A and B. W2
+needs a tunnel, and is told from W3 by a run outside of it. `alloc.estimation.excitation` says what a run has taught.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.estimation.errors import EstimationError
+
+Floats = NDArray[np.float64]
+
+SECTION_WEIGHTS = (0, 1)
+"""Places of W1 and W2, each of which belongs to its own section."""
+MASS = 2
+TYPICAL = (400.0, 400.0, 0.5, 1.0, 20.0)
+"""Typical regressors, by which the normalised gradient scales: (20 m/s)^2, twice; 0.5 m/s2; 1; 20 m/s."""
+
+
+def gradient_step(weights: Floats, direction: Floats, error: float, gain: float) -> Floats:
+    """(5): W + K_d delta Z, the gradient of half the squared error with one gain for all weights.
+
+    It lessens the error of that sample where 0 < gain |Z|^2 < 2, if `direction` is the regressor, and enlarges it beyond.
+    """
+    return weights + gain * error * direction
+
+
+def normalised_step(
+    weights: Floats, regressor: Floats, error: float, rate: float, typical: Floats
+) -> Floats:
+    """Normalised least mean squares in scaled regressors Z / `typical`: the error of that sample shrinks by 1 - `rate`.
+
+    Neither the unit of the force nor those of the regressors matter, if `typical` has the same. Nothing is learnt from a
+    regressor of zeros.
+    """
+    scaled = regressor / typical
+    size = float(scaled @ scaled)
+    if size == 0.0:
+        return weights.copy()
+    return weights + rate * error * scaled / (typical * size)
+
+
+def least_squares_step(
+    weights: Floats,
+    covariance: Floats,
+    regressor: Floats,
+    error: float,
+    noise: float,
+    free: NDArray[np.bool_],
+) -> tuple[Floats, Floats]:
+    """One step of recursive least squares for a sample of standard deviation `noise` [N]; new weights and covariance.
+
+    Weights that are not `free` keep their values, as considered parameters in Schmidt's filter (1966); with all of them
+    free it is recursive least squares. Joseph's form keeps the covariance positive.
+    """
+    along = covariance @ regressor
+    gain = np.where(free, along, 0.0) / (noise * noise + float(regressor @ along))
+    rest = np.eye(weights.size) - np.outer(gain, regressor)
+    moved = rest @ covariance @ rest.T + noise * noise * np.outer(gain, gain)
+    return weights + gain * error, 0.5 * (moved + moved.T)
+
+
+def _checked(weights: ArrayLike) -> Floats:
+    array = np.array(weights, dtype=float)
+    if array.shape not in ((3,), (5,)) or not np.all(np.isfinite(array)):
+        raise EstimationError(f"resistance learner: weights = {weights!r} must be 3 or 5 numbers")
+    return array
+
+
+def _sample(weights: Floats, regressor: Floats, error: float) -> None:
+    if regressor.shape != weights.shape or not np.all(np.isfinite(regressor)):
+        raise EstimationError(
+            f"resistance learner: regressor = {regressor} must be {weights.size} finite numbers"
+        )
+    if not math.isfinite(error):
+        raise EstimationError(f"resistance learner: error = {error!r} must be finite")
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise EstimationError(
+                f"resistance learner: {name} = {value!r} must be finite and greater than 0"
+            )
+
+
+@dataclass(eq=False)
+class GradientLearner:
+    """(5) with one gain K_d for all weights; `as_printed` takes Z3 = a as the source prints it, not a + g sin(theta).
+
+    With the misprint W3 learns nothing from a gradient at constant speed, and moves away from the truth where a and
+    a + g sin(theta) have opposite signs, as when a train slows down uphill.
+    """
+
+    weights: Floats
+    gain: float
+    as_printed: bool = False
+    kind: ClassVar[str] = "gradient"
+
+    def __post_init__(self) -> None:
+        self.weights = _checked(self.weights)
+        _positive(gain=self.gain)
+
+    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
+        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        _sample(self.weights, regressor, error)
+        direction = regressor
+        if self.as_printed:
+            if acceleration is None:
+                raise EstimationError("resistance learner: as printed it needs the acceleration")
+            direction = regressor.copy()
+            direction[MASS] = acceleration
+        self.weights = gradient_step(self.weights, direction, error, self.gain)
+
+
+@dataclass(eq=False)
+class NormalisedGradientLearner:
+    """Normalised gradient: `rate` in (0, 2) of a sample's error is taken away; `typical` (weights,) scales regressors."""
+
+    weights: Floats
+    rate: float
+    typical: Floats = field(default_factory=lambda: np.array(TYPICAL))
+    kind: ClassVar[str] = "normalised"
+
+    def __post_init__(self) -> None:
+        self.weights = _checked(self.weights)
+        self.typical = np.array(self.typical, dtype=float)[: self.weights.size]
+        _positive(rate=self.rate, typical=float(self.typical.min()))
+
+    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
+        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        _sample(self.weights, regressor, error)
+        self.weights = normalised_step(self.weights, regressor, error, self.rate, self.typical)
+
+
+@dataclass(eq=False)
+class LeastSquaresLearner:
+    """Recursive least squares: `deviation` (weights,) of the prior, `noise` [N] of a sample, `forgetting` in (0, 1].
+
+    Only weights whose regressor is not zero forget, and none beyond the prior: what a run does not excite must not drift
+    off. `joint`: full least squares, in which a sample from a tunnel moves W1 too, through what both share with W3; the
+    source, and so the default, moves W1 in the open only.
+    """
+
+    weights: Floats
+    deviation: Floats
+    noise: float = 500.0
+    forgetting: float = 1.0
+    joint: bool = False
+    covariance: Floats = field(init=False)
+    kind: ClassVar[str] = "least-squares"
+
+    def __post_init__(self) -> None:
+        self.weights = _checked(self.weights)
+        self.deviation = np.array(self.deviation, dtype=float)
+        if self.deviation.shape != self.weights.shape:
+            raise EstimationError(
+                f"resistance learner: deviation {self.deviation.shape} must be {self.weights.shape}"
+            )
+        _positive(noise=self.noise, deviation=float(self.deviation.min()))
+        if not 0.0 < self.forgetting <= 1.0:
+            raise EstimationError(
+                f"resistance learner: forgetting = {self.forgetting!r} must lie in (0, 1]"
+            )
+        self.covariance = np.diag(self.deviation**2)
+
+    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
+        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        _sample(self.weights, regressor, error)
+        excited = regressor != 0.0
+        if self.forgetting < 1.0:
+            prior = self.deviation / np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+            grown = np.minimum(1.0 / math.sqrt(self.forgetting), np.maximum(prior, 1.0))
+            grow = np.where(excited, grown, 1.0)
+            self.covariance = grow[:, None] * self.covariance * grow
+        free = np.ones(self.weights.size, dtype=bool)
+        if not self.joint:
+            for place in SECTION_WEIGHTS:
+                free[place] = excited[place]
+        self.weights, self.covariance = least_squares_step(
+            self.weights, self.covariance, regressor, error, self.noise, free
+        )
+
+    def posterior(self) -> Floats:
+        """Standard deviation of each weight, (weights,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+Learner = GradientLearner | NormalisedGradientLearner | LeastSquaresLearner
+LEARNERS: dict[str, Any] = {
+    learner.kind: learner
+    for learner in (GradientLearner, NormalisedGradientLearner, LeastSquaresLearner)
+}
+"""Kinds of learners by name."""

@@ -1,0 +1,136 @@
+"""Slips and slides of an axle found in its measured series.
+
+In a measurement the adhesion curve is unknown, so a slip is what exceeds a slip velocity and a slip ratio that no axle has
+in micro slip. As it begins the coefficient passes the curve's maximum: the largest one seen there estimates the adhesion.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.errors import EstimationError
+
+Floats = NDArray[np.float64]
+
+ONSET_TIME = 0.1
+"""Time [s] for which the coefficient is sought on after an axle is found to slip, beyond the maximum of its curve."""
+
+BRIDGED = 0.1
+"""Time [s] for which a slip may seem to be over without having ended: sensors' noise near the bound."""
+
+
+@dataclass(frozen=True)
+class SlipCriterion:
+    """An axle slips where its slip velocity exceeds `velocity` [m/s] and `ratio` times the larger of rim and train speed.
+
+    The slip lasts from where it passed half of that bound until it is back below.
+    """
+
+    velocity: float = 0.2
+    """Twice and more the slip velocity at which the default adhesion curve has its maximum on wet rail."""
+    ratio: float = 0.05
+    """Twice the creep at which published curves have their maximum (1 to 3 %), so that a slip lasts from about there; large
+    enough for errors of wheel radii."""
+
+    def __post_init__(self) -> None:
+        for name in ("velocity", "ratio"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise EstimationError(
+                    f"slip criterion: {name} = {value!r} must be finite and greater than 0"
+                )
+
+    def bound(self, speed: Floats, rim_speed: Floats) -> Floats:
+        """Slip velocity [m/s] above which an axle slips."""
+        return np.maximum(self.velocity, self.ratio * np.maximum(np.abs(speed), np.abs(rim_speed)))
+
+
+class SlipEvent(NamedTuple):
+    """One slip (driving) or slide (braking) of one axle; times in s, slip velocities in m/s, coefficients as magnitudes."""
+
+    axle: int
+    """0 = foremost."""
+    start: float
+    end: float
+    cut: bool
+    """Whether it goes on beyond the part of the log in which it was found."""
+    largest_slip: float
+    """Signed: positive a slip, negative a slide."""
+    slip_ratio: float
+    """Largest slip velocity over the larger of rim and train speed at that instant, a magnitude up to 1."""
+    onset_coefficient: float
+    """Estimate of the adhesion coefficient: the largest between the start and `ONSET_TIME` after the slip passed its bound.
+    nan without forces, and where the slip was there before the part of the log began."""
+    onset_time: float
+    utilisation: float
+    """Mean coefficient during the event over the one at its onset; above 1 where the rail improved. nan without that one."""
+    damage: float
+    """Wheel damage Q during the event [J]. nan without forces."""
+
+    @property
+    def kind(self) -> str:
+        """ "slip" where the wheel turns too fast, "slide" where it turns too slowly."""
+        return "slip" if self.largest_slip > 0.0 else "slide"
+
+
+def spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Begin and end (exclusive) of each stretch in which `flags` (instants,) are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _bridged(found: Iterator[tuple[int, int]], time: Floats) -> list[tuple[int, int]]:
+    """Stretches less than `BRIDGED` apart as one."""
+    merged: list[tuple[int, int]] = []
+    for begin, end in found:
+        if merged and time[begin] - time[merged[-1][1] - 1] < BRIDGED:
+            merged[-1] = (merged[-1][0], end)
+        else:
+            merged.append((begin, end))
+    return merged
+
+
+def find_slips(
+    axle: int,
+    time: Floats,
+    speed: Floats,
+    rim_speed: Floats,
+    coefficient: Floats | None,
+    damage: Floats | None,
+    criterion: SlipCriterion,
+) -> list[SlipEvent]:
+    """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known."""
+    slip = rim_speed - speed
+    bound = criterion.bound(speed, rim_speed)
+    events = []
+    for sign in (1.0, -1.0):
+        for begin, end in _bridged(spans(sign * slip > 0.5 * bound), time):
+            inside = slice(begin, end)
+            beyond = np.flatnonzero(sign * slip[inside] > bound[inside])
+            if beyond.size == 0:
+                continue
+            worst = begin + int(np.argmax(sign * slip[inside]))
+            reference = max(abs(speed[worst]), abs(rim_speed[worst]))
+            onset, onset_time, used, lost = (float("nan"),) * 4
+            if coefficient is not None and begin > 0:
+                last = np.searchsorted(time, time[begin + beyond[0]] + ONSET_TIME, "right")
+                # the mean over a window looks back: right at the start it still tells of before
+                first = min(
+                    np.searchsorted(time, time[begin] + 0.5 * ONSET_TIME), begin + beyond[0]
+                )
+                top = first + int(np.argmax(sign * coefficient[first:last]))
+                onset, onset_time = float(sign * coefficient[top]), float(time[top])
+                used = float(np.mean(sign * coefficient[inside])) / onset if onset > 0.0 else used
+            if damage is not None:
+                lost = float(damage[end - 1] - damage[max(begin - 1, 0)])
+            events.append(
+                SlipEvent(
+                    axle, float(time[begin]), float(time[end - 1]),
+                    begin == 0 or end == time.size, float(slip[worst]),
+                    float(abs(slip[worst]) / reference), onset, onset_time, used, lost,
+                )
+            )  # fmt: skip
+    return sorted(events, key=lambda event: event.start)

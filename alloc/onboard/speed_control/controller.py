@@ -1,0 +1,222 @@
+"""The speed control as a driver of `alloc.driving.drive`: feedback, compensation, feedforward, learning."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.speed_control.resistance import (
+    EXTENDED_WEIGHTS,
+    Motion,
+    compensation_force,
+    feedforward_force,
+    regressor,
+)
+from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
+from alloc.onboard.speed_control.switch import USE, LearnThenUse
+from alloc.onboard.speed_control.traction import Traction
+
+if TYPE_CHECKING:
+    from alloc.driving import Controls, TrainSense
+
+Floats = NDArray[np.float64]
+
+Mode = Literal["feedback", "compensation", "feedforward", "learn-then-use"]
+MODES: tuple[str, ...] = get_args(Mode)
+"""Feedback alone (Fig. 8); compensation by position (claims 1, 2); feedforward from commanded values, learning while it
+acts if there is a learner (claims 3, 4); learning on the feedback, then using it (claim 5)."""
+
+LOGGED: dict[str, tuple[str, str]] = {
+    "commanded_speed": ("m s-1", "speed command V_c"),
+    "commanded_acceleration": ("m s-2", "acceleration command a_c"),
+    "measured_speed": ("m s-1", "speed V as measured"),
+    "position": ("m", "position X as reported"),
+    "feedback_current": ("A", "feedback current I_FB"),
+    "feedforward_current": ("A", "compensating current I_FF"),
+    "current": ("A", "current I that is supplied"),
+    "force": ("N", "force I / K_i"),
+    "switch": ("1", "switch command of claim 5: 1 learn, 2 use"),
+}
+"""What a speed control notes once per control period: unit and meaning."""
+
+
+class Learner(Protocol):
+    """Whoever learns the weights: see `alloc.estimation.running_resistance`."""
+
+    weights: Floats
+
+    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
+        """Learn from one sample: `regressor` Z (weights,), `error` [N], and a [m/s2], printed as Z3."""
+
+
+class SpeedControl:
+    """Drives the train by current I = I_FB + I_FF; call it once per control period `period` [s], as `drive` does.
+
+    `weights` (3,) or (5,) are used where no `learner` is given. `error`: what is learnt on, "feedback" (I_FB, claims 4, 6)
+    or "model" (what the weights leave of the force supplied, with measured V and a; claims 5, 7). `rotating_mass` M_r [kg]
+    as in `resistance`; `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no learning while section or gradient
+    change under the train (not in the source); 0: learn there too. `speed_noise` [m/s]: standard deviation of the measured
+    speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
+    """
+
+    def __init__(
+        self,
+        command: SpeedCommand,
+        feedback: Feedback,
+        traction: Traction,
+        period: float,
+        mode: Mode = "feedback",
+        memory: LineMemory | None = None,
+        weights: Floats | None = None,
+        learner: Learner | None = None,
+        error: Literal["feedback", "model"] = "feedback",
+        switch: LearnThenUse | None = None,
+        rotating_mass: float = 0.0,
+        filter_time: float = 0.0,
+        train_length: float = 0.0,
+        speed_noise: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self.command, self.feedback, self.traction = command, feedback, traction
+        self.period, self.mode, self.error = period, mode, error
+        self.memory = memory or LineMemory()
+        self.learner, self.switch = learner, switch
+        self.rotating_mass, self.train_length = rotating_mass, train_length
+        self.speed_noise = speed_noise
+        check_numbers(
+            "speed control", self, positive=("period",),
+            nonnegative=("rotating_mass", "train_length", "speed_noise"),
+        )  # fmt: skip
+        if mode not in MODES:
+            raise OnboardError(f"speed control: mode = {mode!r} must be one of {', '.join(MODES)}")
+        if error not in ("feedback", "model"):
+            raise OnboardError(f"speed control: error = {error!r} must be 'feedback' or 'model'")
+        if weights is None and learner is None and mode != "feedback":
+            raise OnboardError(f"speed control: mode {mode!r} needs weights or a learner")
+        if (switch is None or learner is None) and mode == "learn-then-use":
+            raise OnboardError("speed control: mode 'learn-then-use' needs a learner and a switch")
+        self._weights = np.zeros(3) if weights is None else np.array(weights, dtype=float)
+        if self.weights.shape not in ((3,), (5,)) or not np.all(np.isfinite(self.weights)):
+            raise OnboardError(f"speed control: weights = {self.weights} must be 3 or 5 numbers")
+        self._filter = RegressionFilter(filter_time, period)
+        self._noise = np.random.default_rng(seed)
+        self._last: tuple[float, float, float, float, bool] | None = None
+        self._rows: list[list[float]] = []
+        self._times: list[float] = []
+        self._history: list[Floats] = []
+
+    @property
+    def weights(self) -> Floats:
+        """Weights in use, (3,) or (5,)."""
+        return self._weights if self.learner is None else self.learner.weights
+
+    @property
+    def _using(self) -> bool:
+        return self.mode != "learn-then-use" or (
+            self.switch is not None and self.switch.signal == USE
+        )
+
+    def __call__(self, sense: TrainSense, controls: Controls) -> bool:
+        """Set the torques of all units for the coming control period."""
+        speed = sense.speed
+        if self.speed_noise > 0.0:
+            speed += self.speed_noise * float(self._noise.standard_normal())
+        wanted, rate = (float(value) for value in self.command.at(sense.time))
+        tunnel, slope = (float(value) for value in self.memory.read(sense.position))
+        error = self._learn(speed, sense.position)
+        difference = wanted - speed
+        ahead = self._feedforward(
+            Motion(speed, 0.0, slope, tunnel), Motion(wanted, rate, slope, tunnel)
+        )
+        if self.switch is not None and error is not None and self.switch.update(error, self.period):
+            # what the feedforward gives from now on the integrator need no longer give, and the other way round
+            self.feedback.shift(ahead if self._using else -ahead)
+            self._filter.restart()
+        back = self.feedback.current(difference)
+        current = back + ahead
+        if self.mode == "learn-then-use":
+            assert self.switch is not None
+            if not self._using:
+                current = back
+            elif not self.switch.feedback:
+                current = ahead
+        torques, supplied = self.traction.torques(current, speed)
+        controls.torque[:] = torques
+        bounded = abs(current - supplied) > 1e-9 * max(abs(current), 1.0)
+        self.feedback.integrate(difference, current - supplied if bounded else 0.0, self.period)
+        self._last = (speed, sense.position, supplied, back, bounded)
+        self._times.append(sense.time)
+        ahead_used = ahead if self._using else 0.0
+        self._rows.append(
+            [wanted, rate, speed, sense.position, back, ahead_used, supplied,
+             supplied / self.traction.current_per_force,
+             np.nan if self.switch is None else self.switch.signal]
+        )  # fmt: skip
+        self._history.append(self.weights.copy())
+        return True
+
+    def _feedforward(self, measured: Motion, commanded: Motion) -> float:
+        """I_FF [A]."""
+        if self.mode == "feedback":
+            return 0.0
+        if self.mode == "compensation":
+            force = compensation_force(self.weights, measured)
+        else:
+            force = feedforward_force(self.weights, commanded, self.rotating_mass)
+        return self.traction.current_per_force * float(force)
+
+    def _learn(self, speed: float, position: float) -> float | None:
+        """Learn from the control period that has passed; returns the error [N] that the switch looks at, if any."""
+        if self._last is None:
+            return None
+        before, behind, supplied, back, bounded = self._last
+        middle = 0.5 * (position + behind)
+        tunnel, slope = (float(value) for value in self.memory.read(middle))
+        acceleration = (speed - before) / self.period
+        motion = Motion(0.5 * (speed + before), acceleration, slope, tunnel)
+        per_force = self.traction.current_per_force
+        if bounded or (
+            self.train_length > 0.0 and bool(self.memory.straddled(middle, self.train_length))
+        ):
+            self._filter.restart()
+            return None
+        sample = self._filter.add(
+            Regression(
+                regressor(motion, self.weights.size),
+                supplied / per_force - self.rotating_mass * acceleration,
+                back / per_force,
+                acceleration,
+            ),
+            tunnel > 0.5,
+        )
+        if sample is None:
+            return None
+        model = sample.target - float(self.weights @ sample.regressor)
+        if self.mode == "learn-then-use" and self._using:
+            return sample.feedback
+        if self.learner is not None:
+            # learning on the feedback that drives alone is claim 5's: its error is against the model
+            on_model = self.error == "model" or self.mode == "learn-then-use"
+            self.learner.update(
+                sample.regressor, model if on_model else sample.feedback, sample.acceleration
+            )
+        return model
+
+    def log(self) -> xr.Dataset:
+        """What was noted, over time: `LOGGED`, and the weights in use (time, weight)."""
+        rows = np.array(self._rows).reshape(-1, len(LOGGED))
+        data: dict[str, Any] = {
+            name: ("time", rows[:, k], {"units": unit, "long_name": meaning})
+            for k, (name, (unit, meaning)) in enumerate(LOGGED.items())
+        }
+        names = list(EXTENDED_WEIGHTS[: self.weights.size])
+        data["weights"] = (("time", "weight"), np.array(self._history).reshape(-1, len(names)))
+        time = ("time", np.array(self._times), {"units": "s", "long_name": "time"})
+        return xr.Dataset(data, coords={"time": time, "weight": names})

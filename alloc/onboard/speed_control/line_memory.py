@@ -1,0 +1,75 @@
+"""What the train remembers of its line: open or tunnel, and gradient, by position (JP H07-322414 Figs. 2, 5)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alloc.onboard.errors import OnboardError
+from alloc.plant.equations import gradient_force
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LineMemory:
+    """Section memory 72 and gradient memory 75.
+
+    `stations` [m] are the starts of sections with `gradients` [%] (the source's Y: rise per run times 100), before the
+    first and beyond the last the nearest holds; `tunnels`: start and end of each [m]. `offsets` [m]: where along the train
+    the memory is read, relative to the position that is reported, mean of them. The source reads at one position, (0.0,);
+    the middle of every car is nearer to a long train, which passes a tunnel mouth gradually (not in the source). Without
+    feedback, a change of d [m/s2] met by a train of length L at speed V moves the speed by d L / (2 V) for a while if the
+    memory is read at the front, by d L / (8 V) if it is read in the middle.
+    """
+
+    stations: tuple[float, ...] = (0.0,)
+    gradients: tuple[float, ...] = (0.0,)
+    tunnels: tuple[tuple[float, float], ...] = ()
+    offsets: tuple[float, ...] = (0.0,)
+
+    def __post_init__(self) -> None:
+        if len(self.stations) != len(self.gradients) or not self.stations:
+            raise OnboardError(
+                f"line memory: {len(self.stations)} stations and {len(self.gradients)} gradients; give as "
+                "many of each, at least one"
+            )
+        for name in ("stations", "gradients", "offsets"):
+            values = getattr(self, name)
+            if not values or not np.all(np.isfinite(values)):
+                raise OnboardError(f"line memory: {name} = {values} must be finite, at least one")
+        if any(b < a for a, b in zip(self.stations, self.stations[1:], strict=False)):
+            raise OnboardError(f"line memory: stations {self.stations} must not fall")
+        for start, end in self.tunnels:
+            if not start < end:
+                raise OnboardError(f"line memory: tunnel from {start} to {end} m must end later")
+
+    @cached_property
+    def _slopes(self) -> Floats:
+        """g sin(theta) [m/s2] of each section; sin(theta) = (Y/100) / sqrt(1 + (Y/100)^2), (1)."""
+        return np.array([float(gradient_force(1.0, y / 100.0)) for y in self.gradients])
+
+    def read(self, position: ArrayLike) -> tuple[Floats, Floats]:
+        """Share in tunnels (0 or 1 where the memory is read at one point) and g sin(theta) [m/s2] at `position` [m]."""
+        x = np.asarray(position, dtype=float)[..., None] + np.asarray(self.offsets)
+        inside = np.zeros(x.shape, dtype=bool)
+        for start, end in self.tunnels:
+            inside |= (x >= start) & (x < end)
+        section = np.clip(np.searchsorted(self.stations, x, side="right") - 1, 0, None)
+        return inside.mean(axis=-1), self._slopes[section].mean(axis=-1)
+
+    @cached_property
+    def changes(self) -> tuple[float, ...]:
+        """Positions [m] at which section or gradient change."""
+        mouths = [mouth for tunnel in self.tunnels for mouth in tunnel]
+        grades = zip(self.stations[1:], self.gradients, self.gradients[1:], strict=False)
+        return tuple(sorted([*mouths, *(x for x, before, after in grades if before != after)]))
+
+    def straddled(self, position: ArrayLike, length: float) -> NDArray[np.bool_]:
+        """Whether one of the `changes` lies under the train, whose `length` [m] is behind `position` [m]."""
+        x = np.asarray(position, dtype=float)
+        under = np.zeros(x.shape, dtype=bool)
+        for change in self.changes:
+            under |= (x >= change) & (x - length < change)
+        return under

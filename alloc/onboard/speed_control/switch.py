@@ -1,0 +1,50 @@
+"""The switch command unit 187 of JP H07-322414, Fig. 6: learn on the feedback, then use what was learnt."""
+
+import math
+from dataclasses import dataclass, field
+
+from alloc.onboard.errors import OnboardError, check_numbers
+
+LEARN, USE = 1, 2
+"""The switch command's signals."""
+
+
+@dataclass
+class LearnThenUse:
+    """Switches to `USE` when the root mean square error over `window` [s] falls below `small` [N], back above `large` [N].
+
+    The error is what (6) and (7) leave of I_FB / K_i while learning, and I_FB / K_i itself while what was learnt is used.
+    The source gives no thresholds. `feedback`: whether I_FB still acts while what was learnt is used; as printed it does not
+    (the output switch 185 makes the feedforward alone the current command), and nothing then holds the speed.
+    """
+
+    small: float
+    large: float
+    window: float = 10.0
+    feedback: bool = True
+    signal: int = field(default=LEARN, init=False)
+    mean_square: float = field(default=math.nan, init=False)
+    since: float = field(default=0.0, init=False)
+    """Time [s] since the last change."""
+
+    def __post_init__(self) -> None:
+        check_numbers("learn-then-use", self, positive=("small", "large", "window"))
+        if not self.small <= self.large:
+            raise OnboardError(
+                f"learn-then-use: small = {self.small!r} must not exceed large = {self.large!r}"
+            )
+
+    def update(self, error: float, period: float) -> bool:
+        """Take the error [N] of one `period` [s]; whether the signal changed."""
+        share = min(period / self.window, 1.0)
+        if math.isnan(self.mean_square):
+            self.mean_square = error * error
+        self.mean_square += share * (error * error - self.mean_square)
+        self.since += period
+        size = math.sqrt(self.mean_square)
+        change = size < self.small if self.signal == LEARN else size > self.large
+        if not change or self.since < self.window:
+            return False
+        self.signal = USE if self.signal == LEARN else LEARN
+        self.mean_square, self.since = math.nan, 0.0
+        return True

@@ -1,0 +1,68 @@
+"""Forces of a whole train that rolls without slip, by position and speed: what a driver knows who knows train and line."""
+
+import math
+
+import numpy as np
+
+from alloc.plant.equations import (
+    STANDSTILL_SPEED,
+    gradient_force,
+    hyperbolic_speed_law,
+    running_resistance,
+)
+from alloc.plant.model import Floats, Model
+from alloc.plant.train import EFFORT_SPEED_STEP
+
+
+class TrainForces:
+    """Effort, brake and resistance of `model`'s train, from the plant's own equations and tables, summed over the train."""
+
+    def __init__(self, model: Model) -> None:
+        s, e = model.structure, model.environment
+        self.inertia = model.train.mass + model.train.rotating_mass
+        """Mass with the rotating masses [kg]."""
+        radius = np.array([s.radius[s.axle_unit == j].mean() for j in range(model.layout.units)])
+        self._torque = s.drive_table
+        self._speeds = EFFORT_SPEED_STEP * np.arange(s.drive_table.shape[1])
+        self._effort = (s.unit_axles * s.unit_gear / radius) @ s.drive_table
+        self.peak_torque: Floats = s.drive_table.max(axis=1)
+        """Greatest torque of each unit's motors [N m], (units,)."""
+        self._shoe_gain, self._friction = s.shoe_gain, s.shoe_friction.T
+        self._constant, self._linear = s.car_resistance[:, 0].sum(), s.car_resistance[:, 1].sum()
+        # gradient and tunnels by position of the front, each car where it stands
+        self._places = np.arange(model.span[0], model.span[1] + e.line_spacing, e.line_spacing)
+        under = (self._places[:, None] + s.car_offset - e.line_origin) / e.line_spacing
+        knots = np.arange(e.line.shape[1])
+        grade, air = (np.interp(under, knots, row) for row in e.line)
+        self._climbing = gradient_force(s.car_mass, grade).sum(axis=1)
+        self._quadratic = air @ s.car_resistance[:, 2]
+
+    def effort(self, speed: float) -> float:
+        """Greatest tractive effort at the rims [N] at `speed` [m/s]."""
+        return float(np.interp(speed, self._speeds, self._effort))
+
+    def torque(self, share: float, speed: float) -> Floats:
+        """Torque of each unit's motors [N m] for this `share` of the effort at `speed` [m/s], (units,)."""
+        place = min(max(speed, 0.0) / EFFORT_SPEED_STEP, self._speeds.size - 1.000001)
+        k = int(place)
+        limit = self._torque[:, k] + (self._torque[:, k + 1] - self._torque[:, k]) * (place - k)
+        return np.asarray(share * limit)
+
+    def resistance(self, position: float, speed: float) -> float:
+        """Running resistance and gradient force [N] at `position` [m] of the front and `speed` [m/s]."""
+        quadratic = np.interp(position, self._places, self._quadratic)
+        running = running_resistance(speed, self._constant, self._linear, quadratic, 1.0)
+        return float(running + np.interp(position, self._places, self._climbing))
+
+    def forward_resistance(self, position: float, speed: float) -> float:
+        """As `resistance` [N], for a train that moves forward or is about to: without the smooth sign at standstill."""
+        moving = max(speed, 1e-6 * STANDSTILL_SPEED)
+        lost = math.hypot(moving, STANDSTILL_SPEED) / moving - 1.0
+        running = self.resistance(position, moving) - np.interp(
+            position, self._places, self._climbing
+        )
+        return self.resistance(position, moving) + lost * float(running)
+
+    def brake_pressure(self, force: float, speed: float) -> float:
+        """Cylinder pressure [Pa] at which all shoes together brake with `force` [N] at the rims."""
+        return force / float(self._shoe_gain @ hyperbolic_speed_law(speed, *self._friction))

@@ -1,0 +1,81 @@
+"""Slips found in series that were made up, and car forces of cars whose forces are known."""
+
+import numpy as np
+import pytest
+
+from alloc.estimation.errors import EstimationError
+from alloc.estimation.measured_run import parts
+from alloc.estimation.slip_events import SlipCriterion, find_slips
+
+TIME = np.arange(1000) * 0.01
+
+
+def humps(*where, height=1.0, width=1.0):
+    """Slip velocity with humps sin^2 that begin at these times [s]."""
+    inside = [np.clip((TIME - begin) / width, 0.0, 1.0) for begin in where]
+    return height * sum(np.sin(np.pi * x) ** 2 for x in inside)
+
+
+def find(slip, coefficient=None, **criterion):
+    speed = np.full(TIME.size, 10.0)
+    damage = None if coefficient is None else 100.0 * TIME
+    return find_slips(3, TIME, speed, speed + slip, coefficient, damage, SlipCriterion(**criterion))
+
+
+def test_slips_and_slides_are_found_in_order():
+    events = find(humps(1.0) - humps(4.0) + humps(7.0, height=0.3))
+    assert [(event.kind, round(event.largest_slip, 3)) for event in events] == [
+        ("slip", 1.0), ("slide", -1.0)
+    ]  # fmt: skip
+    first = events[0]
+    assert first.slip_ratio == pytest.approx(1.0 / 11.0, rel=0.01)
+    assert (first.axle, first.cut) == (3, False)
+    half = 0.5 * 0.05 * 10.0
+    assert first.start == pytest.approx(1.0 + np.arcsin(np.sqrt(half)) / np.pi, abs=0.02)
+    assert len(find(humps(7.0, height=0.3), ratio=0.01)) == 1  # by another criterion it is one
+
+
+def test_a_slip_at_the_ends_of_the_series_is_cut():
+    events = find(humps(-0.5) + humps(9.5))
+    assert [event.cut for event in events] == [True, True]
+
+
+def test_a_slip_that_seems_over_for_a_moment_is_one():
+    slip = humps(1.0, width=2.0)
+    slip[200:205] = 0.0
+    assert len(find(slip)) == 1
+    slip[190:215] = 0.0
+    assert len(find(slip)) == 2
+
+
+def test_the_adhesion_is_read_as_the_slip_begins():
+    """Neither from the better rail before nor from the better rail after."""
+    mu = np.full(TIME.size, 0.1)
+    mu[:150], mu[250:] = 0.2, 0.3
+    (event,) = find(humps(1.0, width=4.0), mu)
+    assert event.onset_coefficient == 0.1
+    assert event.utilisation > 1.5  # the better rail after
+    assert event.damage == pytest.approx(100.0 * (event.end - event.start + 0.01), rel=1e-6)
+    (slide,) = find(-humps(1.0, width=4.0), -mu)
+    assert slide.onset_coefficient == 0.1
+
+
+def test_an_onset_that_was_not_seen_tells_nothing():
+    (event,) = find(humps(-0.5), np.full(TIME.size, 0.1))
+    assert np.isnan([event.onset_coefficient, event.utilisation]).all()
+    assert np.isfinite(event.damage)
+
+
+def test_parts_end_at_gaps_and_at_missing_values():
+    valid = np.ones(40, dtype=bool)
+    valid[[5, 33]] = False
+    part = np.repeat([0, 1, 2], [20, 2, 18])
+    found = [(inside.start, inside.stop) for inside in parts(valid, part)]
+    assert found == [(0, 5), (6, 20), (22, 33), (34, 40)]  # two instants are too short
+
+
+@pytest.mark.parametrize("name", ["velocity", "ratio"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_an_impossible_criterion_is_refused(name, value):
+    with pytest.raises(EstimationError, match=name):
+        SlipCriterion(**{name: value})

@@ -1,0 +1,244 @@
+"""`readhesion run-line` as a user meets it, and one clear line for every kind of broken file."""
+
+import json
+from copy import deepcopy
+
+import pytest
+import yaml
+
+from alloc.recording import load
+from studies.line_command import clock
+
+PATH = {
+    "schema": "https://railtoolkit.org/schema/running-path.json",
+    "schema_version": "2022.05",
+    "paths": [
+        {
+            "name": "short line",
+            "id": "p1",
+            "points_of_interest": [[400.0, "signal", "front"], [400.0, "clear", "rear"]],
+            "characteristic_sections": [[0.0, 60, 0.0], [500.0, 40, 8.0], [900.0, 40, 0.0]],
+        }
+    ],
+}
+STOCK = {
+    "schema": "https://railtoolkit.org/schema/rolling-stock.json",
+    "schema_version": "2022.05",
+    "trains": [{"name": "a train", "id": "T", "formation": ["R1", "R1"]}],
+    "vehicles": [
+        {
+            "name": "railcar",
+            "id": "R1",
+            "vehicle_type": "multiple unit",
+            "length": 41.0,
+            "mass": 66.0,
+            "load_limit": 10.0,
+            "mass_traction": 44.0,
+            "rotation_mass": 1.1,
+            "base_resistance": 3.0,
+            "rolling_resistance": 1.5,
+            "air_resistance": 4.0,
+            "speed_limit": 50,
+            "a_braking": -0.6,
+            "tractive_effort": [[0.0, 90e3], [10.0, 80e3], [60.0, 30e3]],
+        }
+    ],
+}
+NOTHING = object()
+
+
+def changed(content, *place_and_value):
+    """A copy of a file's content with another value at a place, or without it if the value is `NOTHING`."""
+    *place, last, value = place_and_value
+    copy = deepcopy(content)
+    at = copy
+    for part in place:
+        at = at[part]
+    if value is NOTHING:
+        del at[last]
+    else:
+        at[last] = value
+    return copy
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Write contents of line and train, given as text or keys; gives the command's options."""
+
+    def write(line=PATH, train=STOCK):
+        options = []
+        for option, content in (("line", line), ("train", train)):
+            path = tmp_path / f"{option}.yaml"
+            path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+            options += [f"--{option}", path]
+        return options
+
+    return write
+
+
+@pytest.fixture
+def refused(call, files):
+    """Run the command on broken files; gives the one line that it prints."""
+
+    def refused(*options, line=PATH, train=STOCK):
+        code, out, err = call("run-line", *files(line, train), *options)
+        assert (code, out) == (2, "")
+        (message,) = [text for text in err.splitlines() if text.strip()]
+        assert message.startswith("readhesion: ")
+        return message
+
+    return refused
+
+
+def test_a_run_is_printed_recorded_and_drawn(call, files, tmp_path):
+    code, out, _ = call(
+        "run-line", *files(), "--out", tmp_path / "run.nc", "--figure", tmp_path / "run.png"
+    )
+    assert code == 0
+    for words in ("a train on short line", "running time", "152.0 t", "stop at 900.0 m", "clear"):
+        assert words in out
+    run = load(tmp_path / "run.nc")
+    assert run.attrs["running_time_s"] > 60.0
+    points = json.loads(run.attrs["points_of_interest"])
+    assert [point["name"] for point in points] == ["signal", "clear"]
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_is_all_that_is_printed(call, files):
+    code, out, _ = call("run-line", *files(), "--json", "--load", 0)
+    content = json.loads(out)
+    assert code == 0
+    assert content["mass_t"] == pytest.approx(132.0)
+    assert content["highest_speed_kmh"] < 50.2
+    signal, clear = content["points_of_interest"]
+    assert (signal["measure"], clear["measure"]) == ("front", "rear")
+    assert signal["time_s"] < clear["time_s"] < content["running_time_s"]
+    (stop,) = content["stops"]
+    assert abs(stop["error_m"]) < 0.05
+    energy = content["energy_kWh"]
+    assert energy["motors"] == pytest.approx(sum(energy.values()) - energy["motors"], rel=1e-3)
+
+
+def test_load_makes_the_run_longer(call, files):
+    times = [
+        json.loads(call("run-line", *files(), "--json", "--load", share)[1])["running_time_s"]
+        for share in (0, 1)
+    ]
+    assert times[0] < times[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", "line.yaml: not a railtoolkit running path: no keys at the top"),
+        ("{ [", "line.yaml' is not YAML: "),
+        (changed(PATH, "schema", NOTHING), "line.yaml: key 'schema' is missing"),
+        (
+            STOCK,
+            "line.yaml: key 'schema' = 'https://railtoolkit.org/schema/rolling-stock.json': must be "
+            "'https://railtoolkit.org/schema/running-path.json'",
+        ),
+        (changed(PATH, "schema_version", "2021.01"), "'schema_version' = '2021.01': must be"),
+        (changed(PATH, "paths", NOTHING), "line.yaml: key 'paths' is missing"),
+        (changed(PATH, "paths", []), "line.yaml: key 'paths'"),
+        (
+            changed(PATH, "paths", 0, "characteristic_sections", NOTHING),
+            "line.yaml: key 'paths[1].characteristic_sections' is missing",
+        ),
+        (
+            changed(PATH, "paths", 0, "characteristic_sections", 1, 0, -5.0),
+            "line.yaml: key 'paths[1]': characteristic_sections[2]: start -5 m must lie beyond the one before",
+        ),
+        (
+            changed(PATH, "paths", 0, "characteristic_sections", 1, 1, -40),
+            "key 'paths[1]': characteristic_sections[2]: speed limit -40 km/h must exceed 0",
+        ),
+        (
+            changed(PATH, "paths", 0, "characteristic_sections", 1, 2, float("nan")),
+            "key 'paths[1].characteristic_sections[2][3]' = nan: input should be a finite number",
+        ),
+        (
+            changed(PATH, "paths", 0, "characteristic_sections", 1, 1, "fast"),
+            "key 'paths[1].characteristic_sections[2][2]' = 'fast': input should be a valid number",
+        ),
+        (
+            changed(PATH, "paths", 0, "points_of_interest", 0, 2, "middle"),
+            "key 'paths[1].points_of_interest[1][3]' = 'middle': input should be 'front' or 'rear'",
+        ),
+        (
+            changed(PATH, "paths", 0, "points_of_interest", 1, 0, 1e4),
+            "points_of_interest[2]: 'clear' at 10000 m lies off the line, which is 0 m to 900 m",
+        ),
+    ],
+)
+def test_a_broken_line_is_refused_with_file_key_and_reason(refused, line, words):
+    assert words in refused(line=line)
+
+
+@pytest.mark.parametrize(
+    ("train", "words"),
+    [
+        ("", "train.yaml: not a railtoolkit rolling stock: no keys at the top"),
+        ("a: b: c", "train.yaml' is not YAML: "),
+        (PATH, "must be 'https://railtoolkit.org/schema/rolling-stock.json'"),
+        (changed(STOCK, "vehicles", NOTHING), "train.yaml: key 'vehicles' is missing"),
+        (
+            changed(STOCK, "vehicles", 0, "mass", NOTHING),
+            "train.yaml: key 'vehicles[1].mass' is missing",
+        ),
+        (
+            changed(STOCK, "trains", 0, "formation", ["R7"]),
+            "train.yaml: key 'trains[1].formation': unknown vehicle 'R7'; did you mean 'R1'?",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "mass", "heavy"),
+            "train.yaml: key 'vehicles[1].mass' = 'heavy': input should be a valid number",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "mass", float("nan")),
+            "key 'vehicles[1].mass' = nan: input should be a finite number",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "speed_limit", -50),
+            "key 'vehicles[1].speed_limit' = -50: input should be greater than 0",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "load_limit", -1),
+            "key 'vehicles[1].load_limit' = -1: input should be greater than or equal to 0",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "a_braking", 0.6),
+            "key 'vehicles[1].a_braking' = 0.6: input should be less than 0",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "a_braking", NOTHING),
+            "train.yaml: key 'vehicles.a_braking' of vehicle 'R1' is missing",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "tractive_effort", [[10, 1e4], [5, 2e4]]),
+            "key 'vehicles[1]': tractive_effort: speeds must grow",
+        ),
+        (
+            changed(STOCK, "vehicles", 0, "tractive_effort", [[0, 400e3], [60, 1e3]]),
+            "railtoolkit file train.yaml: tractive_effort needs an adhesion coefficient of 0.81",
+        ),
+    ],
+)
+def test_a_broken_train_is_refused_with_file_key_and_reason(refused, train, words):
+    assert words in refused(train=train)
+
+
+def test_other_bad_input_is_one_clear_line(refused, call, files, tmp_path):
+    assert "--load 1.5: give a share of the load limit" in refused("--load", 1.5)
+    assert "--load nan" in refused("--load", "nan")
+    assert "cannot be written" in refused("--out", tmp_path / "no" / "run.nc")
+    steep = changed(PATH, "paths", 0, "characteristic_sections", 1, 2, 300.0)
+    assert "the train cannot climb at " in refused(line=steep)
+    code, _, err = call("run-line", "--line", "none.yaml", *files()[2:])
+    assert (code, err) == (2, "readhesion: running path file 'none.yaml' does not exist\n")
+
+
+def test_times_read_as_minutes_and_seconds():
+    assert [clock(t) for t in (0.0, 59.96, 391.615, 3437.53)] == [
+        "0:00.0", "1:00.0", "6:31.6", "57:17.5",
+    ]  # fmt: skip

@@ -1,0 +1,94 @@
+"""`readhesion analyse` and `readhesion simulate --log` as a user meets them."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from studies.log_export import write_log
+from studies.log_report import MOST_ROWS
+from tests.simulation.slides import TRAIN, braked, readhering
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Log of three cars that slide."""
+    path = tmp_path / "slide.csv"
+    write_log(braked(readhering, duration=6.0), TRAIN, path)
+    return path
+
+
+def test_a_simulated_event_goes_out_as_a_log_and_comes_back(call, short_file, tmp_path):
+    path = tmp_path / "event.csv"
+    code, out, _ = call("simulate", short_file, "--json", "--log", path)
+    damage = json.loads(out)["metrics"]["damage"]
+    assert code == 0
+    code, out, _ = call("analyse", path, "--train", tmp_path / "event.train.toml", "--json")
+    content = json.loads(out)
+    assert code == 0
+    assert content["remarks"] == []
+    assert content["rows"] == 200
+    assert content["damage_kj"] == pytest.approx(damage, rel=5e-3)  # torques jump between records
+    assert len(content["axles"]) == 32
+
+
+def test_tables_and_a_figure(call, log, tmp_path):
+    code, out, _ = call(
+        "analyse", log, "--train", "jp4209318-3car", "--figure", tmp_path / "log.png"
+    )
+    assert code == 0
+    assert all(text in out for text in ("slips and slides", "Q [kJ]", "from [s]", "wheel damage Q"))
+    assert (tmp_path / "log.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_has_everything(call, log):
+    _, out, _ = call("analyse", log, "--train", "jp4209318-3car", "--json", "--slip-percent", 2)
+    content = json.loads(out)
+    assert content["criterion"] == {"slip_velocity_ms": pytest.approx(0.2), "slip_ratio": 0.02}
+    assert {event["kind"] for event in content["events"]} == {"slide"}
+    assert content["cars"] is None
+    assert content["axles"][0]["slides"] >= 1
+
+
+def test_what_is_wrong_with_a_log_is_printed_and_long_lists_are_cut(call, log, tmp_path):
+    table = pd.read_csv(log)
+    table.loc[::13, "axle1_speed_kmh"] = None
+    spoilt = tmp_path / "spoilt.csv"
+    table.drop(index=range(100, 150)).to_csv(spoilt, index=False)
+    code, out, _ = call("analyse", spoilt, "--train", "jp4209318-3car")
+    assert code == 0
+    assert "gap of 0.51 s from 0.99 s to 1.5 s" in out
+    assert "no value in row 1," in out
+    assert "--json has all" in out
+    _, out, _ = call("analyse", spoilt, "--train", "jp4209318-3car", "--json")
+    assert len(json.loads(out)["remarks"]) > MOST_ROWS
+
+
+def test_the_columns_of_a_log_are_listed(call):
+    _, out, _ = call("list", "--json")
+    assert "axleN_torque_nm|knm" in json.loads(out)["columns of a log"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["analyse", "none.csv", "--train", "jp4209318-3car"], "log 'none.csv' does not exist"),
+        (["analyse", "log.csv", "--train", "jp42-3car"], "unknown parameter set 'jp42-3car'"),
+        (["analyse", "log.csv", "--train", "none.toml"], "train file 'none.toml' does not exist"),
+        (["analyse", "log.csv"], "--train"),
+        (["analyse", "log.csv", "--train", "one-axle", "--slip-kmh", "0"], "--slip-kmh 0"),
+        (["analyse", "log.csv", "--train", "one-axle", "--figure", "no/f.pdf"], "cannot be written"),
+        (["analyse", "log.csv", "--train", "one-axle"], "column 'time_s', row 3: time goes back"),
+        (["simulate", "wet-start", "--log", "run.txt"], "must be .csv or .parquet"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_clear_line(call, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    times = [0.0, 0.2, 0.1, *(0.1 * k for k in range(3, 30))]
+    frame = pd.DataFrame({"time_s": times, "speed_ms": 1.0, "axle1_speed_ms": 1.0})
+    frame.to_csv("log.csv", index=False)
+    code, out, err = call(*arguments)
+    assert (code, out) == (2, "")
+    assert len(err.strip().splitlines()) == 1
+    assert err.startswith("readhesion: ")
+    assert words in err
