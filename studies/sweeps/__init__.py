@@ -16,6 +16,7 @@ from studies.sweeps import (
     ladder,
     learning,
     readhesion,
+    slide_protection,
 )
 from studies.sweeps.statement import Statement
 
@@ -48,6 +49,7 @@ SWEEPS: dict[str, Sweep] = {
     "joint": joint,
     "readhesion": readhesion,
     "calibration": calibration,
+    "slide-protection": slide_protection,
 }
 """Every sweep by name."""
 

@@ -43,6 +43,10 @@ from paper_figs import (
     rule_comparison,
     save_figure,
     sharing_wanders,
+    slide_adhesion,
+    slide_control,
+    slide_pareto,
+    slide_tables,
     slip_detection,
     slip_event,
     torque_table,
@@ -63,6 +67,8 @@ from paper_figs.style import (
 from studies.controllers import controller_names
 from studies.errors import StudyError
 from studies.job import Job, simulate_job
+from studies.jp4209318 import CALIBRATED as DEMONSTRATION
+from studies.jp4209318 import brake, brake_event
 from studies.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
@@ -70,10 +76,11 @@ from studies.scenario import load_scenario
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
-UNIT = re.compile(r"\[(–|%|s|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
+UNIT = re.compile(r"\[(–|%|s|m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
 }  # fmt: skip
@@ -138,6 +145,10 @@ def drawn(source, runs, stop, cases, half_slips) -> dict[str, Figure]:
         "half-slip": half_slip.draw(half_slips),
         "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
         "calibration": calibration.draw(calibration_table()),
+        "slide-adhesion": slide_adhesion.draw(DEMONSTRATION),
+        "slide-control": slide_control.draw(brake(brake_event(DEMONSTRATION))),
+        "slide-tables": slide_tables.draw(slide_table()),
+        "slide-pareto": slide_pareto.draw(slide_table()),
     }
 
 
