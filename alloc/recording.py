@@ -38,7 +38,9 @@ VARIABLES: dict[str, Variable] = {
     "driver_command": Variable(("time",), "m s-2", "acceleration asked for on level track"),
     "expected": Variable(("time",), "1", "coefficient that the plan needs of every unit"),
     "reference_speed": Variable(
-        ("time",), "m s-1", "reference speed of the foremost traction unit; the train's if it has none"
+        ("time",),
+        "m s-1",
+        "reference speed of the foremost traction unit; the train's if it has none",
     ),
     "slide_reference": Variable(
         ("time", "car"), "m s-1", "speed from which the car's slide protection measures slip"

@@ -47,7 +47,12 @@ def draw(undisclosed: Undisclosed) -> Figure:
         by_speed.fill_between(
             speeds, rear, rear * (1.0 + undisclosed.conditioning), color="black", alpha=0.12, lw=0
         )
-        by_slip.set(xlabel="slip ratio [%]", ylabel="adhesion coefficient [–]", ylim=(0.0, 0.16), xlim=(0.0, 12.0))
+        by_slip.set(
+            xlabel="slip ratio [%]",
+            ylabel="adhesion coefficient [–]",
+            ylim=(0.0, 0.16),
+            xlim=(0.0, 12.0),
+        )
         by_slip.set_xticks([0, 3, 6, 9, 12])
         by_slip.set_title("(a) over slip")
         by_speed.set(xlabel="train speed [km/h]", title="(b) over speed")

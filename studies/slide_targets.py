@@ -57,7 +57,9 @@ HOLD_OUT_TOLERANCE = 0.01 * TABLE_3[2]
 
 def outcomes(undisclosed: Undisclosed, step: float = 1e-3) -> dict[str, float]:
     """The targets' numbers as this set gives them, and locked time [s] and time-outs of all five runs together."""
-    of_length = {cars: measures(brake(brake_event(undisclosed, cars, step=step))) for cars in (1, 2)}
+    of_length = {
+        cars: measures(brake(brake_event(undisclosed, cars, step=step))) for cars in (1, 2)
+    }
     settings = undisclosed.sensitivities
     of_setting = {
         name: measures(brake(brake_event(undisclosed, 3, value, step=step)))

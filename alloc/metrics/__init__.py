@@ -11,4 +11,14 @@ from alloc.metrics.registry import METRICS, Metric, evaluate
 
 jerk = motion.jerk
 
-__all__ = ["METRICS", "Metric", "counts", "detection", "evaluate", "jerk", "motion", "search", "slide"]
+__all__ = [
+    "METRICS",
+    "Metric",
+    "counts",
+    "detection",
+    "evaluate",
+    "jerk",
+    "motion",
+    "search",
+    "slide",
+]

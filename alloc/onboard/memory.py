@@ -187,9 +187,7 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         torque=zeros(),
         air=zeros(),
         brake_rise=np.zeros(1),
-        slide=slide_memory(
-            int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed
-        ),
+        slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         worst_slip=zeros(),

@@ -93,7 +93,11 @@ class Rail:
             "rail",
             self,
             positive=(
-                "level", "scatter_length", "conditioning_slip", "cleaning_spacing", "rear_axles",
+                "level",
+                "scatter_length",
+                "conditioning_slip",
+                "cleaning_spacing",
+                "rear_axles",
             ),
             nonnegative=("scatter", "conditioning"),
         )

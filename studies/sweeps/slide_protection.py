@@ -16,6 +16,7 @@ from studies.jp4209318 import (
     CAR_DECELERATION,
     CYCLE,
     DURATIONS,
+    HALVED_STEP,
     HELD_OUT,
     RIVALS,
     STEP,
@@ -30,7 +31,9 @@ from studies.store import Store
 from studies.sweeps.slide_statements import slide_statements
 from studies.sweeps.statement import Statement
 
-DESCRIPTION = "slide protection of JP4209318: distance, wheel damage and air by train and sensitivity"
+DESCRIPTION = (
+    "slide protection of JP4209318: distance, wheel damage and air by train and sensitivity"
+)
 DEFAULT_EVENTS = JITTER_DRAWS
 """Draws of noise on the calibrated parameters; nothing else is random."""
 TABLE = "slide_protection.parquet"
@@ -46,7 +49,7 @@ Task = tuple[dict[str, Any], SlideProtection, int, float]
 
 def tasks() -> Iterator[Task]:
     """Every run of the calibrated set."""
-    for step in (STEP, STEP / 2.0):
+    for step in (STEP, HALVED_STEP):
         part = "tables" if step == STEP else "halved"
         for cars in (1, 2, 3):
             yield {"part": part, "cars": cars, "setting": "medium"}, _fuzzy(1.0), cars, step
@@ -80,7 +83,9 @@ def run(
         rows.append(row)
         if on_row is not None:
             on_row(str(row["part"]), k + 1, len(chosen))
-    rows += [{"part": "jitter", **row} for row in jitter(CALIBRATED, seed, events).to_dict("records")]
+    rows += [
+        {"part": "jitter", **row} for row in jitter(CALIBRATED, seed, events).to_dict("records")
+    ]
     rows += [{"part": "rival", **outcomes(rival)} for rival in RIVALS]
     rows.append({"part": "held out", **outcomes(HELD_OUT)})
     table = pd.DataFrame(rows).assign(draws=events, seed=seed, code_hash=_hash())

@@ -72,7 +72,9 @@ def _targets(name: str, claim: str, found: dict[str, float], targets: list[str])
         claim,
         HOLDS if not missed else (FAILS if len(missed) == len(targets) else CONDITIONS),
         {
-            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": one(found[t])
+            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": one(
+                found[t]
+            )
             for t in targets
         },
         tuple(f"not reached: {target}" for target in missed),
@@ -172,18 +174,14 @@ def _trade(table: pd.DataFrame) -> Statement:
     own = front(rows)
     settings = table[(table["part"] == "tables") & (table["cars"] == 3)].set_index("setting")
     beaten = {
-        name: int(
-            ((rows["distance"] < row["distance"]) & (rows["damage"] < row["damage"])).sum()
-        )
+        name: int(((rows["distance"] < row["distance"]) & (rows["damage"] < row["damage"])).sum())
         for name, row in settings.iterrows()
     }
     rank = rows["sensitivity"].corr(rows["damage"], method="spearman")
     return Statement(
         "trade",
         "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
-        HOLDS
-        if not any(beaten.values())
-        else (CONDITIONS if min(beaten.values()) == 0 else FAILS),
+        HOLDS if not any(beaten.values()) else (CONDITIONS if min(beaten.values()) == 0 else FAILS),
         {
             "rank correlation of sensitivity and Q": one(rank),
             "sensitivities on the front, of those tried": Interval(
@@ -275,7 +273,9 @@ def _jitter(table: pd.DataFrame) -> Statement:
 
 def _not_unique(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "rival"]
-    good = [rival for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True) if not unreached(row)]
+    good = [
+        rival for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True) if not unreached(row)
+    ]
     sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
     ranges = {name: [values[name] for values in sets] for name in BOUNDS}
     return Statement(

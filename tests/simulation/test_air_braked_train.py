@@ -20,9 +20,7 @@ from alloc.simulation import DriverCommand, Event, simulate
 
 SPEED = 20.0
 CURVE = SlipRatioCurve(peak_slip_ratio=0.03)
-FUZZY = SlideProtection(
-    law="fuzzy", period=0.02, reference="car", deceleration=1.35, fuzzy=Fuzzy()
-)
+FUZZY = SlideProtection(law="fuzzy", period=0.02, reference="car", deceleration=1.35, fuzzy=Fuzzy())
 
 
 def stop(level, law="fuzzy", train=None, deceleration=3.0, speed=SPEED, **options):

@@ -44,9 +44,7 @@ def slide_table() -> pd.DataFrame:
     rows.append({"part": "none", "cars": 3, "distance": 383.0, "damage": 21e3,
                  **(common | {"locked_time": 160.0})})  # fmt: skip
     noise = np.random.default_rng(0).standard_normal(8)
-    rows += [
-        {"part": "jitter", **AS_PRINTED, "distance 3": TABLE_3[3] + 0.02 * x} for x in noise
-    ]
+    rows += [{"part": "jitter", **AS_PRINTED, "distance 3": TABLE_3[3] + 0.02 * x} for x in noise]
     rows += [{"part": "rival", **AS_PRINTED} for _ in RIVALS]
     rows.append({"part": "held out", **AS_PRINTED, "distance 2": 413.0})
     return pd.DataFrame(rows)
