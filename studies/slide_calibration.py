@@ -37,7 +37,7 @@ from studies.slide_targets import (
 DEFAULT_SAMPLES, DEFAULT_STARTS = 60, 2
 ITERATIONS = 12
 """Of the damped least squares, each with two sets of five runs per parameter."""
-WIDTH = 0.03
+WIDTH = 0.04
 """Half width of the first differences as a share of each range: far above the jitter of valves that switch."""
 ENOUGH = 0.3
 """Misfit at which they end: no target misses by more than half its tolerance."""
