@@ -6,7 +6,7 @@ from typing import Literal
 
 from alloc.onboard.errors import OnboardError, check_numbers
 
-SENSITIVITIES: dict[str, float] = {"low": 0.85289, "medium": 1.0, "high": 3.9367}
+SENSITIVITIES: dict[str, float] = {"low": 0.853, "medium": 1.0, "high": 4.2}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
 
 

@@ -58,7 +58,7 @@ def train(cars: int = 3, shoe_force_share: float = SHOE_FORCE_SHARE) -> Train:
     )
 
 
-FRONT_ADHESION, SPEED_OFFSET = 0.0998, 298.34
+FRONT_ADHESION, SPEED_OFFSET = 0.09984, 298.34
 """Coefficient of the foremost axle at standstill, and the c [km/h] of its fall 1 / (1 + V/c) with speed."""
 REAR_GAIN, REAR_FALL = 0.49755, 0.10339
 """Far back: more adhesion at standstill, as a share, and the relative fall with speed over the front's."""
