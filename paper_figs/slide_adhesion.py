@@ -1,5 +1,7 @@
 """Adhesion of the demonstration of JP4209318 over speed, slip ratio and axle position, calibrated (its Fig. 2)."""
 
+from typing import Any, Literal
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +13,7 @@ from studies.jp4209318 import CALIBRATED, Undisclosed
 
 SPEEDS = {10.0: "#0072b2", 50.0: "#009e73", 100.0: "#d55e00"}
 """Speed [km/h] and its colour."""
-AXLES = {1: "-", 12: "--"}
+AXLES: dict[int, Literal["-", "--"]] = {1: "-", 12: "--"}
 """Axle from the front and its line."""
 
 
@@ -63,7 +65,7 @@ def draw(undisclosed: Undisclosed) -> Figure:
 
 
 def _handles() -> list[Line2D]:
-    grey = {"color": "#444444"}
+    grey: dict[str, Any] = {"color": "#444444"}
     return [
         *(Line2D([], [], color=c, label=f"{kmh:.0f} km/h") for kmh, c in SPEEDS.items()),
         Line2D([], [], linestyle="none", marker="o", label="not conditioned", **grey),

@@ -22,22 +22,25 @@ def figure(source: Source) -> Figure:
 
 def draw(table: pd.DataFrame) -> Figure:
     """Left: distance by number of cars, with what a fit to one and three predicts of two. Right: by sensitivity."""
-    rows = table[table["part"] == "tables"].set_index(["cars", "setting"])
+    rows = table[table["part"] == "tables"]
+
+    def here(cars: int, setting: str, column: str) -> float:
+        chosen = (rows["cars"] == cars) & (rows["setting"] == setting)
+        return float(rows.loc[chosen, column].iloc[0])
+
     drawn = new_figure(7.1, 3.0)
     with mpl.rc_context(fname=STYLE_FILE):
         length, distance, damage = drawn.subplots(1, 3)
-        _bars(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()),
-              [rows.loc[(cars, "medium"), "distance"] for cars in TABLE_3], "{:.1f}")  # fmt: skip
+        of_length = [here(cars, "medium", "distance") for cars in TABLE_3]
+        _bars(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), of_length, "{:.1f}")
         predicted = float(table.loc[table["part"] == "held out", "distance 2"].iloc[0])
         length.plot([1.0], [predicted], "D", color="#d55e00", markersize=5,
                     label="predicted by a fit to 1 and 3 cars")  # fmt: skip
         for k, axes in enumerate((distance, damage)):
-            here = [
-                rows.loc[(3, setting), ("distance", "damage")[k]].astype(float)
-                for setting in TABLE_4
-            ]
-            printed = [column[k] for column in TABLE_4.values()]
-            _bars(axes, list(TABLE_4), printed, here, ("{:.1f}", "{:.0f}")[k])
+            column, text = (("distance", "{:.1f}"), ("damage", "{:.0f}"))[k]
+            printed = [numbers[k] for numbers in TABLE_4.values()]
+            of_setting = [here(3, setting, column) for setting in TABLE_4]
+            _bars(axes, list(TABLE_4), printed, of_setting, text)
         length.set(ylabel="braking distance [m]", xlabel="cars", title="(a) Table 3", ylim=(0, 545))
         distance.set(
             ylabel="braking distance [m]", xlabel="sensitivity", title="(b) Table 4", ylim=(0, 545)

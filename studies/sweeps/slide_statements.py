@@ -1,6 +1,7 @@
 """What the table of the sweep `slide-protection` says, target by target and finding by finding."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,11 @@ COMPUTING = 10.0
 def one(value: float) -> Interval:
     """A number that has no interval."""
     return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
+
+
+def _numbers(row: "pd.Series[Any]") -> dict[str, float]:
+    """What `unreached` asks for, of a row."""
+    return {name: float(row[name]) for name in (*TARGETS, "locked", "slides")}
 
 
 def tables(table: pd.DataFrame, part: str = "tables") -> dict[str, float]:
@@ -87,7 +93,7 @@ def _held_out(table: pd.DataFrame) -> Statement:
     row = table[table["part"] == "held out"].iloc[0]
     predicted = float(row[HOLD_OUT])
     error = predicted - TABLE_3[2]
-    rest = [name for name in unreached(row) if name != HOLD_OUT]
+    rest = [name for name in unreached(_numbers(row)) if name != HOLD_OUT]
     met = abs(error) <= HOLD_OUT_TOLERANCE
     return Statement(
         "held out",
@@ -274,7 +280,9 @@ def _jitter(table: pd.DataFrame) -> Statement:
 def _not_unique(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "rival"]
     good = [
-        rival for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True) if not unreached(row)
+        rival
+        for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True)
+        if not unreached(_numbers(row))
     ]
     sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
     ranges = {name: [values[name] for values in sets] for name in BOUNDS}

@@ -82,7 +82,8 @@ from tests.studies.sweep_tables import claim_table, difference_table
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ)\]$")
 COUNTED = {
-    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+    "unit", "traction unit (1 = foremost)", "axle from the front", "slides", "signal", "stations", "cars",
+    "sensitivity",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
