@@ -167,6 +167,21 @@ FIGURES: dict[str, FigureEntry] = {
     "resistance-weights": FigureEntry(
         "resistance_weights", "convergence of the weights of running resistance, by learner"
     ),
+    "slide-adhesion": FigureEntry(
+        "slide_adhesion", "adhesion over slip ratio, speed and axle position (JP4209318 Fig. 2)"
+    ),
+    "slide-control": FigureEntry(
+        "slide_control",
+        "three cars under slide protection: speeds, pressures, valves (JP4209318 Fig. 3)",
+    ),
+    "slide-tables": FigureEntry(
+        "slide_tables",
+        "braking distances and Q beside the source's numbers (JP4209318 Tables 3, 4)",
+    ),
+    "slide-pareto": FigureEntry(
+        "slide_pareto",
+        "distance against Q over the sensitivity of slide protection, and thresholds",
+    ),
 }
 """Every figure by name."""
 

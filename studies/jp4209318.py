@@ -1,4 +1,4 @@
-"""The demonstration of JP4209318 (Tables 2 to 4, Figs. 2 and 3): one to three cars brake from 100 km/h under slide protection.
+"""The demonstration of JP4209318 (Tables 2 to 4, Figs. 2, 3): one to three cars brake from 100 km/h under slide protection.
 
 Table 2 gives train, brakes and control cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how sliding
 wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here, calibrated
@@ -24,9 +24,10 @@ from alloc.simulation import simulate
 INITIAL_SPEED = 100.0 / 3.6
 CYCLE = 0.02
 """Control cycle [s], Table 2."""
-STEP = 1e-3
-DURATION = 40.0
-"""Longer than any stop here."""
+STEP, HALVED_STEP = 1e-3, 2.5e-4
+"""Steps [s]. The plant takes the first in two, to be stable near standstill, so that half of it is the second."""
+DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}
+"""Time [s] by number of cars, longer than any stop of a set near the source's distances."""
 FULL_BRAKE = -3.0
 """Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder is filled to the 550 kPa of Table 2."""
 CAR_DECELERATION = 1.35
@@ -38,37 +39,37 @@ FASTEST = 100.0
 
 @dataclass(frozen=True)
 class Undisclosed:
-    """What the source does not print, in one set; `BOUNDS` holds the range of each."""
+    """What the source does not print, in one set; `BOUNDS` holds the range of each. Defaults: calibrated."""
 
-    front_adhesion: float = 0.0950
+    front_adhesion: float = 0.09984
     """Adhesion coefficient of the foremost axle at standstill, on rail that no wheel has conditioned."""
-    speed_offset: float = 150.0
+    speed_offset: float = 298.34
     """c [km/h] of its fall with speed, 1 / (1 + V/c)."""
-    rear_gain: float = 0.25
+    rear_gain: float = 0.49755
     """Adhesion far back over the front's at standstill, less 1: more than 0, finding (1)."""
-    rear_fall: float = 0.4
+    rear_fall: float = 0.10339
     """Relative fall with speed far back over the front's: less than 1, finding (2)."""
-    rear_axles: float = 4.0
+    rear_axles: float = 9.1746
     """Axles over which adhesion changes from the front's to that far back by 63 %."""
-    conditioning: float = 0.15
+    conditioning: float = 0.03
     """Most by which wheels that slide raise adhesion behind them, as a share, finding (3)."""
-    conditioning_slip: float = 0.05
+    conditioning_slip: float = 0.1017
     """Slip ratio that reaches 63 % of it."""
-    peak_slip_ratio: float = 0.03
+    peak_slip_ratio: float = 0.012879
     """Slip ratio of the adhesion curve's maximum, beyond which it is flat."""
-    shoe_force_share: float = 0.14
+    shoe_force_share: float = 0.14143
     """Shoe force over axle load at 550 kPa."""
-    slip_medium: float = 0.05
+    slip_medium: float = 0.077716
     """Slip ratio at which the fuzzy set "medium" peaks."""
-    slip_large: float = 0.15
+    slip_large: float = 0.17027
     """Slip ratio from which on slip is "large"."""
-    rate_growing: float = 1.0
+    rate_growing: float = 3.5912
     """Slip acceleration [m/s2] from which on slip is "growing", and below whose negative "falling"."""
-    pole: float = 10.0
+    pole: float = 6.6789
     """Pole [1/s] of the filter that differentiates the slip."""
-    sensitivity_low: float = 0.9
+    sensitivity_low: float = 0.853
     """Sensitivity "low" over "medium", which is 1."""
-    sensitivity_high: float = 4.0
+    sensitivity_high: float = 4.2
     """Sensitivity "high" over "medium"."""
 
     @property
@@ -115,11 +116,11 @@ class Undisclosed:
 
 BOUNDS: dict[str, tuple[float, float]] = {
     "front_adhesion": (0.07, 0.12),
-    "speed_offset": (80.0, 300.0),
+    "speed_offset": (80.0, 400.0),
     "rear_gain": (0.02, 0.6),
     "rear_fall": (0.1, 0.9),
     "rear_axles": (1.0, 12.0),
-    "conditioning": (0.02, 0.4),
+    "conditioning": (0.03, 0.4),
     "conditioning_slip": (0.01, 0.12),
     "peak_slip_ratio": (0.01, 0.05),
     "shoe_force_share": (0.13, 0.15),
@@ -133,6 +134,50 @@ BOUNDS: dict[str, tuple[float, float]] = {
 """Least and greatest value of each that counts as plausible."""
 
 assert set(BOUNDS) == {field.name for field in fields(Undisclosed)}
+
+
+CALIBRATED = Undisclosed()
+"""The set in use: one of those that reach every target, found by the method of `studies.slide_calibration` from a start of
+its own; then level and sensitivities were moved by hand until all of ten draws of noise reached them too. Conditioning ended
+at its bound, and the rear's fall with speed near it."""
+HELD_OUT = Undisclosed(
+    front_adhesion=0.10113,
+    speed_offset=259.96,
+    rear_gain=0.39027,
+    rear_fall=0.16756,
+    rear_axles=6.6534,
+    conditioning=0.031289,
+    conditioning_slip=0.094862,
+    peak_slip_ratio=0.013744,
+    shoe_force_share=0.14604,
+    slip_medium=0.074414,
+    slip_large=0.20867,
+    rate_growing=1.8648,
+    pole=12.733,
+    sensitivity_low=0.81749,
+    sensitivity_high=3.5834,
+)
+"""Fitted from `studies.slide_calibration.BY_HAND` without the distance of two cars, which it predicts."""
+RIVALS: tuple[Undisclosed, ...] = (
+    Undisclosed(
+        front_adhesion=0.097178,
+        speed_offset=343.61,
+        rear_gain=0.6,
+        rear_fall=0.18403,
+        rear_axles=10.399,
+        conditioning=0.03,
+        conditioning_slip=0.047873,
+        peak_slip_ratio=0.013702,
+        shoe_force_share=0.14344,
+        slip_medium=0.09706173,
+        slip_large=0.1554,
+        rate_growing=3.607278,
+        pole=13.787,
+        sensitivity_low=0.87,
+        sensitivity_high=4.743474,
+    ),
+)
+"""Other sets that reach every target: the tables do not decide between them."""
 
 
 def brake_event(
@@ -157,7 +202,7 @@ def brake_event(
         command=DriverCommand((0.0,), (FULL_BRAKE,)),
         # what the driver asks for is applied at once: the cylinders' dead time and lag are all the delay of Table 2
         onboard=Onboard(period=CYCLE, rise_time=CYCLE, braking=braking),
-        duration=DURATION,
+        duration=DURATIONS.get(cars, 40.0),
         initial_speed=INITIAL_SPEED,
         step=step,
         record_period=record_period,

@@ -88,11 +88,14 @@ _CURVES: dict[str, type[PiecewiseCurve] | type[PolachCurve] | type[SlipRatioCurv
 class RailKeys(Strict):
     """The rail as it truly is: `[rail]`.
 
-    `level` is the coefficient where `speed_law` is "none", else a factor on the law.
+    `level` is the coefficient where `speed_law` is "none", else a factor on the law; a law is a name, or a, b and c of
+    a / (V + b) + c with V in km/h. `rear_speed_law` takes over from the front to the rear within `rear_axles`.
     """
 
     level: float
-    speed_law: str = "none"
+    speed_law: str | tuple[float, float, float] = "none"
+    rear_speed_law: tuple[float, float, float] | None = None
+    rear_axles: float | None = None
     increments: IncrementKeys = IncrementKeys()
     patches: tuple[PatchKeys, ...] = ()
     scatter: float = 0.0

@@ -18,6 +18,7 @@ from studies.sweeps import (
     learning,
     readhesion,
     resistance,
+    slide_protection,
 )
 from studies.sweeps.statement import Statement
 
@@ -52,6 +53,7 @@ SWEEPS: dict[str, Sweep] = {
     "calibration": calibration,
     "brake-force": brake_force,
     "resistance": resistance,
+    "slide-protection": slide_protection,
 }
 """Every sweep by name."""
 

@@ -56,6 +56,10 @@ from paper_figs import (
     rule_comparison,
     save_figure,
     sharing_wanders,
+    slide_adhesion,
+    slide_control,
+    slide_pareto,
+    slide_tables,
     slip_detection,
     slip_event,
     torque_table,
@@ -80,6 +84,8 @@ from studies.errors import StudyError
 from studies.example_line import EXAMPLE_PATH, example_stock
 from studies.faulty_car import allocated_stops
 from studies.job import Job, simulate_job
+from studies.jp4209318 import CALIBRATED as DEMONSTRATION
+from studies.jp4209318 import brake, brake_event
 from studies.limit_cycle_comparison import compare_cycles
 from studies.line_run import run_line
 from studies.log_export import log_table
@@ -95,12 +101,14 @@ from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.short_route import short_route
+from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
+    "cars", "sensitivity",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -201,6 +209,10 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "tunnel-mouth": tunnel_mouth.draw(short_route(), passages),
         "gradient-change": gradient_change.draw(short_route(), passages),
         "resistance-weights": resistance_weights.draw(convergence(short_route(), 1)),
+        "slide-adhesion": slide_adhesion.draw(DEMONSTRATION),
+        "slide-control": slide_control.draw(brake(brake_event(DEMONSTRATION))),
+        "slide-tables": slide_tables.draw(slide_table()),
+        "slide-pareto": slide_pareto.draw(slide_table()),
     }
 
 

@@ -35,6 +35,34 @@ def test_speed_laws(train, law, kmh, expected):
     assert _peak(train("M"), Rail(0.9, law), kmh / 3.6) == pytest.approx(0.9 * expected)
 
 
+FRONT, REAR = (15.0, 150.0, 0.0), (6.0, 150.0, 0.09)
+"""0.100 to 0.060 and 0.130 to 0.114 from standstill to 100 km/h."""
+
+
+def test_further_back_the_rear_law_takes_over(train):
+    """JP4209318 par. 0051: lower in front (1), less dependent on speed further back (2)."""
+    rail = Rail(0.9, FRONT, rear_speed_law=REAR, rear_axles=3.0)
+    standing, fast = _peak(train("TMT"), rail, 0.0), _peak(train("TMT"), rail, 100.0 / 3.6)
+    share = 1.0 - np.exp(-np.arange(12) / 3.0)
+    np.testing.assert_allclose(standing, 0.9 * (0.100 + share * 0.030), rtol=1e-12)
+    np.testing.assert_allclose(fast, 0.9 * (0.060 + share * 0.054), rtol=1e-12)
+    assert np.all(np.diff(standing) > 0.0)
+    assert np.all(np.diff(fast / standing) > 0.0)
+
+
+@given(st.floats(0.0, 100.0), st.floats(0.5, 20.0), st.booleans())
+def test_the_greatest_peak_bounds_every_axle(speed, axles, swapped):
+    front, rear = (REAR, FRONT) if swapped else (FRONT, REAR)
+    rail = Rail(1.1, front, rear_speed_law=rear, rear_axles=axles)
+    laws = rail.axle_laws(16)
+    assert np.all(hyperbolic_speed_law(speed, *laws) <= rail.greatest_peak() * (1.0 + 1e-12))
+
+
+def test_a_rear_law_like_the_fronts_changes_nothing(train):
+    one, other = Rail(0.9, FRONT), Rail(0.9, FRONT, rear_speed_law=FRONT)
+    np.testing.assert_array_equal(_peak(train("TM"), one), _peak(train("TM"), other))
+
+
 def test_increments_add_by_axle(train):
     """JP5484215 (15): 0.0083 ln j - 0.0066, mean of the first four axles near zero."""
     growth = logarithmic_increments(12)

@@ -79,6 +79,13 @@ FAULTS = [
     (Rail, {"level": 0.1, "speed_law": "shinkanzen"}, "speed_law"),
     (Rail, {"level": 0.1, "speed_law": (1.0, 0.0, 0.0)}, "speed_law"),
     (Rail, {"level": 0.1, "speed_law": (1.0, 2.0)}, "speed_law"),
+    (
+        Rail,
+        {"level": 0.1, "rear_speed_law": (1.0, 2.0, 0.0)},
+        "must have the offset 1.0 of speed_law",
+    ),
+    (Rail, {"level": 0.1, "rear_speed_law": (1.0, 1.0, math.inf)}, "three finite numbers"),
+    (Rail, {"level": 0.1, "rear_axles": 0.0}, "rear_axles"),
     (Rail, {"level": 0.1, "scatter": -0.01}, "scatter"),
     (Rail, {"level": 0.1, "scatter_length": 0.0}, "scatter_length"),
     (Rail, {"level": 0.1, "seed": -1}, "seed"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from studies.errors import StudyError
+from studies.rail_keys import RailKeys
 from studies.scenario import load_scenario
 
 FULL = """
@@ -129,6 +130,15 @@ def test_the_train_is_loaded_and_coupled(event):
     assert all(c.stiffness == 5e6 and c.slack == pytest.approx(0.012) for c in train.couplers)
     assert event.model.environment.failure_time[1, 0] == 1.5
     assert np.isinf(event.model.environment.failure_time[[0, 2, 3, 4, 5], 0]).all()
+
+
+def test_laws_of_front_and_rear_arrive_as_they_are_given():
+    keys = RailKeys(
+        level=1.0, speed_law=(15.0, 150.0, 0.0), rear_speed_law=(6.0, 150.0, 0.09), rear_axles=3.0
+    )
+    rail = keys.rail(4, seed=0)
+    assert (rail.speed_law, rail.rear_speed_law) == ((15.0, 150.0, 0.0), (6.0, 150.0, 0.09))
+    assert rail.rear_axles == 3.0
 
 
 def test_the_rail_is_as_the_file_says(event):

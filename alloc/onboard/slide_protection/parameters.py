@@ -6,8 +6,8 @@ from typing import Literal
 
 from alloc.onboard.errors import OnboardError, check_numbers
 
-SENSITIVITIES: dict[str, float] = {"low": 0.9, "medium": 1.0, "high": 3.0}
-"""Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`."""
+SENSITIVITIES: dict[str, float] = {"low": 0.853, "medium": 1.0, "high": 4.2}
+"""Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
 
 
 def _check_growing(name: str, knots: tuple[float, float, float]) -> None:
@@ -39,13 +39,14 @@ class Fuzzy:
 
     `slip`: slip ratios at which the sets small, medium, large peak. `rate` [m/s2]: slip accelerations at which the sets
     falling, steady, growing peak. `sensitivity` scales both: at 2 every set lies at half its slip and rate. `pole` [1/s]: of
-    the filter that differentiates the slip. JP4209318 does not disclose its rules.
+    the filter that differentiates the slip. JP4209318 discloses neither rules nor sets: these are of the set of numbers
+    with which `studies.jp4209318` reaches its tables, one of several.
     """
 
     sensitivity: float = SENSITIVITIES["medium"]
-    slip: tuple[float, float, float] = (0.0, 0.05, 0.15)
-    rate: tuple[float, float, float] = (-1.0, 0.0, 1.0)
-    pole: float = 10.0
+    slip: tuple[float, float, float] = (0.0, 0.077716, 0.17027)
+    rate: tuple[float, float, float] = (-3.5912, 0.0, 3.5912)
+    pole: float = 6.6789
 
     def __post_init__(self) -> None:
         check_numbers("fuzzy slide protection", self, positive=("sensitivity", "pole"))
@@ -57,12 +58,15 @@ class Fuzzy:
 class SlideProtection:
     """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
 
-    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods. `reference`: the
-    speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each "car"'s own from
-    its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Once they have for `sounding`
-    [s], the car's rearmost bogie is released until one of its axles tells the speed again: all four sliding slowly would
-    pass for braking (assumed, as usual). Below `cut_out_speed` [m/s] the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s], whatever the law says:
-    sliding wheels must not cost a train its brakes for good (assumed, as usual in such equipment). An axle that stands
+    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods.
+
+    `reference`: the speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each
+    "car"'s own from its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Once they
+    have for `sounding` [s], the car's rearmost bogie is released until one of its axles tells the speed again: all four
+    sliding slowly would pass for braking (assumed, as usual).
+
+    Below `cut_out_speed` [m/s] the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s],
+    whatever the law says: sliding wheels must not cost a train its brakes for good (assumed, as usual). An axle that stands
     while its car runs is released.
     """
 

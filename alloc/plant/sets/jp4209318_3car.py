@@ -15,13 +15,14 @@ SOURCES = {
     "release_time": "JP4209318, Table 2: 1.2 s, one value for the cylinder",
     "friction": "JP4209318, Table 2: constant",
     "bogie_of_axle": "JP4209318: 4 axles a car, one supply and one release valve per bogie",
-    "force_per_pascal": "assumed: 0.14 of the axle load at 550 kPa, with which a trial reproduction met Table 3",
+    "force_per_pascal": "calibrated on Tables 3 and 4 (studies.jp4209318): 0.14143 of the axle load at 550 kPa",
     "axle_positions": "assumed: 20 m car, bogie centres 13.8 m, wheelbase 2.1 m, usual in Japan",
     "resistance": "assumed zero: the source prints none, and it is below 2 % of the brake force",
-    "rail": "assumed: the source's Fig. 2 is lost; orderings as in its text, level so that wheels slide",
+    "cylinder_volume": "assumed: four tread brake units of 0.7 l at their stroke, and pipes",
+    "rail": "the source's Fig. 2 is lost: orderings as in its text, values calibrated on Tables 3 and 4",
 }
 
-SHOE_FORCE_SHARE = 0.14
+SHOE_FORCE_SHARE = 0.14143
 """Shoe force per axle load at the maximum pressure."""
 AXLE_MASS = 8000.0
 
@@ -57,12 +58,21 @@ def train(cars: int = 3, shoe_force_share: float = SHOE_FORCE_SHARE) -> Train:
     )
 
 
+FRONT_ADHESION, SPEED_OFFSET = 0.09984, 298.34
+"""Coefficient of the foremost axle at standstill, and the c [km/h] of its fall 1 / (1 + V/c) with speed."""
+REAR_GAIN, REAR_FALL = 0.49755, 0.10339
+"""Far back: more adhesion at standstill, as a share, and the relative fall with speed over the front's."""
+
+
 def rail() -> Rail:
-    """Wet rail as the text tells it: falls with speed, and slid-on rail is better for the wheels behind."""
+    """Wet rail as the text tells it: lower and more dependent on speed in front, raised behind wheels that slide."""
+    rear = FRONT_ADHESION * (1.0 + REAR_GAIN)
     return Rail(
-        level=0.125,
-        speed_law=(150.0, 150.0, 0.0),  # 1 / (1 + V / 150 km/h)
-        conditioning=0.25,
-        conditioning_slip=0.05,
-        curve=SlipRatioCurve(peak_slip_ratio=0.03, residual_ratio=1.0),
+        level=1.0,
+        speed_law=(FRONT_ADHESION * SPEED_OFFSET, SPEED_OFFSET, 0.0),
+        rear_speed_law=(rear * REAR_FALL * SPEED_OFFSET, SPEED_OFFSET, rear * (1.0 - REAR_FALL)),
+        rear_axles=9.1746,
+        conditioning=0.03,
+        conditioning_slip=0.1017,
+        curve=SlipRatioCurve(peak_slip_ratio=0.012879, residual_ratio=1.0),
     )

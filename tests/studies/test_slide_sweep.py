@@ -1,0 +1,107 @@
+"""The sweep `slide-protection`: its table from runs, and what its statements make of a table."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from studies.jp4209318 import RIVALS
+from studies.slide_targets import TABLE_3, TABLE_4, TARGETS
+from studies.sweeps import SWEEPS, slide_protection
+from studies.sweeps.slide_statements import front, slide_statements, tables
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from tests.studies.slide_tables import slide_table
+
+
+@pytest.fixture
+def table():
+    return slide_table()
+
+
+def verdicts(table):
+    return {statement.name: statement.verdict for statement in slide_statements(table)}
+
+
+def test_the_sweep_is_known_by_name():
+    assert SWEEPS["slide-protection"] is slide_protection
+
+
+def test_what_is_as_printed_holds(table):
+    found = verdicts(table)
+    assert set(found.values()) <= set(VERDICTS)
+    for name in ("Table 3", "Table 4", "held out", "first axle", "even axles", "further back",
+                 "short trains", "no lock", "step", "jitter", "computing"):  # fmt: skip
+        assert found[name] == HOLDS, name
+    assert found["not unique"] == (FAILS if RIVALS else CONDITIONS)
+
+
+def test_the_targets_numbers_are_the_tables(table):
+    found = tables(table)
+    assert {cars: found[f"distance {cars}"] for cars in (1, 2, 3)} == TABLE_3
+    assert found["Q high"] == pytest.approx(TABLE_4["high"][1] / TABLE_4["medium"][1])
+    assert set(found) == set(TARGETS)
+
+
+def _change(table, column, value, **where):
+    chosen = np.ones(len(table), dtype=bool)
+    for key, wanted in where.items():
+        chosen &= (table[key] == wanted).to_numpy()
+    table.loc[chosen, column] = value
+    return table
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "column", "value", "where"),
+    [
+        ("Table 3", CONDITIONS, "distance", 470.0, {"part": "tables", "cars": 1}),
+        ("Table 4", CONDITIONS, "damage", 900.0, {"part": "tables", "setting": "high"}),
+        ("held out", FAILS, "distance 2", 420.0, {"part": "held out"}),
+        ("held out", CONDITIONS, "distance 3", 399.0, {"part": "held out"}),
+        ("first axle", CONDITIONS, "slip_3", 0.2, {"part": "tables", "setting": "high"}),
+        ("even axles", FAILS, "slip_2", 0.2, {"part": "tables"}),
+        ("further back", FAILS, "slip_11", 0.4, {"part": "tables"}),
+        ("short trains", FAILS, "distance", 380.0, {"part": "tables", "cars": 2}),
+        ("no lock", FAILS, "locked_time", 0.1, {"part": "tables"}),
+        ("no lock", CONDITIONS, "locked_time", 0.1, {"part": "pareto"}),
+        ("step", CONDITIONS, "distance", 392.0, {"part": "halved", "setting": "high"}),
+        ("step", CONDITIONS, "damage", 550.0, {"part": "halved", "setting": "high"}),
+        ("computing", FAILS, "computing", 12.0, {"part": "tables"}),
+    ],
+)
+def test_a_statement_follows_its_numbers(table, name, verdict, column, value, where):
+    assert verdicts(_change(table, column, value, **where))[name] == verdict
+
+
+def test_jitter_of_one_distance_is_a_condition(table):
+    rows = table["part"] == "jitter"
+    table.loc[rows, "distance 1"] += np.linspace(-0.3, 0.3, rows.sum())
+    (statement,) = [one for one in slide_statements(table) if one.name == "jitter"]
+    assert statement.verdict == CONDITIONS
+    assert statement.conditions == ("not of distance 1",)
+
+
+def test_the_front_is_what_nothing_beats_in_both(table):
+    own = front(table[table["part"] == "pareto"])
+    assert np.all(np.diff(own["distance"]) > 0.0)
+    assert np.all(np.diff(own["damage"]) < 0.0)
+
+
+def test_thresholds_are_judged_at_equal_q(table):
+    (statement,) = [one for one in slide_statements(table) if one.name == "threshold"]
+    assert statement.verdict == CONDITIONS
+    assert statement.conditions == ("not with hold 0.01, release 0.02",)
+
+
+def test_a_table_is_made_once(tmp_path, monkeypatch):
+    few = list(islice(slide_protection.tasks(), 2))
+    monkeypatch.setattr(slide_protection, "tasks", lambda: iter(few))
+    seen = []
+    made = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
+    assert seen == [("tables", 1, 2), ("tables", 2, 2)]
+    assert made["part"].tolist() == [
+        "tables", "tables", "jitter", *["rival"] * len(RIVALS), "held out",
+    ]  # fmt: skip
+    again = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
+    assert len(seen) == 2
+    assert again.equals(made)
+    assert slide_protection.stored(tmp_path).equals(made)
