@@ -12,7 +12,7 @@ from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car
 from alloc.plant.train import InverterGroup, Motors, TorqueLimit, Train
-from studies.jp4209318 import DURATION, INITIAL_SPEED, Undisclosed
+from studies.jp4209318 import INITIAL_SPEED, Undisclosed
 
 GEAR_RATIO = 7.07
 """Of the readhesion paper; it cancels between torque and force."""
@@ -21,6 +21,8 @@ FADE_SPEED = 5.0 / 3.6
 RISE_TIME = 2.5
 """Time [s] in which the brake rises, evenly: as much distance is lost as with the cylinders' lag of 1.2 s and their dead
 time of 0.05 s."""
+DURATION = 60.0
+"""Time [s] longer than any stop here."""
 REFERENCE_MARGIN = 0.02
 """Of the reference speed's bound [m/s2]. No axle runs free: each m/s2 of it lets the reference drift by 1 m/s in a second
 while all axles slide. The line is known to be level."""
