@@ -182,6 +182,9 @@ FIGURES: dict[str, FigureEntry] = {
         "slide_pareto",
         "distance against Q over the sensitivity of slide protection, and thresholds",
     ),
+    "slide-electric": FigureEntry(
+        "slide_electric", "distance against Q: electric brake by controller beside slide protection"
+    ),
 }
 """Every figure by name."""
 

@@ -9,7 +9,7 @@ from paper_figs.slide_data import HERE, PRINTED, slide_table
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
 from studies.slide_targets import TABLE_4
-from studies.sweeps.slide_statements import front
+from studies.sweeps.slide_front import front
 
 MARKERS = {"low": "v", "medium": "o", "high": "^"}
 TICKS = (200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 10000)

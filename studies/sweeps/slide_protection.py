@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from alloc.onboard import SlideProtection, Threshold
-from studies import jp4209318, slide_calibration, slide_targets
+from studies import electric_slide, jp4209318, slide_calibration, slide_targets
 from studies.code_version import hash_with
 from studies.jp4209318 import (
     CALIBRATED,
@@ -28,6 +28,8 @@ from studies.jp4209318 import (
 from studies.slide_calibration import JITTER_DRAWS, jitter
 from studies.slide_targets import outcomes
 from studies.store import Store
+from studies.sweeps import slide_electric
+from studies.sweeps.slide_electric import electric_row, electric_tasks
 from studies.sweeps.slide_statements import slide_statements
 from studies.sweeps.statement import Statement
 
@@ -69,23 +71,23 @@ def run(
 ) -> pd.DataFrame:
     """The table, kept in `folder`: a row per run of the calibrated set (`part`), per draw of noise, and per other set.
 
-    Rows of runs hold `studies.jp4209318.measures` and the computing time per simulated second; those of the parts "jitter",
-    "rival" and "held out" hold `studies.slide_targets.outcomes`.
+    Rows of runs hold `studies.jp4209318.measures` and the computing time per simulated second, those of the part "electric"
+    what `studies.sweeps.slide_electric` says; "jitter", "rival" and "held out" hold `studies.slide_targets.outcomes`.
     """
     path = Store(folder).folder / TABLE
     known = stored(folder)
     if known is not None and (known["draws"] == events).all() and (known["seed"] == seed).all():
         return known
-    chosen = list(tasks())
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    rows = []
-    for k, row in enumerate(parallel(joblib.delayed(_row)(*task) for task in chosen)):
+    # the runs of the MPC take longest, so they go first
+    chosen = [joblib.delayed(electric_row)(*task) for task in reversed(list(electric_tasks()))]
+    chosen += [joblib.delayed(_row)(*task) for task in tasks()]
+    rows: list[dict[str, Any]] = []
+    for row in joblib.Parallel(n_jobs=jobs, return_as="generator")(chosen):
         rows.append(row)
         if on_row is not None:
-            on_row(str(row["part"]), k + 1, len(chosen))
-    rows += [
-        {"part": "jitter", **row} for row in jitter(CALIBRATED, seed, events).to_dict("records")
-    ]
+            on_row(str(row["part"]), len(rows), len(chosen))
+    draws = jitter(CALIBRATED, seed, events).assign(part="jitter")
+    rows += [{str(key): value for key, value in row.items()} for row in draws.to_dict("records")]
     rows += [{"part": "rival", **outcomes(rival)} for rival in RIVALS]
     rows.append({"part": "held out", **outcomes(HELD_OUT)})
     table = pd.DataFrame(rows).assign(draws=events, seed=seed, code_hash=_hash())
@@ -130,7 +132,7 @@ def _row(
 
 
 def _hash() -> str:
-    modules = (jp4209318, slide_calibration, slide_targets)
+    modules = (electric_slide, jp4209318, slide_calibration, slide_electric, slide_targets)
     return hash_with(__file__, *(str(module.__file__) for module in modules))
 
 

@@ -15,6 +15,8 @@ from studies.slide_targets import (
     reached,
     unreached,
 )
+from studies.sweeps.slide_electric import electric_statement
+from studies.sweeps.slide_front import front
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
 
 STEP_DISTANCE, STEP_DAMAGE = 0.05, 0.01
@@ -64,6 +66,7 @@ def slide_statements(table: pd.DataFrame) -> list[Statement]:
         _no_lock(table),
         _trade(table),
         _rivals(table),
+        electric_statement(table),
         _step(table),
         _jitter(table),
         _not_unique(table),
@@ -167,12 +170,6 @@ def _no_lock(table: pd.DataFrame) -> Statement:
             for row in own[own["locked_time"] > 0.0].itertuples()
         ),
     )
-
-
-def front(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of runs that no other run beats in both distance and Q, by growing distance."""
-    ordered = rows.sort_values(["distance", "damage"])
-    return ordered[ordered["damage"] < ordered["damage"].cummin().shift(fill_value=np.inf)]
 
 
 def _trade(table: pd.DataFrame) -> Statement:

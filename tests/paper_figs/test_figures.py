@@ -58,6 +58,7 @@ from paper_figs import (
     sharing_wanders,
     slide_adhesion,
     slide_control,
+    slide_electric,
     slide_pareto,
     slide_tables,
     slip_detection,
@@ -213,6 +214,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slide-control": slide_control.draw(brake(brake_event(DEMONSTRATION))),
         "slide-tables": slide_tables.draw(slide_table()),
         "slide-pareto": slide_pareto.draw(slide_table()),
+        "slide-electric": slide_electric.draw(slide_table()),
     }
 
 

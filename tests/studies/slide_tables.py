@@ -5,6 +5,7 @@ import pandas as pd
 
 from studies.jp4209318 import RIVALS
 from studies.slide_targets import TABLE_3, TABLE_4
+from studies.sweeps.slide_electric import electric_tasks
 from studies.sweeps.slide_protection import SENSITIVITIES, THRESHOLDS
 
 SLIP = {f"slip_{i + 1}": 0.08 - 0.004 * i - 0.002 * (i % 2) for i in range(12)}
@@ -43,6 +44,11 @@ def slide_table() -> pd.DataFrame:
                      "distance": 395.0, "damage": 4e4 * hold, **common})  # fmt: skip
     rows.append({"part": "none", "cars": 3, "distance": 383.0, "damage": 21e3,
                  **(common | {"locked_time": 160.0})})  # fmt: skip
+    for group, controller in electric_tasks():
+        held = controller == "mpc"
+        rows.append({"part": "electric", "cars": 3, "group": group, "controller": controller,
+                     "distance": 384.0 if held else 470.0, "damage": 900.0,
+                     "reference_error": 0.4})  # fmt: skip
     noise = np.random.default_rng(0).standard_normal(8)
     rows += [{"part": "jitter", **AS_PRINTED, "distance 3": TABLE_3[3] + 0.02 * x} for x in noise]
     rows += [{"part": "rival", **AS_PRINTED} for _ in RIVALS]

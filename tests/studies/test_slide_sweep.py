@@ -8,7 +8,8 @@ import pytest
 from studies.jp4209318 import RIVALS
 from studies.slide_targets import TABLE_3, TABLE_4, TARGETS
 from studies.sweeps import SWEEPS, slide_protection
-from studies.sweeps.slide_statements import front, slide_statements, tables
+from studies.sweeps.slide_front import front
+from studies.sweeps.slide_statements import slide_statements, tables
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
 from tests.studies.slide_tables import slide_table
 
@@ -30,7 +31,7 @@ def test_what_is_as_printed_holds(table):
     found = verdicts(table)
     assert set(found.values()) <= set(VERDICTS)
     for name in ("Table 3", "Table 4", "held out", "first axle", "even axles", "further back",
-                 "short trains", "no lock", "step", "jitter", "computing"):  # fmt: skip
+                 "short trains", "no lock", "step", "jitter", "computing", "electric brake"):  # fmt: skip
         assert found[name] == HOLDS, name
     assert found["not unique"] == (FAILS if RIVALS else CONDITIONS)
 
@@ -66,6 +67,8 @@ def _change(table, column, value, **where):
         ("step", CONDITIONS, "distance", 392.0, {"part": "halved", "setting": "high"}),
         ("step", CONDITIONS, "damage", 550.0, {"part": "halved", "setting": "high"}),
         ("computing", FAILS, "computing", 12.0, {"part": "tables"}),
+        ("electric brake", CONDITIONS, "distance", 470.0, {"part": "electric", "group": "1C4M"}),
+        ("electric brake", FAILS, "distance", 470.0, {"part": "electric"}),
     ],
 )
 def test_a_statement_follows_its_numbers(table, name, verdict, column, value, where):
@@ -95,13 +98,16 @@ def test_thresholds_are_judged_at_equal_q(table):
 def test_a_table_is_made_once(tmp_path, monkeypatch):
     few = list(islice(slide_protection.tasks(), 2))
     monkeypatch.setattr(slide_protection, "tasks", lambda: iter(few))
+    monkeypatch.setattr(
+        slide_protection, "electric_tasks", lambda: iter([("1C4M", "cut-and-ramp")])
+    )
     seen = []
     made = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
-    assert seen == [("tables", 1, 2), ("tables", 2, 2)]
+    assert seen == [("electric", 1, 3), ("tables", 2, 3), ("tables", 3, 3)]
     assert made["part"].tolist() == [
-        "tables", "tables", "jitter", *["rival"] * len(RIVALS), "held out",
+        "electric", "tables", "tables", "jitter", *["rival"] * len(RIVALS), "held out",
     ]  # fmt: skip
     again = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
-    assert len(seen) == 2
+    assert len(seen) == 3
     assert again.equals(made)
     assert slide_protection.stored(tmp_path).equals(made)
