@@ -6,16 +6,20 @@ import numpy as np
 import xarray as xr
 
 from alloc.driving import Controls, TrainSense, drive
+from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
-from alloc.plant.sets import find_set
-from alloc.plant.sets.jp4209318_3car import rail as wet_rail
+from alloc.plant.sets import find_set, jp4209318_3car
 from alloc.plant.train import Coupler, Train
 
 START = 100.0 / 3.6
-TRAIN = find_set("jp4209318-3car")
-PLAIN_RAIL = replace(wet_rail(), conditioning=0.0)
-"""Without what the wheels ahead leave on the rail, so that a test can state its adhesion in one line."""
+TRAIN = jp4209318_3car.train(3, shoe_force_share=0.14)
+PLAIN_RAIL = Rail(
+    0.125, (150.0, 150.0, 0.0), curve=SlipRatioCurve(peak_slip_ratio=0.03, residual_ratio=1.0)
+)
+"""The same for all axles and not calibrated on anything, so that a test can state its adhesion in one line."""
+CLEANED_RAIL = replace(PLAIN_RAIL, conditioning=0.25, conditioning_slip=0.05)
+"""The same, better behind wheels that slide."""
 
 
 def readhering(time: float) -> float:

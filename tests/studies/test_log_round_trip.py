@@ -14,13 +14,12 @@ from alloc.estimation.slip_events import SlipCriterion, spans
 from alloc.metrics import METRICS
 from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
-from alloc.plant.sets.jp4209318_3car import rail
 from alloc.plant.train import Coupler, Train
 from studies.job import Job, simulate_job
 from studies.log_export import log_table, rounded
 from studies.measured_log import check_log
 from studies.scenario import load_scenario
-from tests.simulation.slides import TRAIN, braked, driven, readhering
+from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 
 class Case(NamedTuple):
@@ -50,7 +49,7 @@ def cases() -> dict[str, Case]:
     coupled = TRAIN.coupled(Coupler())
     return {
         "patch": Case(patch, scenario.event(0).model.train),
-        "braked": Case(braked(readhering, train=coupled, rail=rail()), coupled),
+        "braked": Case(braked(readhering, train=coupled, rail=CLEANED_RAIL), coupled),
         "driven": Case(driven(), find_set("commuter-8car")),
     }
 
