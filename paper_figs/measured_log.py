@@ -83,21 +83,24 @@ def _slips(
         slipping |= (time >= event.start) & (time <= event.end)
     for begin, end in spans(slipping):  # once, however many axles slip
         axes.axvspan(time[begin], time[end - 1], color=FOUND, alpha=0.12, linewidth=0.0)
+    marks = []
     for event in found.events:
         inside = (time >= event.start) & (time <= event.end)
         slip = found.slip_velocity[inside, event.axle]
         worst = int(np.nanargmax(np.abs(slip)))
+        marks.append((time[inside][worst], slip[worst]))
+    _mark(axes, marks, "o", "slip or slide found, at its largest")
+    axes.set_ylabel("slip velocity [m/s]")
+
+
+def _mark(axes: Axes, points: list[tuple[float, float]], marker: str, label: str) -> None:
+    if points:
+        x, y = zip(*points, strict=True)
         axes.plot(
-            time[inside][worst], slip[worst], linestyle="none", marker="o", markersize=4,
-            color=FOUND, markerfacecolor="none",
-        )  # fmt: skip
-    if found.events:
-        axes.plot(
-            [], [], linestyle="none", marker="o", markersize=4, color=FOUND,
-            markerfacecolor="none", label="slip or slide found, at its largest",
+            x, y, linestyle="none", marker=marker, markersize=4, color=FOUND,
+            markerfacecolor="none", label=label,
         )  # fmt: skip
         axes.legend(loc="best")
-    axes.set_ylabel("slip velocity [m/s]")
 
 
 def _coefficients(
@@ -105,18 +108,11 @@ def _coefficients(
 ) -> None:
     for i in shown:
         axes.plot(*_broken(log, found.coefficient[:, i]), color=colours[i], linewidth=0.8)
-    for event in found.events:
-        sign = 1.0 if event.kind == "slip" else -1.0
-        axes.plot(
-            event.onset_time, sign * event.onset_coefficient, linestyle="none", marker="D",
-            markersize=4, color=FOUND, markerfacecolor="none",
-        )  # fmt: skip
-    if found.events:
-        axes.plot(
-            [], [], linestyle="none", marker="D", markersize=4, color=FOUND,
-            markerfacecolor="none", label="as a slip begins: adhesion estimated",
-        )  # fmt: skip
-        axes.legend(loc="best")
+    marks = [
+        (event.onset_time, (1.0 if event.kind == "slip" else -1.0) * event.onset_coefficient)
+        for event in found.events
+    ]
+    _mark(axes, marks, "D", "as a slip begins: adhesion estimated")
     axes.set_ylabel("coefficient [–]")
 
 

@@ -20,6 +20,7 @@ from studies.code_version import hash_with
 from studies.readhesion_findings import CLAIMS
 from studies.store import Store
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, share_interval
+from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = (
     "what the readhesion paper does not print, calibrated on what it does, and how narrowly"
@@ -60,11 +61,7 @@ def run(
 
 def stored(folder: Path) -> pd.DataFrame | None:
     """The table that a folder holds, None if there is none or it comes from other code."""
-    path = Path(folder) / TABLE
-    if not path.exists():
-        return None
-    table = pd.read_parquet(path)
-    return table if set(table["code_hash"]) == {_hash()} else None
+    return stored_table(folder, TABLE, _hash())
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

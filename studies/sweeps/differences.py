@@ -16,6 +16,7 @@ from studies.sweeps.difference_kinds import EVENTS, KINDS, event, problem
 from studies.sweeps.difference_statements import difference_statements
 from studies.sweeps.measures import measure
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = "where greedy, exact level and QP differ, by how much, and when it matters"
 DEFAULT_EVENTS = 1000
@@ -70,11 +71,7 @@ def run(
 
 def stored(folder: Path) -> pd.DataFrame | None:
     """The table that a folder holds, None if there is none or it comes from other code."""
-    path = Path(folder) / TABLE
-    if not path.exists():
-        return None
-    table = pd.read_parquet(path)
-    return table if set(table["code_hash"].dropna()) == {code_hash()} else None
+    return stored_table(folder, TABLE, code_hash())
 
 
 def answer_rows(asked: AllocationProblem) -> list[dict[str, object]]:

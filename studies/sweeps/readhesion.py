@@ -24,6 +24,7 @@ from studies.readhesion_paper import (
 from studies.store import Store
 from studies.sweeps.readhesion_statements import readhesion_statements
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = "what the readhesion paper found of its torque table: cases A and B, a_0, a_w"
 DEFAULT_EVENTS = 1
@@ -85,11 +86,7 @@ def run(
 
 def stored(folder: Path) -> pd.DataFrame | None:
     """The whole table that a folder holds, None if there is none or it comes from other code."""
-    path = Path(folder) / TABLE
-    if not path.exists():
-        return None
-    table = pd.read_parquet(path)
-    return table if set(table["code_hash"]) == {_hash()} else None
+    return stored_table(folder, TABLE, _hash())
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

@@ -13,6 +13,7 @@ from studies.sweeps import resistance_events
 from studies.sweeps.resistance_events import event_row
 from studies.sweeps.resistance_statements import resistance_statements
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = "compensation and learning of running resistance by line position (JP H07-322414)"
 DEFAULT_EVENTS = 12
@@ -47,11 +48,7 @@ def run(
 
 def stored(folder: Path) -> pd.DataFrame | None:
     """The table that a folder holds, of all seeds; None if there is none or it comes from other code."""
-    path = Path(folder) / TABLE
-    if not path.exists():
-        return None
-    table = pd.read_parquet(path)
-    return table if set(table["code_hash"]) == {_hash()} else None
+    return stored_table(folder, TABLE, _hash())
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

@@ -32,6 +32,7 @@ from studies.sweeps import slide_electric
 from studies.sweeps.slide_electric import electric_row, electric_tasks
 from studies.sweeps.slide_statements import slide_statements
 from studies.sweeps.statement import Statement
+from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = (
     "slide protection of JP4209318: distance, wheel damage and air by train and sensitivity"
@@ -97,11 +98,7 @@ def run(
 
 def stored(folder: Path) -> pd.DataFrame | None:
     """The table that a folder holds, None if there is none or it comes from other code."""
-    path = Path(folder) / TABLE
-    if not path.exists():
-        return None
-    table = pd.read_parquet(path)
-    return table if set(table["code_hash"]) == {_hash()} else None
+    return stored_table(folder, TABLE, _hash())
 
 
 def statements(table: pd.DataFrame) -> list[Statement]:

@@ -1,8 +1,10 @@
-"""How many events of a sweep a folder holds already: figures are drawn from those, and run no others."""
+"""What a folder holds of a sweep already: figures are drawn from that, and nothing is run twice."""
 
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
+
+import pandas as pd
 
 from studies.code_version import code_hash
 from studies.job import Key
@@ -19,3 +21,12 @@ def stored_events(
     code = code_hash()
     done = {part(key) for key in Store(folder).keys() if key.code_hash == code}  # noqa: SIM118
     return next(k for k in count() if not wanted(k) <= done)
+
+
+def stored_table(folder: Path, name: str, code: str) -> pd.DataFrame | None:
+    """The whole table `name` of a folder; None if there is none, or if any row's `code_hash` is not `code`."""
+    path = Path(folder) / name
+    if not path.exists():
+        return None
+    table = pd.read_parquet(path)
+    return table if set(table["code_hash"].dropna()) == {code} else None
