@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from alloc.estimation.measured_run import Findings
-    from studies.line_run import LineRun
-    from studies.measured_log import MeasuredLog
+    from studies.lines.line_run import LineRun
+    from studies.logs.measured_log import MeasuredLog
     from studies.store import Store
 
 

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from paper_figs.brake_panels import THEORY, WAGONS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brake_findings import row_of_test
-from studies.brake_tests import run_test
+from studies.brakes.brake_findings import row_of_test
+from studies.brakes.brake_tests import run_test
 from studies.sweeps import brake_force, sweep_folder
 from studies.sweeps.brake_force_statements import CUT_OUT
 

@@ -7,7 +7,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.calibration import RANGES, best, fulfilling
+from studies.readhesion.calibration import RANGES, best, fulfilling
 from studies.sweeps import calibration, sweep_folder
 
 LABELS = {

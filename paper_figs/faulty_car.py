@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brake_findings import driven_rows
-from studies.faulty_car import Fault, Stop, allocated_stops
+from studies.brakes.brake_findings import driven_rows
+from studies.brakes.faulty_car import Fault, Stop, allocated_stops
 from studies.sweeps import brake_force, sweep_folder
 
 DAY = 0

@@ -15,8 +15,8 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion_findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
-from studies.readhesion_paper import CALIBRATED, RIVAL, Case, Unprinted
+from studies.readhesion.readhesion_findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
+from studies.readhesion.readhesion_paper import CALIBRATED, RIVAL, Case, Unprinted
 
 CASE = Case(width=HALF_SLIP_WIDTHS[-1], limit=HALF_SLIP_LIMIT)
 SETS: dict[str, Unprinted] = {"calibrated": CALIBRATED, "rival": RIVAL}

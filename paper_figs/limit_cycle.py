@@ -7,8 +7,12 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.limit_cycle import critical_width
-from studies.limit_cycle_comparison import compare_cycles, growth_over_widths, paper_model
+from studies.readhesion.limit_cycle import critical_width
+from studies.readhesion.limit_cycle_comparison import (
+    compare_cycles,
+    growth_over_widths,
+    paper_model,
+)
 
 WIDTHS = (0.1, 0.3)
 LIMITS = tuple(round(0.112 + 0.004 * k, 3) for k in range(12))

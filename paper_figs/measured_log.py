@@ -11,8 +11,8 @@ from alloc.estimation.measured_run import Findings, MeasuredTrain, analyse_run
 from alloc.estimation.slip_events import spans
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.log_export import log_table, rounded
-from studies.measured_log import MeasuredLog, check_log
+from studies.logs.log_export import log_table, rounded
+from studies.logs.measured_log import MeasuredLog, check_log
 from studies.scenario import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from alloc.table_lanes import TableRuns
-from studies.readhesion_paper import (
+from studies.readhesion.readhesion_paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,

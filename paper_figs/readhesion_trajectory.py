@@ -18,7 +18,7 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion_paper import DROP, RECOVERY
+from studies.readhesion.readhesion_paper import DROP, RECOVERY
 
 LAST = 2.0
 """Time [s] before the recovery in which the loci are drawn heavily: the limit cycle, if there is one."""

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.example_line import EXAMPLE_PATH, example_stock
-from studies.line_run import LineRun, run_line
+from studies.lines.example_line import EXAMPLE_PATH, example_stock
+from studies.lines.line_run import LineRun, run_line
 
 LIMIT, PERMITTED, SPEED = "#7f7f7f", "#e69f00", "#0072b2"
 CLIMB, FALL = "#d55e00", "#56b4e9"

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.jp4209318 import CALIBRATED, Undisclosed
+from studies.slides.jp4209318 import CALIBRATED, Undisclosed
 
 SPEEDS = {10.0: "#0072b2", 50.0: "#009e73", 100.0: "#d55e00"}
 """Speed [km/h] and its colour."""

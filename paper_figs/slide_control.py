@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.jp4209318 import CALIBRATED, brake, brake_event
+from studies.slides.jp4209318 import CALIBRATED, brake, brake_event
 
 AXLE_COLOURS = ("#d55e00", "#e69f00", "#0072b2", "#56b4e9")
 """Axles of a car from its front: those of a bogie are kin."""

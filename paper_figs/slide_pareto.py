@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from paper_figs.slide_data import HERE, PRINTED, slide_table
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.slide_targets import TABLE_4
+from studies.slides.slide_targets import TABLE_4
 from studies.sweeps.slide_front import front
 
 MARKERS = {"low": "v", "medium": "o", "high": "^"}

@@ -9,7 +9,7 @@ from matplotlib.ticker import MultipleLocator
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion_paper import CASE_A, PAPER_LIMITS
+from studies.readhesion.readhesion_paper import CASE_A, PAPER_LIMITS
 from studies.sweeps import readhesion, sweep_folder
 
 SYMBOLS = {"margin": "a_0", "width": "a_w"}

@@ -7,7 +7,7 @@ from alloc.metrics import METRICS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.controllers import controller_names
-from studies.log_columns import column_names
+from studies.logs.log_columns import column_names
 from studies.scenario import load_scenario, shipped_scenarios
 from studies.sweeps import SWEEPS
 

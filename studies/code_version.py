@@ -7,7 +7,7 @@ from pathlib import Path
 PACKAGES = ("alloc", "mpc")
 """Packages all of whose sources count."""
 STUDY_SOURCES = ("scenario.py", "rail_keys.py", "onboard_keys.py", "train_keys.py", "units.py",
-                 "railtoolkit.py", "railtoolkit_keys.py", "railtoolkit_train.py", "job.py",
+                 "lines/railtoolkit.py", "lines/railtoolkit_keys.py", "lines/railtoolkit_train.py", "job.py",
                  "sweeps/measures.py", "sweeps/ladder_measures.py")  # fmt: skip
 """Sources of this package that turn a scenario into a run; report, store and command line do not count."""
 

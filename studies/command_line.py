@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.errors import StudyError
-from studies.line_command import run_line
-from studies.log_command import analyse
+from studies.lines.line_command import run_line
+from studies.logs.log_command import analyse
 from studies.options import Names, Whole, check_writable, process_count, split_names
 from studies.terminal import console, progress
 
@@ -171,7 +171,7 @@ def simulate(
     from studies.controllers import host_factories
     from studies.defaults import check_names
     from studies.job import Job, simulate_job
-    from studies.log_export import check_log_path, write_log
+    from studies.logs.log_export import check_log_path, write_log
     from studies.scenario import load_scenario
 
     chosen = load_scenario(scenario)
@@ -336,7 +336,7 @@ app.command(analyse)
 
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
-    from studies.real_input import with_real_input
+    from studies.lines.real_input import with_real_input
     from studies.scenario import default_scenarios, load_scenario
 
     real = line is not None or train is not None

@@ -145,7 +145,7 @@ class LineKeys(Strict):
 
     def line(self) -> Line:
         """The plant's line."""
-        from studies.railtoolkit import read_path
+        from studies.lines.railtoolkit import read_path
 
         tunnels = tuple((t.start_m, t.end_m) for t in self.tunnels)
         if self.file is not None:

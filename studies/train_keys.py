@@ -44,7 +44,7 @@ def build_train(
     from dataclasses import replace
 
     from alloc.plant.sets import find_set
-    from studies.railtoolkit import read_train
+    from studies.lines.railtoolkit import read_train
 
     built = read_train(train) if is_file(train) else find_set(train)
     if load_t is not None:

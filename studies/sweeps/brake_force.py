@@ -6,9 +6,9 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from studies import brake_findings, brake_measurement, brake_tests, faulty_car
-from studies.brake_findings import SHORTFALLS, allocated_rows, driven_rows, row_of_test
-from studies.brake_tests import TESTS, run_test
+from studies.brakes import brake_findings, brake_measurement, brake_tests, faulty_car
+from studies.brakes.brake_findings import SHORTFALLS, allocated_rows, driven_rows, row_of_test
+from studies.brakes.brake_tests import TESTS, run_test
 from studies.code_version import hash_with
 from studies.store import Store
 from studies.sweeps.brake_force_statements import brake_force_statements
@@ -30,7 +30,7 @@ def run(
     tests: Sequence[str] = tuple(TESTS),
     shortfalls: Sequence[float] = SHORTFALLS,
 ) -> pd.DataFrame:
-    """Rows of `studies.brake_findings` for so many days, a file per day in `folder`; what it holds is not run again.
+    """Rows of `studies.brakes.brake_findings` for so many days, a file per day in `folder`; what it holds is not run again.
 
     `tests` and `shortfalls` other than all make a table that is not kept.
     """

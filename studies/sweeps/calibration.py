@@ -1,4 +1,4 @@
-"""The calibration of what the readhesion paper does not print, as a sweep: `studies.calibration` kept in a folder."""
+"""The calibration of what the readhesion paper does not print, as a sweep: `studies.readhesion` kept in a folder."""
 
 import math
 from collections.abc import Callable
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from studies import calibration, readhesion_findings, readhesion_grid, readhesion_paper
-from studies.calibration import (
+from studies.code_version import hash_with
+from studies.readhesion import calibration, readhesion_findings, readhesion_grid, readhesion_paper
+from studies.readhesion.calibration import (
     DEFAULT_SAMPLES,
     NOT_ASKED_OF_ALL,
     RANGES,
@@ -16,8 +17,7 @@ from studies.calibration import (
     calibrate,
     fulfilling,
 )
-from studies.code_version import hash_with
-from studies.readhesion_findings import CLAIMS
+from studies.readhesion.readhesion_findings import CLAIMS
 from studies.store import Store
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, share_interval
 from studies.sweeps.stored_events import stored_table

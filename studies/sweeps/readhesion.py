@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from studies import readhesion_findings, readhesion_grid, readhesion_paper
 from studies.code_version import hash_with
-from studies.readhesion_findings import Finding, case_findings
-from studies.readhesion_grid import Cases, grid_tables, search_limits
-from studies.readhesion_paper import (
+from studies.readhesion import readhesion_findings, readhesion_grid, readhesion_paper
+from studies.readhesion.readhesion_findings import Finding, case_findings
+from studies.readhesion.readhesion_grid import Cases, grid_tables, search_limits
+from studies.readhesion.readhesion_paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,
@@ -56,9 +56,9 @@ def run(
 ) -> pd.DataFrame:
     """The table of all runs, kept in `folder`; `events` and `seed` change nothing, since nothing is random.
 
-    Rows of part "indices" are those of `studies.readhesion_paper.assess`, of part "limit" their `limit_coefficient`
-    (`fails_at`: greatest mu_lim tried below it without readhesion; `monotone`), for each `parabola`; of part "case" the
-    numbers of the findings of cases A and B.
+    Rows of part "indices" are those of `studies.readhesion.readhesion_paper.assess`, of part "limit" their
+    `limit_coefficient` (`fails_at`: greatest mu_lim tried below it without readhesion; `monotone`), for each `parabola`;
+    of part "case" the numbers of the findings of cases A and B.
     """
     store = Store(folder)
     known = stored(folder)

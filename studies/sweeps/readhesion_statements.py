@@ -4,7 +4,7 @@ import math
 
 import pandas as pd
 
-from studies.readhesion_findings import CLAIMS, Finding, grid_findings
+from studies.readhesion.readhesion_findings import CLAIMS, Finding, grid_findings
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
 
 SETTLED_BELOW = 0.01
@@ -13,7 +13,7 @@ EXISTS_FROM = 5.0**2 / (4.0 * 40.0)
 """Least mu_max at which g1 = 5 and C = 40 make a curve: (2) with mu_max, g1^2/(4 C)."""
 METHOD = (
     "no randomness: each number is that of one run or of all runs of the grid; bounds in "
-    "studies/readhesion_findings.py"
+    "studies/readhesion/readhesion_findings.py"
 )
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 from joblib import Parallel, delayed
 
-from studies import resistance_learning, speed_control, speed_routes
 from studies.code_version import hash_with
+from studies.resistance import resistance_learning, speed_control, speed_routes
 from studies.store import Store
 from studies.sweeps import resistance_events
 from studies.sweeps.resistance_events import event_row

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from alloc.estimation.excitation import LARGEST_DEVIATION, LEARNED
-from studies.resistance_learning import (
+from studies.resistance.resistance_learning import (
     LEARNER_NAMES,
     boarding,
     learn_passes,
@@ -13,7 +13,7 @@ from studies.resistance_learning import (
     load_compensation,
     random_loads,
 )
-from studies.speed_control import (
+from studies.resistance.speed_control import (
     CARS,
     CASES,
     CONTROLS,
@@ -28,8 +28,8 @@ from studies.speed_control import (
     disturbances,
     drive_case,
 )
-from studies.speed_control import LEARNED as LEARNED_CASE
-from studies.speed_routes import ROUTES, Route, route
+from studies.resistance.speed_control import LEARNED as LEARNED_CASE
+from studies.resistance.speed_routes import ROUTES, Route, route
 
 CRUISE = {"commuter": (16.0, 20.0), "high-speed": (64.0, 72.0)}
 """Cruising speed [m/s], uniform."""

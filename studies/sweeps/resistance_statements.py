@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pandas as pd
 
 from alloc.estimation.excitation import LARGEST_DEVIATION
-from studies.resistance_learning import GRADIENT, NORMALISED, PRINTED, SQUARES
-from studies.speed_control import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY
+from studies.resistance.resistance_learning import GRADIENT, NORMALISED, PRINTED, SQUARES
+from studies.resistance.speed_control import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY
 from studies.sweeps.resistance_events import FALSE_BY, ONE_CAR, column
 from studies.sweeps.statement import Interval, Statement, mean_interval, share_interval
 from studies.sweeps.verdict import Part, Test, judge

@@ -14,8 +14,8 @@ from alloc.plant.equations import GRAVITY
 from alloc.plant.train import InverterGroup
 from alloc.simulation import simulate
 from studies.controllers import host_factories
-from studies.electric_slide import FADE_SPEED, electric_event
-from studies.jp4209318 import CALIBRATED
+from studies.slides.electric_slide import FADE_SPEED, electric_event
+from studies.slides.jp4209318 import CALIBRATED
 from studies.sweeps.slide_front import front
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
 

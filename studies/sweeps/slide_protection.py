@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from alloc.onboard import SlideProtection, Threshold
-from studies import electric_slide, jp4209318, slide_calibration, slide_targets
 from studies.code_version import hash_with
-from studies.jp4209318 import (
+from studies.slides import electric_slide, jp4209318, slide_calibration, slide_targets
+from studies.slides.jp4209318 import (
     CALIBRATED,
     CAR_DECELERATION,
     CYCLE,
@@ -25,8 +25,8 @@ from studies.jp4209318 import (
     measures,
     slide_protection,
 )
-from studies.slide_calibration import JITTER_DRAWS, jitter
-from studies.slide_targets import outcomes
+from studies.slides.slide_calibration import JITTER_DRAWS, jitter
+from studies.slides.slide_targets import outcomes
 from studies.store import Store
 from studies.sweeps import slide_electric
 from studies.sweeps.slide_electric import electric_row, electric_tasks
@@ -72,8 +72,9 @@ def run(
 ) -> pd.DataFrame:
     """The table, kept in `folder`: a row per run of the calibrated set (`part`), per draw of noise, and per other set.
 
-    Rows of runs hold `studies.jp4209318.measures` and the computing time per simulated second, those of the part "electric"
-    what `studies.sweeps.slide_electric` says; "jitter", "rival" and "held out" hold `studies.slide_targets.outcomes`.
+    Rows of runs hold `studies.slides.jp4209318.measures` and the computing time per simulated second, those of the part
+    "electric" what `studies.sweeps.slide_electric` says; "jitter", "rival" and "held out" hold
+    `studies.slides.slide_targets.outcomes`.
     """
     path = Store(folder).folder / TABLE
     known = stored(folder)

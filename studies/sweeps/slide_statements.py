@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.jp4209318 import BOUNDS, CALIBRATED, RIVALS, parameters
-from studies.slide_targets import (
+from studies.slides.jp4209318 import BOUNDS, CALIBRATED, RIVALS, parameters
+from studies.slides.slide_targets import (
     HOLD_OUT,
     HOLD_OUT_TOLERANCE,
     TABLE_3,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from studies.jp4209318 import CALIBRATED, brake, brake_event
+from studies.slides.jp4209318 import CALIBRATED, brake, brake_event
 
 SECONDS = 5.0
 LAWS = ("none", "threshold", "fuzzy")

@@ -5,8 +5,8 @@ import pytest
 
 from paper_figs import brake_cut_out, brake_emergency, brake_locomotive_only, faulty_car
 from paper_figs.source import Source
-from studies.brake_tests import BRAKED_AT, estimate, run_test
-from studies.faulty_car import allocated_stops
+from studies.brakes.brake_tests import BRAKED_AT, estimate, run_test
+from studies.brakes.faulty_car import allocated_stops
 from studies.store import Store
 from studies.sweeps import brake_force
 from tests.studies.brake_tables import brake_table

@@ -79,23 +79,23 @@ from paper_figs.style import (
     STYLE_FILE,
     rule_colour,
 )
-from studies.brake_tests import run_test
+from studies.brakes.brake_tests import run_test
+from studies.brakes.faulty_car import allocated_stops
 from studies.controllers import controller_names
 from studies.errors import StudyError
-from studies.example_line import EXAMPLE_PATH, example_stock
-from studies.faulty_car import allocated_stops
 from studies.job import Job, simulate_job
-from studies.jp4209318 import CALIBRATED as DEMONSTRATION
-from studies.jp4209318 import brake, brake_event
-from studies.limit_cycle_comparison import compare_cycles
-from studies.line_run import run_line
-from studies.log_export import log_table
-from studies.measured_log import check_log
-from studies.readhesion_paper import CALIBRATED, run_cases
+from studies.lines.example_line import EXAMPLE_PATH, example_stock
+from studies.lines.line_run import run_line
+from studies.logs.log_export import log_table
+from studies.logs.measured_log import check_log
+from studies.readhesion.limit_cycle_comparison import compare_cycles
+from studies.readhesion.readhesion_paper import CALIBRATED, run_cases
 from studies.report import summarise
-from studies.resistance_learning import convergence
+from studies.resistance.resistance_learning import convergence
+from studies.resistance.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.scenario import load_scenario
-from studies.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
+from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
+from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table

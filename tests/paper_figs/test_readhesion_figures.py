@@ -14,8 +14,8 @@ from paper_figs import (
 )
 from paper_figs.readhesion_cases import CASES, case_runs, on_coefficient_scale
 from paper_figs.source import Source
-from studies.calibration import best, fulfilling
-from studies.readhesion_paper import CALIBRATED, DROP, RECOVERY, run_cases
+from studies.readhesion.calibration import best, fulfilling
+from studies.readhesion.readhesion_paper import CALIBRATED, DROP, RECOVERY, run_cases
 from studies.store import Store
 from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
 

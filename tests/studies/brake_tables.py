@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.brake_findings import SHORTFALLS
-from studies.brake_tests import TESTS
+from studies.brakes.brake_findings import SHORTFALLS
+from studies.brakes.brake_tests import TESTS
 from studies.sweeps.brake_force_statements import CUT_OUT
 
 Row = dict[str, Any]

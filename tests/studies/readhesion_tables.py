@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from studies.calibration import NOT_ASKED_OF_ALL, RANGES, draw
-from studies.readhesion_findings import CLAIMS
-from studies.readhesion_grid import grid_tables
-from studies.readhesion_paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS
+from studies.readhesion.calibration import NOT_ASKED_OF_ALL, RANGES, draw
+from studies.readhesion.readhesion_findings import CLAIMS
+from studies.readhesion.readhesion_grid import grid_tables
+from studies.readhesion.readhesion_paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS
 from studies.sweeps import readhesion
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from studies.resistance_learning import LEARNER_NAMES
-from studies.speed_control import CARS, CASES, EXACT, FEEDBACK, FRONT, LEARNED, WRONGLY
+from studies.resistance.resistance_learning import LEARNER_NAMES
+from studies.resistance.speed_control import CARS, CASES, EXACT, FEEDBACK, FRONT, LEARNED, WRONGLY
 from studies.sweeps.resistance_events import ONE_CAR, QUANTITIES, column
 from studies.sweeps.resistance_statements import MOUTH, SLOPE
 

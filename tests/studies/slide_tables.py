@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from studies.jp4209318 import RIVALS
-from studies.slide_targets import TABLE_3, TABLE_4
+from studies.slides.jp4209318 import RIVALS
+from studies.slides.slide_targets import TABLE_3, TABLE_4
 from studies.sweeps.slide_electric import electric_tasks
 from studies.sweeps.slide_protection import SENSITIVITIES, THRESHOLDS
 

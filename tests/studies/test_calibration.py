@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies import calibration
-from studies.calibration import (
+from studies.readhesion import calibration
+from studies.readhesion.calibration import (
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
@@ -20,8 +20,8 @@ from studies.calibration import (
     main,
     to_unit_cube,
 )
-from studies.readhesion_findings import CLAIMS
-from studies.readhesion_paper import ASSUMED, CALIBRATED, RIVAL, UNITS
+from studies.readhesion.readhesion_findings import CLAIMS
+from studies.readhesion.readhesion_paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from studies.sweeps import calibration as sweep
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS
 from tests.studies.readhesion_tables import calibration_table

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from studies.brake_findings import SOUND, driven_rows
-from studies.faulty_car import DECELERATION, Fault, allocated_stops, commuter_train, driven_stops
+from studies.brakes.brake_findings import SOUND, driven_rows
+from studies.brakes.faulty_car import (
+    DECELERATION,
+    Fault,
+    allocated_stops,
+    commuter_train,
+    driven_stops,
+)
 
 TRAILER, MOTOR = 3, 5
 

@@ -8,7 +8,7 @@ import pytest
 from alloc.onboard import Fuzzy
 from alloc.onboard.slide_protection import SENSITIVITIES
 from alloc.plant.sets import jp4209318_3car
-from studies.jp4209318 import (
+from studies.slides.jp4209318 import (
     BOUNDS,
     CALIBRATED,
     HALVED_STEP,
@@ -19,7 +19,7 @@ from studies.jp4209318 import (
     measures,
     parameters,
 )
-from studies.slide_targets import (
+from studies.slides.slide_targets import (
     GREATEST_PEAK,
     HOLD_OUT_TOLERANCE,
     LEAST_PEAK,

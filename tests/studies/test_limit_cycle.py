@@ -12,7 +12,7 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.plant.sets.one_axle import rail
 from alloc.table_lanes import simulate_tables
-from studies.limit_cycle import (
+from studies.readhesion.limit_cycle import (
     SLIP,
     critical_gain,
     critical_width,

@@ -15,11 +15,11 @@ import pytest
 from alloc.plant.array_model import ArrayModel, environment_at
 from alloc.plant.equations import STANDSTILL_SPEED
 from alloc.plant.model import Model
-from studies.distance_steps import run_by_distance
-from studies.line_run import LineRun, line_model, run_line
-from studies.railtoolkit import read_path, read_rolling_stock
-from studies.speed_profile import SpeedProfile
-from studies.train_forces import TrainForces
+from studies.lines.distance_steps import run_by_distance
+from studies.lines.line_run import LineRun, line_model, run_line
+from studies.lines.railtoolkit import read_path, read_rolling_stock
+from studies.lines.speed_profile import SpeedProfile
+from studies.lines.train_forces import TrainForces
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "railtoolkit"
 LINES = ("const", "slope", "realworld")

@@ -16,8 +16,8 @@ from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
 from studies.job import Job, simulate_job
-from studies.log_export import log_table, rounded
-from studies.measured_log import check_log
+from studies.logs.log_export import log_table, rounded
+from studies.logs.measured_log import check_log
 from studies.scenario import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 

@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel, environment_at
-from studies.distance_steps import run_by_distance
 from studies.errors import StudyError
-from studies.example_line import EXAMPLE_PATH, example_stock
-from studies.line_run import LineRun, line_model, run_line
-from studies.minimum_time import MinimumTimeDriver
-from studies.railtoolkit import PointOfInterest, RunningPath, Section
-from studies.speed_profile import SpeedProfile
-from studies.train_forces import TrainForces
+from studies.lines.distance_steps import run_by_distance
+from studies.lines.example_line import EXAMPLE_PATH, example_stock
+from studies.lines.line_run import LineRun, line_model, run_line
+from studies.lines.minimum_time import MinimumTimeDriver
+from studies.lines.railtoolkit import PointOfInterest, RunningPath, Section
+from studies.lines.speed_profile import SpeedProfile
+from studies.lines.train_forces import TrainForces
 
 OVERSPEED = 0.05
 """Margin [m/s], 0.2 km/h, by which a limit is exceeded for a moment where the gradient jumps."""

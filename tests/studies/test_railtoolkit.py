@@ -6,8 +6,8 @@ import yaml
 
 from alloc.plant.equations import GRAVITY
 from studies.errors import StudyError
-from studies.railtoolkit import read_path, read_train
-from studies.real_input import with_real_input
+from studies.lines.railtoolkit import read_path, read_train
+from studies.lines.real_input import with_real_input
 from studies.scenario import load_scenario
 
 PATH = {

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.readhesion_findings import CLAIMS
+from studies.readhesion.readhesion_findings import CLAIMS
 from studies.sweeps import SWEEPS, readhesion
 from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
 from tests.studies.readhesion_tables import limit_of, sweep_table

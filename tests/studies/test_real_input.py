@@ -8,7 +8,7 @@ import pytest
 
 from alloc.simulation import simulate
 from studies.command_line import run
-from studies.real_input import with_real_input
+from studies.lines.real_input import with_real_input
 from studies.scenario import load_scenario
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "railtoolkit"

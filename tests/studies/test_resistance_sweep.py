@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.speed_control import EXACT, LEARNED, RIGHT, WRONGLY
+from studies.resistance.speed_control import EXACT, LEARNED, RIGHT, WRONGLY
 from studies.sweeps import SWEEPS, resistance
 from studies.sweeps.resistance_events import WRONG_BY, column, draw, drawn_route
 from studies.sweeps.resistance_statements import MOUTH

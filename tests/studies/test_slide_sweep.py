@@ -5,8 +5,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from studies.jp4209318 import RIVALS
-from studies.slide_targets import TABLE_3, TABLE_4, TARGETS
+from studies.slides.jp4209318 import RIVALS
+from studies.slides.slide_targets import TABLE_3, TABLE_4, TARGETS
 from studies.sweeps import SWEEPS, slide_protection
 from studies.sweeps.slide_front import front
 from studies.sweeps.slide_statements import slide_statements, tables

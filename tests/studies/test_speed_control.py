@@ -12,7 +12,7 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.errors import OnboardError
 from alloc.onboard.speed_control import Feedback, SpeedControl, Traction
 from studies.errors import StudyError
-from studies.resistance_learning import (
+from studies.resistance.resistance_learning import (
     SQUARES,
     boarding,
     even_loads,
@@ -20,7 +20,7 @@ from studies.resistance_learning import (
     learners,
     load_compensation,
 )
-from studies.speed_control import (
+from studies.resistance.speed_control import (
     CARS,
     CURRENT_PER_FORCE,
     EXACT,
@@ -33,7 +33,7 @@ from studies.speed_control import (
     drive_case,
     feedback,
 )
-from studies.speed_routes import route
+from studies.resistance.speed_routes import route
 from tests.studies.short_route import short_route
 
 

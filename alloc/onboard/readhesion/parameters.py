@@ -35,7 +35,7 @@ class TorqueTable:
     Factor 1 up to `margin` a_0 [m/s2], 0 from `margin` + `width` a_w [m/s2] on, linear between. Factor times target
     passes a filter that rises with `rise` T_u [s] and falls with `fall` T_d [s]. a_0 and a_w are those of the paper's case
     A, read as km/h/s; T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its
-    half-slip, as does the best set of `studies.calibration`.
+    half-slip, as does the best set of `studies.readhesion.calibration`.
     """
 
     margin: float = 0.4 / 3.6

@@ -40,7 +40,7 @@ class Fuzzy:
     `slip`: slip ratios at which the sets small, medium, large peak. `rate` [m/s2]: slip accelerations at which the sets
     falling, steady, growing peak. `sensitivity` scales both: at 2 every set lies at half its slip and rate. `pole` [1/s]: of
     the filter that differentiates the slip. JP4209318 discloses neither rules nor sets: these are of the set of numbers
-    with which `studies.jp4209318` reaches its tables, one of several.
+    with which `studies.slides.jp4209318` reaches its tables, one of several.
     """
 
     sensitivity: float = SENSITIVITIES["medium"]

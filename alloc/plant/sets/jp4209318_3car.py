@@ -15,7 +15,7 @@ SOURCES = {
     "release_time": "JP4209318, Table 2: 1.2 s, one value for the cylinder",
     "friction": "JP4209318, Table 2: constant",
     "bogie_of_axle": "JP4209318: 4 axles a car, one supply and one release valve per bogie",
-    "force_per_pascal": "calibrated on Tables 3 and 4 (studies.jp4209318): 0.14143 of the axle load at 550 kPa",
+    "force_per_pascal": "calibrated on Tables 3 and 4 (studies.slides.jp4209318): 0.14143 of the axle load at 550 kPa",
     "axle_positions": "assumed: 20 m car, bogie centres 13.8 m, wheelbase 2.1 m, usual in Japan",
     "resistance": "assumed zero: the source prints none, and it is below 2 % of the brake force",
     "cylinder_volume": "assumed: four tread brake units of 0.7 l at their stroke, and pipes",

@@ -1,0 +1,1 @@
+"""Logs of measured trains: files, checks, export, analysis."""

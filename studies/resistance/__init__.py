@@ -1,0 +1,1 @@
+"""Running resistance: speed control and learning on routes, JP H07-322414."""

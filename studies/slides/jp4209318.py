@@ -1,0 +1,247 @@
+"""The demonstration of JP4209318 (Tables 2 to 4, Figs. 2, 3): one to three cars brake from 100 km/h under slide protection.
+
+Table 2 gives train, brakes and control cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how sliding
+wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here, calibrated
+on Tables 3 and 4 by `studies.slides.slide_calibration`.
+"""
+
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.event import DriverCommand, Event
+from alloc.metrics.motion import damage, distance
+from alloc.metrics.slide import air_consumption, locked_time
+from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
+from alloc.plant.adhesion import SlipRatioCurve
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import jp4209318_3car
+from alloc.simulation import simulate
+
+INITIAL_SPEED = 100.0 / 3.6
+CYCLE = 0.02
+"""Control cycle [s], Table 2."""
+STEP, HALVED_STEP = 1e-3, 2.5e-4
+"""Steps [s]. The plant takes the first in two, to be stable near standstill, so that half of it is the second."""
+DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}
+"""Time [s] by number of cars, longer than any stop of a set near the source's distances."""
+FULL_BRAKE = -3.0
+"""Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder is filled to the 550 kPa of Table 2."""
+CAR_DECELERATION = 1.35
+"""Most [m/s2] that a car's reference speed falls by: a little over the 1.27 that the shoes give with all wheels rolling
+(assumed)."""
+FASTEST = 100.0
+"""Speed [km/h] up to which adhesion is held plausible."""
+
+
+@dataclass(frozen=True)
+class Undisclosed:
+    """What the source does not print, in one set; `BOUNDS` holds the range of each. Defaults: calibrated."""
+
+    front_adhesion: float = 0.09984
+    """Adhesion coefficient of the foremost axle at standstill, on rail that no wheel has conditioned."""
+    speed_offset: float = 298.34
+    """c [km/h] of its fall with speed, 1 / (1 + V/c)."""
+    rear_gain: float = 0.49755
+    """Adhesion far back over the front's at standstill, less 1: more than 0, finding (1)."""
+    rear_fall: float = 0.10339
+    """Relative fall with speed far back over the front's: less than 1, finding (2)."""
+    rear_axles: float = 9.1746
+    """Axles over which adhesion changes from the front's to that far back by 63 %."""
+    conditioning: float = 0.03
+    """Most by which wheels that slide raise adhesion behind them, as a share, finding (3)."""
+    conditioning_slip: float = 0.1017
+    """Slip ratio that reaches 63 % of it."""
+    peak_slip_ratio: float = 0.012879
+    """Slip ratio of the adhesion curve's maximum, beyond which it is flat."""
+    shoe_force_share: float = 0.14143
+    """Shoe force over axle load at 550 kPa."""
+    slip_medium: float = 0.077716
+    """Slip ratio at which the fuzzy set "medium" peaks."""
+    slip_large: float = 0.17027
+    """Slip ratio from which on slip is "large"."""
+    rate_growing: float = 3.5912
+    """Slip acceleration [m/s2] from which on slip is "growing", and below whose negative "falling"."""
+    pole: float = 6.6789
+    """Pole [1/s] of the filter that differentiates the slip."""
+    sensitivity_low: float = 0.853
+    """Sensitivity "low" over "medium", which is 1."""
+    sensitivity_high: float = 4.2
+    """Sensitivity "high" over "medium"."""
+
+    @property
+    def sensitivities(self) -> dict[str, float]:
+        """The three settings of Table 4."""
+        return {"low": self.sensitivity_low, "medium": 1.0, "high": self.sensitivity_high}
+
+    def rail(self) -> Rail:
+        """The rail that all trains of a set meet."""
+        rear = self.front_adhesion * (1.0 + self.rear_gain)
+        return Rail(
+            level=1.0,
+            speed_law=(self.front_adhesion * self.speed_offset, self.speed_offset, 0.0),
+            rear_speed_law=(
+                rear * self.rear_fall * self.speed_offset,
+                self.speed_offset,
+                rear * (1.0 - self.rear_fall),
+            ),
+            rear_axles=self.rear_axles,
+            conditioning=self.conditioning,
+            conditioning_slip=self.conditioning_slip,
+            curve=SlipRatioCurve(self.peak_slip_ratio, residual_ratio=1.0),
+        )
+
+    def fuzzy(self, sensitivity: float = 1.0) -> Fuzzy:
+        """The slide protection's sets at this sensitivity."""
+        return Fuzzy(
+            sensitivity=sensitivity,
+            slip=(0.0, self.slip_medium, self.slip_large),
+            rate=(-self.rate_growing, 0.0, self.rate_growing),
+            pole=self.pole,
+        )
+
+    def peaks(self, speeds: NDArray[np.float64], axles: int = 12) -> NDArray[np.float64]:
+        """Adhesion coefficient at `speeds` [km/h] before any conditioning, (axles, speeds)."""
+        a, b, c = self.rail().axle_laws(axles)
+        return np.asarray(a[:, None] / (speeds + b[:, None]) + c[:, None])
+
+    def peak_range(self) -> tuple[float, float]:
+        """Least adhesion coefficient without conditioning and greatest with all of it, 0 to 100 km/h, 12 axles."""
+        peaks = self.peaks(np.array([0.0, FASTEST]))
+        return float(peaks.min()), float(peaks[1:].max() * (1.0 + self.conditioning))
+
+
+BOUNDS: dict[str, tuple[float, float]] = {
+    "front_adhesion": (0.07, 0.12),
+    "speed_offset": (80.0, 400.0),
+    "rear_gain": (0.02, 0.6),
+    "rear_fall": (0.1, 0.9),
+    "rear_axles": (1.0, 12.0),
+    "conditioning": (0.03, 0.4),
+    "conditioning_slip": (0.01, 0.12),
+    "peak_slip_ratio": (0.01, 0.05),
+    "shoe_force_share": (0.13, 0.15),
+    "slip_medium": (0.02, 0.10),
+    "slip_large": (0.06, 0.30),
+    "rate_growing": (0.3, 4.0),
+    "pole": (3.0, 20.0),
+    "sensitivity_low": (0.6, 0.99),
+    "sensitivity_high": (1.5, 8.0),
+}
+"""Least and greatest value of each that counts as plausible."""
+
+assert set(BOUNDS) == {field.name for field in fields(Undisclosed)}
+
+
+CALIBRATED = Undisclosed()
+"""The set in use: one of those that reach every target, found by the method of `studies.slides.slide_calibration` from a
+start of its own; then level and sensitivities were moved by hand until all of ten draws of noise reached them too. From
+`BY_HAND` alone the method ends with two cars 0.4 % short and slips slightly out of order. Conditioning ended at its bound, and the
+rear's fall with speed near it."""
+HELD_OUT = Undisclosed(
+    front_adhesion=0.10113,
+    speed_offset=259.96,
+    rear_gain=0.39027,
+    rear_fall=0.16756,
+    rear_axles=6.6534,
+    conditioning=0.031289,
+    conditioning_slip=0.094862,
+    peak_slip_ratio=0.013744,
+    shoe_force_share=0.14604,
+    slip_medium=0.074414,
+    slip_large=0.20867,
+    rate_growing=1.8648,
+    pole=12.733,
+    sensitivity_low=0.81749,
+    sensitivity_high=3.5834,
+)
+"""Fitted from `studies.slides.slide_calibration.BY_HAND` without the distance of two cars, which it predicts."""
+RIVALS: tuple[Undisclosed, ...] = (
+    Undisclosed(
+        front_adhesion=0.097178,
+        speed_offset=343.61,
+        rear_gain=0.6,
+        rear_fall=0.18403,
+        rear_axles=10.399,
+        conditioning=0.03,
+        conditioning_slip=0.047873,
+        peak_slip_ratio=0.013702,
+        shoe_force_share=0.14344,
+        slip_medium=0.09706173,
+        slip_large=0.1554,
+        rate_growing=3.607278,
+        pole=13.787,
+        sensitivity_low=0.87,
+        sensitivity_high=4.743474,
+    ),
+)
+"""Other sets that reach every target: the tables do not decide between them."""
+
+
+def brake_event(
+    undisclosed: Undisclosed,
+    cars: int = 3,
+    sensitivity: float = 1.0,
+    protection: SlideProtection | None = None,
+    step: float = STEP,
+    record_period: float = 0.01,
+) -> Event:
+    """A full brake application of so many `cars` from 100 km/h to standstill; `protection` replaces the fuzzy one."""
+    if protection is None:
+        protection = slide_protection(undisclosed, sensitivity)
+    braking = Braking(slide_protection=protection, release_speed=0.0)
+    return Event(
+        name=f"JP4209318, {cars} cars",
+        model=build(
+            jp4209318_3car.train(cars, undisclosed.shoe_force_share),
+            undisclosed.rail(),
+            span=(0.0, 1500.0),
+        ),
+        command=DriverCommand((0.0,), (FULL_BRAKE,)),
+        # what the driver asks for is applied at once: the cylinders' dead time and lag are all the delay of Table 2
+        onboard=Onboard(period=CYCLE, rise_time=CYCLE, braking=braking),
+        duration=DURATIONS.get(cars, 40.0),
+        initial_speed=INITIAL_SPEED,
+        step=step,
+        record_period=record_period,
+        target_speed=0.0,
+    )
+
+
+def slide_protection(undisclosed: Undisclosed, sensitivity: float = 1.0) -> SlideProtection:
+    """The fuzzy slide protection at this sensitivity, every 20 ms, each car by itself."""
+    return SlideProtection(
+        law="fuzzy",
+        fuzzy=undisclosed.fuzzy(sensitivity),
+        period=CYCLE,
+        reference="car",
+        deceleration=CAR_DECELERATION,
+    )
+
+
+def brake(event: Event) -> xr.Dataset:
+    """The recorded run; there are no motors, so rule and controller have nothing to do."""
+    return simulate(event, "alone", "none")
+
+
+def measures(run: xr.Dataset) -> dict[str, float]:
+    """Distance [m], Q [kJ], locked axle-seconds, air [normal l], time-outs, and the mean slip ratio of every axle."""
+    moving = run["speed"].values > 5.0 / 3.6
+    slip = np.maximum(-run["slip_velocity"].values[moving], 0.0)
+    ratio = (slip / run["speed"].values[moving, None]).mean(axis=0)
+    return {
+        "distance": distance(run),
+        "damage": damage(run),
+        "locked_time": locked_time(run),
+        "air": air_consumption(run),
+        "time_outs": float(run.attrs["time_outs"]),
+        **{f"slip_{i + 1}": float(value) for i, value in enumerate(ratio)},
+    }
+
+
+def parameters(undisclosed: Undisclosed) -> dict[str, float]:
+    """The set as plain numbers."""
+    return asdict(undisclosed)
