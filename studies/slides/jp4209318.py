@@ -139,8 +139,8 @@ assert set(BOUNDS) == {field.name for field in fields(Undisclosed)}
 CALIBRATED = Undisclosed()
 """The set in use: one of those that reach every target, found by the method of `studies.slides.slide_calibration` from a
 start of its own; then level and sensitivities were moved by hand until all of ten draws of noise reached them too. From
-`BY_HAND` alone the method ends with two cars 0.4 % short and slips slightly out of order. Conditioning ended at its bound, and the
-rear's fall with speed near it."""
+`BY_HAND` alone the method ends with two cars 0.4 % short and slips slightly out of order. Conditioning
+ended at its bound, and the rear's fall with speed near it."""
 HELD_OUT = Undisclosed(
     front_adhesion=0.10113,
     speed_offset=259.96,
