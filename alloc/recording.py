@@ -1,4 +1,4 @@
-"""A recorded run as an `xarray.Dataset`: one registry of variables, from which units and names follow."""
+"""A recorded run as an `xarray.Dataset`: made from what the loop wrote, hashed, saved and loaded."""
 
 import hashlib
 import json
@@ -16,97 +16,11 @@ from numpy.typing import NDArray
 
 from alloc.event import Event
 from alloc.onboard import memory as om
-from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import coupler_damper_force, coupler_spring_force, coupler_stretch
 from alloc.plant.model import Layout, Model
+from alloc.recorded_physics import physical_variables
+from alloc.recorded_variables import VARIABLES
 
 Floats = NDArray[np.float64]
-
-
-class Variable(NamedTuple):
-    """Dimensions, CF unit and description of a recorded variable."""
-
-    dims: tuple[str, ...]
-    units: str
-    long_name: str
-
-
-VARIABLES: dict[str, Variable] = {
-    "position": Variable(("time",), "m", "position of the train's front"),
-    "speed": Variable(("time",), "m s-1", "mean speed of the train"),
-    "acceleration": Variable(("time",), "m s-2", "mean acceleration of the train"),
-    "driver_command": Variable(("time",), "m s-2", "acceleration asked for on level track"),
-    "expected": Variable(("time",), "1", "coefficient that the plan needs of every unit"),
-    "reference_speed": Variable(
-        ("time",),
-        "m s-1",
-        "reference speed of the foremost traction unit; the train's if it has none",
-    ),
-    "slide_reference": Variable(
-        ("time", "car"), "m s-1", "speed from which the car's slide protection measures slip"
-    ),
-    "case": Variable(("time",), "1", "case of the allocation: 0 none, 1 A, 2 B"),
-    "level": Variable(("time",), "1", "level of the last allocation"),
-    "car_speed": Variable(("time", "car"), "m s-1", "speed of the car"),
-    "car_acceleration": Variable(("time", "car"), "m s-2", "acceleration of the car"),
-    "rim_speed": Variable(("time", "axle"), "m s-1", "circumferential speed of the wheels"),
-    "slip_velocity": Variable(("time", "axle"), "m s-1", "slip velocity, positive driving"),
-    "coefficient": Variable(("time", "axle"), "1", "tangential force coefficient"),
-    "adhesion_limit": Variable(
-        ("time", "axle"), "1", "true adhesion coefficient: maximum over the slip"
-    ),
-    "peak_slip": Variable(("time", "axle"), "m s-1", "slip velocity of that maximum"),
-    "rail_force": Variable(("time", "axle"), "N", "tangential force between wheel and rail"),
-    "brake_force": Variable(
-        ("time", "axle"), "N", "force of the brake shoes at the rim, against its rotation"
-    ),
-    "axle_load": Variable(("time", "axle"), "N", "axle load"),
-    "friction_work": Variable(("time", "axle"), "J", "work dissipated between wheel and rail"),
-    "motor_torque": Variable(("time", "unit"), "N m", "torque of each motor of the unit"),
-    "torque_command": Variable(("time", "unit"), "N m", "torque command to each motor"),
-    "torque_target": Variable(
-        ("time", "unit"), "N m", "torque wanted of each motor under the limit"
-    ),
-    "limit": Variable(("time", "unit"), "1", "limit in force, as a coefficient"),
-    "coefficient_estimate": Variable(
-        ("time", "unit"), "1", "observer's estimate of the coefficient"
-    ),
-    "slipping": Variable(("time", "unit"), "1", "signal of the slip detector"),
-    "fallen_back": Variable(
-        ("time", "unit"), "1", "unit has heard nothing for too long and keeps the plan"
-    ),
-    "axles_seen": Variable(("time", "unit"), "1", "axles of the unit whose speed is known"),
-    "torque_factor": Variable(
-        ("time", "unit"), "1", "share of its target that the readhesion controller leaves a unit"
-    ),
-    "computed_acceleration": Variable(
-        ("time", "unit"),
-        "m s-2",
-        "acceleration of the unit's axles as its slip detector computes it",
-    ),
-    "air_brake_force": Variable(
-        ("time", "unit"), "N", "air brake force commanded per axle of the unit, at the rim"
-    ),
-    "cylinder_pressure": Variable(("time", "brake_group"), "Pa", "brake cylinder pressure"),
-    "valve": Variable(
-        ("time", "brake_group"), "1", "slide protection's valves: 0 supply, 1 hold, 2 release"
-    ),
-    "coupler_force": Variable(("time", "coupler"), "N", "coupler force, tension positive"),
-    "motor_work": Variable(("time",), "J", "work of the motors at the wheels"),
-    "shoe_work": Variable(("time",), "J", "work lost in brake shoes"),
-    "resistance_work": Variable(("time",), "J", "work against resistance and gradient"),
-    "coupler_work": Variable(("time",), "J", "work lost in couplers"),
-    "axle_unit": Variable(("axle",), "1", "traction unit of the axle, 0 = foremost, -1: none"),
-    "axle_car": Variable(("axle",), "1", "car of the axle, 0 = foremost"),
-    "axle_group": Variable(("axle",), "1", "air brake group of the axle, 0 = foremost, -1: none"),
-    "group_volume": Variable(("brake_group",), "m3", "volume of the group's brake cylinders"),
-    "unit_static_load": Variable(("unit",), "N", "axle load of the unit's axles, summed"),
-    "unit_gear": Variable(("unit",), "1", "gear ratio"),
-    "unit_radius": Variable(("unit",), "m", "wheel radius"),
-    "body_mass": Variable(
-        ("body",), "kg", "mass of a car, or of the whole train where it is rigid"
-    ),
-}
 
 
 class Record(NamedTuple):
@@ -184,7 +98,7 @@ def to_dataset(
 ) -> xr.Dataset:
     """Turn what the loop wrote into the recorded run."""
     model = event.model
-    values = _physical(model, record.state, record.peak, record.body_acceleration)
+    values = physical_variables(model, record.state, record.peak, record.body_acceleration)
     values |= {
         "driver_command": record.train[:, 2],
         "expected": record.train[:, 4],
@@ -250,7 +164,7 @@ def driven_dataset(
     torque_command: Floats,
 ) -> xr.Dataset:
     """A run of `alloc.driving`: the variables that plant and driver decide; first dimension of all arrays: instants."""
-    values = _physical(model, states, peaks, body_accelerations)
+    values = physical_variables(model, states, peaks, body_accelerations)
     values["torque_command"] = torque_command
     attributes: dict[str, Any] = {
         "event": name,
@@ -272,72 +186,6 @@ def _dataset(
     }
     coordinates = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
-
-
-def _physical(
-    model: Model, states: Floats, peaks: Floats, body_accelerations: Floats
-) -> dict[str, NDArray[Any]]:
-    """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
-    n, s = model.layout, model.structure
-    arrays = ArrayModel.of(model)
-    state, peak = states.T, peaks.T
-    slip, mu, force = arrays.forces(state, peak)
-    speed = state[n.speed]
-    share = s.body_mass / s.body_mass.sum()
-    limit, top = model.rails[0].curve.limit(peak, arrays.body_of_axle @ speed)
-    stiffness, stiffening, damping, slack = (s.coupler[:, k][:, None] for k in range(4))
-    stretch = coupler_stretch(arrays.stretch_of_body @ state[n.position], slack)
-    rate = arrays.stretch_of_body @ speed
-    tension = coupler_spring_force(stretch, stiffness, stiffening) + coupler_damper_force(
-        stretch, rate, damping
-    )
-    work = state[n.work]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        load = np.where(mu != 0.0, force / mu, s.static_load[:, None])
-    unit_load = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.static_load[s.axle_unit >= 0], minlength=n.units
-    )
-    unit_radius = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.radius[s.axle_unit >= 0], minlength=n.units
-    )
-    return {
-        "position": state[n.position][0],
-        "speed": share @ speed,
-        "acceleration": body_accelerations @ share,
-        "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": body_accelerations @ arrays.body_of_car.T,
-        "rim_speed": (s.radius[:, None] * state[n.omega]).T,
-        "slip_velocity": slip.T,
-        "coefficient": mu.T,
-        "adhesion_limit": limit.T,
-        "peak_slip": np.broadcast_to(top, limit.shape).T,
-        "rail_force": force.T,
-        "brake_force": (arrays.shoe_torques(state, force) / s.radius[:, None]).T,
-        "axle_load": load.T,
-        "friction_work": state[n.friction_work].T,
-        "motor_torque": state[n.torque].T,
-        "cylinder_pressure": state[n.pressure].T,
-        "coupler_force": tension.T,
-        "motor_work": work[0],
-        "shoe_work": work[1],
-        "resistance_work": work[2],
-        "coupler_work": work[3],
-        "axle_unit": s.axle_unit,
-        "axle_car": s.axle_car,
-        "axle_group": s.axle_group,
-        "group_volume": np.array(
-            [
-                car.air_brake.cylinder_volume
-                for car in model.train.cars
-                if car.air_brake is not None
-                for _ in range(max(car.bogie_of_axle) + 1)
-            ]
-        ),
-        "unit_static_load": unit_load,
-        "unit_gear": s.unit_gear,
-        "unit_radius": unit_radius / np.maximum(s.unit_axles, 1.0),
-        "body_mass": s.body_mass,
-    }
 
 
 def event_hash(event: Event) -> str:

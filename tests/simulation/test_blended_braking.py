@@ -167,3 +167,17 @@ def test_a_train_without_air_brakes_brakes_with_its_motors():
     run = simulate(event, "alone").sel(time=slice(3.0, 7.0))
     assert run["acceleration"].values.mean() == pytest.approx(-0.5, rel=0.05)
     assert run["air_brake_force"].values.max() == 0.0
+
+
+def test_fuzzy_slide_protection_of_trailers_saves_damage_and_air_at_the_same_distance():
+    """The threshold releases trailers that slide a little and lets those slide on that slide less than it."""
+    found = {}
+    for law in ("threshold", "fuzzy"):
+        protection = SlideProtection(law=law, period=0.02, reference="car")
+        event = stop(0.07, braking=Braking(slide_protection=protection), duration=20.0)
+        found[law] = evaluate(simulate(event, "greedy"))
+    plain, fuzzy = found["threshold"], found["fuzzy"]
+    assert fuzzy["damage"] < 0.85 * plain["damage"]
+    assert fuzzy["air_consumption"] < plain["air_consumption"]
+    assert fuzzy["distance"] == pytest.approx(plain["distance"], rel=0.01)
+    assert fuzzy["locked_time"] == 0.0

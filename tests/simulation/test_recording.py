@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from alloc.recording import VARIABLES, event_hash, load, save
+from alloc.recorded_variables import VARIABLES
+from alloc.recording import event_hash, load, save
 from alloc.simulation import simulate
 
 
