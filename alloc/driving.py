@@ -82,8 +82,8 @@ def drive(
     """Let `driver` drive the train for `duration` [s], or until it ends the run; returns the recorded run.
 
     `period`: control period [s]; `step`: integration step [s], divided further where the plant needs it; `record_period`
-    [s]: a multiple of `period` (default: `period` itself). The run holds those variables of `alloc.recorded_variables.VARIABLES` that
-    the plant and the driver decide. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
+    [s]: a multiple of `period` (default: `period` itself). The run holds those of `alloc.recorded_variables.VARIABLES`
+    that the plant and the driver decide. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
     """
     if model.lanes != 1:
         raise SimulationError(f"drive: the model has {model.lanes} lanes; a run takes one")
