@@ -225,10 +225,18 @@ def comparison_figures(table: "pd.DataFrame", store: "Store", out: str | Path) -
 
 
 def draw_run(run: "xr.Dataset", path: str | Path) -> None:
-    """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format."""
-    from paper_figs.slip_event import draw
+    """Draw one recorded run over time into a file; its ending (pdf, png, svg) gives the format.
 
-    _write(draw([run]), path)
+    Of a train without motors it is what its slide protection does.
+    """
+    if run.sizes["unit"] == 0:
+        from paper_figs import slide_control
+
+        _write(slide_control.draw(run), path)
+    else:
+        from paper_figs import slip_event
+
+        _write(slip_event.draw([run]), path)
 
 
 def draw_line_run(found: "LineRun", path: str | Path) -> None:

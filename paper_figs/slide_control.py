@@ -1,5 +1,6 @@
-"""Three cars under fuzzy slide protection: speeds, cylinder pressures and valves (JP4209318 Fig. 3)."""
+"""Cars under slide protection: speeds, cylinder pressures and valves (JP4209318 Fig. 3)."""
 
+from itertools import cycle
 from typing import Any
 
 import matplotlib as mpl
@@ -26,11 +27,11 @@ def figure(source: Source) -> Figure:
 
 def draw(run: xr.Dataset) -> Figure:
     """A column per car, the foremost one left: speeds, pressures of its two bogies, and what their valves do."""
-    stands = run["speed"].values < 0.1
-    end = run["time"].values[np.argmax(stands)] if stands.any() else float(run["time"][-1])
-    run = run.sel(time=slice(0.0, end + 1.0))
+    moving = np.flatnonzero(run["speed"].values > 0.1)
+    if moving.size:  # a second after the stop is enough
+        run = run.sel(time=slice(None, run["time"].values[moving[-1]] + 1.0))
     cars = run.sizes["car"]
-    drawn = new_figure(7.1, 4.6)
+    drawn = new_figure(max(7.1, 2.0 * cars), 4.6)
     with mpl.rc_context(fname=STYLE_FILE):
         panels = drawn.subplots(
             3, cars, sharex=True, sharey="row", squeeze=False, height_ratios=[5, 3, 1.2]
@@ -50,11 +51,12 @@ def draw(run: xr.Dataset) -> Figure:
 def _draw_car(run: xr.Dataset, car: int, panels: Any) -> None:
     time = run["time"].values
     own = np.flatnonzero(run["axle_car"].values == car)
-    for axle, colour in zip(own, AXLE_COLOURS, strict=True):
+    for axle, colour in zip(own, cycle(AXLE_COLOURS), strict=False):
         panels[0].plot(time, 3.6 * run["rim_speed"].values[:, axle], color=colour, linewidth=0.7)
     panels[0].plot(time, 3.6 * run["speed"].values, color="black", linewidth=1.0)
     groups = np.unique(run["axle_group"].values[own])
-    for k, (group, colour) in enumerate(zip(groups, BOGIE_COLOURS, strict=True)):
+    # the first two bogies: a third one, of long locomotives, has no row
+    for k, (group, colour) in enumerate(zip(groups[groups >= 0], BOGIE_COLOURS, strict=False)):
         pressure = run["cylinder_pressure"].values[:, group] / 1e3
         panels[1].plot(time, pressure, color=colour)
         valve = run["valve"].values[:, group]

@@ -1,6 +1,7 @@
 """Figures show what was computed, on axes that say what and in which unit, and look alike."""
 
 import re
+from dataclasses import replace
 from importlib import import_module
 
 import matplotlib as mpl
@@ -387,3 +388,10 @@ def test_a_folder_that_cannot_be_written_is_refused(drawn, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
         save_figure(drawn["adhesion-curve"], tmp_path / "file" / "figure")
+
+
+@pytest.mark.parametrize("cars", [1, 2])
+def test_a_run_without_motors_is_drawn(cars, tmp_path):
+    run = brake(replace(brake_event(DEMONSTRATION, cars), duration=3.0))
+    draw_run(run, tmp_path / "run.png")
+    assert (tmp_path / "run.png").stat().st_size > 10_000
