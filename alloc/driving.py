@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import xarray as xr
 
-from alloc.compilation import jit
 from alloc.event import SimulationError
 from alloc.plant import compiled
 from alloc.plant.model import Floats, Model
@@ -51,20 +50,6 @@ class Driver(Protocol):
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set `controls` for the coming control period; False ends the run."""
-
-
-@jit
-def _sample(s, e, layout, time, state, inputs, w, k, states, peaks, accelerations):
-    """Note state, adhesion field and accelerations of the bodies at one instant."""
-    compiled.derivative(
-        s, e, layout, time, state, inputs.torque_command, w.target, w.valve, inputs.cleaning, w, w.slope
-    )  # fmt: skip
-    for i in range(state.shape[0]):
-        states[k, i] = state[i, 0]
-    for i in range(layout.axles):
-        peaks[k, i] = w.peak[i, 0]
-    for i in range(layout.bodies):
-        accelerations[k, i] = w.slope[layout.bodies + i, 0]
 
 
 def drive(
@@ -133,7 +118,7 @@ def drive(
                 )
         if tick % every == 0:
             time[taken], commands[taken] = tick * period, controls.torque
-            _sample(
+            compiled.note(
                 s, e, layout, tick * period, state, inputs, w, taken, states, peaks, accelerations
             )
             taken += 1

@@ -59,17 +59,8 @@ def _true_limits(s, e, layout, eq, time, state, cleaning, w, truth):
 
 @jit
 def _write_record(s, e, layout, eq, time, state, inputs, w, m, commanded, k, r):
-    compiled.derivative(
-        s, e, layout, time, state, inputs.torque_command, w.target, w.valve, inputs.cleaning, w, w.slope
-    )  # fmt: skip
-    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
+    compiled.note(s, e, layout, time, state, inputs, w, k, r.state, r.peak, r.body_acceleration)
     r.time[k] = time
-    for i in range(state.shape[0]):
-        r.state[k, i] = state[i, 0]
-    for i in range(layout.axles):
-        r.peak[k, i] = w.peak[i, 0]
-    for i in range(layout.bodies):
-        r.body_acceleration[k, i] = w.slope[layout.bodies + i, 0]
     for j in range(layout.units):
         r.command[k, j] = m.command[j]
         r.target[k, j] = m.target[j]

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from alloc.estimation.measured_run import Findings, MeasuredTrain, analyse_run
-from alloc.estimation.slip_events import spans
+from alloc.spans import spans
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
 from studies.logs.log_export import log_table, rounded
@@ -81,7 +81,7 @@ def _slips(
     slipping = np.zeros(time.size, dtype=bool)
     for event in found.events:
         slipping |= (time >= event.start) & (time <= event.end)
-    for begin, end in spans(slipping):  # once, however many axles slip
+    for begin, end in spans(slipping).tolist():  # once, however many axles slip
         axes.axvspan(time[begin], time[end - 1], color=FOUND, alpha=0.12, linewidth=0.0)
     marks = []
     for event in found.events:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from alloc.onboard import Detector
+from alloc.spans import spans
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
 from studies.scenario import load_scenario
@@ -61,8 +62,7 @@ def draw(run: xr.Dataset, detector: Detector, unit: int = UNIT) -> Figure:
 
 def _longest(signal: NDArray[np.bool_]) -> int:
     """Index at which the longest signal begins; 0 where there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], signal.astype(int), [0]])))
-    begin, end = edges[::2], edges[1::2]
+    begin, end = spans(signal).T
     return int(begin[np.argmax(end - begin)]) if begin.size else 0
 
 

@@ -8,7 +8,6 @@ alone meet the same event.
 import hashlib
 import json
 import math
-import tomllib
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +24,7 @@ from alloc.simulation import DriverCommand, Event, SimulationError
 from studies.errors import StudyError, unknown
 from studies.onboard_keys import BeliefKeys, OnboardKeys
 from studies.rail_keys import LineKeys, RailKeys, ReceptivityKeys
-from studies.strict import Strict, explain, parse
+from studies.strict import Strict, explain, parse, read_toml
 from studies.train_keys import CouplerKeys, FailureKeys, build_train, is_file
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
@@ -179,21 +178,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     if not text.endswith(".toml") and "/" not in text:
         if text not in shipped_scenarios():
             raise unknown("scenario", text, shipped_scenarios())
-        path = Path(str(files("studies") / "scenarios" / f"{text}.toml"))
+        file = str(files("studies") / "scenarios" / f"{text}.toml")
     else:
-        path = Path(text)
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise StudyError(
-            f"scenario file {text!r} does not exist; `readhesion list` names the shipped ones"
-        ) from None
-    except OSError as error:
-        raise StudyError(f"scenario file {text!r} cannot be read: {error.strerror}") from None
-    try:
-        data = tomllib.loads(content.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"scenario file {text!r} is not TOML: {error}") from None
+        file = text
+    data = read_toml(file, "scenario", "`readhesion list` names the shipped ones")
+    path = Path(file)
     scenario = parse(Scenario, {"name": path.stem} | _resolved(data, path.parent), f"{text}")
     scenario.event()  # impossible values show now, not in the middle of a study
     return scenario

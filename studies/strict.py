@@ -1,6 +1,8 @@
 """Checked records read from files: frozen, no unknown keys, and errors of one line that name the key."""
 
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -20,6 +22,18 @@ class Foreign(BaseModel):
     """A frozen record of somebody else's format: keys that this project does not use are passed over."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
+    """Content of a TOML file; raises `StudyError` naming `what` kind of file it is, and `hint` where it does not exist."""
+    try:
+        return tomllib.loads(Path(path).read_bytes().decode())
+    except FileNotFoundError:
+        raise StudyError(f"{what} file {path!r} does not exist; {hint}") from None
+    except OSError as error:
+        raise StudyError(f"{what} file {path!r} cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StudyError(f"{what} file {path!r} is not TOML: {error}") from None
 
 
 Record = TypeVar("Record", bound=BaseModel)

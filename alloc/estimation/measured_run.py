@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.errors import EstimationError
-from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips, spans
+from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.train import Train
+from alloc.spans import spans
 
 Floats = NDArray[np.float64]
 
@@ -134,7 +135,7 @@ class Findings:
 def parts(valid: NDArray[np.bool_], part: NDArray[np.int64]) -> Iterator[slice]:
     """Stretches of valid instants (instants,) that no gap divides and that are long enough to analyse."""
     gaps = np.flatnonzero(np.diff(part)) + 1
-    for first, last in spans(valid):
+    for first, last in spans(valid).tolist():
         inside = gaps[np.searchsorted(gaps, first, "right") : np.searchsorted(gaps, last)]
         for begin, end in pairwise([first, *inside.tolist(), last]):
             if end - begin > SHORTEST_PART:

@@ -4,7 +4,6 @@ In a measurement the adhesion curve is unknown, so a slip is what exceeds a slip
 in micro slip. As it begins the coefficient passes the curve's maximum: the largest one seen there estimates the adhesion.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.errors import EstimationError
+from alloc.spans import spans
 
 Floats = NDArray[np.float64]
 
@@ -76,16 +76,10 @@ class SlipEvent(NamedTuple):
         return "slip" if self.largest_slip > 0.0 else "slide"
 
 
-def spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Begin and end (exclusive) of each stretch in which `flags` (instants,) are true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
-def _bridged(found: Iterator[tuple[int, int]], time: Floats) -> list[tuple[int, int]]:
-    """Stretches less than `BRIDGED` apart as one."""
+def _bridged(flags: NDArray[np.bool_], time: Floats) -> list[tuple[int, int]]:
+    """Stretches in which `flags` are true, those less than `BRIDGED` apart as one."""
     merged: list[tuple[int, int]] = []
-    for begin, end in found:
+    for begin, end in spans(flags).tolist():
         if merged and time[begin] - time[merged[-1][1] - 1] < BRIDGED:
             merged[-1] = (merged[-1][0], end)
         else:
@@ -107,7 +101,7 @@ def find_slips(
     bound = criterion.bound(speed, rim_speed)
     events = []
     for sign in (1.0, -1.0):
-        for begin, end in _bridged(spans(sign * slip > 0.5 * bound), time):
+        for begin, end in _bridged(sign * slip > 0.5 * bound, time):
             inside = slice(begin, end)
             beyond = np.flatnonzero(sign * slip[inside] > bound[inside])
             if beyond.size == 0:

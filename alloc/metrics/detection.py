@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import SLIP_FACTOR, mean_or_nan, metric, record_period, under_demand
+from alloc.spans import spans
 
 BEFORE, AFTER = 0.1, 0.3
 """Times [s] before a slip and after its end within which a detection belongs to it."""
@@ -47,14 +48,9 @@ def slips(run: xr.Dataset) -> Iterator[Slip]:
     unit_of_axle = run["axle_unit"].values
     for unit in range(run.sizes["unit"]):
         worst = relative[:, unit_of_axle == unit].max(axis=1)
-        for start, stop in _spans(worst > 1.0):
+        for start, stop in spans(worst > 1.0).tolist():
             if worst[start:stop].max() > SLIP_FACTOR:
                 yield Slip(unit, start, stop)
-
-
-def _spans(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _onsets(run: xr.Dataset, unit: int) -> NDArray[np.int64]:

@@ -65,12 +65,6 @@ def rise_starts(torque: Floats, plan: float) -> NDArray[np.int64]:
     return np.asarray(found["right_edges"], dtype=np.int64)
 
 
-def spans(flags: Flags) -> NDArray[np.int64]:
-    """First instant and first one after it of every span in which `flags` (instants,) holds, (spans, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return edges.reshape(-1, 2)
-
-
 def readhesion_possible(signals: Signals, drop: float = 6.0, instant: float = 14.0) -> Flags:
     """Readhesion possibility of each lane, (lanes,): section 3.2.
 

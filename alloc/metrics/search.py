@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from alloc.metrics.registry import direction, metric, record_period, under_demand
+from alloc.spans import spans
 
 FOUND = 0.9
 """Share of what is available from which on adhesion counts as used, and its peak as found."""
@@ -89,14 +90,13 @@ def episodes(run: xr.Dataset) -> Iterator[Episode]:
 
 
 def _bridged(flags: Flags, gap: int) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    spans: list[tuple[int, int]] = []
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if spans and start - spans[-1][1] < gap:
-            spans[-1] = (spans[-1][0], stop)
+    bridged: list[tuple[int, int]] = []
+    for start, stop in spans(flags).tolist():
+        if bridged and start - bridged[-1][1] < gap:
+            bridged[-1] = (bridged[-1][0], stop)
         else:
-            spans.append((start, stop))
-    return spans
+            bridged.append((start, stop))
+    return bridged
 
 
 def searches(run: xr.Dataset) -> list[Search]:

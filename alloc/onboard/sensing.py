@@ -187,4 +187,5 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
             m.limit_max[j] = np.inf  # what the motors cannot, the air brake can
         else:
             m.limit_max[j] = at_rail if m.in_service[j] else 0.0
-    _move_by_forces(eq, m, sign, blended)
+    if st.reference[0] > 0.0:
+        _move_by_forces(eq, m, sign, blended)

@@ -106,11 +106,27 @@ def advance(s, e, layout, time, step, steps, state, inputs, w):
     return time + steps * step
 
 
+@jit
+def note(s, e, layout, time, state, inputs, w, k, states, peaks, accelerations):
+    """Write state, adhesion field and accelerations of the bodies at `time` [s] to row `k` of three records."""
+    derivative(
+        s, e, layout, time, state, inputs.torque_command, w.target, w.valve, inputs.cleaning, w, w.slope
+    )  # fmt: skip
+    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
+    for i in range(state.shape[0]):
+        states[k, i] = state[i, 0]
+    for i in range(layout.axles):
+        peaks[k, i] = w.peak[i, 0]
+    for i in range(layout.bodies):
+        accelerations[k, i] = w.slope[layout.bodies + i, 0]
+
+
 __all__ = [
     "Rows",
     "Workspace",
     "advance",
     "derivative",
+    "note",
     "peak_field",
     "rows",
     "runge_kutta_step",

@@ -58,10 +58,9 @@ class TrainForces:
         """As `resistance` [N], for a train that moves forward or is about to: without the smooth sign at standstill."""
         moving = max(speed, 1e-6 * STANDSTILL_SPEED)
         lost = math.hypot(moving, STANDSTILL_SPEED) / moving - 1.0
-        running = self.resistance(position, moving) - np.interp(
-            position, self._places, self._climbing
-        )
-        return self.resistance(position, moving) + lost * float(running)
+        whole = self.resistance(position, moving)
+        climbing = float(np.interp(position, self._places, self._climbing))
+        return whole + lost * (whole - climbing)
 
     def brake_pressure(self, force: float, speed: float) -> float:
         """Cylinder pressure [Pa] at which all shoes together brake with `force` [N] at the rims."""

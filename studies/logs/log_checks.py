@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.estimation.measured_run import MeasuredTrain
-from alloc.estimation.slip_events import spans
 from alloc.plant.equations import GRAVITY
+from alloc.spans import spans
 from studies.errors import StudyError
 
 Floats = NDArray[np.float64]
@@ -129,7 +129,7 @@ def check_time(time: Floats, source: str) -> tuple[NDArray[np.int64], list[Remar
 def missing_values(name: str, values: Floats, time: Floats) -> list[Remark]:
     """Where a column has no value."""
     remarks = []
-    for begin, end in spans(~np.isfinite(values)):
+    for begin, end in spans(~np.isfinite(values)).tolist():
         rows = f"row {begin + 1}" if end == begin + 1 else f"rows {begin + 1} to {end}"
         text = f"no value in {rows}, {time[begin]:.6g} s to {time[end - 1]:.6g} s"
         if end - begin == values.size:
@@ -187,7 +187,7 @@ def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: 
 def stuck(values: Floats, other: Floats, time: Floats) -> Iterator[slice]:
     """Stretches in which a speed stays exactly the same although the `other` one changes."""
     same = np.concatenate([np.diff(values) == 0.0, [False]])
-    for begin, end in spans(same):
+    for begin, end in spans(same).tolist():
         inside = slice(begin, end + 1)
         if time[end] - time[begin] < STUCK_TIME or end - begin < FEWEST_ROWS:
             continue

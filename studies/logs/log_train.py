@@ -18,8 +18,7 @@ from pydantic import Field, model_validator
 
 from alloc.estimation.measured_run import MeasuredTrain
 from alloc.plant.equations import GRAVITY
-from studies.errors import StudyError
-from studies.strict import Strict, parse
+from studies.strict import Strict, parse, read_toml
 
 Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
 Radius = Annotated[float, Field(ge=200.0, le=800.0)]
@@ -86,22 +85,11 @@ def read_log_train(name_or_path: str) -> MeasuredTrain:
 
     Raises `StudyError` or `PlantError` naming the file, the key and the reason.
     """
-    import tomllib
-
     from studies.train_keys import build_train
 
     if not name_or_path.endswith(".toml"):
         return MeasuredTrain.of(build_train(name_or_path, None, None, None, False))
-    try:
-        data = tomllib.loads(Path(name_or_path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise StudyError(
-            f"train file {name_or_path!r} does not exist; `readhesion list` names the shipped trains"
-        ) from None
-    except OSError as error:
-        raise StudyError(f"train file {name_or_path!r} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"train file {name_or_path!r} is not TOML: {error}") from None
+    data = read_toml(name_or_path, "train", "`readhesion list` names the shipped trains")
     return parse(LoggedTrain, data, f"train file {name_or_path!r}").measured()
 
 

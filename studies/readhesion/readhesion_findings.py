@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from alloc.metrics.readhesion import limit_cycle, readhesion_possible, settled_at, spans
+from alloc.metrics.readhesion import limit_cycle, readhesion_possible, settled_at
+from alloc.spans import spans
 from alloc.table_lanes import TableRuns
 from studies.readhesion.readhesion_paper import (
     CASE_A,

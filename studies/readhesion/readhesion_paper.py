@@ -16,7 +16,6 @@ from alloc.metrics.readhesion import (
     Signals,
     limit_cycle,
     readhesion_possible,
-    spans,
     used_coefficient,
     utilisation,
 )
@@ -24,6 +23,7 @@ from alloc.onboard.readhesion import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import one_axle
+from alloc.spans import spans
 from alloc.table_lanes import LANES_TOGETHER, TableRuns, simulate_tables
 
 Unit = Literal["km/h/s", "m/s2"]

@@ -1,6 +1,5 @@
 """The calibration of what the readhesion paper does not print, as a sweep: `studies.readhesion` kept in a folder."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +18,15 @@ from studies.readhesion.calibration import (
 )
 from studies.readhesion.readhesion_findings import CLAIMS
 from studies.store import Store
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, share_interval
+from studies.sweeps.statement import (
+    CONDITIONS,
+    FAILS,
+    HOLDS,
+    Interval,
+    Statement,
+    share_interval,
+    single,
+)
 from studies.sweeps.stored_events import stored_table
 
 DESCRIPTION = (
@@ -85,9 +92,9 @@ def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> State
         "some values of what is not printed make the controller do all that the paper says",
         HOLDS if not missing else (CONDITIONS if len(good) else FAILS),
         {
-            f"findings met by the best set, of {len(CLAIMS)}": _one(met),
-            "its objective": _one(chosen["objective"]),
-            "objective of the values assumed": _one(
+            f"findings met by the best set, of {len(CLAIMS)}": single(met),
+            "its objective": single(chosen["objective"]),
+            "objective of the values assumed": single(
                 table.loc[table["stage"] == "assumed", "objective"].head(1).min()
             ),
             "share of wide samples that fulfil all but the half-slip": share_interval(
@@ -123,7 +130,7 @@ def _unit(
 ) -> Statement:
     """`near`: sets in the other unit that come near the best objective."""
     others = table[table["unit"] != chosen["unit"]]
-    numbers = {"sets near the best objective in the other unit": _one(len(near))}
+    numbers = {"sets near the best objective in the other unit": single(len(near))}
     missing: tuple[str, ...] = ()
     if len(others):
         rival = others.sort_values("objective", kind="stable").iloc[0]
@@ -133,7 +140,7 @@ def _unit(
             if not rival[f"met: {name}"]
         )
         numbers |= {
-            f"objective of the best set in {row['unit']}": _one(row["objective"])
+            f"objective of the best set in {row['unit']}": single(row["objective"])
             for row in (chosen, rival)
         }
         numbers |= {
@@ -161,16 +168,13 @@ def _all_at_once(table: pd.DataFrame) -> Statement:
         "the half-slip at mu_lim 0.16 goes together with the other findings",
         HOLDS if len(half) and half["met"].max() == len(CLAIMS) else FAILS,
         {
-            "sets with both its findings": _one(len(half)),
-            "most findings met with both": _one(half["met"].max() if len(half) else np.nan),
-            "most findings met with one of them": _one(some["met"].max() if len(some) else np.nan),
+            "sets with both its findings": single(len(half)),
+            "most findings met with both": single(half["met"].max() if len(half) else np.nan),
+            "most findings met with one of them": single(
+                some["met"].max() if len(some) else np.nan
+            ),
         },
     )
-
-
-def _one(value: float) -> Interval:
-    """A number that has no interval."""
-    return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
 
 
 def _hash() -> str:

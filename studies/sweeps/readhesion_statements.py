@@ -5,7 +5,7 @@ import math
 import pandas as pd
 
 from studies.readhesion.readhesion_findings import CLAIMS, Finding, grid_findings
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Statement, single
 
 SETTLED_BELOW = 0.01
 """Largest change of a limit adhesion coefficient that leaves the paper's figures as they are: a step of its grid."""
@@ -54,14 +54,8 @@ def _cases(rows: pd.DataFrame) -> dict[str, Finding]:
 
 
 def _statement(name: str, finding: Finding) -> Statement:
-    numbers = {quantity: _one(value) for quantity, value in finding.numbers.items()}
+    numbers = {quantity: single(value) for quantity, value in finding.numbers.items()}
     return Statement(name, CLAIMS[name], HOLDS if finding.met else FAILS, numbers, method=METHOD)
-
-
-def _one(value: float) -> Interval:
-    """A number that has no interval."""
-    known = math.isfinite(value)
-    return Interval(float(value), math.nan, math.nan, int(known))
 
 
 def _limit_exists(limits: pd.DataFrame) -> Statement:
@@ -73,7 +67,7 @@ def _limit_exists(limits: pd.DataFrame) -> Statement:
         "limit exists",
         "what readheres at one adhesion coefficient does so at every greater one",
         verdict,
-        {"controllers with a limit": _one(len(some)), "of them not so": _one(len(broken))},
+        {"controllers with a limit": single(len(some)), "of them not so": single(len(broken))},
         tuple(f"not with a_0 {row.margin:g}, a_w {row.width:g}" for row in broken.itertuples()),
         METHOD,
     )
@@ -102,9 +96,9 @@ def _parabola(
         f"(mu_max < {EXISTS_FROM:.3f})",
         verdict,
         {
-            "findings that change with a narrow parabola there": _one(len(below)),
-            "findings that change with a narrow parabola at every mu_max": _one(len(above)),
-            "largest shift of a limit adhesion coefficient": _one(largest),
+            "findings that change with a narrow parabola there": single(len(below)),
+            "findings that change with a narrow parabola at every mu_max": single(len(above)),
+            "largest shift of a limit adhesion coefficient": single(largest),
         },
         (
             *(f"narrow there, changes: {name}" for name in below),

@@ -17,7 +17,7 @@ from studies.controllers import host_factories
 from studies.slides.electric_slide import FADE_SPEED, electric_event
 from studies.slides.jp4209318 import CALIBRATED
 from studies.sweeps.slide_front import front
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Statement, single
 
 GROUPS: tuple[InverterGroup, ...] = ("1C4M", "1C1M")
 """Motors per inverter: what one torque serves has to suit the worst of its axles."""
@@ -65,7 +65,7 @@ def electric_statement(table: pd.DataFrame) -> Statement:
     met = list(shorter.values())
     verdict = HOLDS if all(met) else (CONDITIONS if any(met) else FAILS)
     numbers = {
-        f"{row.group}, {row.controller}: longer than the front by [m], Q [kJ] {row.damage:.0f}": _one(
+        f"{row.group}, {row.controller}: longer than the front by [m], Q [kJ] {row.damage:.0f}": single(
             value
         )
         for row, value in zip(rows.itertuples(), longer.tolist(), strict=True)
@@ -75,12 +75,8 @@ def electric_statement(table: pd.DataFrame) -> Statement:
         "electric brake",
         "an electric brake whose units hold their slip by the MPC brakes shorter than the front at the same Q",
         verdict,
-        {**numbers, "largest error of the reference speed [m/s]": _one(worst)},
+        {**numbers, "largest error of the reference speed [m/s]": single(worst)},
         tuple(f"not with {group}" for group, holds in shorter.items() if not holds),
         "front: sensitivities of the fuzzy slide protection that none beats in distance and Q; at its ends the nearest "
         f"holds. Same rail and brake force, each unit alone, believed curve true, no axle runs free; {DECIDED:g} m count",
     )
-
-
-def _one(value: float) -> Interval:
-    return Interval(value, np.nan, np.nan, 1)

@@ -17,7 +17,7 @@ from studies.slides.slide_targets import (
 )
 from studies.sweeps.slide_electric import electric_statement
 from studies.sweeps.slide_front import front
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement
+from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, single
 
 STEP_DISTANCE, STEP_DAMAGE = 0.05, 0.01
 """By how much halving the step may move a distance [m], and Q as a share."""
@@ -25,11 +25,6 @@ JITTER_DISTANCE = 0.05
 """Standard deviation of a distance [m] that noise of 1e-4 on every parameter may make."""
 COMPUTING = 10.0
 """Computing time [ms] per simulated second."""
-
-
-def one(value: float) -> Interval:
-    """A number that has no interval."""
-    return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
 
 
 def _numbers(row: "pd.Series[Any]") -> dict[str, float]:
@@ -81,7 +76,7 @@ def _targets(name: str, claim: str, found: dict[str, float], targets: list[str])
         claim,
         HOLDS if not missed else (FAILS if len(missed) == len(targets) else CONDITIONS),
         {
-            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": one(
+            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": single(
                 found[t]
             )
             for t in targets
@@ -103,8 +98,8 @@ def _held_out(table: pd.DataFrame) -> Statement:
         "fitted to one and three cars only, the distance of two cars comes out within 1 %",
         FAILS if not met else (CONDITIONS if rest else HOLDS),
         {
-            "predicted distance of 2 cars [m]; source 414": one(predicted),
-            "error [%]": one(100.0 * error / TABLE_3[2]),
+            "predicted distance of 2 cars [m]; source 414": single(predicted),
+            "error [%]": single(100.0 * error / TABLE_3[2]),
         },
         tuple(f"this fit does not reach: {name}" for name in rest),
     )
@@ -116,7 +111,7 @@ def _short_trains(found: dict[str, float]) -> Statement:
         "short trains",
         "short trains brake longer in rain",
         HOLDS if np.all(np.diff(distances) < 0.0) else FAILS,
-        {f"distance of {k + 1} cars [m]": one(value) for k, value in enumerate(distances)},
+        {f"distance of {k + 1} cars [m]": single(value) for k, value in enumerate(distances)},
     )
 
 
@@ -144,7 +139,10 @@ def _slips(table: pd.DataFrame) -> list[Statement]:
             HOLDS
             if all(test(s) for s in slip.values())
             else (CONDITIONS if test(slip["medium"]) else FAILS),
-            {f"mean slip of axle {i + 1}, medium [%]": one(slip["medium"][i]) for i in range(12)},
+            {
+                f"mean slip of axle {i + 1}, medium [%]": single(slip["medium"][i])
+                for i in range(12)
+            },
             tuple(f"not at {setting} sensitivity" for setting, s in slip.items() if not test(s)),
             "mean slip ratio while the train runs above 5 km/h",
         )
@@ -162,8 +160,8 @@ def _no_lock(table: pd.DataFrame) -> Statement:
         if (own["locked_time"] == 0.0).all()
         else (CONDITIONS if (own[own["part"] != "pareto"]["locked_time"] == 0.0).all() else FAILS),
         {
-            "longest time at a stand, over the axles [s]": one(own["locked_time"].max()),
-            "without slide protection [s]": one(without["locked_time"]),
+            "longest time at a stand, over the axles [s]": single(own["locked_time"].max()),
+            "without slide protection [s]": single(without["locked_time"]),
         },
         tuple(
             f"locks at sensitivity {row.sensitivity:.3g}"
@@ -186,12 +184,12 @@ def _trade(table: pd.DataFrame) -> Statement:
         "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
         HOLDS if not any(beaten.values()) else (CONDITIONS if min(beaten.values()) == 0 else FAILS),
         {
-            "rank correlation of sensitivity and Q": one(rank),
+            "rank correlation of sensitivity and Q": single(rank),
             "sensitivities on the front, of those tried": Interval(
                 len(own) / len(rows), math.nan, math.nan, len(rows)
             ),
             **{
-                f"sensitivities that beat {name} in both": one(count)
+                f"sensitivities that beat {name} in both": single(count)
                 for name, count in beaten.items()
             },
         },
@@ -211,13 +209,13 @@ def _rivals(table: pd.DataFrame) -> Statement:
         HOLDS if (longer > 0.0).all() else (CONDITIONS if (longer > 0.0).any() else FAILS),
         {
             **{
-                f"hold {row.hold:g}, release {row.release:g}: longer by [m], Q [kJ] {row.damage:.0f}": one(
+                f"hold {row.hold:g}, release {row.release:g}: longer by [m], Q [kJ] {row.damage:.0f}": single(
                     value
                 )
                 for row, value in zip(plain.itertuples(), longer, strict=True)
             },
-            "without slide protection: distance [m]": one(without["distance"]),
-            "without slide protection: Q [kJ]": one(without["damage"]),
+            "without slide protection: distance [m]": single(without["distance"]),
+            "without slide protection: Q [kJ]": single(without["damage"]),
         },
         tuple(
             f"not with hold {row.hold:g}, release {row.release:g}"
@@ -240,8 +238,8 @@ def _step(table: pd.DataFrame) -> Statement:
         "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
         HOLDS if met.all() else (CONDITIONS if met.any() else FAILS),
         {
-            "largest change of a distance [m]": one(distance.max()),
-            "largest change of Q [%]": one(100.0 * q.max()),
+            "largest change of a distance [m]": single(distance.max()),
+            "largest change of Q [%]": single(100.0 * q.max()),
         },
         tuple(
             f"not with {cars} cars, {setting}: {distance.loc[cars, setting]:.3f} m, {100 * q.loc[cars, setting]:.2f} %"
@@ -267,7 +265,7 @@ def _jitter(table: pd.DataFrame) -> Statement:
                 )
                 for name in TARGETS
             },
-            **{f"share of draws that reach {name}": one(share) for name, share in kept.items()},
+            **{f"share of draws that reach {name}": single(share) for name, share in kept.items()},
         },
         tuple(f"not of {name}" for name in met[~met].index),
         "limits are ranges, not confidence",
@@ -288,7 +286,7 @@ def _not_unique(table: pd.DataFrame) -> Statement:
         "the tables determine the undisclosed curves and rules",
         FAILS if good else CONDITIONS,
         {
-            "other sets that reach every target": one(len(good)),
+            "other sets that reach every target": single(len(good)),
             **{
                 f"{name}: calibrated; range of the sets": Interval(
                     values[0], min(values), max(values), len(values)
@@ -308,6 +306,6 @@ def _computing(table: pd.DataFrame) -> Statement:
         "computing",
         "a simulated second of twelve axles at 1 ms takes at most 10 ms of computing",
         HOLDS if value <= COMPUTING else FAILS,
-        {"least of the runs of three cars [ms per simulated s]": one(value)},
+        {"least of the runs of three cars [ms per simulated s]": single(value)},
         method="of the machine that made the table; the least, for others may have disturbed it",
     )

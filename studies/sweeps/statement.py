@@ -53,6 +53,11 @@ class Statement:
         return content
 
 
+def single(value: float) -> Interval:
+    """A number that has no interval."""
+    return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
+
+
 def mean_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
     """Mean of a series of events with its interval by Student's t; nan entries do not bear on it and are left out.
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from alloc.metrics import readhesion
 from alloc.metrics.readhesion import Signals
+from alloc.spans import spans
 
 PLAN = 1000.0
 PEAK = 0.05
@@ -58,7 +59,7 @@ def test_a_cycle_starts_where_the_torque_leaves_its_minimum():
 def test_spans_hold_exactly_what_is_flagged(flags):
     flags = np.array(flags, dtype=bool)
     rebuilt = np.zeros(flags.size, dtype=bool)
-    for begin, end in readhesion.spans(flags):
+    for begin, end in spans(flags):
         assert flags[begin:end].all()
         rebuilt[begin:end] = True
     np.testing.assert_array_equal(rebuilt, flags)

@@ -10,11 +10,12 @@ import pytest
 import xarray as xr
 
 from alloc.estimation.measured_run import Findings, MeasuredTrain, analyse_run
-from alloc.estimation.slip_events import SlipCriterion, spans
+from alloc.estimation.slip_events import SlipCriterion
 from alloc.metrics import METRICS
 from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
+from alloc.spans import spans
 from studies.job import Job, simulate_job
 from studies.logs.log_export import log_table, rounded
 from studies.logs.measured_log import check_log
