@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from alloc.estimation.measured_run import Findings
+    from studies.core.store import Store
     from studies.lines.line_run import LineRun
     from studies.logs.measured_log import MeasuredLog
-    from studies.store import Store
 
 
 class FigureEntry(NamedTuple):
@@ -257,7 +257,7 @@ def _write(figure: "Figure", path: str | Path) -> None:
     import matplotlib as mpl
 
     from paper_figs.style import STYLE_FILE
-    from studies.errors import StudyError
+    from studies.core.study_error import StudyError
 
     try:
         with mpl.rc_context(fname=STYLE_FILE):
@@ -271,7 +271,7 @@ def save_figure(figure: "Figure", path: Path) -> list[Path]:
     import matplotlib as mpl
 
     from paper_figs.style import STYLE_FILE
-    from studies.errors import StudyError
+    from studies.core.study_error import StudyError
 
     files = [path.with_name(path.name + ending) for ending in (".pdf", ".png")]
     try:

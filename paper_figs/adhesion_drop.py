@@ -9,7 +9,7 @@ from alloc.plant.adhesion import PiecewiseCurve
 from paper_figs.readhesion_cases import SECOND
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.readhesion_paper import CALIBRATED, CASE_A, Unprinted
+from studies.readhesion_paper.paper import CALIBRATED, CASE_A, Unprinted
 
 HIGH = 0.18
 """Adhesion coefficient of Table 2 before the drop."""

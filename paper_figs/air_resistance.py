@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from alloc.plant.equations import running_resistance
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.resistance.speed_routes import Route, route
+from studies.resistance.routes import Route, route
 
 READINGS = (("cars", "black", "-", "plant, car by car"), ("middle", "#56b4e9", "--", "memory, middle of the train"),
             ("front", "#e69f00", ":", "memory, front"))  # fmt: skip

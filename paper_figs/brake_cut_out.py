@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from paper_figs.brake_panels import THEORY, WAGONS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brakes.brake_findings import row_of_test
-from studies.brakes.brake_tests import run_test
-from studies.sweeps import brake_force, sweep_folder
-from studies.sweeps.brake_force_statements import CUT_OUT
+from studies.brake_force import study as brake_force
+from studies.brake_force.findings import row_of_test
+from studies.brake_force.running_tests import run_test
+from studies.brake_force.statements import CUT_OUT
+from studies.core.collection import sweep_folder
 
 FEW_EVENTS = 3
 """Days that are run for the figure where the results hold none."""

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from paper_figs.brake_panels import BEFORE, OWN, THEORY, WAGONS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brakes.brake_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
+from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
 
 DAY = 0
 SMOOTHED = "#cc79a7"

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 from paper_figs.brake_panels import draw_test
 from paper_figs.source import Source
-from studies.brakes.brake_tests import TestResult, run_test
+from studies.brake_force.running_tests import TestResult, run_test
 
 DAY = 0
 

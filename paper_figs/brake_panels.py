@@ -4,7 +4,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brakes.brake_tests import BRAKED_AT, TestResult, estimate
+from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate
 
 LOCOMOTIVE, WAGONS, THEORY, OWN = "#d55e00", "#0072b2", "#000000", "#009e73"
 """Colours of locomotive, wagons, theory or truth, and wagons with their own accelerations."""

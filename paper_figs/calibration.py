@@ -7,8 +7,9 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.calibration import RANGES, best, fulfilling
-from studies.sweeps import calibration, sweep_folder
+from studies.core.collection import sweep_folder
+from studies.readhesion_paper import calibration_study as calibration
+from studies.readhesion_paper.calibration import RANGES, best, fulfilling
 
 LABELS = {
     "residual_ratio": r"$\mu_\infty/\mu_\mathrm{max}$ [–]",

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from paper_figs.claim_panels import bearing_on, claim_table, diagonal, forest
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure, rule_colour, rule_handles, rule_marker
-from studies.sweeps.claim_statements import REACHED, reached_test, within_reach
+from studies.claims.statements import REACHED, reached_test, within_reach
 
 SHOWN = ("greedy", "exact", "oracle")
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from paper_figs.claim_panels import bearing_on, claim_table, forest, strips
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.sweeps.claim_statements import ABOUT_BOUND, bound_test
+from studies.claims.statements import ABOUT_BOUND, bound_test
 
 SHOWN = ("alone", "preset", "sharing", "greedy", "exact", "oracle")
 

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 from paper_figs.claim_panels import bearing_on, claim_table, forest
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure, rule_colour, rule_handles, rule_marker
-from studies.sweeps.claim_statements import ABOUT_95, over_test
-from studies.sweeps.measures import EXCESS_EDGES, excess_column
-from studies.sweeps.statement import mean_interval
-from studies.sweeps.verdict import LEAST_EVENTS
+from studies.claims.measures import EXCESS_EDGES, excess_column
+from studies.claims.statements import ABOUT_95, over_test
+from studies.core.statement import mean_interval
+from studies.core.verdict import LEAST_EVENTS
 
 SHOWN = ("greedy", "exact")
 CLAIMED = 0.95

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from paper_figs.claim_panels import SEASON_MARKERS, bearing_on, claim_table, diagonal, forest
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.sweeps.claim_statements import difference
+from studies.claims.statements import difference
 
 
 def figure(source: Source) -> Figure:

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from paper_figs.claim_panels import SEASON_MARKERS, bearing_on, claim_table, forest
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.sweeps.claim_statements import REACH_PARTS, difference
-from studies.sweeps.parts import PARTS
+from studies.claims.parts import PARTS
+from studies.claims.statements import REACH_PARTS, difference
 
 
 def figure(source: Source) -> Figure:

@@ -8,11 +8,12 @@ from matplotlib.axes import Axes
 
 from paper_figs.source import Source
 from paper_figs.style import rule_colour, rule_marker
-from studies.sweeps import claims, sweep_folder
-from studies.sweeps.claim_statements import claim_population, paired
-from studies.sweeps.parts import PARTS
-from studies.sweeps.statement import CONFIDENCE, Interval
-from studies.sweeps.verdict import LEAST_EVENTS, Part, Test
+from studies.claims import study as claims
+from studies.claims.parts import PARTS
+from studies.claims.statements import claim_population, paired
+from studies.core.collection import sweep_folder
+from studies.core.statement import CONFIDENCE, Interval
+from studies.core.verdict import LEAST_EVENTS, Part, Test
 
 FEW_EVENTS = 24
 """Events that are run where the results hold fewer: enough to see what a figure shows, not to believe it. `readhesion

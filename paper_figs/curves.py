@@ -7,8 +7,9 @@ from matplotlib.lines import Line2D
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.sweeps import curves, sweep_folder
-from studies.sweeps.curve_statements import CURVES, METRICS, PAIRS, paired_difference
+from studies.core.collection import sweep_folder
+from studies.curves import study as curves
+from studies.curves.statements import CURVES, METRICS, PAIRS, paired_difference
 
 FEW_EVENTS = 4
 """Events that are run for the figure where the results hold fewer."""

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure, rule_colour, rule_handles, rule_marker
-from studies.sweeps import differences, sweep_folder
-from studies.sweeps.difference_statements import closed_loop
+from studies.core.collection import sweep_folder
+from studies.differences import study as differences
+from studies.differences.statements import closed_loop
 
 FEW_PROBLEMS = 100
 """Problems of each kind that are run where the results hold none."""

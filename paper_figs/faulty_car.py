@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.brakes.brake_findings import driven_rows
-from studies.brakes.faulty_car import Fault, Stop, allocated_stops
-from studies.sweeps import brake_force, sweep_folder
+from studies.brake_force import study as brake_force
+from studies.brake_force.faulty_car import Fault, Stop, allocated_stops
+from studies.brake_force.findings import driven_rows
+from studies.core.collection import sweep_folder
 
 DAY = 0
 FAULT = Fault(3, (0,))

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from paper_figs.resistance_passage import Runs, drive_all
 from paper_figs.resistance_passage import draw as draw_passage
 from paper_figs.source import Source
-from studies.resistance.speed_routes import Route, route
+from studies.resistance.routes import Route, route
 
 
 def figure(source: Source) -> Figure:

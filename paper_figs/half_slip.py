@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from alloc.table_lanes import TableRuns
 from paper_figs.readhesion_cases import (
     SECOND,
     case_runs,
@@ -15,8 +14,9 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.readhesion_findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
-from studies.readhesion.readhesion_paper import CALIBRATED, RIVAL, Case, Unprinted
+from studies.readhesion_paper.findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
+from studies.readhesion_paper.lanes import TableRuns
+from studies.readhesion_paper.paper import CALIBRATED, RIVAL, Case, Unprinted
 
 CASE = Case(width=HALF_SLIP_WIDTHS[-1], limit=HALF_SLIP_LIMIT)
 SETS: dict[str, Unprinted] = {"calibrated": CALIBRATED, "rival": RIVAL}

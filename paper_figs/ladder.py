@@ -9,9 +9,10 @@ from matplotlib.ticker import NullFormatter
 
 from paper_figs.source import Source
 from paper_figs.style import CONTROLLER_COLOURS, CONTROLLER_MARKERS, STYLE_FILE, new_figure
-from studies.sweeps import ladder, sweep_folder
-from studies.sweeps.ladder_statements import LADDER, LOCOMOTIVE, YARDSTICKS
-from studies.sweeps.statement import mean_interval
+from studies.core.collection import sweep_folder
+from studies.core.statement import mean_interval
+from studies.ladder import study as ladder
+from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
 
 FEW_EVENTS = 6
 """Events that are run for the figure where the results hold fewer: two of each train."""

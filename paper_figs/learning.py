@@ -9,9 +9,10 @@ from scipy.stats import t as student
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.sweeps import learning, sweep_folder
-from studies.sweeps.learning_series import SERIES, TOLERANCE
-from studies.sweeps.statement import CONFIDENCE
+from studies.core.collection import sweep_folder
+from studies.core.statement import CONFIDENCE
+from studies.learning import study as learning
+from studies.learning.series import SERIES, TOLERANCE
 
 ARM_STYLES: dict[str, tuple[str, str]] = {
     "no learning": ("#7f7f7f", ":"),

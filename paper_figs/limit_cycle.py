@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.limit_cycle import critical_width
-from studies.readhesion.limit_cycle_comparison import (
+from studies.readhesion_paper.limit_cycle import critical_width
+from studies.readhesion_paper.limit_cycle_comparison import (
     compare_cycles,
     growth_over_widths,
     paper_model,

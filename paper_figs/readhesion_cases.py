@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from matplotlib.axes import Axes
 
-from alloc.table_lanes import TableRuns
-from studies.readhesion.readhesion_paper import (
+from studies.readhesion_paper.lanes import TableRuns
+from studies.readhesion_paper.paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,

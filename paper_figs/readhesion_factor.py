@@ -3,10 +3,10 @@
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from alloc.table_lanes import TableRuns
 from paper_figs.readhesion_cases import CASES, COLOURS, SECOND, case_runs, heading, over_time
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
+from studies.readhesion_paper.lanes import TableRuns
 
 CLOSE = (9.0, 11.0)
 """Times [s] of the close view of case A."""

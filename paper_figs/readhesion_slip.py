@@ -3,7 +3,6 @@
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from alloc.table_lanes import TableRuns
 from paper_figs.readhesion_cases import (
     CASES,
     COLOURS,
@@ -15,6 +14,7 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
+from studies.readhesion_paper.lanes import TableRuns
 
 CLOSE = 0.3
 """Largest slip velocity [m/s] of the panels that show the peak."""

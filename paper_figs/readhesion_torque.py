@@ -3,7 +3,6 @@
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from alloc.table_lanes import TableRuns
 from paper_figs.readhesion_cases import (
     CASES,
     COLOURS,
@@ -16,6 +15,7 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
+from studies.readhesion_paper.lanes import TableRuns
 
 
 def figure(source: Source) -> Figure:

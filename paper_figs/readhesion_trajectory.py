@@ -6,7 +6,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.plant.sets.one_axle import PATCH_FADE
-from alloc.table_lanes import TableRuns
 from paper_figs.readhesion_cases import (
     CASES,
     COLOURS,
@@ -18,7 +17,8 @@ from paper_figs.readhesion_cases import (
 )
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.readhesion_paper import DROP, RECOVERY
+from studies.readhesion_paper.lanes import TableRuns
+from studies.readhesion_paper.paper import DROP, RECOVERY
 
 LAST = 2.0
 """Time [s] before the recovery in which the loci are drawn heavily: the limit cycle, if there is one."""

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from alloc.plant.equations import GRAVITY
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.resistance.speed_control import (
+from studies.resistance.driven_cases import (
     CARS,
     CASES,
     CONTROLS,
@@ -21,7 +21,7 @@ from studies.resistance.speed_control import (
     Control,
     drive_case,
 )
-from studies.resistance.speed_routes import Route
+from studies.resistance.routes import Route
 
 CASE_LOOKS: dict[str, tuple[str, str]] = {
     FEEDBACK: ("#7f7f7f", "-"),

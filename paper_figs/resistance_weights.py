@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 from alloc.onboard.speed_control import WEIGHTS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.resistance.resistance_learning import (
+from studies.resistance.learners import (
     GRADIENT,
     NORMALISED,
     PRINTED,
     SQUARES,
     convergence,
 )
-from studies.resistance.speed_routes import route
+from studies.resistance.routes import route
 
 LOOKS = {
     GRADIENT: ("#e69f00", "-"),

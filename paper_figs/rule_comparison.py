@@ -20,7 +20,7 @@ from paper_figs.style import (
     rule_handles,
     rule_marker,
 )
-from studies.report import Line, summarise
+from studies.comparison.summary import Line, summarise
 
 
 class Panel(NamedTuple):

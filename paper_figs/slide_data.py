@@ -3,7 +3,8 @@
 import pandas as pd
 
 from paper_figs.source import Source
-from studies.sweeps import slide_protection, sweep_folder
+from studies.core.collection import sweep_folder
+from studies.slides import study as slide_protection
 
 HERE, PRINTED = "#0072b2", "#7f7f7f"
 """Colours of this project's numbers and of the source's."""

@@ -18,8 +18,8 @@ from paper_figs.style import (
     STYLE_FILE,
     new_figure,
 )
-from studies.sweeps.slide_electric import CONTROLLERS, GROUPS, PART
-from studies.sweeps.slide_front import front
+from studies.slides.electric import CONTROLLERS, GROUPS, PART
+from studies.slides.front import front
 
 VALVES = RULE_COLOURS["alone"]
 FILLS: dict[str, Literal["full", "none"]] = {"1C4M": "full", "1C1M": "none"}

@@ -8,8 +8,8 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from paper_figs.slide_data import HERE, PRINTED, slide_table
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.slides.slide_targets import TABLE_4
-from studies.sweeps.slide_front import front
+from studies.slides.front import front
+from studies.slides.targets import TABLE_4
 
 MARKERS = {"low": "v", "medium": "o", "high": "^"}
 TICKS = (200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 10000)

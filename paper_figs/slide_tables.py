@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from paper_figs.slide_data import HERE, PRINTED, slide_table
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.slides.slide_targets import TABLE_3, TABLE_4
+from studies.slides.targets import TABLE_3, TABLE_4
 
 WIDTH = 0.38
 

@@ -8,12 +8,12 @@ import pandas as pd
 import xarray as xr
 
 from alloc.recording import load
-from studies.controllers import host_factories
-from studies.defaults import KEPT_RUNS, default_grid
-from studies.job import Job, simulate_job
-from studies.runner import run_grid
-from studies.scenario import load_scenario
-from studies.store import Store
+from studies.comparison.defaults import KEPT_RUNS, default_grid
+from studies.core.controllers import host_factories
+from studies.core.job import Job, simulate_job
+from studies.core.runner import run_grid
+from studies.core.store import Store
+from studies.scenario.scenario import load_scenario
 
 OnRow = Callable[[str, int, int], None]
 

@@ -9,8 +9,9 @@ from matplotlib.ticker import MultipleLocator
 
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.readhesion.readhesion_paper import CASE_A, PAPER_LIMITS
-from studies.sweeps import readhesion, sweep_folder
+from studies.core.collection import sweep_folder
+from studies.readhesion_paper import study as readhesion
+from studies.readhesion_paper.paper import CASE_A, PAPER_LIMITS
 
 SYMBOLS = {"margin": "a_0", "width": "a_w"}
 POSSIBLE, NOT_POSSIBLE = "#0072b2", "#d55e00"

@@ -19,7 +19,7 @@ from paper_figs.style import (
     rule_handles,
     rule_marker,
 )
-from studies.report import Line, summarise
+from studies.comparison.summary import Line, summarise
 
 COLUMNS = 3
 LARGEST, SMALLEST = 8.5, 3.5

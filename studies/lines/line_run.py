@@ -11,7 +11,7 @@ import xarray as xr
 from alloc.driving import drive
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.minimum_time import MinimumTimeDriver
 from studies.lines.railtoolkit import PointOfInterest, RollingStock, RunningPath

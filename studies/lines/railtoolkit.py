@@ -10,10 +10,10 @@ import yaml
 
 from alloc.plant.rail import Line
 from alloc.plant.train import Train
-from studies.errors import StudyError, unknown
+from studies.core.study_error import StudyError, unknown
 from studies.lines.railtoolkit_keys import PathFile, StockFile, VehicleKeys
 from studies.lines.railtoolkit_train import build_formation
-from studies.strict import parse
+from studies.scenario.strict import parse
 
 SCHEMA_VERSION = "2022.05"
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"

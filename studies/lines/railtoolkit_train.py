@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from alloc.plant.equations import GRAVITY
 from alloc.plant.errors import PlantError
 from alloc.plant.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Motors, TorqueLimit, Train
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.railtoolkit_keys import VehicleKeys
 
 BOGIE_SPACING = 20.0

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.railtoolkit import read_path
-from studies.scenario import Scenario
+from studies.scenario.scenario import Scenario
 
 
 def with_real_input(scenario: Scenario, line: str | None, train: str | None) -> Scenario:

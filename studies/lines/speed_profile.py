@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.railtoolkit import Section
 
 Floats = NDArray[np.float64]

@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.estimation.measured_run import MeasuredRun, MeasuredTrain
-from studies.errors import StudyError
-from studies.logs import log_checks as checks
-from studies.logs.log_checks import Remark, faulty
-from studies.logs.log_columns import QUANTITIES, Column, near_column, parse_column
+from studies.core.study_error import StudyError
+from studies.logs import checks
+from studies.logs.checks import Remark, faulty
+from studies.logs.columns import QUANTITIES, Column, near_column, parse_column
 
 Floats = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 Table 2 gives train, brakes and control cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how sliding
 wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here, calibrated
-on Tables 3 and 4 by `studies.slides.slide_calibration`.
+on Tables 3 and 4 by `studies.slides.calibration`.
 """
 
 from dataclasses import asdict, dataclass, fields
@@ -137,7 +137,7 @@ assert set(BOUNDS) == {field.name for field in fields(Undisclosed)}
 
 
 CALIBRATED = Undisclosed()
-"""The set in use: one of those that reach every target, found by the method of `studies.slides.slide_calibration` from a
+"""The set in use: one of those that reach every target, found by the method of `studies.slides.calibration` from a
 start of its own; then level and sensitivities were moved by hand until all of ten draws of noise reached them too. From
 `BY_HAND` alone the method ends with two cars 0.4 % short and slips slightly out of order. Conditioning
 ended at its bound, and the rear's fall with speed near it."""
@@ -158,7 +158,7 @@ HELD_OUT = Undisclosed(
     sensitivity_low=0.81749,
     sensitivity_high=3.5834,
 )
-"""Fitted from `studies.slides.slide_calibration.BY_HAND` without the distance of two cars, which it predicts."""
+"""Fitted from `studies.slides.calibration.BY_HAND` without the distance of two cars, which it predicts."""
 RIVALS: tuple[Undisclosed, ...] = (
     Undisclosed(
         front_adhesion=0.097178,

@@ -3,9 +3,9 @@
 import pytest
 
 from paper_figs.source import Source
-from studies.runner import Grid, run_grid
-from studies.scenario import load_scenario
-from studies.store import Store
+from studies.core.runner import Grid, run_grid
+from studies.core.store import Store
+from studies.scenario.scenario import load_scenario
 
 RULES = ("alone", "greedy", "exact")
 

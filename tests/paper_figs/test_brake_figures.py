@@ -5,10 +5,10 @@ import pytest
 
 from paper_figs import brake_cut_out, brake_emergency, brake_locomotive_only, faulty_car
 from paper_figs.source import Source
-from studies.brakes.brake_tests import BRAKED_AT, estimate, run_test
-from studies.brakes.faulty_car import allocated_stops
-from studies.store import Store
-from studies.sweeps import brake_force
+from studies.brake_force import study as brake_force
+from studies.brake_force.faulty_car import allocated_stops
+from studies.brake_force.running_tests import BRAKED_AT, estimate, run_test
+from studies.core.store import Store
 from tests.studies.brake_tables import brake_table
 
 

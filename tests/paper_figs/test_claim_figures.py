@@ -7,9 +7,9 @@ from matplotlib.collections import LineCollection
 from paper_figs import claim_a, claim_b, claim_c, claim_d, claim_e, differences
 from paper_figs.claim_panels import FEW_EVENTS, claim_table
 from paper_figs.source import Source
-from studies.store import Store
-from studies.sweeps import claims
-from studies.sweeps import differences as sweep
+from studies.claims import study as claims
+from studies.core.store import Store
+from studies.differences import study as sweep
 from tests.studies.sweep_tables import claim_table as synthetic
 
 MODULES = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}

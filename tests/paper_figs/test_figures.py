@@ -80,21 +80,21 @@ from paper_figs.style import (
     STYLE_FILE,
     rule_colour,
 )
-from studies.brakes.brake_tests import run_test
-from studies.brakes.faulty_car import allocated_stops
-from studies.controllers import controller_names
-from studies.errors import StudyError
-from studies.job import Job, simulate_job
+from studies.brake_force.faulty_car import allocated_stops
+from studies.brake_force.running_tests import run_test
+from studies.comparison.summary import summarise
+from studies.core.controllers import controller_names
+from studies.core.job import Job, simulate_job
+from studies.core.study_error import StudyError
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import run_line
-from studies.logs.log_export import log_table
+from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
-from studies.readhesion.limit_cycle_comparison import compare_cycles
-from studies.readhesion.readhesion_paper import CALIBRATED, run_cases
-from studies.report import summarise
-from studies.resistance.resistance_learning import convergence
-from studies.resistance.speed_control import CONTROLS, FEEDBACK, RIGHT, drive_case
-from studies.scenario import load_scenario
+from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
+from studies.readhesion_paper.paper import CALIBRATED, run_cases
+from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
+from studies.resistance.learners import convergence
+from studies.scenario.scenario import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering

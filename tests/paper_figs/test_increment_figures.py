@@ -11,10 +11,10 @@ from paper_figs import axle_shifts as shifts_figure
 from paper_figs import learning, planned_curves, slip_detection
 from paper_figs import unit_increments as units_figure
 from paper_figs.source import Source
-from studies.job import Job, simulate_job
-from studies.scenario import load_scenario
-from studies.store import Store
-from studies.sweeps.learning_series import TOLERANCE
+from studies.core.job import Job, simulate_job
+from studies.core.store import Store
+from studies.learning.series import TOLERANCE
+from studies.scenario.scenario import load_scenario
 from tests.studies.learning_tables import falling, synthetic
 
 
@@ -108,6 +108,6 @@ def test_the_table_is_the_sweeps(tmp_path, monkeypatch):
         asked.append(arguments)
         return synthetic(falling, trains=1)
 
-    monkeypatch.setattr("studies.sweeps.learning.run", run)
+    monkeypatch.setattr("studies.learning.study.run", run)
     learning.figure(Source(Store(tmp_path), None, 2))
     assert asked == [(tmp_path / "sweeps" / "learning", learning.FEW_EVENTS, 0, 2, None)]

@@ -14,9 +14,9 @@ from paper_figs import (
 )
 from paper_figs.readhesion_cases import CASES, case_runs, on_coefficient_scale
 from paper_figs.source import Source
-from studies.readhesion.calibration import best, fulfilling
-from studies.readhesion.readhesion_paper import CALIBRATED, DROP, RECOVERY, run_cases
-from studies.store import Store
+from studies.core.store import Store
+from studies.readhesion_paper.calibration import best, fulfilling
+from studies.readhesion_paper.paper import CALIBRATED, DROP, RECOVERY, run_cases
 from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
 
 
@@ -89,12 +89,14 @@ def test_data_come_from_the_sweeps_of_the_results(tmp_path, monkeypatch):
         asked.append((folder.name, events, seed, jobs))
         return sweep_table() if folder.name == "readhesion" else calibration_table()
 
-    monkeypatch.setattr("studies.sweeps.readhesion.run", run)
-    monkeypatch.setattr("studies.sweeps.calibration.run", run)
+    monkeypatch.setattr("studies.readhesion_paper.study.run", run)
+    monkeypatch.setattr("studies.readhesion_paper.calibration_study.run", run)
     for module in (margin_sweep, width_sweep, calibration):
         assert len(module.figure(source).axes) >= 3
     assert asked == [("readhesion", 1, 0, 2)] * 2 + [("calibration", calibration.FEW_EVENTS, 0, 2)]
-    monkeypatch.setattr("studies.sweeps.calibration.stored", lambda _: calibration_table())
+    monkeypatch.setattr(
+        "studies.readhesion_paper.calibration_study.stored", lambda _: calibration_table()
+    )
     calibration.figure(source)
     assert len(asked) == 3
 

@@ -10,7 +10,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate
-from alloc.table_lanes import LANES_TOGETHER, simulate_tables
+from studies.readhesion_paper.lanes import LANES_TOGETHER, simulate_tables
 
 COMMAND = DriverCommand((0.5,), (3.0 / 3.6,))
 PERIOD, END = 2e-4, 6.0

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.brakes.brake_findings import SHORTFALLS
-from studies.brakes.brake_tests import TESTS
-from studies.sweeps.brake_force_statements import CUT_OUT
+from studies.brake_force.findings import SHORTFALLS
+from studies.brake_force.running_tests import TESTS
+from studies.brake_force.statements import CUT_OUT
 
 Row = dict[str, Any]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from studies.command_line import run
-from studies.scenario import Scenario, load_scenario
+from studies.command_line.main import run
+from studies.scenario.scenario import Scenario, load_scenario
 
 SHORT = """
 title = "two slippery seconds"

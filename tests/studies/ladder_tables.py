@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.sweeps import curves, ladder
-from studies.sweeps.curve_statements import CURVES, INFORMED, RULES
-from studies.sweeps.ladder_events import draw, event_name
-from studies.sweeps.ladder_statements import LADDER
+from studies.curves import study as curves
+from studies.curves.statements import CURVES, INFORMED, RULES
+from studies.ladder import study as ladder
+from studies.ladder.events import draw, event_name
+from studies.ladder.statements import LADDER
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from alloc.estimation.learning import DIRECTIONS
-from studies.sweeps import learning
-from studies.sweeps.learning_arms import ARMS
+from studies.learning import study as learning
+from studies.learning.arms import ARMS
 
 
 def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):

@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 
-from studies.readhesion.calibration import NOT_ASKED_OF_ALL, RANGES, draw
-from studies.readhesion.readhesion_findings import CLAIMS
-from studies.readhesion.readhesion_grid import grid_tables
-from studies.readhesion.readhesion_paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS
-from studies.sweeps import readhesion
+from studies.readhesion_paper import study as readhesion
+from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, draw
+from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.grid import grid_tables
+from studies.readhesion_paper.paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS
 
 
 def limit_of(margin: float, width: float) -> float:

@@ -5,7 +5,7 @@ from functools import lru_cache
 from alloc.onboard.speed_control import SpeedCommand
 from alloc.plant.rail import Line
 from alloc.plant.sets import find_set
-from studies.resistance.speed_routes import Route
+from studies.resistance.routes import Route
 
 
 @lru_cache(maxsize=1)

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
+from studies.slides.electric import electric_tasks
 from studies.slides.jp4209318 import RIVALS
-from studies.slides.slide_targets import TABLE_3, TABLE_4
-from studies.sweeps.slide_electric import electric_tasks
-from studies.sweeps.slide_protection import SENSITIVITIES, THRESHOLDS
+from studies.slides.study import SENSITIVITIES, THRESHOLDS
+from studies.slides.targets import TABLE_3, TABLE_4
 
 SLIP = {f"slip_{i + 1}": 0.08 - 0.004 * i - 0.002 * (i % 2) for i in range(12)}
 AS_PRINTED = {
@@ -23,7 +23,7 @@ AS_PRINTED = {
 
 
 def slide_table() -> pd.DataFrame:
-    """Rows as `studies.sweeps.slide_protection.run` makes them."""
+    """Rows as `studies.slides.study.run` makes them."""
     rows = []
     common = {"locked_time": 0.0, "air": 300.0, "time_outs": 0.0, "computing": 4.0, **SLIP}
     for part in ("tables", "halved"):

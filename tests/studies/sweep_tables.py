@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.sweeps import differences
-from studies.sweeps.claims import RULES
-from studies.sweeps.events import drawn_table
-from studies.sweeps.measures import EXCESS_EDGES, excess_column
+from studies.claims.events import drawn_table
+from studies.claims.measures import EXCESS_EDGES, excess_column
+from studies.claims.study import RULES
+from studies.differences import study as differences
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]

@@ -5,7 +5,7 @@ import pytest
 
 from alloc.estimation.brake_shortfall import CalibrationErrors
 from alloc.estimation.car_brake_force import car_brake_forces
-from studies.brakes.brake_measurement import (
+from studies.brake_force.measurement import (
     MeasuringSystem,
     disturb,
     rail_brake_forces,
@@ -13,7 +13,7 @@ from studies.brakes.brake_measurement import (
     resistance_of_cars,
     true_brake_forces,
 )
-from studies.brakes.brake_tests import BRAKED_AT, TESTS, drive_test, train_of_test
+from studies.brake_force.running_tests import BRAKED_AT, TESTS, drive_test, train_of_test
 
 EXACT = MeasuringSystem(0.02, 15.0, 0.0, 0.0, 0.0, 0.0, CalibrationErrors())
 

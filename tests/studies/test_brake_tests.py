@@ -8,8 +8,8 @@ import pytest
 from alloc.estimation.brake_force_mean import batch_mean
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.sets import freight
-from studies.brakes.brake_findings import row_of_test
-from studies.brakes.brake_tests import (
+from studies.brake_force.findings import row_of_test
+from studies.brake_force.running_tests import (
     BRAKED_AT,
     RIGGING,
     SHOE_SCATTER,

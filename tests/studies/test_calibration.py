@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.readhesion import calibration
-from studies.readhesion.calibration import (
+from studies.core.statement import CONDITIONS, FAILS, HOLDS
+from studies.readhesion_paper import calibration
+from studies.readhesion_paper import calibration_study as sweep
+from studies.readhesion_paper.calibration import (
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
@@ -20,10 +22,8 @@ from studies.readhesion.calibration import (
     main,
     to_unit_cube,
 )
-from studies.readhesion.readhesion_findings import CLAIMS
-from studies.readhesion.readhesion_paper import ASSUMED, CALIBRATED, RIVAL, UNITS
-from studies.sweeps import calibration as sweep
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS
+from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from tests.studies.readhesion_tables import calibration_table
 
 WANTED = np.array([0.7, 0.4, 0.5, 0.6])

@@ -15,9 +15,9 @@ import alloc.rules.qp
 from alloc.metrics import METRICS
 from alloc.recording import load
 from alloc.rules import RULES
-from studies.controllers import controller_names
-from studies.scenario import shipped_scenarios
-from studies.store import Store
+from studies.core.controllers import controller_names
+from studies.core.store import Store
+from studies.scenario.scenario import shipped_scenarios
 
 PNG, PDF = b"\x89PNG", b"%PDF"
 
@@ -74,7 +74,7 @@ def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
 
 def test_a_second_call_runs_nothing(call, small, monkeypatch):
     first = call("compare", *small, "--no-figures", "--json")
-    monkeypatch.setattr("studies.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_job", None)
     assert call("compare", *small, "--no-figures", "--json")[1] == first[1]
 
 
@@ -94,7 +94,7 @@ def test_if_every_run_fails_the_exit_code_says_so(call, small, monkeypatch):
     def broken(*_, **__):
         raise RuntimeError("power cut")
 
-    monkeypatch.setattr("studies.job.simulate", broken)
+    monkeypatch.setattr("studies.core.job.simulate", broken)
     code, out, _ = call("compare", *small)
     assert code == 1
     assert "RuntimeError at broken: power cut" in out
@@ -236,7 +236,7 @@ def test_a_controller_that_is_not_installed_is_named(refused, short_file, monkey
 
 
 def process(*arguments: object, **options) -> subprocess.Popen:
-    command = [sys.executable, "-c", "from studies.command_line import main; main()"]
+    command = [sys.executable, "-c", "from studies.command_line.main import main; main()"]
     return subprocess.Popen(
         [*command, *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,

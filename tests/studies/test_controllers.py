@@ -5,15 +5,15 @@ import pytest
 from alloc.onboard.host import TorqueDecision, each_unit
 from alloc.plant import compiled
 from alloc.simulation import CONTROLLERS
-from studies.controllers import (
+from studies.core.controllers import (
     HOSTED,
     controller_names,
     host_factories,
     rehearse,
     rehearse_plant,
 )
-from studies.errors import StudyError
-from studies.scenario import load_scenario
+from studies.core.study_error import StudyError
+from studies.scenario.scenario import load_scenario
 
 
 class Recorder:

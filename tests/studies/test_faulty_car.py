@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from studies.brakes.brake_findings import SOUND, driven_rows
-from studies.brakes.faulty_car import (
+from studies.brake_force.faulty_car import (
     DECELERATION,
     Fault,
     allocated_stops,
     commuter_train,
     driven_stops,
 )
+from studies.brake_force.findings import SOUND, driven_rows
 
 TRAILER, MOTOR = 3, 5
 

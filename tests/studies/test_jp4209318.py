@@ -19,7 +19,7 @@ from studies.slides.jp4209318 import (
     measures,
     parameters,
 )
-from studies.slides.slide_targets import (
+from studies.slides.targets import (
     GREATEST_PEAK,
     HOLD_OUT_TOLERANCE,
     LEAST_PEAK,

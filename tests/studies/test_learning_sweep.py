@@ -5,10 +5,11 @@ import pandas as pd
 import pytest
 
 from alloc.estimation.learning import DIRECTIONS, load_learning
-from studies.sweeps import SWEEPS, learning
-from studies.sweeps.learning_arms import ARMS
-from studies.sweeps.learning_series import PARTS, TOLERANCE, per_series
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
+from studies.core.collection import SWEEPS
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
+from studies.learning import study as learning
+from studies.learning.arms import ARMS
+from studies.learning.series import PARTS, TOLERANCE, per_series
 from tests.studies.learning_tables import falling, synthetic
 
 SHORT = 2.0

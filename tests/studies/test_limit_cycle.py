@@ -11,8 +11,8 @@ from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.plant.sets.one_axle import rail
-from alloc.table_lanes import simulate_tables
-from studies.readhesion.limit_cycle import (
+from studies.readhesion_paper.lanes import simulate_tables
+from studies.readhesion_paper.limit_cycle import (
     SLIP,
     critical_gain,
     critical_width,

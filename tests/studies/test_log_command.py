@@ -5,8 +5,8 @@ import json
 import pandas as pd
 import pytest
 
-from studies.logs.log_export import write_log
-from studies.logs.log_report import MOST_ROWS
+from studies.logs.export import write_log
+from studies.logs.report import MOST_ROWS
 from tests.simulation.slides import TRAIN, braked, readhering
 
 

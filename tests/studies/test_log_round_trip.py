@@ -16,10 +16,10 @@ from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
 from alloc.spans import spans
-from studies.job import Job, simulate_job
-from studies.logs.log_export import log_table, rounded
+from studies.core.job import Job, simulate_job
+from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import check_log
-from studies.scenario import load_scenario
+from studies.scenario.scenario import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 

@@ -7,10 +7,10 @@ import pytest
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.plant.equations import GRAVITY
 from alloc.plant.errors import PlantError
-from studies.errors import StudyError
-from studies.logs.log_columns import column_names, parse_column
-from studies.logs.log_train import read_log_train, write_log_train
+from studies.core.study_error import StudyError
+from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
+from studies.logs.train_file import read_log_train, write_log_train
 
 INERTIA, RADIUS = 100.0, 0.43
 TRAIN = MeasuredTrain(

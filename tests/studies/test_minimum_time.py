@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel, environment_at
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import LineRun, line_model, run_line

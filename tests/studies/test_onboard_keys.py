@@ -4,8 +4,8 @@ import pytest
 
 from alloc.onboard import Braking, Fuzzy, Onboard, Sensors, SlideProtection, Threshold
 from alloc.onboard.slide_protection import SENSITIVITIES
-from studies.errors import StudyError
-from studies.scenario import load_scenario
+from studies.core.study_error import StudyError
+from studies.scenario.scenario import load_scenario
 
 HEAD = """
 title = "keys"

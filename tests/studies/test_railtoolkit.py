@@ -5,10 +5,10 @@ import pytest
 import yaml
 
 from alloc.plant.equations import GRAVITY
-from studies.errors import StudyError
+from studies.core.study_error import StudyError
 from studies.lines.railtoolkit import read_path, read_train
 from studies.lines.real_input import with_real_input
-from studies.scenario import load_scenario
+from studies.scenario.scenario import load_scenario
 
 PATH = {
     "schema": "https://railtoolkit.org/schema/running-path.json",

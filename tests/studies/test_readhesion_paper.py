@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.metrics.readhesion import readhesion_possible
-from studies.readhesion import readhesion_grid
-from studies.readhesion.readhesion_findings import (
+from studies.readhesion_paper import grid as readhesion_grid
+from studies.readhesion_paper.findings import (
     CLAIMS,
     UNMET,
     WORST,
@@ -17,8 +17,8 @@ from studies.readhesion.readhesion_findings import (
     grid_findings,
     objective,
 )
-from studies.readhesion.readhesion_grid import FINE_STEP, Cases, grid_tables, search_limits
-from studies.readhesion.readhesion_paper import (
+from studies.readhesion_paper.grid import FINE_STEP, Cases, grid_tables, search_limits
+from studies.readhesion_paper.paper import (
     CALIBRATED,
     CASE_A,
     CASE_B,

@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.readhesion.readhesion_findings import CLAIMS
-from studies.sweeps import SWEEPS, readhesion
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.core.collection import SWEEPS
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.readhesion_paper import study as readhesion
+from studies.readhesion_paper.findings import CLAIMS
 from tests.studies.readhesion_tables import limit_of, sweep_table
 
 COARSE = 5e-4

@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 
 from alloc.metrics import METRICS
-from studies.comparison_table import tables
-from studies.report import RULE_CALL_TIME, mean_of, summarise, to_json
+from studies.comparison.summary import RULE_CALL_TIME, mean_of, summarise, to_json
+from studies.comparison.table import tables
 
 FAULT_HEADINGS = {"fallbacks": "backs", "blinded": "blinded", "telegrams_lost": "telegr."}
 """Counts of faults, and a word of the heading of each."""

@@ -4,11 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.resistance.speed_control import EXACT, LEARNED, RIGHT, WRONGLY
-from studies.sweeps import SWEEPS, resistance
-from studies.sweeps.resistance_events import WRONG_BY, column, draw, drawn_route
-from studies.sweeps.resistance_statements import MOUTH
-from studies.sweeps.statement import FAILS, HOLDS, TOO_FEW, VERDICTS
+from studies.core.collection import SWEEPS
+from studies.core.statement import FAILS, HOLDS, TOO_FEW, VERDICTS
+from studies.resistance import study as resistance
+from studies.resistance.driven_cases import EXACT, LEARNED, RIGHT, WRONGLY
+from studies.resistance.events import WRONG_BY, column, draw, drawn_route
+from studies.resistance.statements import MOUTH
 from tests.studies.resistance_tables import resistance_table
 
 

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-import studies.job
-import studies.runner
+import studies.core.job
+import studies.core.runner
 from alloc.metrics import METRICS
 from alloc.onboard.host import each_unit
 from alloc.recording import load
-from studies.controllers import HOSTED
-from studies.errors import StudyError
-from studies.job import Job, run_job, simulate_job
-from studies.runner import Grid, run_grid
-from studies.store import Store
+from studies.core.controllers import HOSTED
+from studies.core.job import Job, run_job, simulate_job
+from studies.core.runner import Grid, run_grid
+from studies.core.store import Store
+from studies.core.study_error import StudyError
 
 MEASURED = ("rule_time", "controller_median", "controller_p99")
 """Metrics that are wall times; all others follow from the event alone."""
@@ -32,7 +32,7 @@ def runs(monkeypatch):
         labels.append(job.key.label)
         return run_job(job, *rest)
 
-    monkeypatch.setattr(studies.runner, "run_job", counted)
+    monkeypatch.setattr(studies.core.runner, "run_job", counted)
     return labels
 
 
@@ -97,7 +97,7 @@ def test_only_what_is_new_is_run(short, tmp_path, runs):
 def test_rows_of_other_code_do_not_count(short, tmp_path, runs, monkeypatch):
     grid = Grid((short,), ("alone",), ("none",), (0,))
     run_grid(grid, Store(tmp_path))
-    monkeypatch.setattr(studies.job, "code_hash", lambda: "other code")
+    monkeypatch.setattr(studies.core.job, "code_hash", lambda: "other code")
     assert len(run_grid(grid, Store(tmp_path))) == 1
     assert len(runs) == 2
     assert len(Store(tmp_path).read()) == 2

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from studies.errors import StudyError
-from studies.rail_keys import RailKeys
-from studies.scenario import load_scenario
+from studies.core.study_error import StudyError
+from studies.scenario.rail_keys import RailKeys
+from studies.scenario.scenario import load_scenario
 
 FULL = """
 title = "everything"

@@ -4,10 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.slides import slide_calibration
-from studies.slides.damped_least_squares import minimise
-from studies.slides.jp4209318 import BOUNDS, CALIBRATED, parameters
-from studies.slides.slide_calibration import (
+from studies.slides import calibration as slide_calibration
+from studies.slides.calibration import (
     BY_HAND,
     best,
     calibrate,
@@ -19,7 +17,9 @@ from studies.slides.slide_calibration import (
     to_unit_cube,
     undisclosed_of,
 )
-from studies.slides.slide_targets import TARGETS, implausible
+from studies.slides.damped_least_squares import minimise
+from studies.slides.jp4209318 import BOUNDS, CALIBRATED, parameters
+from studies.slides.targets import TARGETS, implausible
 
 WELL = {name: target.value for name, target in TARGETS.items()} | {
     "locked": 0.0, "time-outs": 0.0, "slides": 0.0,

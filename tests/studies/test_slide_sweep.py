@@ -5,12 +5,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from studies.core.collection import SWEEPS
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.slides import study as slide_protection
+from studies.slides.front import front
 from studies.slides.jp4209318 import RIVALS
-from studies.slides.slide_targets import TABLE_3, TABLE_4, TARGETS
-from studies.sweeps import SWEEPS, slide_protection
-from studies.sweeps.slide_front import front
-from studies.sweeps.slide_statements import slide_statements, tables
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
+from studies.slides.statements import slide_statements, tables
+from studies.slides.targets import TABLE_3, TABLE_4, TARGETS
 from tests.studies.slide_tables import slide_table
 
 

@@ -11,16 +11,8 @@ from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.errors import OnboardError
 from alloc.onboard.speed_control import Feedback, SpeedControl, Traction
-from studies.errors import StudyError
-from studies.resistance.resistance_learning import (
-    SQUARES,
-    boarding,
-    even_loads,
-    learn_passes,
-    learners,
-    load_compensation,
-)
-from studies.resistance.speed_control import (
+from studies.core.study_error import StudyError
+from studies.resistance.driven_cases import (
     CARS,
     CURRENT_PER_FORCE,
     EXACT,
@@ -33,7 +25,15 @@ from studies.resistance.speed_control import (
     drive_case,
     feedback,
 )
-from studies.resistance.speed_routes import route
+from studies.resistance.learners import (
+    SQUARES,
+    boarding,
+    even_loads,
+    learn_passes,
+    learners,
+    load_compensation,
+)
+from studies.resistance.routes import route
 from tests.studies.short_route import short_route
 
 

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pandas as pd
 import pytest
 
-from studies.errors import StudyError
-from studies.job import KEY, Key
-from studies.store import Store, select
+from studies.core.job import KEY, Key
+from studies.core.store import Store, select
+from studies.core.study_error import StudyError
 
 
 def row(seed: int, status: str = "ok", **values) -> dict:

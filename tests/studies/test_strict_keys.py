@@ -3,9 +3,9 @@
 import pytest
 from pydantic import Field
 
-from studies.errors import StudyError, nearest, unknown
-from studies.scenario import load_scenario
-from studies.strict import Strict, parse
+from studies.core.study_error import StudyError, nearest, unknown
+from studies.scenario.scenario import load_scenario
+from studies.scenario.strict import Strict, parse
 
 
 class Inner(Strict):

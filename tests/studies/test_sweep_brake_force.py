@@ -2,9 +2,10 @@
 
 import pytest
 
-from studies.sweeps import SWEEPS, brake_force
-from studies.sweeps.brake_force_statements import brake_force_statements
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.brake_force import study as brake_force
+from studies.brake_force.statements import brake_force_statements
+from studies.core.collection import SWEEPS
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from tests.studies.brake_tables import brake_table
 
 

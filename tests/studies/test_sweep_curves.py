@@ -3,8 +3,11 @@
 import pandas as pd
 import pytest
 
-from studies.sweeps import curves
-from studies.sweeps.curve_statements import (
+from studies.claims.events import REFERENCE_SPEED, draw
+from studies.claims.events import scenario as claim_event
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.curves import study as curves
+from studies.curves.statements import (
     BASE,
     CURVES,
     INFORMED,
@@ -14,9 +17,6 @@ from studies.sweeps.curve_statements import (
     curve_statements,
     paired_difference,
 )
-from studies.sweeps.events import REFERENCE_SPEED, draw
-from studies.sweeps.events import scenario as claim_event
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5
@@ -45,7 +45,7 @@ def test_every_arm_meets_every_curve(swept):
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_job", None)
     pd.testing.assert_frame_equal(curves.run(folder, 1, 0, 1, duration=SHORT), table)
     assert curves.stored(folder) == 1
     assert curves.stored(folder, seed=2) == 0

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from alloc.rules import AllocationProblem
-from studies.sweeps import differences
-from studies.sweeps.difference_kinds import EVENTS, KINDS, event, problem
-from studies.sweeps.difference_statements import UNBOUNDED, difference_statements
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.differences import study as differences
+from studies.differences.kinds import EVENTS, KINDS, event, problem
+from studies.differences.statements import UNBOUNDED, difference_statements
 from tests.studies.sweep_tables import difference_table
 
 
@@ -30,7 +30,7 @@ def test_every_rule_answers_every_problem_and_event(swept):
 
 def test_a_second_sweep_runs_no_event_again(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_job", None)
     again = differences.run(folder, 12, 0, 1, duration=2.5)
     pd.testing.assert_frame_equal(again, table)
     stored = differences.stored(folder)

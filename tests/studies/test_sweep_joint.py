@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.sweeps import joint
-from studies.sweeps.curve_statements import METRICS
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.curves.statements import METRICS
+from studies.joint import study as joint
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""

@@ -6,9 +6,10 @@ import pytest
 
 from alloc.plant.adhesion import POLACH_WET
 from alloc.simulation import simulate
-from studies.controllers import controller_names
-from studies.sweeps import ladder
-from studies.sweeps.ladder_events import (
+from studies.core.controllers import controller_names
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.ladder import study as ladder
+from studies.ladder.events import (
     QUANTITIES,
     REFERENCE_SPEED,
     TRAINS,
@@ -16,9 +17,8 @@ from studies.sweeps.ladder_events import (
     polach_level,
     scenario,
 )
-from studies.sweeps.ladder_measures import INTERVAL, measure
-from studies.sweeps.ladder_statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
-from studies.sweeps.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.ladder.measures import INTERVAL, measure
+from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
 from tests.studies.ladder_tables import ladder_table
 
 SHORT = 1.5
@@ -51,7 +51,7 @@ def test_controllers_meet_the_same_events(swept):
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_job", None)
     pd.testing.assert_frame_equal(ladder.run(folder, 2, 0, 1, duration=SHORT), table)
     assert ladder.stored(folder) == 2
     assert ladder.stored(folder, seed=1) == 0

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from scipy.stats import bootstrap, ttest_rel
 
-from studies.sweeps import claims
-from studies.sweeps.parts import PARTS
-from studies.sweeps.statement import (
+from studies.claims import study as claims
+from studies.claims.parts import PARTS
+from studies.core.statement import (
     CONDITIONS,
     FAILS,
     HOLDS,
@@ -18,8 +18,8 @@ from studies.sweeps.statement import (
     mean_interval,
     share_interval,
 )
-from studies.sweeps.verdict import LEAST_EVENTS, judge
-from studies.sweeps.verdict import Test as Criterion  # a name that pytest does not take for a test
+from studies.core.verdict import LEAST_EVENTS, judge
+from studies.core.verdict import Test as Criterion  # a name that pytest does not take for a test
 from tests.studies.sweep_tables import claim_table
 
 

@@ -8,13 +8,14 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.errors import StudyError
-from studies.job import Job, simulate_job
-from studies.sweeps import SWEEPS, claims, find_sweep, sweep_folder
-from studies.sweeps.events import QUANTITIES, draw, drawn_table, scenario
-from studies.sweeps.measures import EXCESS_EDGES, excess_column, measure
-from studies.sweeps.statement import VERDICTS, Interval, Statement
-from studies.sweeps.verdict import LEAST_EVENTS
+from studies.claims import study as claims
+from studies.claims.events import QUANTITIES, draw, drawn_table, scenario
+from studies.claims.measures import EXCESS_EDGES, excess_column, measure
+from studies.core.collection import SWEEPS, find_sweep, sweep_folder
+from studies.core.job import Job, simulate_job
+from studies.core.statement import VERDICTS, Interval, Statement
+from studies.core.study_error import StudyError
+from studies.core.verdict import LEAST_EVENTS
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""
@@ -46,7 +47,7 @@ def test_rows_have_what_was_drawn_and_what_was_measured(swept):
 
 def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_job", None)
     pd.testing.assert_frame_equal(claims.run(folder, 2, 0, 1, duration=SHORT), table)
     asked = []
 
@@ -54,7 +55,7 @@ def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monke
         asked.append(job.scenario.name)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("studies.runner.run_job", noted)
+    monkeypatch.setattr("studies.core.runner.run_job", noted)
     with pytest.raises(KeyboardInterrupt):
         claims.run(folder, 3, 0, 1, duration=SHORT)
     assert asked == ["random-0-0002"]

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.strict import Strict
-from studies.units import SUFFIXES, si
+from studies.scenario.strict import Strict
+from studies.scenario.units import SUFFIXES, si
 
 
 class Everything(Strict):

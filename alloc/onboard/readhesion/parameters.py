@@ -35,7 +35,7 @@ class TorqueTable:
     Factor 1 up to `margin` a_0 [m/s2], 0 from `margin` + `width` a_w [m/s2] on, linear between. Factor times target
     passes a filter that rises with `rise` T_u [s] and falls with `fall` T_d [s]. a_0 and a_w are those of the paper's case
     A, read as km/h/s; T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its
-    half-slip, as does the best set of `studies.readhesion.calibration`.
+    half-slip, as does the best set of `studies.readhesion_paper.calibration`.
     """
 
     margin: float = 0.4 / 3.6
@@ -73,7 +73,7 @@ class PerturbObserve:
 
     The coefficient is the observer's, averaged over the second half of the interval. The reference stays within `lowest`
     and `highest` [m/s]. Bounds assumed. Of nine pairs of interval (0.2, 0.3, 0.5 s) and step (0.01, 0.02, 0.04 m/s) this one
-    used most adhesion over eight probe events of `studies.sweeps.ladder_events` (seed 1000, the multiple units): 97.4 %
+    used most adhesion over eight probe events of `studies.ladder.events` (seed 1000, the multiple units): 97.4 %
     where short, against 96.8 % at 0.3 s and 91.9 % at 0.3 s and 0.04 m/s. arXiv 2406.13650 names the weaknesses: the step
     is a compromise between search time and fluctuation around the peak, and a change of the rail is taken for an answer
     to the step.

@@ -1,0 +1,193 @@
+"""Which car of a commuter train did not deliver the brake force that it was allocated?
+
+Stops of an eight-car train with couplers, measured as in `studies.brake_force.measurement`, in two ways: under the train's
+computers, on rails so slippery that they allocate (a car with its brake cut out, or its motors failed); and dry, with a
+driver who asks every car for its share, where one car's shoes give less than they should by any amount.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.driving import Controls, TrainSense, drive
+from alloc.estimation.brake_shortfall import CalibrationErrors, Shortfalls, find_shortfalls
+from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.event import DriverCommand, Event
+from alloc.onboard import Belief, Onboard, Sensors
+from alloc.plant.equations import GRAVITY
+from alloc.plant.model import build
+from alloc.plant.rail import Rail, logarithmic_increments
+from alloc.plant.sets import find_set
+from alloc.plant.train import Coupler, Train
+from alloc.simulation import simulate
+from studies.brake_force.measurement import (
+    Measured,
+    MeasuringSystem,
+    disturb,
+    rail_brake_forces,
+    record,
+)
+
+Floats = NDArray[np.float64]
+
+COUPLER = Coupler(stiffness=1.5e7, damping=2.0e5)
+"""Tight-lock couplers with rubber draft gear; assumed: no slack, some 5 mm under a car's whole brake."""
+SYSTEM = MeasuringSystem(calibration=CalibrationErrors(0.005, 300.0, 0.005, 0.01))
+"""As on the freight train; passengers are weighed by air springs, to 1 % of a car's mass (assumed)."""
+DECELERATION = 0.8
+INITIAL_SPEED = 20.0
+SETTLED = 3.0
+"""Time [s] after the command from which forces are compared: cylinders have filled, relative motion has died out."""
+SLOWEST = 4.0
+"""Speed [m/s] down to which forces are compared; below, the electric brake fades out."""
+COMMANDED_AT = 1.0
+DRY = 0.3
+SLIPPERY = 0.08
+"""Adhesion coefficient of the foremost axle; the stop needs 0.082, and the scatter along the rail is 0.012 (JP5484215)."""
+SHARE_SCATTER = 0.02
+"""Relative standard deviation of what sound shoes give of the allocated force; assumed."""
+GREATEST_LOAD = 12e3
+"""Passengers of a car [kg], at most; drawn for each."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong. `car`: 0 = foremost; `bogies`: cut out; `motors`: failed from the start."""
+
+    car: int
+    bogies: tuple[int, ...] = ()
+    motors: bool = False
+
+
+class Stop(NamedTuple):
+    """A measured stop and what was allocated in it, within the window of comparison."""
+
+    run: xr.Dataset
+    measured: Measured
+    window: NDArray[np.bool_]
+    """Of the samples, (time,)."""
+    allocated: Floats
+    """Brake force at the rails [N], (time, cars)."""
+    estimated: Floats
+    """Of (2) with own accelerations and bare masses: at the rails [N], (time, cars)."""
+    true_force: Floats
+    """At the rails [N], (time, cars)."""
+
+    def shortfalls(self, system: MeasuringSystem = SYSTEM) -> Shortfalls:
+        """What the cars fell short of, with the uncertainty as threshold."""
+        m, w = self.measured, self.window
+        constant = system.calibration.deviation(
+            m.bare_mass, m.acceleration[w].mean(axis=0), m.coupler_force[w].mean(axis=0)
+        )
+        return find_shortfalls(self.allocated[w], self.estimated[w], constant)
+
+    @property
+    def true_shortfall(self) -> Floats:
+        """Mean of what the cars truly fell short of [N], (cars,)."""
+        return np.asarray((self.allocated - self.true_force)[self.window].mean(axis=0))
+
+
+def commuter_train(seed: int) -> Train:
+    """The train with couplers, its loads drawn from `seed`."""
+    train = find_set("commuter-8car")
+    draw = np.random.default_rng([seed, 42])
+    return train.loaded(tuple(draw.uniform(0.0, GREATEST_LOAD, len(train.cars)))).coupled(COUPLER)
+
+
+def allocated_stops(
+    fault: Fault | None, seed: int, level: float = SLIPPERY, draws: int = 1
+) -> list[Stop]:
+    """One stop under the train's computers and the reference rule on slippery rails, measured `draws` times.
+
+    `seed` draws loads and rail, and with the number of the measurement the sensor errors.
+    """
+    train = commuter_train(seed)
+    failures: dict[int, float] = {}
+    if fault is not None:
+        train = _cut_out(train, fault.car, fault.bogies)
+        if fault.motors:
+            powered = [k for k, car in enumerate(train.cars) if car.motors is not None]
+            failures = {powered.index(fault.car): 0.0}
+    increments = tuple(logarithmic_increments(train.axle_count))
+    rail = Rail(level, increments=increments, scatter=0.012 if level < DRY else 0.0, seed=seed)
+    event = Event(
+        "stop",
+        build(train, rail, failures=failures),
+        DriverCommand((COMMANDED_AT,), (-DECELERATION,)),
+        Onboard(belief=Belief(increments=increments), sensors=Sensors(seed=seed)),
+        duration=COMMANDED_AT + (INITIAL_SPEED - 0.5 * SLOWEST) / DECELERATION,
+        initial_speed=INITIAL_SPEED,
+        initial_position=200.0,
+        seed=seed,
+    )
+    run = simulate(event, "greedy")
+    every = SYSTEM.every(run)
+    unit_car = [int(run["axle_car"].values[run["axle_unit"].values == j][0])
+                for j in range(run.sizes["unit"])]  # fmt: skip
+    coefficient = np.repeat(run["expected"].values[::every, None], len(train.cars), axis=1)
+    coefficient[:, unit_car] = run["limit"].values[::every]
+    return _measured(run, train, seed, draws, coefficient * GRAVITY)
+
+
+def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[Stop]:
+    """One stop on dry rails in which the shoes of `car` give less by the share `missing`, measured `draws` times.
+
+    Every car brakes by air alone. Sound shoes scatter by `SHARE_SCATTER`; `seed` draws that and the loads, and with the
+    number of the measurement the sensor errors.
+    """
+    nominal = commuter_train(seed)
+    draw = np.random.default_rng([seed, 43])
+    share = 1.0 + SHARE_SCATTER * draw.standard_normal(len(nominal.cars))
+    share[car] *= 1.0 - missing
+    cars, pressure, gain = [], [], []
+    for one, factor in zip(nominal.cars, share, strict=True):
+        brake = one.air_brake
+        assert brake is not None
+        turning = sum(one.wheel_inertia) / one.wheel_radius**2
+        wanted = DECELERATION * (one.mass + turning) / len(one.axle_positions)
+        pressure += [wanted / brake.force_per_pascal] * (one.bogie_of_axle[-1] + 1)
+        gain.append(wanted * len(one.axle_positions) - DECELERATION * turning)
+        cars.append(
+            replace(one, air_brake=replace(brake, force_per_pascal=brake.force_per_pascal * factor))
+        )
+    train = replace(nominal, cars=tuple(cars))
+    targets = np.array(pressure)
+
+    def driver(sense: TrainSense, controls: Controls) -> bool:
+        controls.pressure[:] = targets if sense.time >= COMMANDED_AT else 0.0
+        return sense.speed > 0.9 * SLOWEST
+
+    length = sum(one.length for one in cars)
+    run = drive(build(train, Rail(DRY)), driver, 60.0, "stop", INITIAL_SPEED, length, 0.01)
+    decrement = np.array(gain) / np.array([one.mass for one in cars])
+    return _measured(run, train, seed, draws, decrement)
+
+
+def _cut_out(train: Train, car: int, bogies: tuple[int, ...]) -> Train:
+    cars = list(train.cars)
+    brake = cars[car].air_brake
+    assert brake is not None
+    cars[car] = replace(cars[car], air_brake=replace(brake, cut_out=bogies))
+    return replace(train, cars=tuple(cars))
+
+
+def _measured(
+    run: xr.Dataset, train: Train, seed: int, draws: int, decrement: Floats
+) -> list[Stop]:
+    """Measure a run so many times; what is allocated, `decrement` [m/s2] per car, follows the mass as weighed."""
+    exact = record(run, train, SYSTEM)
+    true = SYSTEM.sampled(run, rail_brake_forces(run))
+    stops = []
+    for k in range(draws):
+        m = disturb(exact, train, SYSTEM, 1000 * seed + k)
+        estimated = car_brake_forces(m.acceleration, m.coupler_force, m.bare_mass, m.resistance)
+        window = (m.time >= COMMANDED_AT + SETTLED) & (m.speed >= SLOWEST)
+        allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
+        stops.append(Stop(run, m, window, allocated, estimated, true))
+    return stops
+
+
+__all__ = ["Fault", "Stop", "allocated_stops", "commuter_train", "driven_stops"]

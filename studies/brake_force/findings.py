@@ -1,0 +1,275 @@
+"""Numbers of the RTRI report's findings, read from the running tests and from the stops of a train with a faulty car."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.brake_force_mean import batch_mean
+from alloc.estimation.car_brake_force import coupler_force_between
+from studies.brake_force.faulty_car import (
+    Fault,
+    Stop,
+    allocated_stops,
+    commuter_train,
+    driven_stops,
+)
+from studies.brake_force.measurement import MeasuringSystem
+from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, smooth
+
+Floats = NDArray[np.float64]
+Row = dict[str, object]
+
+CONTACT = 5e3
+"""Coupler force [N] beyond which two cars press or pull: five times the sensor's noise."""
+AGREEMENT = 0.05
+"""Difference of accelerations [m/s2], root mean square over a second, below which relative motion counts as died out; two
+sensors' noise alone gives 0.028."""
+BUILT_UP = 0.95
+"""Share of the steady pressure from which a brake force counts as steady."""
+SHORTFALLS = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
+"""Shares of its force that the faulty car does not deliver, in dry stops."""
+SOUND = 0.05
+"""A car that truly falls short by less than this share of its allocated force is sound: to accuse it is wrong."""
+TREND = 2
+"""Degree of the polynomial that a brake force follows while the pressure builds up and friction rises with falling speed."""
+WHOLE = 0.01
+"""A car that truly falls short by less than this share delivers its force, but for what nobody measures."""
+DRAWS = 10
+"""Measurements of each stop of the passenger train, with sensor errors of their own."""
+
+
+def rms(values: Floats) -> float:
+    """Root mean square; nan of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
+
+
+def row_of_test(name: str, result: TestResult) -> Row:
+    """Numbers of the test called `name`, forces in kN; which ones depends on the test."""
+    row: Row = {"part": "test", "test": name} | _averages(result) | _errors(result)
+    if name == "locomotive":
+        row |= _shock(result)
+    if name in ("locomotive", "all"):
+        row |= _locomotive(result) | _settled(result)
+    if name == "all":
+        row |= _spikes(result)
+    if name == "emergency":
+        row |= _theory(result)
+    return row
+
+
+def _averages(result: TestResult) -> Row:
+    """The wagons' sum by the report's averaging rule, with its uncertainty and the truth."""
+    w, m = result.window, result.measured
+    wagons = batch_mean(estimate(result).wagons[w] / 1e3, trend=TREND)
+    truth = float(result.true_force[w, 1:].sum(axis=1).mean() / 1e3)
+    errors = MeasuringSystem().calibration
+    a = float(m.acceleration[w, 1].mean())
+    mass = float(m.mass[1:].sum())
+    first = float(m.coupler_force[w, 0].mean())
+    # one accelerometer and one coupler serve all wagons; their masses are weighed one by one
+    constant = np.sqrt(
+        (mass * errors.acceleration_offset) ** 2
+        + errors.coupler_offset**2
+        + (errors.coupler_gain * first) ** 2
+        + errors.mass**2 * a**2 * np.sum(m.bare_mass[1:] ** 2)
+    )
+    whole = float(np.hypot(wagons.deviation, constant / 1e3))
+    return {
+        "mean": float(wagons.mean),
+        "mean_deviation": float(wagons.deviation),
+        "whole_deviation": whole,
+        "true_mean": truth,
+        "covered": bool(abs(float(wagons.mean) - truth) <= 1.96 * whole),
+    }
+
+
+def _errors(result: TestResult) -> Row:
+    """Error of the wagons' sum within the report's window: at an instant, with the remedies, and of means."""
+    w, found = result.window, estimate(result)
+    truth = result.true_force[:, 1:].sum(axis=1)
+    smoothed, deviation = smooth(result).total(slice(1, None))
+    series = {"first": found.wagons, "own": found.wagons_own, "smooth": smoothed}
+    errors = {name: (values - truth)[w] / 1e3 for name, values in series.items()}
+    changing = errors["smooth"] - errors["smooth"].mean()  # constant errors are not the smoother's
+    return {
+        **{f"error_{name}": rms(values) for name, values in errors.items()},
+        **{f"mean_error_{name}": float(abs(values.mean())) for name, values in errors.items()},
+        "smooth_ratio": rms(changing) / float(deviation[w].mean() / 1e3),
+        "force": float(truth[w].mean() / 1e3),
+    }
+
+
+def _shock(result: TestResult) -> Row:
+    """The first coupler as the wagons run up: peak against (6), and how oscillation about (6) decays."""
+    m, end = result.measured, result.window.stop
+    true = result.true_force + m.resistance
+    steady = coupler_force_between(true[:, 0], m.mass[0], true[:, 1:].sum(axis=1), m.mass[1:].sum())
+    first = m.coupler_force[:, 0]
+    contact = int(np.argmax(first < -CONTACT))
+    second = round(1.0 / MeasuringSystem().period)
+    peak = contact + int(np.argmin(first[contact : contact + 2 * second]))
+    about = first - steady
+    noise = MeasuringSystem().coupler_noise
+
+    def swing(part: slice) -> float:
+        """Standard deviation without the sensor's noise [kN]."""
+        return float(np.sqrt(max(float(np.var(about[part])) - noise**2, 0.0)) / 1e3)
+
+    return {
+        "contact": float(m.time[contact] - BRAKED_AT),
+        "shock": float(-first[peak] / 1e3),
+        "shock_ratio": float(first[peak] / steady[peak]),
+        "swing_early": swing(slice(contact, contact + 4 * second)),
+        "swing_late": swing(slice(end - 10 * second, end)),
+        "compression": float(-first[end - 10 * second : end].mean() / 1e3),
+    }
+
+
+def _settling(result: TestResult) -> int:
+    """Sample from which the accelerations of locomotive and first wagon agree until the end."""
+    m, end = result.measured, result.window.stop
+    second = round(1.0 / MeasuringSystem().period)
+    apart = np.square(m.acceleration[:end, 0] - m.acceleration[:end, 1])
+    running = np.sqrt(np.convolve(apart, np.ones(second) / second, "valid"))
+    above = np.flatnonzero(running > AGREEMENT)
+    return int(above[-1]) + second if above.size else 0
+
+
+def _settled(result: TestResult) -> Row:
+    """Errors of locomotive and wagons before and after relative motion has died out."""
+    m, found, end = result.measured, estimate(result), result.window.stop
+    start = int(np.searchsorted(m.time, BRAKED_AT))
+    at = max(_settling(result), start + 1)
+    truth = result.true_force
+    locomotive = (found.locomotive - truth[:, 0]) / 1e3
+    wagons = (found.wagons - truth[:, 1:].sum(axis=1)) / 1e3
+    return {
+        "settled": float(m.time[at] - BRAKED_AT) if at < end else float("nan"),
+        "locomotive_before": rms(locomotive[start:at]),
+        "locomotive_after": rms(locomotive[at:end]),
+        "wagons_before": rms(wagons[start:at]),
+        "wagons_after": rms(wagons[at:end]),
+        "wagons_mean_after": float(np.mean(found.wagons[at:end]) / 1e3) if at < end else np.nan,
+        "wagons_peak": float(np.abs(wagons[start:end]).max()),
+    }
+
+
+def _locomotive(result: TestResult) -> Row:
+    """The locomotive's estimate while its pressure is steady."""
+    m, end = result.measured, result.window.stop
+    pressure = m.pressure[:end, 0]
+    built = int(np.argmax(pressure >= BUILT_UP * np.median(pressure[(3 * end) // 4 :])))
+    return {"locomotive": float(estimate(result).locomotive[built:end].mean() / 1e3)}
+
+
+def _spikes(result: TestResult) -> Row:
+    """The first coupler's force while all brake, and the wagons' error in and between its spikes."""
+    w, m = result.window, result.measured
+    first = m.coupler_force[w, 0]
+    pressed = np.abs(first) > CONTACT
+    error = (estimate(result).wagons - result.true_force[:, 1:].sum(axis=1))[w] / 1e3
+    return {
+        "coupler_median": float(np.median(np.abs(first)) / 1e3),
+        "coupler_peak": float(np.abs(m.coupler_force[: w.stop, 0]).max() / 1e3),
+        "spikes": int(np.sum(np.diff(pressed.astype(int)) == 1) + pressed[0]),
+        "spike_share": float(pressed.mean()),
+        "error_in_spikes": rms(error[pressed]),
+        "error_between": rms(error[~pressed]),
+    }
+
+
+def _theory(result: TestResult) -> Row:
+    """Wagons' sum and first wagon against (8) and (7), over the window and its thirds."""
+    w, found, wagons = result.window, estimate(result), result.test.wagons
+    row: Row = {}
+    for name, one, theory in (
+        ("sum", found.wagons[w], wagons * found.theory[w]),
+        ("wagon", found.wagon[w], found.theory[w]),
+    ):
+        thirds = [
+            float(a.mean() / b.mean())
+            for a, b in zip(np.array_split(one, 3), np.array_split(theory, 3), strict=True)
+        ]
+        row |= {
+            f"{name}_over_theory": float(one.mean() / theory.mean()),
+            f"{name}_theory_off": float(max(abs(ratio - 1.0) for ratio in thirds)),
+            f"{name}_swing": rms(one - theory) / float(theory.mean()),
+            f"{name}_force": float(theory.mean() / 1e3),
+        }
+    parts = np.array_split(found.theory[w], 3)
+    row["theory_growth"] = float(parts[-1].mean() / parts[0].mean())
+    true = result.true_force[w].mean(axis=0)
+    row["true_sum_over_theory"] = float(true[1:].sum() / (wagons * found.theory[w].mean()))
+    row["true_wagon_over_theory"] = float(true[1] / found.theory[w].mean())
+    return row
+
+
+def allocated_rows(seed: int, draws: int = DRAWS) -> list[Row]:
+    """Stops of the passenger train under allocation: sound, and with each kind of fault."""
+    draw = np.random.default_rng([seed, 44])
+    cars = commuter_train(seed).cars
+    motor = int(draw.choice([k for k, car in enumerate(cars) if car.motors is not None]))
+    # the lead car is not among them: its wheels slide on these rails, sound or not
+    trailer = int(draw.choice([k for k, car in enumerate(cars) if k and car.motors is None]))
+    faults: dict[str, Fault | None] = {
+        "sound": None,
+        "trailer, brake cut out": Fault(trailer, (0, 1)),
+        "trailer, one bogie cut out": Fault(trailer, (0,)),
+        "motor car, motors failed": Fault(motor, (), True),
+        "motor car, motors failed and brake cut out": Fault(motor, (0, 1), True),
+    }
+    rows = []
+    for kind, fault in faults.items():
+        stops = allocated_stops(fault, seed, draws=draws)
+        row = _accusations(stops, None if fault is None else fault.car)
+        calls = int(stops[0].run.attrs["rule_calls"])
+        rows.append({"part": "allocated", "kind": kind, "rule_calls": calls} | row)
+    return rows
+
+
+def driven_rows(
+    seed: int, shortfalls: Sequence[float] = SHORTFALLS, draws: int = DRAWS
+) -> list[Row]:
+    """Dry stops of the passenger train in which one car, drawn, falls short by each of these shares."""
+    car = int(np.random.default_rng([seed, 45]).integers(len(commuter_train(seed).cars)))
+    rows = []
+    for missing in shortfalls:
+        row = _accusations(driven_stops(car, missing, seed, draws), car if missing else None)
+        rows.append({"part": "driven", "missing": missing} | row)
+    return rows
+
+
+def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
+    """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
+    said: dict[str, list[bool]] = {
+        "found": [],
+        "first": [],
+        "wrong": [],
+        "whole": [],
+        "others_short": [],
+    }
+    threshold, error = [], []
+    for stop in stops:
+        shortfalls, w = stop.shortfalls(), stop.window
+        accused, allocated = shortfalls.accused, stop.allocated[w].mean(axis=0)
+        sound = stop.true_shortfall < SOUND * allocated
+        said["found"].append(faulty in accused)
+        said["first"].append(bool(accused.size and accused[0] == faulty))
+        others = [k for k in accused if k != faulty]
+        said["wrong"].append(bool(np.any(sound[others])))
+        said["whole"].append(bool(np.any((stop.true_shortfall < WHOLE * allocated)[others])))
+        said["others_short"].append(bool(np.any(~sound[others])))
+        threshold.append(float(np.mean(shortfalls.threshold / allocated)))
+        error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)
+    shortfall = stops[0].true_shortfall / stops[0].allocated[stops[0].window].mean(axis=0)
+    return {
+        "car": -1 if faulty is None else faulty,
+        "true_share": np.nan if faulty is None else float(shortfall[faulty]),
+        "error_in_deviations": rms(np.concatenate(error)),
+        "threshold": float(np.mean(threshold)),
+        **{name: float(np.mean(values)) for name, values in said.items()},
+    }
+
+
+__all__ = ["SHORTFALLS", "SOUND", "allocated_rows", "driven_rows", "row_of_test"]

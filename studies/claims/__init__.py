@@ -1,0 +1,1 @@
+"""The claims of JP5484215 over random events."""

@@ -1,0 +1,59 @@
+"""What there is to choose from, by kind and name."""
+
+import sys
+from collections.abc import Mapping
+
+from alloc.metrics import METRICS
+from alloc.plant.sets import SETS, find_set
+from alloc.rules import RULES
+from studies.core.collection import SWEEPS
+from studies.core.controllers import controller_names
+from studies.logs.columns import column_names
+from studies.scenario.scenario import load_scenario, shipped_scenarios
+
+CONTROLLER_MEANINGS = {
+    "none": "torque follows the limit whatever the wheels do",
+    "table": "torque factor by the deviation of acceleration (readhesion paper, section 2.3)",
+    "cut-and-ramp": "cut on slip to what the observer says the rail carries, hold, ramp back",
+    "pi-creep": "a fixed slip velocity is held by PI control",
+    "perturb-observe": "creep control whose reference climbs by fixed steps",
+    "steepest-gradient": "creep control whose reference climbs along the estimated slope",
+    "mpc": "model predictive control of each unit (CasADi)",
+    "mpc-car": "MPC, the units of a car as one problem with load transfer",
+    "mpc-train": "MPC, allocation and readhesion as one problem over all units, by telegrams",
+    "mpc-train-ideal": "as mpc-train every control period and without delay: what no train has",
+}
+
+
+def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Kind -> name -> one line of meaning, of all that a command can be told.
+
+    `figures`: name -> meaning; the figures stand above this package and come from outside.
+    """
+    scenarios = {name: load_scenario(name) for name in shipped_scenarios()}
+    return {
+        "scenarios": {name: item.title for name, item in scenarios.items()},
+        "rules": {name: _first_line(rule) for name, rule in RULES.items()},
+        "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
+        "trains": {name: _train(name) for name in SETS},
+        "sweeps": {name: sweep.DESCRIPTION for name, sweep in SWEEPS.items()},
+        "figures": dict(figures),
+        "metrics": {
+            name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")
+            for name, m in METRICS.items()
+        },
+        "columns of a log": column_names(),
+    }
+
+
+def _train(name: str) -> str:
+    """Meaning of a train set: what its module says, and its size."""
+    train = find_set(name)
+    cars = len(train.cars)
+    module = sys.modules[SETS[name].__module__]
+    return f"{_first_line(module)} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
+
+
+def _first_line(item: object) -> str:
+    text = getattr(item, "description", None) or item.__doc__ or ""
+    return str(text).strip().splitlines()[0] if str(text).strip() else ""

@@ -1,0 +1,1 @@
+"""The comparison of rules and controllers over the shipped slip events."""

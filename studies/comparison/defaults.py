@@ -1,0 +1,74 @@
+"""The grid that `readhesion compare` runs when it is told nothing else."""
+
+from collections.abc import Sequence
+
+from alloc.rules import RULES
+from studies.core.controllers import host_factories
+from studies.core.runner import Grid, check_rules
+from studies.core.study_error import StudyError, unknown
+from studies.scenario.scenario import Scenario, default_scenarios
+
+DEFAULT_SEEDS = 1
+DEFAULT_CONTROLLERS = ("cut-and-ramp",)
+SLOW_RULES = ("qp-cvxpy", "qp-robust")
+"""Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
+another answer only where the train believes in deviations of its caps, which no shipped scenario does."""
+MPC_CELLS = tuple(
+    (name, "exact")
+    for name in (
+        "very-low-adhesion",
+        "wet-patch",
+        "wrong-increments",
+    )
+)
+"""Where the default grid also runs the MPC, several times as slow as what is compiled: one event of each kind."""
+KEPT_RUNS = ("wet-patch/alone/*/0", "wet-patch/exact/*/0")
+"""Runs that a comparison records as netCDF."""
+
+
+def default_rules() -> tuple[str, ...]:
+    """Every rule but the slow ones."""
+    return tuple(name for name in RULES if name not in SLOW_RULES)
+
+
+def check_names(rules: Sequence[str], controllers: Sequence[str]) -> None:
+    """Raise `StudyError` for an unknown rule or controller, or one whose solver is missing."""
+    for rule in rules:
+        if rule not in RULES:
+            raise unknown("rule", rule, RULES)
+    check_rules(rules)
+    for controller in controllers:
+        host_factories(controller)
+
+
+def make_grid(
+    scenarios: Sequence[Scenario],
+    rules: Sequence[str] | None,
+    controllers: Sequence[str] | None,
+    seeds: int,
+) -> Grid:
+    """The grid for these parts; None stands for the default.
+
+    With nothing said about controllers the MPC joins in on the cells of `MPC_CELLS` that are part of the grid.
+    """
+    if seeds < 1:
+        raise StudyError(f"--seeds {seeds}: give the number of seeds, 1 or more")
+    chosen = tuple(dict.fromkeys(default_rules() if rules is None else rules))
+    built_in = tuple(dict.fromkeys(DEFAULT_CONTROLLERS if controllers is None else controllers))
+    check_names(chosen, built_in)
+    extra: tuple[tuple[Scenario, str, str], ...] = ()
+    if controllers is None:
+        extra = tuple(
+            (scenario, rule, "mpc")
+            for scenario in scenarios
+            for name, rule in MPC_CELLS
+            if scenario.name == name and rule in chosen
+        )
+    if extra:
+        host_factories("mpc")
+    return Grid(tuple(scenarios), chosen, built_in, tuple(range(seeds)), extra)
+
+
+def default_grid() -> Grid:
+    """The grid of `readhesion compare` without options."""
+    return make_grid(default_scenarios(), None, None, DEFAULT_SEEDS)

@@ -1,0 +1,152 @@
+"""The printed tables of a comparison: one per scenario, as many columns as the terminal is wide."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group
+from rich.markup import escape
+from rich.table import Table
+
+from studies.comparison.summary import RULE_CALL_TIME, Line, Mean
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: metric, heading, factor to the heading's unit, digits, and how soon a narrow terminal does without it."""
+
+    metric: str
+    heading: str
+    factor: float = 1.0
+    digits: int = 1
+    spare: int = 0
+    """0: always shown; otherwise the largest goes first."""
+    counts: bool = False
+    """A count of faults: left out where none of a scenario's lines has any."""
+
+
+COLUMNS = (
+    Column("acceleration_ratio", "accel.\n% plan", 100.0),
+    Column("effort_ratio", "effort\n% plan", 100.0),
+    Column("utilisation", "adhesion\nused %", 100.0),
+    Column("time_to_speed", "time to\nspeed s", spare=2),
+    Column("slip_time", "slip\naxle s"),
+    Column("damage", "damage\nQ kJ", 1.0, 0),
+    Column("jerk_rms", "jerk rms\nm/s³", 1.0, 2, spare=1),
+    Column("jerk_peak", "jerk pk\nm/s³", 1.0, 2, spare=4),
+    Column("coupler_peak", "coupler\nkN", 1.0, 0, spare=3),
+    Column("fallbacks", "fall-\nbacks", 1.0, 0, spare=2, counts=True),
+    Column("blinded", "units\nblinded", 1.0, 0, spare=2, counts=True),
+    Column("telegrams_lost", "lost\ntelegr.", 1.0, 0, spare=2, counts=True),
+    Column("energy", "energy\nMJ", 1.0, 1, spare=6),
+    Column("detections", "detec-\ntions", 1.0, 0, spare=5),
+    Column("telegrams", "tele-\ngrams", 1.0, 0, spare=9),
+    Column(RULE_CALL_TIME, "rule\nms/call", 1.0, 2, spare=7),
+    Column("controller_median", "control\nms/step", 1.0, 2, spare=8),
+)
+"""What is printed, from left to right; the JSON and the parquet file hold every metric."""
+
+GAP = 2
+"""Spaces between two columns: one of padding, one in place of the box's line."""
+
+EDGES = 2
+"""Spaces at the table's ends."""
+
+_NOTHING = Mean(math.nan, math.nan, 0)
+
+
+def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Group]:
+    """Title, rich table and notes, one group per scenario, at most `width` characters wide where that can be had.
+
+    Columns that apply to none of a scenario's lines are left out; what is left out for want of width is named below.
+    """
+    return [
+        _table(
+            [line for line in lines if line.scenario == scenario], titles.get(scenario, ""), width
+        )
+        for scenario in dict.fromkeys(line.scenario for line in lines)
+    ]
+
+
+def _table(lines: list[Line], title: str, width: int) -> Group:
+    columns = [column for column in COLUMNS if any(_tells(line, column) for line in lines)]
+    names = _names(lines)
+    cells = {column: [_cell(line, column) for line in lines] for column in columns}
+    failures = [_failures(line) for line in lines]
+    fixed = [("rule", [rule for rule, _ in names]), ("controller", [c for _, c in names])]
+    taken = EDGES + sum(_width(*part) + GAP for part in [*fixed, ("solver\nfailures", failures)])
+    shown, left_out = list(columns), []
+    while taken + sum(_width(c.heading, cells[c]) + GAP for c in shown) > width:
+        spare = max(shown, key=lambda column: column.spare, default=None)
+        if spare is None or spare.spare == 0:
+            break
+        shown.remove(spare)
+        left_out.append(spare.metric)
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False)
+    for heading, _ in fixed:
+        table.add_column(heading, no_wrap=True)
+    for column in shown:
+        table.add_column(column.heading, justify="right", no_wrap=True)
+    table.add_column("solver\nfailures", justify="right", no_wrap=True)
+    for k, (rule, controller) in enumerate(names):
+        table.add_row(rule, controller, *(cells[column][k] for column in shown), failures[k])
+    headline = f"[bold]{escape(lines[0].scenario)}[/bold]  {escape(title)}"
+    return Group(headline, table, *_notes(lines, left_out))
+
+
+def _names(lines: list[Line]) -> list[tuple[str, str]]:
+    """Rule and controller of each line; the rule is not repeated where one follows another."""
+    rules = [line.rule for line in lines]
+    first = [k == 0 or rule != rules[k - 1] for k, rule in enumerate(rules)]
+    return [
+        (line.rule if new else "", line.controller) for line, new in zip(lines, first, strict=True)
+    ]
+
+
+def _applies(line: Line, column: Column) -> bool:
+    mean = line.metrics.get(column.metric, _NOTHING)
+    # a built-in controller solves nothing: zero time says that there is nothing to say
+    return mean.count > 0 and not (column.metric == "controller_median" and mean.value == 0.0)
+
+
+def _tells(line: Line, column: Column) -> bool:
+    return _applies(line, column) and not (
+        column.counts and line.metrics[column.metric].value == 0.0
+    )
+
+
+def _cell(line: Line, column: Column) -> str:
+    if line.failed == line.seeds:
+        return "[red]failed[/red]" if column is COLUMNS[0] else "–"
+    if not _applies(line, column):
+        return "–"
+    mean = line.metrics[column.metric]
+    text = f"{column.factor * mean.value:.{column.digits}f}"
+    if mean.half_width > 0.0:  # nan for one seed, 0 where the event leaves nothing to chance
+        text += f" ±{column.factor * mean.half_width:.{column.digits}f}"
+    return text
+
+
+def _failures(line: Line) -> str:
+    names = ("rule_failures", "controller_failures")
+    values = [line.metrics.get(name, _NOTHING).value for name in names]
+    return "–" if line.failed == line.seeds else f"{sum(v for v in values if v == v):.0f}"
+
+
+def _width(heading: str, cells: Sequence[str]) -> int:
+    texts = [*heading.split("\n"), *(cell.replace("[red]failed[/red]", "failed") for cell in cells)]
+    return max(len(text) for text in texts)
+
+
+def _notes(lines: list[Line], left_out: Sequence[str]) -> list[str]:
+    notes = [
+        f"[red]{escape(line.rule)}, {escape(line.controller)}: {line.failed} of {line.seeds} runs failed: "
+        f"{escape(line.reasons[0])}[/red]"
+        for line in lines
+        if line.failed
+    ]
+    if left_out:
+        notes.append(f"not shown for want of width: {', '.join(left_out)} (--json shows all)")
+    return notes

@@ -1,0 +1,63 @@
+"""Statements of a sweep for people, and what a sweep was for machines."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group
+from rich.markup import escape
+from rich.table import Table
+
+from alloc.recording import provenance
+from studies.core.code_version import code_hash
+from studies.core.statement import CONDITIONS, CONFIDENCE, FAILS, HOLDS, Interval, Statement
+
+COLOURS = {HOLDS: "green", CONDITIONS: "yellow", FAILS: "red"}
+
+
+def printed(statements: list[Statement]) -> list[Group]:
+    """One block per statement: claim and verdict, numbers with their intervals, conditions, method."""
+    return [_block(statement) for statement in statements]
+
+
+def about(
+    name: str, events: int, seed: int, folder: Path, rows: int, failed: int
+) -> dict[str, Any]:
+    """What a sweep was: events, seed, table, code and versions."""
+    return {
+        "sweep": name,
+        "events": events,
+        "seed": seed,
+        "folder": str(folder),
+        "rows": rows,
+        "failed": failed,
+        "confidence": CONFIDENCE,
+        "code": code_hash(),
+        **provenance(),
+    }
+
+
+def _block(statement: Statement) -> Group:
+    colour = COLOURS.get(statement.verdict, "magenta")
+    table = Table(show_header=False, box=None, padding=(0, 1))
+    table.add_column(overflow="fold")
+    for _ in range(3):
+        table.add_column(justify="right", no_wrap=True)
+    for quantity, interval in statement.numbers.items():
+        table.add_row(escape(quantity), *_cells(interval))
+    return Group(
+        f"[bold]{escape(statement.name)}[/bold]  {escape(statement.claim)}: "
+        f"[bold {colour}]{statement.verdict}[/bold {colour}]",
+        table,
+        *(f"  - {escape(condition)}" for condition in statement.conditions),
+        f"[dim]  {escape(statement.method)}[/dim]",
+        "",
+    )
+
+
+def _cells(interval: Interval) -> tuple[str, str, str]:
+    if interval.count == 0:
+        return ("–", "", "no events")
+    known = math.isfinite(interval.low)
+    limits = f"[{interval.low:.4g}, {interval.high:.4g}]" if known else ""
+    return (f"{interval.value:.4g}", escape(limits), f"n = {interval.count}")

@@ -1,0 +1,1 @@
+"""Rules and controllers under other adhesion curves."""

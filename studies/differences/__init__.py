@@ -1,0 +1,1 @@
+"""Where greedy, exact level and QP differ."""

@@ -1,0 +1,144 @@
+"""What the study of differences says: thresholds, verdicts and numbers."""
+
+import pandas as pd
+
+from studies.core.statement import (
+    CONDITIONS,
+    FAILS,
+    HOLDS,
+    TOO_FEW,
+    Interval,
+    Statement,
+    mean_interval,
+    share_interval,
+)
+from studies.core.verdict import LEAST_EVENTS
+
+MATTERS = 0.01
+"""Difference of effort, as a share of the plan, from which on it matters: what a driver could notice in a timetable."""
+RARE = 0.05
+"""Share of problems below which a difference that matters is rare."""
+EQUAL = 1e-5
+"""Distance of limits, as a share of the plan, up to which two rules are the same: OSQP stops at 1e-8 of its own scale."""
+UNBOUNDED = ("plain", "unequal masses", "caps not growing")
+"""Kinds without torque and rate limits: there the patent's sum of limits must reach the plan."""
+METRICS = {
+    "held_effort": "effort over plan",
+    "damage": "wheel damage [kJ]",
+    "jerk_rms": "jerk rms [m/s3]",
+    "slip_time": "slip [axle s]",
+}
+
+
+def difference_statements(table: pd.DataFrame) -> list[Statement]:
+    """Statements on a table of `studies.differences.study`."""
+    good = table[table["status"] == "ok"]
+    problems, events = good[good["part"] == "problem"], good[good["part"] == "event"]
+    kinds = list(dict.fromkeys(problems["kind"]))
+    return [
+        *(_kind(kind, problems, events) for kind in kinds),
+        _quadratic(problems),
+        _claim_reading(problems, kinds),
+    ]
+
+
+def closed_loop(events: pd.DataFrame, kind: str, metric: str, rule: str) -> Interval:
+    """Paired difference of a metric over the events of a kind, `rule` less exact."""
+    one = events[events["kind"] == kind]
+    wide = one.pivot(index="index", columns="rule", values=metric) if len(one) else one
+    if not {rule, "exact"} <= set(wide):
+        return mean_interval(pd.Series(dtype=float))
+    return mean_interval(wide[rule] - wide["exact"])
+
+
+def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
+    chosen = (problems["kind"] == kind) & (problems["rule"] == "greedy") & problems["within_reach"]
+    rows = problems[chosen]
+    short, over = (share_interval(rows[name] > MATTERS) for name in ("short", "over"))
+    said = f"short by {MATTERS:.0%} of the plan in {short.value:.1%} of the problems, over by it in {over.value:.1%}"
+    if len(rows) < LEAST_EVENTS or short.low <= RARE < short.high:
+        verdict = TOO_FEW
+    elif short.low > RARE:
+        verdict = FAILS
+    else:
+        verdict = HOLDS if over.high <= RARE else CONDITIONS
+    return Statement(
+        f"greedy: {kind}",
+        f"greedy delivers what the exact level does, {kind}",
+        verdict,
+        {
+            f"share of problems short by {MATTERS:.0%} of the plan": short,
+            f"share of problems over by {MATTERS:.0%} of the plan": over,
+            "shortfall over plan": mean_interval(rows["short"]),
+            "largest shortfall over plan": _largest(rows["short"]),
+            "excess over plan": mean_interval(rows["over"]),
+            "largest excess over plan": _largest(rows["over"]),
+            "largest distance of limits over plan, mean": mean_interval(rows["apart"]),
+            "limit beyond what bounds allow, over plan": mean_interval(rows["beyond"]),
+            **{
+                f"closed loop: {text}, greedy less exact": closed_loop(events, kind, name, "greedy")
+                for name, text in METRICS.items()
+            },
+        },
+        (said,) if verdict in (CONDITIONS, FAILS) else (),
+        f"problems within reach of all bounds; holds if differences of {MATTERS:.0%} of the plan are rarer than "
+        f"{RARE:.0%}, with conditions if greedy only exceeds; Wilson, Student's t on pairs, 95 %",
+    )
+
+
+def _quadratic(problems: pd.DataFrame) -> Statement:
+    rows = problems[problems["rule"] == "qp"]
+    equal = share_interval(rows["apart"] <= EQUAL)
+    verdict = HOLDS if len(rows) and equal.value == 1.0 else FAILS
+    return Statement(
+        "qp",
+        "the quadratic program gives the exact level, with all bounds",
+        verdict if len(rows) >= LEAST_EVENTS else TOO_FEW,
+        {
+            f"share of problems within {EQUAL:g} of the plan": equal,
+            "largest distance of limits over plan": _largest(rows["apart"]),
+        },
+        method="holds if it does in every problem; Wilson, 95 %",
+    )
+
+
+def _claim_reading(problems: pd.DataFrame, kinds: list[str]) -> Statement:
+    unbounded = problems[problems["kind"].isin(UNBOUNDED) & (problems["case"] == "B")]
+    shares = {
+        (rule, kind): share_interval(
+            unbounded["unmet"][(unbounded["rule"] == rule) & (unbounded["kind"] == kind)].astype(
+                bool
+            )
+        )
+        for rule in ("greedy-claim", "greedy")
+        for kind in kinds
+        if kind in UNBOUNDED
+    }
+    claimed = {kind: share for (rule, kind), share in shares.items() if rule == "greedy-claim"}
+    short = [kind for kind, share in claimed.items() if share.value > 0.0]
+    never = [kind for kind, share in claimed.items() if share.value == 0.0]
+    if sum(share.count for share in claimed.values()) < LEAST_EVENTS:
+        verdict = TOO_FEW
+    elif not short:
+        verdict = HOLDS
+    else:
+        verdict = CONDITIONS if never else FAILS
+    return Statement(
+        "claim 1",
+        "the reading of claim 1 meets the plan in case B",
+        verdict,
+        {
+            f"share of case B that it falls short, {rule}, {kind}": s
+            for (rule, kind), s in shares.items()
+        },
+        (*(f"with {kind}" for kind in never), *(f"not with {kind}" for kind in short))
+        if short
+        else (),
+        "sum of the limits below that of the plan though the mean cap exceeds it; holds if it never happens; Wilson, 95 %",
+    )
+
+
+def _largest(values: "pd.Series[float]") -> Interval:
+    """The largest value; it has no interval."""
+    nan = float("nan")
+    return Interval(float(values.max()) if len(values) else nan, nan, nan, len(values))

@@ -1,0 +1,1 @@
+"""Rules against the joint optimum of allocation and readhesion."""

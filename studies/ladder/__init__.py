@@ -1,0 +1,1 @@
+"""The ladder of readhesion controllers, from none to MPC."""

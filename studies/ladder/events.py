@@ -1,0 +1,139 @@
+"""Random slip events for the ladder of readhesion controllers: what each of them meets, drawn quantity by quantity."""
+
+from typing import Any
+
+import numpy as np
+
+from alloc.plant.adhesion import POLACH_WET
+from studies.claims.events import Quantity
+from studies.scenario.scenario import Scenario, load_scenario
+
+DURATION = 12.0
+"""Length of an event [s]."""
+REFERENCE_SPEED = 15.0 / 3.6
+"""Speed at which rails of different curves offer the drawn level [m/s]."""
+
+TRAINS: dict[str, tuple[str, dict[str, Any]]] = {
+    "one inverter per car": ("wet-start", {"inverter_group": "1C4M"}),
+    "one inverter per axle": ("wet-start", {"inverter_group": "1C1M"}),
+    "locomotive and wagons": ("freight-start", {}),
+}
+"""Train -> the shipped scenario whose train, command and draft gear it is, and what is changed of it."""
+
+QUANTITIES: dict[str, Quantity] = {
+    "train": Quantity(
+        "each of three in its turn",
+        "one torque for four axles, one for each, and one for each of a locomotive that couplers shake",
+        lambda _, d: list(TRAINS)[d["number"] % len(TRAINS)],
+    ),
+    "curve": Quantity(
+        "piecewise and Polach's of wet rail, each for three events in its turn",
+        "a peak at 0.05 m/s with a fall behind it, and one at 0.2 ... 0.6 m/s, wide and moving with speed",
+        lambda _, d: ("piecewise", "polach")[d["number"] // len(TRAINS) % 2],
+    ),
+    "residual_ratio": Quantity(
+        "uniform, 0.5 ... 0.9 of the peak at infinite slip (piecewise only)",
+        "readhesion paper leaves it open; at 0.9 adhesion is used whatever the wheels do",
+        lambda g, _: float(g.uniform(0.5, 0.9)),
+    ),
+    "level": Quantity(
+        "uniform, 0.13 ... 0.19, at 15 km/h",
+        "about the planned 0.16: in a third of the events the plan is within reach before the drop",
+        lambda g, _: float(g.uniform(0.13, 0.19)),
+    ),
+    "drop_factor": Quantity(
+        "uniform, 0.5 ... 0.8",
+        "readhesion paper, Table 2: 0.12 of 0.18",
+        lambda g, _: float(g.uniform(0.5, 0.8)),
+    ),
+    "drop_begin_s": Quantity(
+        "uniform, 2.5 ... 4.0 s", "after the torque is up", lambda g, _: float(g.uniform(2.5, 4.0))
+    ),
+    "drop_length_s": Quantity(
+        "uniform, 3.0 ... 5.0 s",
+        "long enough for a search",
+        lambda g, _: float(g.uniform(3.0, 5.0)),
+    ),
+    "scatter": Quantity(
+        "0 in 40 %, else uniform, 0.002 ... 0.008, correlated over 20 m",
+        "JP5484215 par. on (12)-(15): 0.012 over all its measurements; none: a rail that keeps still for a search",
+        lambda g, _: float(g.uniform(0.002, 0.008)) if g.random() < 0.6 else 0.0,
+    ),
+    "patch_factor": Quantity(
+        "none in 60 %, else uniform, 0.6 ... 0.9, from 10 to 40 m",
+        "assumed: met after some seconds, axle after axle",
+        lambda g, _: float(g.uniform(0.6, 0.9)) if g.random() < 0.4 else 1.0,
+    ),
+    "speed_noise_kmh": Quantity(
+        "uniform, 0 ... 0.04 km/h",
+        "twice the scenario scattered-rail at most",
+        lambda g, _: float(g.uniform(0.0, 0.04)),
+    ),
+    "grade_permille": Quantity(
+        "0 in 60 %, else uniform, 5 ... 20 per mille uphill",
+        "as in the events of the claims",
+        lambda g, _: float(g.uniform(5.0, 20.0)) if g.random() < 0.4 else 0.0,
+    ),
+}
+"""Every drawn quantity in the order of drawing."""
+
+
+def draw(seed: int, k: int) -> dict[str, Any]:
+    """The quantities of event `k`, from `seed` and `k` alone."""
+    generator = np.random.default_rng([seed, k, 7])
+    drawn: dict[str, Any] = {"number": k}
+    for name, quantity in QUANTITIES.items():
+        drawn[name] = quantity.draw(generator, drawn)
+    return drawn
+
+
+def event_name(seed: int, k: int) -> str:
+    """Name of event `k`."""
+    return f"ladder-{seed}-{k:04d}"
+
+
+def polach_level(adhesion: float) -> float:
+    """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`."""
+    level = adhesion
+    for _ in range(
+        20
+    ):  # the peak grows a little less than in proportion: a few repetitions meet it
+        level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED)[0])
+    return level
+
+
+def rail_keys(curve: str, residual_ratio: float, level: float) -> dict[str, Any]:
+    """Keys of a rail that offers `level` at `REFERENCE_SPEED` under this curve."""
+    if curve == "polach":
+        return {"level": polach_level(level), "curve": {"kind": "polach"}}
+    return {"level": level, "curve": {"kind": "piecewise", "residual_ratio": residual_ratio}}
+
+
+def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
+    """Event `k` as a scenario of `duration` [s]. The train believes in the piecewise curve whatever the rail's is."""
+    d = draw(seed, k)
+    base, changes = TRAINS[d["train"]]
+    drop = {
+        "factor": d["drop_factor"],
+        "begin_s": d["drop_begin_s"],
+        "until_s": d["drop_begin_s"] + d["drop_length_s"],
+        "fade_s": 0.1,
+    }
+    patch = {"factor": d["patch_factor"], "start_m": 10.0, "end_m": 40.0, "edge_m": 4.0}
+    return load_scenario(base).changed(
+        name=event_name(seed, k),
+        title=f"random event {k} of the ladder",
+        case=None,
+        duration_s=duration,
+        rail=rail_keys(d["curve"], d["residual_ratio"], d["level"])
+        | {
+            "increments": {"law": "logarithmic"},
+            "scatter": d["scatter"],
+            "scatter_length_m": 20.0,
+            "patches": [drop, *([patch] if d["patch_factor"] < 1.0 else [])],
+        },
+        line={"sections": [{"start_m": -1000.0, "grade_permille": d["grade_permille"]}]},
+        belief={"curve": {"kind": "piecewise"}},
+        onboard={"sensors": {"speed_noise_kmh": d["speed_noise_kmh"]}},
+        **changes,
+    )

@@ -1,0 +1,176 @@
+"""What the ladder says: published yardsticks, each rung against the one below, and the weaknesses ascribed to searching."""
+
+from itertools import pairwise
+
+import pandas as pd
+
+from studies.core.statement import CONFIDENCE, Interval, Statement, mean_interval
+from studies.core.verdict import Part, Test, judge
+
+LADDER = (
+    "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",
+)  # fmt: skip
+"""Controllers from the simplest on."""
+HOSTED_RUNG = "mpc"
+"""The one that does not meet every event."""
+LOCOMOTIVE = "locomotive and wagons"
+SEARCHING = ("perturb-observe", "steepest-gradient")
+"""Creep controllers that look for the peak; pi-creep is the same loop without search."""
+YARDSTICKS = {
+    0.90: "what adaptive trackers of the adhesion's peak are published with",
+    0.95: "what JP5484215 expects of readhesion control on its own",
+}
+"""Share of adhesion used, and whose it is."""
+NOTICED = 0.01
+"""Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
+
+METRICS = {
+    "utilisation_short": "adhesion used where short",
+    "search_time": "search time [s]",
+    "unfinished_searches": "share of searches unfinished",
+    "torque_fluctuation": "torque fluctuation over plan",
+    "slip_time": "slip [axle s]",
+    "damage": "wheel damage [kJ]",
+    "jerk_rms": "jerk rms [m/s3]",
+    "effort_ratio": "effort over plan",
+}
+"""Metric -> what a statement calls it."""
+
+PARTS: dict[str, Part] = {
+    "one inverter per car": lambda e: e["train"] == "one inverter per car",
+    "one inverter per axle": lambda e: e["train"] == "one inverter per axle",
+    "a locomotive without free axle": lambda e: e["train"] == LOCOMOTIVE,
+    "a narrow peak (piecewise)": lambda e: e["curve"] == "piecewise",
+    "a wide peak (Polach)": lambda e: e["curve"] == "polach",
+    "even rail": lambda e: (e["scatter"] == 0.0) & (e["patch_factor"] == 1.0),
+    "scatter or a patch": lambda e: (e["scatter"] > 0.0) | (e["patch_factor"] < 1.0),
+}
+"""Parts of the events, by what was drawn."""
+
+
+def ladder_statements(table: pd.DataFrame) -> list[Statement]:
+    """Statements on a table of `studies.ladder.study`, of events in which no controller failed."""
+    events = paired(table)
+    return [
+        *(_yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
+        *(_rung(events, below, name) for below, name in pairwise(LADDER)),
+        *(_slow(events, name) for name in SEARCHING),
+        *(_restless(events, name) for name in SEARCHING),
+        *(_misled(events, name) for name in SEARCHING),
+    ]
+
+
+def paired(table: pd.DataFrame) -> pd.DataFrame:
+    """One row per event: what was drawn, and every number as ``name@controller``."""
+    names = [*METRICS, "wrong_steps_still", "wrong_steps_changing"]
+    wide = table.pivot(index="scenario", columns="controller", values=names)
+    wide.columns = ["@".join(column) for column in wide.columns]
+    drawn = table.drop_duplicates("scenario").set_index("scenario")
+    return wide.join(drawn[["train", "curve", "scatter", "patch_factor"]])
+
+
+def difference(events: pd.DataFrame, metric: str, name: str, other: str) -> "pd.Series[float]":
+    """A metric of controller `name` less that of `other`, event by event."""
+    values: pd.Series[float] = events[f"{metric}@{name}"] - events[f"{metric}@{other}"]
+    return values.astype(float)
+
+
+def _percent(interval: Interval) -> str:
+    return (
+        f"{100 * interval.value:.1f} % [{100 * interval.low:.1f}, {100 * interval.high:.1f}]"
+        f" (n = {interval.count})"
+    )
+
+
+def _seconds(interval: Interval) -> str:
+    return (
+        f"{interval.value:.2f} s [{interval.low:.2f}, {interval.high:.2f}] (n = {interval.count})"
+    )
+
+
+def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
+    test = Test(lambda e: e[f"utilisation_short@{name}"], bar)
+    verdict, _, conditions = judge(events, test, PARTS, _percent)
+    return Statement(
+        f"{bar:.0%}: {name}",
+        f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
+        verdict,
+        {text: mean_interval(events[f"{metric}@{name}"]) for metric, text in METRICS.items()},
+        conditions,
+        f"mean over events above {bar:.0%}; Student's t, {CONFIDENCE:.0%}, parts after Bonferroni",
+    )
+
+
+def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
+    test = Test(lambda e: difference(e, "utilisation_short", name, below))
+    verdict, _, conditions = judge(events, test, PARTS, _percent)
+    return Statement(
+        f"rung: {name}",
+        f"{name} uses more of the adhesion where a unit is short of it than {below}",
+        verdict,
+        {
+            f"{text}, less {below}": mean_interval(difference(events, metric, name, below))
+            for metric, text in METRICS.items()
+        },
+        conditions,
+        f"mean of paired differences above 0; Student's t, {CONFIDENCE:.0%}, parts after Bonferroni",
+    )
+
+
+def _slow(events: pd.DataFrame, name: str) -> Statement:
+    test = Test(lambda e: difference(e, "search_time", name, "mpc"))
+    verdict, _, conditions = judge(events, test, PARTS, _seconds)
+    return Statement(
+        f"slow: {name}",
+        f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
+        verdict,
+        {
+            f"search time [s], less {other}": mean_interval(
+                difference(events, "search_time", name, other)
+            )
+            for other in ("mpc", "pi-creep", "cut-and-ramp")
+        },
+        conditions,
+        f"mean of paired differences above 0; Student's t, {CONFIDENCE:.0%}; unfinished searches count until they end",
+    )
+
+
+def _restless(events: pd.DataFrame, name: str) -> Statement:
+    test = Test(lambda e: difference(e, "torque_fluctuation", name, "pi-creep"), NOTICED)
+    verdict, _, conditions = judge(events, test, PARTS, _percent)
+    return Statement(
+        f"restless: {name}",
+        f"{name} lets the torque fluctuate about the peak (arXiv 2406.13650)",
+        verdict,
+        {
+            f"torque fluctuation over plan, less {other}": mean_interval(
+                difference(events, "torque_fluctuation", name, other)
+            )
+            for other in ("pi-creep", "cut-and-ramp", "mpc")
+        },
+        conditions,
+        f"rms about the 1 s mean, more than pi-creep's, the same loop without search, by {NOTICED:.0%} of the plan's "
+        f"torque; Student's t, {CONFIDENCE:.0%}",
+    )
+
+
+def _misled(events: pd.DataFrame, name: str) -> Statement:
+    changing, still = f"wrong_steps_changing@{name}", f"wrong_steps_still@{name}"
+    test = Test(lambda e: (e[changing] - e[still]).astype(float))
+    # without a free axle slip is not known, and no step can be called an answer to another
+    free = events[events["train"] != LOCOMOTIVE]
+    verdict, whole, conditions = judge(free, test, PARTS, _percent)
+    return Statement(
+        f"misled: {name}",
+        f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
+        verdict,
+        {
+            "share of steps away from the peak, rail changing": mean_interval(free[changing]),
+            "share of steps away from the peak, rail still": mean_interval(free[still]),
+            "difference": whole,
+        },
+        conditions,
+        "steps of the mean slip over 0.3 s, of units off the peak by 30 %; the rail changes by 1 % or more; trains "
+        "with a free axle; "
+        f"paired by event, Student's t, {CONFIDENCE:.0%}",
+    )

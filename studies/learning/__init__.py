@@ -1,0 +1,1 @@
+"""Learning the increments of adhesion along the train (JP5484215, embodiment 2)."""

@@ -1,0 +1,107 @@
+"""The table of the sweep `learning` series by series: one train in one running direction, all its stations."""
+
+from typing import get_args
+
+import pandas as pd
+
+from alloc.estimation.increment_data import Reference
+from studies.core.statement import Interval, mean_interval
+from studies.core.verdict import Part
+
+TOLERANCE = 0.002
+"""Largest error of any unit's increment with which it counts as learnt: a tenth of what the increments reach."""
+COARSE = 0.005
+"""A second, coarser tolerance, reported beside it."""
+LITTLE_EFFORT = 0.01
+"""Loss of effort, as a share of the plan, that counts as little."""
+SERIES = ["rail", "stored", "train", "direction"]
+
+
+def _kind(rail: str, stored: str) -> Part:
+    return lambda series: (series["rail"] == rail) & (series["stored"] == stored)
+
+
+PARTS: dict[str, Part] = {
+    f"{rail} rail, stored values {stored}": _kind(rail, stored)
+    for rail in ("even", "scattered")
+    for stored in ("too low", "too high")
+}
+"""The kinds of series."""
+
+
+def per_series(table: pd.DataFrame) -> pd.DataFrame:
+    """One row per series; columns "<quantity>, <arm>".
+
+    Means over the second half of the stations of effort, slip time, damage and detections; `error` (largest of a unit),
+    `bias` (mean) and `deviation` after the last station; `stations`: station after which the error stays within `TOLERANCE`
+    (nan: never), `coarse` the same for `COARSE`; `excess <reference>`: mean over all data of what they exceed the truth by.
+    """
+    wide: dict[str, pd.Series] = {}
+    for arm, rows in table.groupby("arm", sort=False):
+        ordered = rows.sort_values("station")
+        late = ordered[ordered["station"] > ordered["station"].max() // 2].groupby(SERIES)
+        for name in ("effort_ratio", "slip_time", "damage", "unit_detections", "rear_detections"):
+            wide[f"{name}, {arm}"] = late[name].mean()
+        groups = ordered.groupby(SERIES)
+        for name in ("error", "bias", "deviation"):
+            wide[f"{name}, {arm}"] = groups[name].last()
+        wide[f"covered, {arm}"] = groups["covered"].mean()
+        for reference in get_args(Reference):
+            data = ordered[f"data_{reference}"]
+            total = data.groupby([ordered[key] for key in SERIES]).sum()
+            summed = (data * ordered[f"excess_{reference}"]).groupby(
+                [ordered[key] for key in SERIES]
+            )
+            wide[f"data {reference}, {arm}"] = total
+            wide[f"excess {reference}, {arm}"] = summed.sum() / total.where(total > 0.0)
+        for name, tolerance in (("stations", TOLERANCE), ("coarse", COARSE)):
+            wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_learnt, tolerance)
+    return pd.DataFrame(wide).reset_index()
+
+
+def _learnt(rows: pd.DataFrame, tolerance: float) -> float:
+    """First station from which on the error stays within the tolerance; nan for never."""
+    outside = rows["station"][rows["error"] > tolerance]
+    if outside.empty:
+        return float(rows["station"].iloc[0])
+    later = rows["station"][rows["station"] > outside.iloc[-1]]
+    return float(later.iloc[0]) if len(later) else float("nan")
+
+
+def difference(series: pd.DataFrame, quantity: str, arm: str, other: str) -> "pd.Series[float]":
+    """A quantity under `arm` minus the same under `other`, one number per series."""
+    return series[f"{quantity}, {arm}"] - series[f"{quantity}, {other}"]
+
+
+def by_part(series: pd.DataFrame, column: str, words: str) -> dict[str, Interval]:
+    """Mean of a column over each kind of series, by `words` and kind."""
+    return {
+        f"{words}, {name}": mean_interval(series[part(series)][column])
+        for name, part in PARTS.items()
+    }
+
+
+def coefficient(interval: Interval) -> str:
+    """A coefficient and its interval in words."""
+    return f"{interval.value:+.4f} ({interval.low:+.4f} to {interval.high:+.4f})"
+
+
+def percent(interval: Interval) -> str:
+    """A share and its interval in words, in percent."""
+    low, value, high = (100.0 * x for x in (interval.low, interval.value, interval.high))
+    return f"{value:+.2f} % ({low:+.2f} to {high:+.2f})"
+
+
+def seconds(interval: Interval) -> str:
+    """Axle seconds and their interval in words."""
+    return f"{interval.value:+.2f} axle s ({interval.low:+.2f} to {interval.high:+.2f})"
+
+
+def kilojoules(interval: Interval) -> str:
+    """Work and its interval in words."""
+    return f"{interval.value:+.1f} kJ ({interval.low:+.1f} to {interval.high:+.1f})"
+
+
+def share(interval: Interval) -> str:
+    """A share of a whole and its interval in words."""
+    return f"{interval.value:.1%} ({interval.low:.1%} to {interval.high:.1%})"

@@ -1,0 +1,114 @@
+"""What must be known of the train behind a log: a shipped set, a railtoolkit file, or a small TOML file.
+
+name = "my train"
+
+[[cars]]                       # from the front
+mass_t = 36.2                  # with load
+wheel_radius_mm = 430.0        # or one per axle
+wheel_inertia_kgm2 = [155.0, 155.0, 65.0, 65.0]   # of each wheelset with everything geared to it
+driven = [true, true, false, false]
+axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from alloc.estimation.measured_run import MeasuredTrain
+from alloc.plant.equations import GRAVITY
+from studies.scenario.strict import Strict, parse, read_toml
+
+Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
+Radius = Annotated[float, Field(ge=200.0, le=800.0)]
+Inertia = Annotated[float, Field(ge=5.0, le=5000.0)]
+"""Bounds that no car leaves: a value outside them has another unit."""
+
+
+class LoggedCar(Strict):
+    """A car of the file: `[[cars]]`."""
+
+    mass_t: Mass
+    wheel_radius_mm: Radius | tuple[Radius, ...]
+    wheel_inertia_kgm2: tuple[Inertia, ...] = Field(min_length=1)
+    driven: tuple[bool, ...] | None = None
+    axle_load_t: tuple[Mass, ...] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_each_axle(self) -> "LoggedCar":
+        axles = len(self.wheel_inertia_kgm2)
+        for key in ("driven", "axle_load_t", "wheel_radius_mm"):
+            given = getattr(self, key)
+            if isinstance(given, tuple) and len(given) != axles:
+                raise ValueError(f"{key} has {len(given)} entries for {axles} wheel_inertia_kgm2")
+        if self.axle_load_t is not None and sum(self.axle_load_t) > 1.001 * self.mass_t:
+            raise ValueError(
+                f"axle_load_t sums to {sum(self.axle_load_t):g} t, mass_t is {self.mass_t:g}"
+            )
+        return self
+
+
+class LoggedTrain(Strict):
+    """The file."""
+
+    name: str
+    cars: tuple[LoggedCar, ...] = Field(min_length=1)
+
+    def measured(self) -> MeasuredTrain:
+        """The same in SI units."""
+        axles = [len(car.wheel_inertia_kgm2) for car in self.cars]
+        load = [
+            car.axle_load_t or (car.mass_t / n,) * n
+            for car, n in zip(self.cars, axles, strict=True)
+        ]
+        driven = [car.driven or (False,) * n for car, n in zip(self.cars, axles, strict=True)]
+        return MeasuredTrain(
+            name=self.name,
+            car_mass=1e3 * np.array([car.mass_t for car in self.cars]),
+            axle_car=np.repeat(np.arange(len(self.cars)), axles),
+            axle_load=1e3 * GRAVITY * np.concatenate([np.array(values) for values in load]),
+            radius=1e-3
+            * np.concatenate(
+                [
+                    np.broadcast_to(car.wheel_radius_mm, (n,))
+                    for car, n in zip(self.cars, axles, strict=True)
+                ]
+            ),
+            inertia=np.concatenate([np.array(car.wheel_inertia_kgm2) for car in self.cars]),
+            driven=np.concatenate([np.array(values, dtype=bool) for values in driven]),
+        )
+
+
+def read_log_train(name_or_path: str) -> MeasuredTrain:
+    """Train of a shipped set by name, or from a railtoolkit (.yaml) or TOML file by path.
+
+    Raises `StudyError` or `PlantError` naming the file, the key and the reason.
+    """
+    from studies.scenario.train_keys import build_train
+
+    if not name_or_path.endswith(".toml"):
+        return MeasuredTrain.of(build_train(name_or_path, None, None, None, False))
+    data = read_toml(name_or_path, "train", "`readhesion list` names the shipped trains")
+    return parse(LoggedTrain, data, f"train file {name_or_path!r}").measured()
+
+
+def write_log_train(train: MeasuredTrain, path: Path) -> None:
+    """Write a TOML file that `read_log_train` reads back."""
+    lines = [f'name = "{train.name}"']
+    for car, mass in enumerate(train.car_mass):
+        own = train.axle_car == car
+        lines += [
+            "",
+            "[[cars]]",
+            f"mass_t = {float(mass) / 1e3!r}",
+            f"wheel_radius_mm = {_list(1e3 * train.radius[own])}",
+            f"wheel_inertia_kgm2 = {_list(train.inertia[own])}",
+            f"driven = {_list(train.driven[own])}",
+            f"axle_load_t = {_list(train.axle_load[own] / (1e3 * GRAVITY))}",
+        ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _list(values: Any) -> str:
+    return "[" + ", ".join(str(value).lower() for value in values.tolist()) + "]"

@@ -1,0 +1,50 @@
+"""The readhesion paper's limit cycle, simulated beside what the reduced model predicts of it."""
+
+import math
+from collections.abc import Sequence
+
+import pandas as pd
+
+from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.sets import one_axle
+from studies.readhesion_paper.limit_cycle import LimitCycle, ReducedModel, growth, reduced_model
+from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, Unprinted, assess
+
+NO_CYCLE = LimitCycle(math.nan, (math.nan, math.nan), (math.nan, math.nan))
+
+
+def paper_model(
+    width: float = CASE_A.width, limit: float = CASE_A.limit, unprinted: Unprinted = CALIBRATED
+) -> ReducedModel:
+    """The loop of the readhesion paper, a_w in its numbers, on a rail of mu_lim, with a_0 of its case A."""
+    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+    table = unprinted.table(CASE_A.margin, width)
+    return reduced_model(one_axle.train(), table, curve, limit, COMMAND.accelerations[0])
+
+
+def compare_cycles(widths: Sequence[float], limits: Sequence[float], jobs: int = 1) -> pd.DataFrame:
+    """Limit cycles simulated and predicted, a row per a_w and mu_lim in their order.
+
+    Columns: those of `studies.readhesion_paper.paper.assess`, with predicted_period [s], predicted_slip_swing [m/s] and
+    predicted_torque_swing (share of the plan); nan where there is no cycle.
+    """
+    cases = [Case(width=width, limit=limit) for width in widths for limit in limits]
+    table = assess(CALIBRATED, cases, jobs)
+    rows = []
+    for case in cases:
+        model = paper_model(case.width, case.limit)
+        cycle = model.limit_cycle() or NO_CYCLE
+        rows.append(
+            {
+                "predicted_period": cycle.period,
+                "predicted_slip_swing": cycle.slip[1] - cycle.slip[0],
+                "predicted_torque_swing": (cycle.torque[1] - cycle.torque[0]) / model.target,
+            }
+        )
+    return pd.concat([table, pd.DataFrame(rows)], axis=1)
+
+
+def growth_over_widths(widths: Sequence[float]) -> list[float]:
+    """`growth` of the paper's loop for each a_w in its numbers."""
+    models = [paper_model(width) for width in widths]
+    return [growth(model.table, model.lag, model.gain) for model in models]

@@ -1,0 +1,178 @@
+"""The readhesion paper's controller in its scenario (Tables 1 and 2), many cases at once.
+
+What the paper does not print (`Unprinted`) is calibrated on what it does print, by `studies.readhesion_paper.calibration`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import joblib
+import numpy as np
+import pandas as pd
+
+from alloc.event import DriverCommand
+from alloc.metrics.readhesion import (
+    Signals,
+    limit_cycle,
+    readhesion_possible,
+    used_coefficient,
+    utilisation,
+)
+from alloc.onboard.readhesion import TorqueTable
+from alloc.plant.adhesion import PiecewiseCurve
+from alloc.plant.rail import Patch, Rail
+from alloc.plant.sets import one_axle
+from alloc.spans import spans
+from studies.readhesion_paper.lanes import LANES_TOGETHER, TableRuns, simulate_tables
+
+Unit = Literal["km/h/s", "m/s2"]
+UNITS: dict[Unit, float] = {"km/h/s": 1.0 / 3.6, "m/s2": 1.0}
+"""Units in which the paper's a_0 and a_w may be meant; it prints none."""
+
+BEGIN, DROP, RECOVERY, END = -1.0, 6.0, 14.0, 15.0
+"""Times [s] of Table 2."""
+LOW_END = 16.0
+"""End [s] of a run whose rail stays low, for readhesion possibility (`alloc.metrics.readhesion`)."""
+COMMAND = DriverCommand((0.0,), (3.0 / 3.6,))
+STEP = 5e-5
+"""Step [s] of the paper, which is the controller's period here."""
+
+
+@dataclass(frozen=True)
+class Unprinted:
+    """What the paper does not print."""
+
+    residual_ratio: float = PiecewiseCurve().residual_ratio
+    """mu_inf over mu_max."""
+    rise: float = TorqueTable().rise
+    """T_u [s]."""
+    fall: float = TorqueTable().fall
+    """T_d [s]."""
+    time_constant: float = TorqueTable().time_constant
+    """tau [s] of the pseudo-differentiator."""
+    unit: Unit = "km/h/s"
+    """Unit of a_0 and a_w."""
+
+    def table(self, margin: float, width: float) -> TorqueTable:
+        """The controller for a_0 and a_w in the paper's numbers."""
+        scale = UNITS[self.unit]
+        return TorqueTable(margin * scale, width * scale, self.rise, self.fall, self.time_constant)
+
+
+ASSUMED = Unprinted()
+"""The defaults of `TorqueTable` and `PiecewiseCurve`."""
+CALIBRATED = Unprinted(residual_ratio=0.94, rise=1.89, fall=0.213, time_constant=0.194)
+"""The best set of `studies.readhesion_paper.calibration` among those that fulfil all findings but the half-slip's."""
+RIVAL = Unprinted(residual_ratio=0.45, rise=1.35, fall=0.02, time_constant=0.16, unit="m/s2")
+"""A set that meets as many findings and comes nearer in the sum: the half-slip of a_w = 0.3 costs adhesion as printed, but
+a_w = 0.5 never readheres. The paper does not decide between the two."""
+
+
+class Case(NamedTuple):
+    """a_0 and a_w in the paper's numbers, and mu_lim."""
+
+    margin: float = 0.4
+    width: float = 0.2
+    limit: float = 0.12
+
+
+CASE_A = Case(0.4, 0.2, 0.12)
+CASE_B = Case(0.4, 0.8, 0.12)
+PAPER_LIMITS = tuple(round(0.16 - 0.01 * k, 2) for k in range(15))
+"""mu_lim of section 3.3: 0.16 down to 0.02 by 0.01."""
+PAPER_MARGINS = tuple(round(0.1 * k, 1) for k in range(10))
+PAPER_WIDTHS = tuple(round(0.1 * k, 1) for k in range(1, 11))
+
+
+def run_cases(
+    unprinted: Unprinted,
+    cases: Sequence[Case],
+    recovers: bool = False,
+    step: float = STEP,
+    record_period: float = 1e-3,
+    top_curvature: float | None = None,
+) -> TableRuns:
+    """Runs of the scenario, a lane per case; `top_curvature` replaces the C that the paper prints.
+
+    With `recovers` the rail is that of Table 2 until its end at 15 s. Without, it stays low until 16 s, as the criterion
+    of readhesion possibility needs; both are the same until 14 s.
+    """
+    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
+    if top_curvature is not None:
+        curve = replace(curve, top_curvature=top_curvature)
+    until = RECOVERY if recovers else 2.0 * LOW_END
+    rails = [
+        Rail(
+            0.18,
+            patches=(Patch(case.limit / 0.18, begin=DROP, until=until, fade=one_axle.PATCH_FADE),),
+            curve=curve,
+        )
+        for case in cases
+    ]
+    tables = [unprinted.table(case.margin, case.width) for case in cases]
+    end = END if recovers else LOW_END
+    return simulate_tables(
+        one_axle.train(), rails, tables, COMMAND, BEGIN, end, step, record_period
+    )
+
+
+def signals_of(runs: TableRuns) -> Signals:
+    """What the indices are computed from."""
+    return Signals(runs.time, runs.torque, runs.slip, runs.peak_slip, runs.coefficient, runs.plan)
+
+
+def assess(
+    unprinted: Unprinted,
+    cases: Sequence[Case],
+    jobs: int = 1,
+    step: float = STEP,
+    top_curvature: float | None = None,
+) -> pd.DataFrame:
+    """The paper's indices of each case, one row each in their order, from runs in `jobs` processes.
+
+    possible; used_coefficient (10), utilisation (11); period [s], slip_swing [m/s], torque_swing (share of the plan) and
+    slips_before of the limit cycle; longest_slip: longest time [s] in macro slip between 6 s and 14 s.
+    """
+    parts = [cases[k : k + LANES_TOGETHER] for k in range(0, len(cases), LANES_TOGETHER)]
+    done = joblib.Parallel(n_jobs=min(jobs, max(len(parts), 1)))(
+        joblib.delayed(_assess)(unprinted, part, step, top_curvature) for part in parts
+    )
+    return pd.concat(done, ignore_index=True)
+
+
+def _assess(
+    unprinted: Unprinted, cases: Sequence[Case], step: float, top_curvature: float | None
+) -> pd.DataFrame:
+    runs = run_cases(unprinted, cases, step=step, top_curvature=top_curvature)
+    return indices(runs, cases)
+
+
+def indices(runs: TableRuns, cases: Sequence[Case]) -> pd.DataFrame:
+    """Rows of `assess` from runs whose rail stays low."""
+    signals = signals_of(runs)
+    table = pd.DataFrame(cases, columns=list(Case._fields))
+    table["possible"] = readhesion_possible(signals, DROP, RECOVERY)
+    table["used_coefficient"] = used_coefficient(runs.time, runs.coefficient, DROP, RECOVERY)
+    table["utilisation"] = utilisation(table["used_coefficient"], table["limit"])
+    cycles = [limit_cycle(signals, lane, drop=DROP) for lane in range(len(cases))]
+    table["period"] = [cycle.period for cycle in cycles]
+    table["slip_swing"] = [cycle.slip_swing for cycle in cycles]
+    table["torque_swing"] = [cycle.torque_swing / runs.plan for cycle in cycles]
+    table["slips_before"] = [cycle.slips_before for cycle in cycles]
+    table["longest_slip"] = [longest_slip(runs, lane) for lane in range(len(cases))]
+    return table
+
+
+def slip_spans(runs: TableRuns, lane: int, end: float = RECOVERY) -> np.ndarray:
+    """Begin and end [s] of every time in macro slip between the drop and `end` [s], (slips, 2)."""
+    inside = (runs.time >= DROP) & (runs.time <= end)
+    macro = runs.slip[inside, lane] >= runs.peak_slip[inside, lane]
+    time = runs.time[inside]
+    return np.asarray(time[np.minimum(spans(macro), time.size - 1)])
+
+
+def longest_slip(runs: TableRuns, lane: int) -> float:
+    """Longest time [s] in macro slip while the rail is low, 0 where there is none."""
+    found = slip_spans(runs, lane)
+    return float(np.diff(found, axis=1).max(initial=0.0))

@@ -1,0 +1,201 @@
+"""The speed control on its routes: disturbance at tunnel mouths and gradient changes, case by case (JP H07-322414)."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from alloc.driving import drive
+from alloc.estimation.running_resistance import (
+    Learner,
+    LeastSquaresLearner,
+    NormalisedGradientLearner,
+)
+from alloc.metrics import jerk
+from alloc.onboard.speed_control import Feedback, LearnThenUse, SpeedControl, Traction
+from studies.core.study_error import unknown
+from studies.resistance.routes import Route
+
+PERIOD = 0.05
+"""Control period [s]; it is integrated in the largest steps that the plant allows."""
+CURRENT_PER_FORCE = 1e-3
+"""K_i [A/N], assumed; no result depends on it, since gains are given by times."""
+TIME_CONSTANT, RESET_TIME = 4.0, 16.0
+"""Of the speed loop [s], assumed: critically damped under PI control.
+
+What compensation does for the acceleration depends on it: on the commuter train's gradient the root mean square over that
+of the feedback alone is 1.25 at half of it, 0.71 as it is, and 0.42 at twice of it; for the speed it is a gain throughout.
+"""
+RATE = PERIOD / 10.0
+"""Rate of the normalised gradient: learning acts like an integrator of 10 s on the feedback, slower than the loop."""
+FILTER_TIME = 1.0
+"""Of what is learnt from [s]."""
+SPEED_NOISE = 0.01
+"""Standard deviation of the measured speed [m/s] where there is noise, assumed."""
+WRONG = (1.3, 0.7, 0.7)
+"""Wrong coefficients relative to the true ones: W1, W2 and the mass, as of a full train that is taken to be empty."""
+SETTLE = 10.0
+"""Time [s] after the train's rear has passed a point in which its disturbance is looked at."""
+
+Control = Literal["P", "PI"]
+CONTROLS: tuple[Control, ...] = ("P", "PI")
+FEEDBACK, RIGHT, WRONGLY, LEARNED = (
+    "feedback only",
+    "compensation",
+    "compensation, wrong",
+    "learned",
+)
+FRONT, CARS = "compensation at the front", "compensation, car by car"
+EXACT, USED = "feedforward, car by car", "learn, then use"
+CASES = (FEEDBACK, RIGHT, WRONGLY, LEARNED)
+"""The four that are compared, with the line's memory read at the middle of the train: the source does not say which
+position of a train is its position. `FRONT` and `CARS` read it at the front and in the middle of every car (not in the
+source); `EXACT` does so with the plant's five weights in the feedforward from commanded values; `USED` is claim 5."""
+ALL_CASES = (*CASES, FRONT, CARS, EXACT, USED)
+
+
+class CaseRun(NamedTuple):
+    """A run, what its speed control noted, and the speed control."""
+
+    run: xr.Dataset
+    log: xr.Dataset
+    control: SpeedControl
+
+
+def feedback(route: Route, control: Control) -> Feedback:
+    """The speed feedback of a route, its gains made for the empty train with its rotating mass."""
+    empty = route.train.loaded((0.0,) * len(route.train.cars))
+    mass = empty.mass + empty.rotating_mass
+    return Feedback.for_train(
+        mass, CURRENT_PER_FORCE, TIME_CONSTANT, RESET_TIME if control == "PI" else 0.0
+    )
+
+
+def make_learner(
+    route: Route,
+    kind: str = "normalised",
+    weights: int = 3,
+    wrong: tuple[float, float, float] = WRONG,
+) -> Learner:
+    """A learner that begins with weights `wrong` by these factors (A and B, if any, with zero)."""
+    true = route.true_weights(weights)
+    start = np.array([*(np.array(wrong) * true[:3]), 0.0, 0.0])[:weights]
+    speed, rate = route.command.speeds[0], route.command.acceleration
+    typical = np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
+    if kind == "normalised":
+        return NormalisedGradientLearner(start, RATE, typical)
+    # prior: wrong by as much as the weights begin; A and B by what they can be
+    prior = np.array([*(0.5 * true[:3]), *np.maximum(true[3:], [5e3, 300.0][: weights - 3])])
+    return LeastSquaresLearner(start, prior)
+
+
+def drive_case(
+    route: Route,
+    case: str,
+    control: Control = "PI",
+    learner: Learner | None = None,
+    reading: str = "middle",
+    speed_noise: float = 0.0,
+    seed: int = 0,
+    open_loop: bool = False,
+    wrong: tuple[float, float, float] = WRONG,
+) -> CaseRun:
+    """One run of `route` in a `case`; `LEARNED` and `USED` go on with `learner`, a new one if None.
+
+    `LEARNED` has its weights from one run of the same route before this one, which began with weights `wrong` by these
+    factors and compensated while it learnt. `open_loop`: `USED` as printed, without feedback while what was learnt is used.
+    """
+    if case not in ALL_CASES:
+        raise unknown("case", case, ALL_CASES)
+    if case == LEARNED and learner is None:
+        learner = make_learner(route, wrong=wrong)
+        _run(route, case, control, learner, reading, speed_noise, seed + 1, False, wrong)
+    if case == USED and learner is None:
+        learner = make_learner(route, "least-squares", wrong=wrong)
+    return _run(route, case, control, learner, reading, speed_noise, seed, open_loop, wrong)
+
+
+def _run(
+    route: Route, case: str, control: Control, learner: Learner | None, reading: str,
+    speed_noise: float, seed: int, open_loop: bool, wrong: tuple[float, float, float],
+) -> CaseRun:  # fmt: skip
+    true = route.true_weights(5 if case == EXACT else 3)
+    weights = true * np.array(wrong) if case == WRONGLY else true
+    mass = route.train.mass + route.train.rotating_mass
+    switch = LearnThenUse(0.01 * mass, 0.05 * mass, feedback=not open_loop)
+    driver = SpeedControl(
+        route.command,
+        feedback(route, control),
+        Traction.of(route.train, CURRENT_PER_FORCE),
+        PERIOD,
+        "feedback" if case == FEEDBACK
+        else "feedforward" if case in (LEARNED, EXACT)
+        else "learn-then-use" if case == USED
+        else "compensation",
+        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, reading)),
+        None if case == FEEDBACK else weights,
+        learner if case in (LEARNED, USED) else None,
+        switch=switch if case == USED else None,
+        rotating_mass=route.train.rotating_mass,
+        filter_time=FILTER_TIME,
+        train_length=route.length,
+        speed_noise=speed_noise,
+        seed=seed,
+    )  # fmt: skip
+    run = drive(
+        route.model(), driver, route.duration, f"{route.name}, {case}",
+        initial_speed=route.command.initial, period=PERIOD, step=PERIOD,
+    )  # fmt: skip
+    return CaseRun(run, driver.log(), driver)
+
+
+def disturbances(route: Route, done: CaseRun) -> pd.DataFrame:
+    """What the train feels at every point of the line: a row per point.
+
+    From the front's reaching it until `SETTLE` after the rear has passed. Speed [m/s] and acceleration [m/s2] are
+    deviations from the command, the speed's from its deviation on arrival, which under P control is never zero; jerk [m/s3]
+    below 5 Hz.
+    """
+    time, position = done.run["time"].values, done.run["position"].values
+    speed = done.run["speed"].values - done.log["commanded_speed"].values
+    acceleration = done.run["acceleration"].values - done.log["commanded_acceleration"].values
+    jolt = jerk(done.run)[:, 0]
+    force = done.log["feedback_current"].values / CURRENT_PER_FORCE
+    rows = []
+    for point in route.points:
+        begin = int(np.searchsorted(position, point.position))
+        rear = int(np.searchsorted(position, point.position + route.length))
+        inside = slice(begin, int(np.searchsorted(time, time[min(rear, time.size - 1)] + SETTLE)))
+        moved, pulled = speed[inside] - speed[begin], acceleration[inside]
+        rows.append(
+            {
+                "kind": point.kind,
+                "position": point.position,
+                "speed_peak": np.abs(moved).max(),
+                "speed_rms": np.sqrt((moved**2).mean()),
+                "acceleration_peak": np.abs(pulled).max(),
+                "acceleration_rms": np.sqrt((pulled**2).mean()),
+                "jerk_peak": np.abs(jolt[inside]).max(),
+                "jerk_rms": np.sqrt((jolt[inside] ** 2).mean()),
+                "feedback_change": np.abs(force[inside] - force[begin]).max(),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def compare_cases(
+    route: Route,
+    controls: tuple[Control, ...] = CONTROLS,
+    cases: tuple[str, ...] = (*CASES, FRONT, CARS),
+    speed_noise: float = 0.0,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """Disturbances of all cases under all controls, with columns `route`, `control` and `case`; means over like points."""
+    parts = []
+    for control in controls:
+        for case in cases:
+            done = drive_case(route, case, control, speed_noise=speed_noise, seed=seed)
+            found = disturbances(route, done).drop(columns="position").groupby("kind").mean()
+            parts.append(found.reset_index().assign(route=route.name, control=control, case=case))
+    return pd.concat(parts, ignore_index=True)

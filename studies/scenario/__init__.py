@@ -1,0 +1,1 @@
+"""Slip events as files: TOML keys with units, checked, turned into what the simulation runs."""

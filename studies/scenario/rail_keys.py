@@ -1,0 +1,173 @@
+"""What a scenario file says about rail and line."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve, PolachCurve, SlipRatioCurve
+from alloc.plant.rail import Line, Patch, Rail, Receptivity, logarithmic_increments
+from studies.scenario.strict import Strict
+from studies.scenario.units import si
+
+
+class PatchKeys(Strict):
+    """A stretch of rail, or a span of time, with another adhesion: `[[rail.patches]]`."""
+
+    factor: float
+    start_m: float | None = None
+    end_m: float | None = None
+    edge_m: float | None = None
+    begin_s: float | None = None
+    until_s: float | None = None
+    fade_s: float | None = None
+
+    def patch(self) -> Patch:
+        """The plant's patch."""
+        return Patch(**si(self))
+
+
+class IncrementKeys(Strict):
+    """Growth of adhesion along the train: none, the law (15) of JP5484215, or a value per axle."""
+
+    law: Literal["none", "logarithmic", "given"] = "logarithmic"
+    slope: float = 0.0083
+    offset: float = -0.0066
+    values: tuple[float, ...] | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> "IncrementKeys":
+        if (self.values is not None) != (self.law == "given"):
+            raise ValueError('values go with law = "given", and only with it')
+        return self
+
+    def increments(self, axles: int) -> tuple[float, ...] | None:
+        """One increment per axle from the front, None for none."""
+        if self.law == "none":
+            return None
+        if self.law == "given":
+            return self.values
+        return tuple(logarithmic_increments(axles, self.slope, self.offset).tolist())
+
+
+class CurveKeys(Strict):
+    """Adhesion curve by kind, with the parameters that differ from its default."""
+
+    kind: Literal["piecewise", "polach", "slip-ratio"] = "piecewise"
+    micro_slope: float | None = None
+    top_curvature: float | None = None
+    macro_slope: float | None = None
+    residual_ratio: float | None = None
+    ratio_at_infinity: float | None = None
+    decay: float | None = None
+    adhesion_factor: float | None = None
+    slip_factor: float | None = None
+    creep_stiffness: float | None = None
+    peak_slip_ratio: float | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> "CurveKeys":
+        allowed = _CURVES[self.kind].__dataclass_fields__
+        for key in si(self):
+            if key != "kind" and key not in allowed:
+                raise ValueError(f"{key} does not belong to the {self.kind} curve")
+        return self
+
+    def curve(self) -> AdhesionCurve:
+        """The plant's curve."""
+        given = {key: value for key, value in si(self).items() if key != "kind"}
+        return _CURVES[self.kind](**given)
+
+
+_CURVES: dict[str, type[PiecewiseCurve] | type[PolachCurve] | type[SlipRatioCurve]] = {
+    "piecewise": PiecewiseCurve,
+    "polach": PolachCurve,
+    "slip-ratio": SlipRatioCurve,
+}
+
+
+class RailKeys(Strict):
+    """The rail as it truly is: `[rail]`.
+
+    `level` is the coefficient where `speed_law` is "none", else a factor on the law; a law is a name, or a, b and c of
+    a / (V + b) + c with V in km/h. `rear_speed_law` takes over from the front to the rear within `rear_axles`.
+    """
+
+    level: float
+    speed_law: str | tuple[float, float, float] = "none"
+    rear_speed_law: tuple[float, float, float] | None = None
+    rear_axles: float | None = None
+    increments: IncrementKeys = IncrementKeys()
+    patches: tuple[PatchKeys, ...] = ()
+    scatter: float = 0.0
+    scatter_length_m: float | None = None
+    conditioning: float = 0.0
+    conditioning_slip: float | None = None
+    curve: CurveKeys = CurveKeys()
+
+    def rail(self, axles: int, seed: int) -> Rail:
+        """The plant's rail for a train of so many axles; `seed` draws the scatter."""
+        values = si(self) | {"patches": tuple(patch.patch() for patch in self.patches)}
+        return Rail(
+            **values,
+            increments=self.increments.increments(axles),
+            curve=self.curve.curve(),
+            seed=seed,
+        )
+
+
+class SectionKeys(Strict):
+    """Gradient from a position on: `[[line.sections]]`."""
+
+    start_m: float
+    grade_permille: float
+
+
+class TunnelKeys(Strict):
+    """A tunnel: `[[line.tunnels]]`."""
+
+    start_m: float
+    end_m: float
+
+
+class LineKeys(Strict):
+    """The line: sections and tunnels, or a railtoolkit running path in `file`: `[line]`."""
+
+    file: str | None = None
+    sections: tuple[SectionKeys, ...] = ()
+    tunnels: tuple[TunnelKeys, ...] = ()
+    tunnel_factor: float = 1.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> "LineKeys":
+        if self.file is not None and self.sections:
+            raise ValueError("give either file or sections, not both")
+        return self
+
+    def line(self) -> Line:
+        """The plant's line."""
+        from studies.lines.railtoolkit import read_path
+
+        tunnels = tuple((t.start_m, t.end_m) for t in self.tunnels)
+        if self.file is not None:
+            return read_path(self.file).line(tunnels, self.tunnel_factor)
+        if not self.sections:
+            return Line(tunnels=tunnels, tunnel_factor=self.tunnel_factor)
+        sections = [si(section) for section in self.sections]
+        return Line(
+            stations=tuple(s["start"] for s in sections),
+            grades=tuple(s["grade"] for s in sections),
+            tunnels=tunnels,
+            tunnel_factor=self.tunnel_factor,
+        )
+
+
+class ReceptivityKeys(Strict):
+    """How much regenerated power the line takes up: `[receptivity]`; the phase is drawn from the seed."""
+
+    mean: float = 1.0
+    amplitude: float = 0.0
+    period_s: float = 3.0
+
+    def receptivity(self, phase: float) -> Receptivity:
+        """The plant's receptivity with a `phase` [rad]."""
+        return Receptivity(**si(self), phase=phase)

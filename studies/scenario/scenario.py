@@ -1,0 +1,199 @@
+"""Slip events as files: TOML in, `alloc.simulation.Event` out.
+
+A scenario fixes everything that rules and controllers share. The seed of `Scenario.event` draws the scatter of the rail, the
+errors of the sensors and the phase of the receptivity, and nothing else draws them: runs that differ in rule or controller
+alone meet the same event.
+"""
+
+import hashlib
+import json
+import math
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from alloc.onboard import OnboardError
+from alloc.onboard.equipment import equipment
+from alloc.plant.errors import PlantError
+from alloc.plant.model import build
+from alloc.plant.train import InverterGroup
+from alloc.simulation import DriverCommand, Event, SimulationError
+from studies.core.study_error import StudyError, unknown
+from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
+from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
+from studies.scenario.strict import Strict, explain, parse, read_toml
+from studies.scenario.train_keys import CouplerKeys, FailureKeys, build_train, is_file
+
+NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
+"""Keys that say what a scenario is for; they do not change what happens."""
+
+SPEED_BOUND = 100.0
+"""No train here runs faster [m/s]; bounds the length of line that is tabulated."""
+
+
+class CommandKeys(Strict):
+    """Acceleration that the driver asks for on level track, from a time on: `[[command]]`."""
+
+    time_s: float
+    acceleration_kmhs: float
+
+
+class Scenario(Strict):
+    """A slip event as its file describes it; `event` gives what the simulation runs."""
+
+    name: str = Field(pattern=r"^[\w.+-]+$")  # part of file names
+    title: str
+    description: str = ""
+    case: Literal["none", "A", "B"] | None = None
+    """Case of the allocation that the event is meant to bring about."""
+    in_default_comparison: bool = True
+    """Whether `readhesion compare` runs it without being told; faults that single functions meet stay out."""
+    train: str
+    load_t: tuple[float, ...] | None = None
+    load_transfer: bool | None = None
+    reversed: bool = False
+    inverter_group: InverterGroup | None = None
+    """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
+    coupler: CouplerKeys | None = None
+    failures: tuple[FailureKeys, ...] = ()
+    rail: RailKeys
+    line: LineKeys = LineKeys()
+    receptivity: ReceptivityKeys = ReceptivityKeys()
+    command: tuple[CommandKeys, ...] = Field(min_length=1)
+    belief: BeliefKeys = BeliefKeys()
+    onboard: OnboardKeys = OnboardKeys()
+    duration_s: float = Field(gt=0.0)
+    start_m: float = 0.0
+    initial_speed_kmh: float = Field(default=0.0, ge=0.0)
+    target_speed_kmh: float | None = Field(default=None, ge=0.0)
+    step_s: float = Field(default=1e-3, gt=0.0)
+    record_period_s: float = Field(default=0.01, gt=0.0)
+
+    def event(self, seed: int = 0) -> Event:
+        """What the simulation runs; `seed` >= 0 gives all random draws. Raises `StudyError` where it cannot exist."""
+        if seed < 0:
+            raise StudyError(f"seed = {seed}: must be 0 or greater")
+        try:
+            return self._event(seed)
+        except (PlantError, OnboardError, SimulationError) as error:
+            raise StudyError(f"scenario {self.name!r}: {error}") from None
+
+    def _event(self, seed: int) -> Event:
+        rail_seed, sensor_seed, phase = np.random.SeedSequence(seed).generate_state(3)
+        train = build_train(
+            self.train,
+            self.load_t,
+            self.coupler,
+            self.load_transfer,
+            self.reversed,
+            self.inverter_group,
+        )
+        axles = train.axle_count
+        rail = self.rail.rail(axles, int(rail_seed))
+        initial_speed = self.initial_speed_kmh / 3.6
+        reach = self.duration_s * min(
+            SPEED_BOUND,
+            initial_speed
+            + self.duration_s * max(abs(c.acceleration_kmhs) / 3.6 + 0.3 for c in self.command),
+        )
+        model = build(
+            train,
+            rail,
+            self.line.line(),
+            self.receptivity.receptivity(2.0 * math.pi * phase / 2.0**32),
+            {failure.unit - 1: failure.time_s for failure in self.failures},
+            span=(self.start_m - 20.0, self.start_m + reach),
+        )
+        onboard = self.onboard.onboard(
+            self.belief, self.rail.increments, rail.curve, axles, int(sensor_seed)
+        )
+        equipment(
+            model, onboard
+        )  # refuses a train without traction, and a belief that does not fit
+        return Event(
+            name=self.name,
+            model=model,
+            command=DriverCommand(
+                tuple(c.time_s for c in self.command),
+                tuple(c.acceleration_kmhs / 3.6 for c in self.command),
+            ),
+            onboard=onboard,
+            duration=self.duration_s,
+            initial_speed=initial_speed,
+            initial_position=self.start_m,
+            step=self.step_s,
+            record_period=self.record_period_s,
+            target_speed=None if self.target_speed_kmh is None else self.target_speed_kmh / 3.6,
+            seed=seed,
+        )
+
+    def hash(self) -> str:
+        """Hash of all that decides the event: equal content gives equal hashes, wherever the file lies."""
+        content = self.model_dump(mode="json", exclude=NOT_HASHED)
+        if is_file(self.train):
+            content["train"] = _digest(self.train)
+        if self.line.file is not None:
+            content["line"]["file"] = _digest(self.line.file)
+        text = json.dumps(content, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def changed(self, **values: Any) -> "Scenario":
+        """A copy with other top-level values, checked anew."""
+        try:
+            return Scenario.model_validate(self.model_dump() | values)
+        except ValidationError as error:
+            raise StudyError(f"scenario {self.name!r}: {explain(Scenario, error)}") from None
+
+
+def _digest(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise StudyError(f"file {path!r} cannot be read: {error.strerror}") from None
+
+
+def shipped_scenarios() -> list[str]:
+    """Names of the scenarios that come with the project, in alphabetical order."""
+    folder = files("studies.scenario") / "shipped"
+    return sorted(
+        item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml")
+    )
+
+
+def default_scenarios() -> "list[Scenario]":
+    """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
+    shipped = [load_scenario(name) for name in shipped_scenarios()]
+    return [scenario for scenario in shipped if scenario.in_default_comparison]
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A shipped scenario by name, or any TOML file by path; paths inside it count from the file's folder.
+
+    Raises `StudyError` naming the file, the key and the reason.
+    """
+    text = str(name_or_path)
+    if not text.endswith(".toml") and "/" not in text:
+        if text not in shipped_scenarios():
+            raise unknown("scenario", text, shipped_scenarios())
+        file = str(files("studies.scenario") / "shipped" / f"{text}.toml")
+    else:
+        file = text
+    data = read_toml(file, "scenario", "`readhesion list` names the shipped ones")
+    path = Path(file)
+    scenario = parse(Scenario, {"name": path.stem} | _resolved(data, path.parent), f"{text}")
+    scenario.event()  # impossible values show now, not in the middle of a study
+    return scenario
+
+
+def _resolved(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The same content with paths of files counted from `folder`."""
+    data = dict(data)
+    if isinstance(data.get("train"), str) and is_file(data["train"]):
+        data["train"] = str(folder / data["train"])
+    line = data.get("line")
+    if isinstance(line, dict) and isinstance(line.get("file"), str):
+        data["line"] = line | {"file": str(folder / line["file"])}
+    return data

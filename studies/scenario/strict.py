@@ -1,0 +1,99 @@
+"""Checked records read from files: frozen, no unknown keys, and errors of one line that name the key."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from studies.core.study_error import StudyError, nearest
+
+
+class Strict(BaseModel):
+    """A frozen record; a key that it does not know is an error."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, str_strip_whitespace=True
+    )
+
+
+class Foreign(BaseModel):
+    """A frozen record of somebody else's format: keys that this project does not use are passed over."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
+    """Content of a TOML file; raises `StudyError` naming `what` kind of file it is, and `hint` where it does not exist."""
+    try:
+        return tomllib.loads(Path(path).read_bytes().decode())
+    except FileNotFoundError:
+        raise StudyError(f"{what} file {path!r} does not exist; {hint}") from None
+    except OSError as error:
+        raise StudyError(f"{what} file {path!r} cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StudyError(f"{what} file {path!r} is not TOML: {error}") from None
+
+
+Record = TypeVar("Record", bound=BaseModel)
+
+
+def parse(kind: type[Record], data: Any, source: str) -> Record:
+    """Check `data` against `kind`; raises `StudyError` with `source`, the first faulty key and the reason."""
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise StudyError(f"{source}: {explain(kind, error)}") from None
+
+
+def explain(kind: type[BaseModel], error: ValidationError) -> str:
+    """One line for the first fault of `error`: misspelt keys first, with the nearest valid key."""
+    faults = error.errors(include_url=False)
+    misspelt = [f for f in faults if f["type"] == "extra_forbidden"]
+    fault = (misspelt or faults)[0]
+    place = tuple(fault["loc"])
+    key = _dotted(place)
+    if fault["type"] == "extra_forbidden":
+        valid = list(_model_at(kind, place[:-1]).model_fields)
+        near = nearest(str(place[-1]), valid)
+        return f"unknown key {key!r}; " + (
+            f"did you mean {near!r}?" if near else f"valid keys: {', '.join(valid)}"
+        )
+    if fault["type"] == "missing":
+        return f"key {key!r} is missing"
+    reason = fault["msg"].removeprefix("Value error, ")
+    reason = reason[0].lower() + reason[1:]
+    if not place:
+        return reason
+    given = fault.get("input")
+    shown = "" if isinstance(given, Mapping | list | BaseModel) else f" = {given!r}"
+    return f"key {key!r}{shown}: {reason}"
+
+
+def _dotted(place: tuple[int | str, ...]) -> str:
+    text = ""
+    for part in place:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            text += f".{part}" if text else part
+    return text
+
+
+def _model_at(kind: type[BaseModel], place: tuple[int | str, ...]) -> type[BaseModel]:
+    """The record type found by following field names (and list positions) from `kind`."""
+    for part in place:
+        if isinstance(part, str) and part in kind.model_fields:
+            kind = _record_in(kind.model_fields[part].annotation) or kind
+    return kind
+
+
+def _record_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _record_in(argument)
+        if found is not None:
+            return found
+    return None

@@ -1,0 +1,62 @@
+"""What a scenario file says about the train."""
+
+from pathlib import Path
+
+from alloc.plant.train import Coupler, InverterGroup, Train
+from studies.scenario.strict import Strict
+from studies.scenario.units import si
+
+
+class CouplerKeys(Strict):
+    """Draft gear between all cars, which makes a rigid train a coupled one: `[coupler]`."""
+
+    stiffness_n_per_m: float
+    stiffening_n_per_m3: float = 0.0
+    damping_ns_per_m: float = 0.0
+    slack_mm: float = 0.0
+
+    def coupler(self) -> Coupler:
+        """The plant's draft gear."""
+        return Coupler(**si(self))
+
+
+class FailureKeys(Strict):
+    """A traction unit (1 = foremost) whose motors fail at a time: `[[failures]]`."""
+
+    unit: int
+    time_s: float = 0.0
+
+
+def is_file(train: str) -> bool:
+    """Whether a train is given as a railtoolkit file and not by the name of a parameter set."""
+    return Path(train).suffix.lower() in (".yaml", ".yml")
+
+
+def build_train(
+    train: str,
+    load_t: tuple[float, ...] | None,
+    coupler: CouplerKeys | None,
+    load_transfer: bool | None,
+    reverse: bool,
+    inverter_group: InverterGroup | None = None,
+) -> Train:
+    """The train of that name or file, loaded, coupled, with other inverter groups and turned round as asked."""
+    from dataclasses import replace
+
+    from alloc.plant.sets import find_set
+    from studies.lines.railtoolkit import read_train
+
+    built = read_train(train) if is_file(train) else find_set(train)
+    if load_t is not None:
+        built = built.loaded(tuple(1e3 * load for load in load_t))
+    if coupler is not None:
+        built = built.coupled(coupler.coupler())
+    if load_transfer is not None:
+        built = replace(built, load_transfer=load_transfer)
+    if inverter_group is not None:
+        cars = tuple(
+            replace(car, motors=replace(car.motors, group=inverter_group)) if car.motors else car
+            for car in built.cars
+        )
+        built = replace(built, cars=cars)
+    return built.reversed() if reverse else built

@@ -1,0 +1,311 @@
+"""What the table of the sweep `slide-protection` says, target by target and finding by finding."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, single
+from studies.slides.electric import electric_statement
+from studies.slides.front import front
+from studies.slides.jp4209318 import BOUNDS, CALIBRATED, RIVALS, parameters
+from studies.slides.targets import (
+    HOLD_OUT,
+    HOLD_OUT_TOLERANCE,
+    TABLE_3,
+    TARGETS,
+    reached,
+    unreached,
+)
+
+STEP_DISTANCE, STEP_DAMAGE = 0.05, 0.01
+"""By how much halving the step may move a distance [m], and Q as a share."""
+JITTER_DISTANCE = 0.05
+"""Standard deviation of a distance [m] that noise of 1e-4 on every parameter may make."""
+COMPUTING = 10.0
+"""Computing time [ms] per simulated second."""
+
+
+def _numbers(row: "pd.Series[Any]") -> dict[str, float]:
+    """What `unreached` asks for, of a row."""
+    return {name: float(row[name]) for name in (*TARGETS, "locked", "slides")}
+
+
+def tables(table: pd.DataFrame, part: str = "tables") -> dict[str, float]:
+    """The targets' numbers from the rows of a part."""
+    rows = table[table["part"] == part].set_index(["cars", "setting"])
+    distance, q = rows["distance"], rows["damage"]
+    medium = float(distance.loc[3, "medium"])
+    return {
+        **{f"distance {cars}": float(distance.loc[cars, "medium"]) for cars in TABLE_3},
+        "Q medium": float(q.loc[3, "medium"]),
+        "Q low": float(q.loc[3, "low"] / q.loc[3, "medium"]),
+        "Q high": float(q.loc[3, "high"] / q.loc[3, "medium"]),
+        "longer high": 100.0 * (float(distance.loc[3, "high"]) / medium - 1.0),
+        "longer low": 100.0 * (float(distance.loc[3, "low"]) / medium - 1.0),
+    }
+
+
+def slide_statements(table: pd.DataFrame) -> list[Statement]:
+    """All statements of the sweep."""
+    found = tables(table)
+    return [
+        _targets("Table 3", "the braking distances of one, two and three cars are the source's",
+                 found, [f"distance {cars}" for cars in TABLE_3]),
+        _held_out(table),
+        _targets("Table 4", "with the sensitivity alone changed, Q and distance are the source's",
+                 found, [name for name in TARGETS if not name.startswith("distance")]),
+        _short_trains(found),
+        *_slips(table),
+        _no_lock(table),
+        _trade(table),
+        _rivals(table),
+        electric_statement(table),
+        _step(table),
+        _jitter(table),
+        _not_unique(table),
+        _computing(table),
+    ]  # fmt: skip
+
+
+def _targets(name: str, claim: str, found: dict[str, float], targets: list[str]) -> Statement:
+    missed = [target for target in targets if not reached(target, found[target])]
+    return Statement(
+        name,
+        claim,
+        HOLDS if not missed else (FAILS if len(missed) == len(targets) else CONDITIONS),
+        {
+            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": single(
+                found[t]
+            )
+            for t in targets
+        },
+        tuple(f"not reached: {target}" for target in missed),
+        "parameters calibrated on these very tables; tolerances: "
+        + ", ".join(f"{target} {TARGETS[target].tolerance:.3g}" for target in targets),
+    )
+
+
+def _held_out(table: pd.DataFrame) -> Statement:
+    row = table[table["part"] == "held out"].iloc[0]
+    predicted = float(row[HOLD_OUT])
+    error = predicted - TABLE_3[2]
+    rest = [name for name in unreached(_numbers(row)) if name != HOLD_OUT]
+    met = abs(error) <= HOLD_OUT_TOLERANCE
+    return Statement(
+        "held out",
+        "fitted to one and three cars only, the distance of two cars comes out within 1 %",
+        FAILS if not met else (CONDITIONS if rest else HOLDS),
+        {
+            "predicted distance of 2 cars [m]; source 414": single(predicted),
+            "error [%]": single(100.0 * error / TABLE_3[2]),
+        },
+        tuple(f"this fit does not reach: {name}" for name in rest),
+    )
+
+
+def _short_trains(found: dict[str, float]) -> Statement:
+    distances = [found[f"distance {cars}"] for cars in (1, 2, 3)]
+    return Statement(
+        "short trains",
+        "short trains brake longer in rain",
+        HOLDS if np.all(np.diff(distances) < 0.0) else FAILS,
+        {f"distance of {k + 1} cars [m]": single(value) for k, value in enumerate(distances)},
+    )
+
+
+def _slips(table: pd.DataFrame) -> list[Statement]:
+    rows = table[(table["part"] == "tables") & (table["cars"] == 3)].set_index("setting")
+    slip = {
+        name: 100.0 * np.array([rows.loc[name, f"slip_{i + 1}"] for i in range(12)], dtype=float)
+        for name in rows.index
+    }
+    claims = {
+        "first axle": ("the first axle slides most", lambda s: s.argmax() == 0),
+        "even axles": (
+            "within a bogie the rear axle slides less, since the valves act per bogie",
+            lambda s: bool((s[1::2] < s[0::2]).all()),
+        ),
+        "further back": (
+            "cars further back slide less",
+            lambda s: bool((np.diff(s.reshape(3, 4).mean(axis=1)) < 0.0).all()),
+        ),
+    }
+    return [
+        Statement(
+            name,
+            claim,
+            HOLDS
+            if all(test(s) for s in slip.values())
+            else (CONDITIONS if test(slip["medium"]) else FAILS),
+            {
+                f"mean slip of axle {i + 1}, medium [%]": single(slip["medium"][i])
+                for i in range(12)
+            },
+            tuple(f"not at {setting} sensitivity" for setting, s in slip.items() if not test(s)),
+            "mean slip ratio while the train runs above 5 km/h",
+        )
+        for name, (claim, test) in claims.items()
+    ]
+
+
+def _no_lock(table: pd.DataFrame) -> Statement:
+    own = table[table["part"].isin(["tables", "halved", "pareto"])]
+    without = table[table["part"] == "none"].iloc[0]
+    return Statement(
+        "no lock",
+        "no wheel locks above 5 km/h under fuzzy slide protection, at any sensitivity",
+        HOLDS
+        if (own["locked_time"] == 0.0).all()
+        else (CONDITIONS if (own[own["part"] != "pareto"]["locked_time"] == 0.0).all() else FAILS),
+        {
+            "longest time at a stand, over the axles [s]": single(own["locked_time"].max()),
+            "without slide protection [s]": single(without["locked_time"]),
+        },
+        tuple(
+            f"locks at sensitivity {row.sensitivity:.3g}"
+            for row in own[own["locked_time"] > 0.0].itertuples()
+        ),
+    )
+
+
+def _trade(table: pd.DataFrame) -> Statement:
+    rows = table[table["part"] == "pareto"].sort_values("sensitivity")
+    own = front(rows)
+    settings = table[(table["part"] == "tables") & (table["cars"] == 3)].set_index("setting")
+    beaten = {
+        name: int(((rows["distance"] < row["distance"]) & (rows["damage"] < row["damage"])).sum())
+        for name, row in settings.iterrows()
+    }
+    rank = rows["sensitivity"].corr(rows["damage"], method="spearman")
+    return Statement(
+        "trade",
+        "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
+        HOLDS if not any(beaten.values()) else (CONDITIONS if min(beaten.values()) == 0 else FAILS),
+        {
+            "rank correlation of sensitivity and Q": single(rank),
+            "sensitivities on the front, of those tried": Interval(
+                len(own) / len(rows), math.nan, math.nan, len(rows)
+            ),
+            **{
+                f"sensitivities that beat {name} in both": single(count)
+                for name, count in beaten.items()
+            },
+        },
+        tuple(f"{name} is beaten in both" for name, count in beaten.items() if count),
+    )
+
+
+def _rivals(table: pd.DataFrame) -> Statement:
+    own = front(table[table["part"] == "pareto"])
+    plain = table[table["part"] == "threshold"]
+    reach = np.interp(plain["damage"], own["damage"][::-1], own["distance"][::-1])
+    longer = plain["distance"].to_numpy() - reach
+    without = table[table["part"] == "none"].iloc[0]
+    return Statement(
+        "threshold",
+        "at the same Q the fuzzy slide protection brakes shorter than plain thresholds",
+        HOLDS if (longer > 0.0).all() else (CONDITIONS if (longer > 0.0).any() else FAILS),
+        {
+            **{
+                f"hold {row.hold:g}, release {row.release:g}: longer by [m], Q [kJ] {row.damage:.0f}": single(
+                    value
+                )
+                for row, value in zip(plain.itertuples(), longer, strict=True)
+            },
+            "without slide protection: distance [m]": single(without["distance"]),
+            "without slide protection: Q [kJ]": single(without["damage"]),
+        },
+        tuple(
+            f"not with hold {row.hold:g}, release {row.release:g}"
+            for row, value in zip(plain.itertuples(), longer, strict=True)
+            if value <= 0.0
+        ),
+        "distance at the same Q interpolated on the front; curve flat beyond its peak, so long slides cost no adhesion here",
+    )
+
+
+def _step(table: pd.DataFrame) -> Statement:
+    rows = [
+        table[table["part"] == part].set_index(["cars", "setting"]) for part in ("tables", "halved")
+    ]
+    distance = (rows[1]["distance"] - rows[0]["distance"]).abs()
+    q = (rows[1]["damage"] / rows[0]["damage"] - 1.0).abs()
+    met = (distance <= STEP_DISTANCE) & (q <= STEP_DAMAGE)
+    return Statement(
+        "step",
+        "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
+        HOLDS if met.all() else (CONDITIONS if met.any() else FAILS),
+        {
+            "largest change of a distance [m]": single(distance.max()),
+            "largest change of Q [%]": single(100.0 * q.max()),
+        },
+        tuple(
+            f"not with {cars} cars, {setting}: {distance.loc[cars, setting]:.3f} m, {100 * q.loc[cars, setting]:.2f} %"
+            for cars, setting in met[~met].index
+        ),
+    )
+
+
+def _jitter(table: pd.DataFrame) -> Statement:
+    rows = table[table["part"] == "jitter"]
+    names = [f"distance {cars}" for cars in TABLE_3]
+    spread = rows[list(TARGETS)].std()
+    met = spread[names] <= JITTER_DISTANCE
+    kept = {name: float(np.mean([reached(name, v) for v in rows[name]])) for name in TARGETS}
+    return Statement(
+        "jitter",
+        "noise of 1e-4 on every parameter moves distances by at most 0.05 m (standard deviation)",
+        HOLDS if met.all() else (CONDITIONS if met.any() else FAILS),
+        {
+            **{
+                f"{name} [{TARGETS[name].unit}]: mean, least and greatest; deviation {spread[name]:.2g}": Interval(
+                    rows[name].mean(), rows[name].min(), rows[name].max(), len(rows)
+                )
+                for name in TARGETS
+            },
+            **{f"share of draws that reach {name}": single(share) for name, share in kept.items()},
+        },
+        tuple(f"not of {name}" for name in met[~met].index),
+        "limits are ranges, not confidence",
+    )
+
+
+def _not_unique(table: pd.DataFrame) -> Statement:
+    rows = table[table["part"] == "rival"]
+    good = [
+        rival
+        for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True)
+        if not unreached(_numbers(row))
+    ]
+    sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
+    ranges = {name: [values[name] for values in sets] for name in BOUNDS}
+    return Statement(
+        "not unique",
+        "the tables determine the undisclosed curves and rules",
+        FAILS if good else CONDITIONS,
+        {
+            "other sets that reach every target": single(len(good)),
+            **{
+                f"{name}: calibrated; range of the sets": Interval(
+                    values[0], min(values), max(values), len(values)
+                )
+                for name, values in ranges.items()
+            },
+        },
+        () if good else ("no second set was found that reaches all",),
+        "limits are ranges of the sets found, not confidence",
+    )
+
+
+def _computing(table: pd.DataFrame) -> Statement:
+    rows = table[(table["part"] == "tables") & (table["cars"] == 3)]
+    value = float(rows["computing"].min())
+    return Statement(
+        "computing",
+        "a simulated second of twelve axles at 1 ms takes at most 10 ms of computing",
+        HOLDS if value <= COMPUTING else FAILS,
+        {"least of the runs of three cars [ms per simulated s]": single(value)},
+        method="of the machine that made the table; the least, for others may have disturbed it",
+    )
