@@ -82,7 +82,7 @@ def compare(
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
     from studies.core.code_version import code_hash
-    from studies.core.runner import run_grid
+    from studies.core.runner import run_cells
     from studies.core.store import Store
 
     count = process_count(jobs)
@@ -95,8 +95,8 @@ def compare(
     )
     store = Store(out)
     with progress() as on_row:
-        table = run_grid(
-            grid, store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
+        table = run_cells(
+            grid.jobs(), store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
         )
     lines = summarise(table)
     failed = int((table["status"] != "ok").sum())
@@ -107,7 +107,7 @@ def compare(
             "scenarios": {
                 s.name: {"title": s.title, "hash": s.hash(), "case": s.case} for s in chosen
             },
-            "code": code_hash(),
+            "code": code_hash("studies.core.job"),
             "cores": process_count(None),
             **provenance(),
         }
@@ -169,7 +169,6 @@ def simulate(
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
     from studies.comparison.defaults import check_names
-    from studies.core.controllers import host_factories
     from studies.core.job import Job, simulate_job
     from studies.logs.export import check_log_path, write_log
     from studies.scenario.scenario import load_scenario
@@ -183,7 +182,7 @@ def simulate(
             check_writable(path)
     if log is not None:
         check_log_path(log)
-    run = simulate_job(Job(chosen, rule, controller, seed), host_factories(controller))
+    run = simulate_job(Job(chosen, rule, controller, seed))
     values = evaluate(run)
     if out is not None:
         save(run, out)
@@ -240,16 +239,16 @@ def sweep(
     as_json
         Print JSON instead of text.
     """
-    from studies.core.collection import find_sweep, sweep_folder
+    from studies.core.collection import find_study, study_folder
     from studies.core.statement_report import about, printed
 
-    chosen = find_sweep(name)
+    chosen = find_study(name)
     if events is not None and events < 1:
         raise StudyError(f"--events {events}: give the number of events, 1 or more")
     if seed < 0:
         raise StudyError(f"--seed {seed}: must be 0 or greater")
-    count = chosen.DEFAULT_EVENTS if events is None else events
-    folder = sweep_folder(out, name)
+    count = chosen.default_events if events is None else events
+    folder = study_folder(out, name)
     with progress() as on_row:
         table = chosen.run(folder, count, seed, process_count(jobs), on_row)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
