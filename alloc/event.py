@@ -5,12 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from alloc.errors import SimulationError
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import Floats, Model
-
-
-class SimulationError(ValueError):
-    """A run cannot be made as asked; the message names the reason and what to do."""
 
 
 @dataclass(frozen=True)

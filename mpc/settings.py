@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from alloc.number_fault import number_fault
+from alloc.errors import number_fault
 
 CODES = ("numba", "c")
 """Ways of compiling the model."""

@@ -94,13 +94,6 @@ def coupler_spring_force(stretch, stiffness, stiffening):
 
 
 @equation
-def coupler_spring_energy(stretch, stiffness, stiffening):
-    """Elastic energy of a draft gear [J]."""
-    square = stretch * stretch
-    return square * (0.5 * stiffness + 0.25 * stiffening * square)
-
-
-@equation
 def coupler_damper_force(stretch, rate, damping):
     """Damping tension of a draft gear [N]: none inside the slack, full at 1 mm beyond it."""
     return damping * rate * minimum(absolute(stretch) / 1e-3, 1.0)

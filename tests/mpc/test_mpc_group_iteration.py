@@ -7,7 +7,7 @@ from mpc import GroupSettings, MpcError, MpcSettings
 from mpc.condensing import TORQUE_SCALE, UNIT_SHARE
 from mpc.group_belief import even_split
 from mpc.real_time import RealTimeIteration
-from mpc.reference import ReferenceSolver
+from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.mpc.groups import UNLOADING, car_of_four, problem, rolling, small_cars
 
 EVENNESS = 0.05

@@ -9,7 +9,6 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.array_model import environment_at
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
@@ -21,6 +20,7 @@ from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.mpc.groups import problem, small_cars, unit
+from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
 SHORT = MpcSettings(horizon=5, exact_hessian=True)

@@ -5,12 +5,12 @@ import importlib.util
 import numpy as np
 import pytest
 
-from mpc.acados_peer import AcadosSolver
-from mpc.fatrop_peer import FatropSolver
 from mpc.real_time import RealTimeIteration
-from mpc.reference import ReferenceSolver
 from mpc.settings import MpcSettings
-from mpc.stages import stages
+from tests.benchmarks.acados_peer import AcadosSolver
+from tests.benchmarks.fatrop_peer import FatropSolver
+from tests.benchmarks.ipopt_peer import ReferenceSolver
+from tests.benchmarks.stages import stages
 
 SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7)
 SCALE_ERROR = 1e-4
