@@ -9,9 +9,9 @@ import xarray as xr
 
 from alloc.recording import load
 from studies.comparison.defaults import KEPT_RUNS, default_grid
-from studies.core.controllers import host_factories
+from studies.core.cell import key_of
 from studies.core.job import Job, simulate_job
-from studies.core.runner import run_grid
+from studies.core.runner import run_cells
 from studies.core.store import Store
 from studies.scenario.scenario import load_scenario
 
@@ -43,13 +43,15 @@ class Source:
         """Rows of the comparison that succeeded."""
         table = self._table
         if table is None:
-            table = run_grid(default_grid(), self.store, self.jobs, KEPT_RUNS, on_row=self.on_row)
+            table = run_cells(
+                default_grid().jobs(), self.store, self.jobs, KEPT_RUNS, on_row=self.on_row
+            )
         return table[table["status"] == "ok"]
 
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
         job = Job(load_scenario(scenario), rule, controller, seed)
-        path = self.store.run_path(job.key)
+        path = self.store.run_path(key_of(job))
         if path.exists():
             return load(path)
-        return simulate_job(job, host_factories(controller))
+        return simulate_job(job)

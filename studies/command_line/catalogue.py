@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from alloc.metrics import METRICS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
-from studies.core.collection import SWEEPS
+from studies.core.collection import all_studies
 from studies.core.controllers import controller_names
 from studies.logs.columns import column_names
 from studies.scenario.scenario import load_scenario, shipped_scenarios
@@ -36,7 +36,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},
         "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
         "trains": {name: _train(name) for name in SETS},
-        "sweeps": {name: sweep.DESCRIPTION for name, sweep in SWEEPS.items()},
+        "sweeps": {name: study.question for name, study in all_studies().items()},
         "figures": dict(figures),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")

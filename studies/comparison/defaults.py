@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from alloc.rules import RULES
+from studies.comparison.grid import Grid
 from studies.core.controllers import host_factories
-from studies.core.runner import Grid, check_rules
+from studies.core.runner import check_rules
 from studies.core.study_error import StudyError, unknown
 from studies.scenario.scenario import Scenario, default_scenarios
 

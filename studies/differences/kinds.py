@@ -123,7 +123,12 @@ EVENTS: dict[str, Callable[[Generator], Scenario]] = {
 """Kind -> a slip event of that kind: start on rail on which the front is short and the whole is not, or hardly."""
 
 
+def event_name(seed: int, kind: str, k: int) -> str:
+    """Name of event `k` of a kind."""
+    return f"{kind.replace(' ', '-')}-{seed}-{k:04d}"
+
+
 def event(seed: int, kind: str, k: int) -> Scenario:
     """Event `k` of a kind, from `seed`, kind and `k` alone."""
     generator = np.random.default_rng([seed, k, 101 + list(KINDS).index(kind)])
-    return EVENTS[kind](generator).changed(name=f"{kind.replace(' ', '-')}-{seed}-{k:04d}")
+    return EVENTS[kind](generator).changed(name=event_name(seed, kind, k))
