@@ -50,7 +50,7 @@ def test_a_stage_is_a_step_of_the_model(context, random_problem):
     iteration._linearise(problem)
     controls = np.full(SETTINGS.horizon, 400.0 / made.torque_scale)
     trajectory = made.rollout(problem, controls)
-    expected = iteration._nodes[1:]
+    expected = iteration._now.nodes[1:]
     np.testing.assert_allclose(trajectory[:, :-1] * made.scale[:-1], expected, rtol=1e-9)
     np.testing.assert_allclose(trajectory[:, -1] * made.scale[-1], 400.0)
     slip = expected[:, 1:5] * context.radius - expected[:, :1]
