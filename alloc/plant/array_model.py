@@ -12,18 +12,14 @@ from numpy.typing import NDArray
 from alloc.plant.adhesion import tangential_coefficient
 from alloc.plant.equations import (
     axle_load,
+    car_drag,
     car_rail_force,
-    coupler_damper_force,
-    coupler_spring_force,
-    coupler_stretch,
+    coupler_forces,
     cylinder_pressure_rate,
-    gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
-    running_resistance,
-    shoe_torque,
     slip_velocity,
-    wheel_acceleration,
+    wheelset,
 )
 from alloc.plant.model import Inputs, Layout, Model, Structure
 
@@ -94,8 +90,15 @@ class ArrayModel:
         )
         return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
 
-    def shoe_torques(self, state: Array, force: Array) -> Array:
-        """Torque of the brake shoes on every wheelset [N m] under its rail force [N], against its rotation."""
+    def motor_torques(self, state: Array) -> Array:
+        """Torque of the motors on every wheelset [N m], at the wheel."""
+        omega = state[self.layout.omega]
+        return self._column(self.structure.gear, omega) * (
+            self.unit_of_axle @ state[self.layout.torque]
+        )
+
+    def wheelsets(self, state: Array, force: Array) -> tuple[Array, Array]:
+        """Torque of the brake shoes on every wheelset [N m] under its rail force [N], and angular acceleration [rad/s2]."""
         s, n = self.structure, self.layout
         omega = state[n.omega]
         radius = self._column(s.radius, omega)
@@ -103,8 +106,18 @@ class ArrayModel:
         grip = hyperbolic_speed_law(self.body_of_axle @ state[n.speed], a, o, c)
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
-        motor = self._column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
-        return shoe_torque(motor - radius * force, omega, limit, self._column(s.inertia, omega))
+        inertia = self._column(s.inertia, omega)
+        shoe, rate = wheelset(self.motor_torques(state), force, radius, omega, limit, inertia)
+        return shoe, rate
+
+    def coupler_forces(self, state: Array) -> tuple[Array, Array]:
+        """Tension of every coupler and the part of it that damps [N], (bodies - 1,)."""
+        n = self.layout
+        speed = state[n.speed]
+        gear = (self._column(self.structure.coupler[:, k], speed) for k in range(4))
+        elongation = self.stretch_of_body @ state[n.position]
+        tension, damper = coupler_forces(elongation, self.stretch_of_body @ speed, *gear)
+        return tension, damper
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
         """Derivative of the state, (rows,) or (rows, lanes); rows as in `Layout`."""
@@ -112,21 +125,12 @@ class ArrayModel:
         column = self._column
         speed, omega = state[n.speed], state[n.omega]
         slip, _, force = self.forces(state, local.peak)
-        radius, inertia = column(s.radius, omega), column(s.inertia, omega)
-        motor = column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
-        shoe = self.shoe_torques(state, force)
-        omega_rate = wheel_acceleration(motor, force, radius, shoe, inertia)
-
+        shoe, omega_rate = self.wheelsets(state, force)
         car_speed = self.body_of_car @ speed
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
-        drag = running_resistance(car_speed, r0, r1, r2, local.air_factor) + gradient_force(
-            column(s.car_mass, car_speed), local.grade
-        )
-        stiffness, stiffening, damping, slack = (column(s.coupler[:, k], speed) for k in range(4))
-        stretch = coupler_stretch(self.stretch_of_body @ state[n.position], slack)
-        rate = self.stretch_of_body @ speed
-        damper = coupler_damper_force(stretch, rate, damping)
-        tension = coupler_spring_force(stretch, stiffness, stiffening) + damper
+        mass = column(s.car_mass, car_speed)
+        drag = car_drag(car_speed, r0, r1, r2, local.air_factor, mass, local.grade)
+        tension, damper = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force
             - self.body_of_car.T @ drag
@@ -147,7 +151,12 @@ class ArrayModel:
             column(s.group_fill, omega),
             column(s.group_release, omega),
         )
-        works = (motor * omega, shoe * omega, drag * car_speed, damper * rate)
+        works = (
+            self.motor_torques(state) * omega,
+            shoe * omega,
+            drag * car_speed,
+            damper * (self.stretch_of_body @ speed),
+        )
         return self._stack(
             [
                 speed,

@@ -299,7 +299,7 @@ def _environment(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """A train on a line, in one or more lanes; build it with `build`."""
 
@@ -310,6 +310,10 @@ class Model:
     structure: Structure
     environment: Environment
     span: tuple[float, float]
+
+    def __repr__(self) -> str:
+        lanes = "" if self.lanes == 1 else f", first of {self.lanes} lanes"
+        return f"<Model: {self.train!r} on {self.rails[0]!r}{lanes}>"
 
     @property
     def lanes(self) -> int:

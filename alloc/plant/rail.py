@@ -59,7 +59,7 @@ def logarithmic_increments(
     return slope * np.log(np.arange(1, axle_count + 1)) + offset
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rail:
     """Adhesion field. `level` scales the speed law (the coefficient itself where the law is `none`).
 
@@ -121,6 +121,13 @@ class Rail:
             raise PlantError(f"rail: seed = {self.seed!r} must be a whole number, 0 or greater")
         if self.increments is not None:
             PlantError.check("rail", self, finite=("increments[]",))
+
+    def __repr__(self) -> str:
+        law = self.speed_law if isinstance(self.speed_law, str) else "own"
+        return (
+            f"<Rail: level {self.level:g}, speed law {law}, {len(self.patches)} patches, "
+            f"scatter {self.scatter:g}, {type(self.curve).__name__}>"
+        )
 
     def speed_law_coefficients(self) -> tuple[float, float, float]:
         """Numerator, offset and constant of the speed law, scaled by `level`."""

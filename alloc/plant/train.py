@@ -286,7 +286,7 @@ class Coupler:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Train:
     """A train in its running order, foremost car first.
 
@@ -316,6 +316,13 @@ class Train:
                 f"train {self.name!r}: {len(self.couplers)} couplers for {len(self.cars)} cars; "
                 f"give {len(self.cars) - 1}, or none for a rigid train"
             )
+
+    def __repr__(self) -> str:
+        units = sum(len(car.units()) for car in self.cars)
+        return (
+            f"<Train {self.name!r}: {len(self.cars)} cars, {self.axle_count} axles, {units} units, "
+            f"{self.mass / 1e3:.1f} t, {'rigid' if self.couplers is None else 'coupled'}>"
+        )
 
     @property
     def mass(self) -> float:
