@@ -13,7 +13,7 @@ from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, check_log
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 COLOURS = LinearSegmentedColormap.from_list("axles", ["#0b2a5b", "#3f7fb5", "#7fb7a0", "#e3b23c"])

@@ -11,7 +11,7 @@ from alloc.onboard import Detector
 from alloc.spans import spans
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "alone", "cut-and-ramp"
 UNIT = 0

@@ -13,7 +13,7 @@ from studies.core.cell import key_of
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 OnRow = Callable[[str, int, int], None]
 

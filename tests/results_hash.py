@@ -25,7 +25,7 @@ from studies.core.collection import find_study
 from studies.core.controllers import HOSTED, controller_names
 from studies.core.job import Job, simulate_job
 from studies.core.statement import Statement
-from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.scenario.loading import load_scenario, shipped_scenarios
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic

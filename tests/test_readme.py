@@ -11,7 +11,7 @@ from alloc.simulation import CONTROLLERS
 from paper_figs import FIGURES
 from studies.core.collection import SWEEPS
 from studies.core.controllers import HOSTED
-from studies.scenario.scenario import shipped_scenarios
+from studies.scenario.loading import shipped_scenarios
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)

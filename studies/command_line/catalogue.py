@@ -9,7 +9,7 @@ from alloc.rules import RULES
 from studies.core.collection import all_studies
 from studies.core.controllers import controller_names
 from studies.logs.columns import column_names
-from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.scenario.loading import SCENARIOS, load_scenario
 
 CONTROLLER_MEANINGS = {
     "none": "torque follows the limit whatever the wheels do",
@@ -30,7 +30,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
 
     `figures`: name -> meaning; the figures stand above this package and come from outside.
     """
-    scenarios = {name: load_scenario(name) for name in shipped_scenarios()}
+    scenarios = {name: load_scenario(name) for name in SCENARIOS}
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},

@@ -51,7 +51,7 @@ def simulate(
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
     from studies.logs.export import check_log_path, write_log
-    from studies.scenario.scenario import load_scenario
+    from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])

@@ -94,7 +94,7 @@ from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, run_cases
 from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.resistance.learners import convergence
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering

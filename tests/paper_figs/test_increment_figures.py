@@ -14,7 +14,7 @@ from paper_figs.source import Source
 from studies.core.job import Job, simulate_job
 from studies.core.store import Store
 from studies.learning.series import TOLERANCE
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from tests.studies.learning_tables import falling, synthetic
 
 
