@@ -57,9 +57,8 @@ def launch(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130."""
-    from alloc.estimation.errors import EstimationError
+    from alloc.errors import EstimationError, PlantError
     from alloc.onboard import OnboardError
-    from alloc.plant.errors import PlantError
     from alloc.rules import AllocationError
     from alloc.simulation import SimulationError
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import xarray as xr
 
+from alloc.canonical import canonical
 from studies.core.code_version import code_hash
 from studies.core.plugins import load_plugins
 from studies.core.study_error import StudyError
@@ -74,7 +75,7 @@ class Task:
     @property
     def identity(self) -> Mapping[str, Any]:
         """Label, columns and arguments."""
-        return {"label": self.label, **dict(self.columns), "arguments": repr(self.arguments)}
+        return {"label": self.label, **dict(self.columns), "arguments": canonical(self.arguments)}
 
     @property
     def sources(self) -> tuple[str, ...]:

@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
+from alloc.errors import PlantError
 from alloc.onboard import OnboardError
 from alloc.onboard.equipment import equipment
-from alloc.plant.errors import PlantError
 from alloc.plant.model import build
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from mpc import MpcController, MpcSettings
+from mpc.settings import MpcSettings
+from mpc.unit_controller import MpcController
 from studies.scenario.loading import load_scenario
 from tests.mpc.drop import drop_event, run_mpc
 
