@@ -184,12 +184,12 @@ class ShapedCurve(AdhesionCurve):
     def steepest_slope(self, peak: float) -> float:
         """Greatest slope between knots [s/m]."""
         table = self.q
-        slip = table[0] * _SHARES / (1.0 - _SHARES)
-        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(slip))))
+        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(table[0] * _KNOTS))))
 
 
-SHAPE_KNOTS = 4096
-_SHARES = np.linspace(0.0, 1.0, SHAPE_KNOTS + 1) * (1.0 - 1e-6)
+SHAPE_KNOTS = 16_384
+_KNOTS = np.append(np.arange(SHAPE_KNOTS) / np.arange(SHAPE_KNOTS, 0, -1), 1e6)
+"""Slip over that of the peak at equal steps of slip / (slip + that of the peak); the last, infinity, as a large number."""
 
 
 @lru_cache(maxsize=32)
@@ -204,7 +204,7 @@ def _shape_table(curve: ShapedCurve) -> NDArray[np.float64]:
     top = int(values.argmax())
     if not 0 < top < slip.size - 1 or abs(values[0]) > 1e-6 * values[top]:
         raise PlantError(f"{owner}: shape must rise from 0 to one maximum below 20 m/s")
-    at_knots = np.asarray(curve.shape(slip[top] * _SHARES / (1.0 - _SHARES)), dtype=float)
+    at_knots = np.asarray(curve.shape(slip[top] * _KNOTS), dtype=float)
     table = np.concatenate([[slip[top]], at_knots / values[top]])
     table.flags.writeable = False
     return table
