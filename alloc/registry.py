@@ -48,9 +48,8 @@ class Registry(Mapping[str, Part], Generic[Part]):
         return self._installed[name].module if name in self._installed else self._origins[name]
 
     def __getitem__(self, name: str) -> Part:
-        if name not in self._parts and name in self._installed:
-            self._parts[name] = self._installed[name].load()
-        return self._parts[name]
+        # parts that are loaded stay where they are, so that the order of names does not tell what was asked for
+        return self._parts[name] if name in self._parts else self._installed[name].load()
 
     def __iter__(self) -> Iterator[str]:
         return iter(dict.fromkeys([*self._parts, *self._installed]))
