@@ -12,7 +12,7 @@ from alloc.estimation.running_resistance import (
     LeastSquaresLearner,
     NormalisedGradientLearner,
 )
-from alloc.metrics import jerk
+from alloc.metrics.motion import jerk
 from alloc.onboard.speed_control import (
     Feedback,
     Learning,
