@@ -14,7 +14,8 @@ from alloc.plant.equations import GRAVITY
 from alloc.plant.train import InverterGroup
 from alloc.simulation import simulate
 from mpc.hosted import MPC
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, Statement, single
+from studies.core.statement import Statement
+from studies.core.verdict import over_cases
 from studies.slides.electric_event import FADE_SPEED, electric_event
 from studies.slides.front import front
 from studies.slides.jp4209318 import CALIBRATED
@@ -59,22 +60,16 @@ def electric_statement(table: pd.DataFrame) -> Statement:
     reach = np.interp(rows["damage"], by_damage["damage"], by_damage["distance"])
     longer = rows["distance"].to_numpy() - reach
     mpc = (rows["controller"] == MPC.name).to_numpy()
-    shorter = dict(zip(rows["group"][mpc], longer[mpc] < -DECIDED, strict=True))
-    met = list(shorter.values())
-    verdict = HOLDS if all(met) else (CONDITIONS if any(met) else FAILS)
+    shorter = zip(rows["group"][mpc], longer[mpc] < -DECIDED, strict=True)
     numbers = {
-        f"{row.group}, {row.controller}: longer than the front by [m], Q [kJ] {row.damage:.0f}": single(
-            value
-        )
+        f"{row.group}, {row.controller}: longer than the front by [m], Q [kJ] {row.damage:.0f}": value
         for row, value in zip(rows.itertuples(), longer.tolist(), strict=True)
     }
-    worst = float(rows["reference_error"].max())
-    return Statement(
+    return over_cases(
         "electric brake",
         "an electric brake whose units hold their slip by the MPC brakes shorter than the front at the same Q",
-        verdict,
-        {**numbers, "largest error of the reference speed [m/s]": single(worst)},
-        tuple(f"not with {group}" for group, holds in shorter.items() if not holds),
+        {f"not with {group}": bool(holds) for group, holds in shorter},
+        {**numbers, "largest error of the reference speed [m/s]": rows["reference_error"].max()},
         "front: sensitivities of the fuzzy slide protection that none beats in distance and Q; at its ends the nearest "
         f"holds. Same rail and brake force, each unit alone, believed curve true, no axle runs free; {DECIDED:g} m count",
     )

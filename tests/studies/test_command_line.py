@@ -74,7 +74,7 @@ def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
 
 def test_a_second_call_runs_nothing(call, small, monkeypatch):
     first = call("compare", *small, "--no-figures", "--json")
-    monkeypatch.setattr("studies.core.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
     assert call("compare", *small, "--no-figures", "--json")[1] == first[1]
 
 
