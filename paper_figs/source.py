@@ -1,25 +1,25 @@
-"""Where figures get their data: a comparison's folder, in which what is missing is run first."""
+"""Where figures get their data: a folder of results, in which what is missing is run first."""
 
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import xarray as xr
 
 from alloc.recording import load
 from studies.comparison.defaults import KEPT_RUNS, default_grid
+from studies.core.collection import OnRow, find_sweep, sweep_folder
 from studies.core.controllers import host_factories
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_grid
 from studies.core.store import Store
 from studies.scenario.scenario import load_scenario
 
-OnRow = Callable[[str, int, int], None]
-
 
 class Source:
-    """Data of a comparison: `table` of its rows, recorded `run`s. Both are computed only when a figure asks."""
+    """Data of a comparison, of its recorded runs and of studies; computed only when a figure asks."""
 
     def __init__(
         self,
@@ -53,3 +53,48 @@ class Source:
         if path.exists():
             return load(path)
         return simulate_job(job, host_factories(controller))
+
+    def study(
+        self, name: str, least: int, instead: Callable[[], pd.DataFrame] | None = None
+    ) -> pd.DataFrame:
+        """Table of a study, of the events that the results hold, `least` or more of them.
+
+        Where they hold none, `instead` gives the table if there is one.
+        """
+        study: Any = find_sweep(name)
+        folder = sweep_folder(self.store.folder, name)
+        stored = study.stored(folder)
+        if isinstance(stored, pd.DataFrame):
+            return stored
+        if not stored and instead is not None:
+            return instead()
+        found: pd.DataFrame = study.run(folder, max(least, stored or 0), 0, self.jobs, self.on_row)
+        return found
+
+
+Need = Callable[[Source], Any]
+"""What a figure needs, stated where it registers: gives its data."""
+
+
+def comparison(source: Source) -> pd.DataFrame:
+    """Need: the rows of the comparison."""
+    return source.table
+
+
+def recorded(scenario: str, rule: str, controller: str) -> Need:
+    """Need: a recorded run of a shipped scenario."""
+    return lambda source: source.run(scenario, rule, controller)
+
+
+def study(
+    name: str, least: int | None = None, instead: Callable[[], pd.DataFrame] | None = None
+) -> Need:
+    """Need: a study's table as `Source.study` gives it, by default of the study's own number of events."""
+    return lambda source: source.study(
+        name, find_sweep(name).DEFAULT_EVENTS if least is None else least, instead
+    )
+
+
+def made(make: Callable[..., Any], *arguments: Any) -> Need:
+    """Need: data that are made on the spot, without the results."""
+    return lambda source: make(*arguments)

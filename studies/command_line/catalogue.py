@@ -1,13 +1,13 @@
 """What there is to choose from, by kind and name."""
 
 import sys
-from collections.abc import Mapping
 
 from alloc.metrics import METRICS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import SWEEPS
 from studies.core.controllers import controller_names
+from studies.core.figures import gallery
 from studies.logs.columns import column_names
 from studies.scenario.scenario import load_scenario, shipped_scenarios
 
@@ -25,11 +25,8 @@ CONTROLLER_MEANINGS = {
 }
 
 
-def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Kind -> name -> one line of meaning, of all that a command can be told.
-
-    `figures`: name -> meaning; the figures stand above this package and come from outside.
-    """
+def catalogue() -> dict[str, dict[str, str]]:
+    """Kind -> name -> one line of meaning, of all that a command can be told."""
     scenarios = {name: load_scenario(name) for name in shipped_scenarios()}
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
@@ -37,7 +34,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
         "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
         "trains": {name: _train(name) for name in SETS},
         "sweeps": {name: sweep.DESCRIPTION for name, sweep in SWEEPS.items()},
-        "figures": dict(figures),
+        "figures": dict(gallery().descriptions()),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")
             for name, m in METRICS.items()

@@ -122,9 +122,9 @@ def compare(
             + f"; table in {store.path}"
         )
     if figures:
-        from paper_figs import comparison_figures
+        from studies.core.figures import gallery
 
-        written = comparison_figures(table, store, store.folder / "figures")
+        written = gallery().draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return ALL_FAILED if failed == len(table) else 0
@@ -190,9 +190,9 @@ def simulate(
     if log is not None:
         write_log(run, chosen.event(seed).model.train, log)
     if figure is not None:
-        from paper_figs import draw_run
+        from studies.core.figures import gallery
 
-        draw_run(run, figure)
+        gallery().draw_run(run, figure)
     if as_json:
         about = {"scenario": chosen.name, "rule": rule, "controller": controller, "seed": seed}
         numbers = {name: None if value != value else value for name, value in values.items()}
@@ -290,15 +290,16 @@ def figures(
     jobs
         Number of processes for that [default: one per core].
     """
-    from paper_figs import FIGURES, draw_figures
+    from studies.core.figures import gallery
     from studies.core.study_error import unknown
 
+    known = gallery().descriptions()
     for name in names:
-        if name not in FIGURES:
-            raise unknown("figure", name, FIGURES)
+        if name not in known:
+            raise unknown("figure", name, known)
     count = process_count(jobs)
     with progress() as on_row:
-        written = draw_figures(names or tuple(FIGURES), out, results, count, on_row)
+        written = gallery().draw_figures(names or tuple(known), out, results, count, on_row)
     for path in written:
         print(path)
 
@@ -315,10 +316,9 @@ def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = F
     from rich.markup import escape
     from rich.table import Table
 
-    from paper_figs import FIGURES
     from studies.command_line.catalogue import catalogue
 
-    content = catalogue({name: figure.description for name, figure in FIGURES.items()})
+    content = catalogue()
     if as_json:
         print(json.dumps(content, indent=2))
         return
