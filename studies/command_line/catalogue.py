@@ -1,22 +1,19 @@
 """What there is to choose from, by kind and name."""
 
 import sys
-from collections.abc import Mapping
 
 from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import all_studies
+from studies.core.figures import gallery
 from studies.logs.columns import column_names
 from studies.scenario.loading import SCENARIOS, load_scenario
 
 
-def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Kind -> name -> one line of meaning, of all that a command can be told.
-
-    `figures`: name -> meaning; the figures stand above this package and come from outside.
-    """
+def catalogue() -> dict[str, dict[str, str]]:
+    """Kind -> name -> one line of meaning, of all that a command can be told."""
     scenarios = {name: load_scenario(name) for name in SCENARIOS}
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
@@ -24,7 +21,7 @@ def catalogue(figures: Mapping[str, str]) -> dict[str, dict[str, str]]:
         "controllers": {name: found.meaning for name, found in CONTROLLERS.items()},
         "trains": {name: _train(name) for name in SETS},
         "sweeps": {name: study.question for name, study in all_studies().items()},
-        "figures": dict(figures),
+        "figures": dict(gallery().descriptions()),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")
             for name, m in METRICS.items()

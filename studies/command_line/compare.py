@@ -104,9 +104,9 @@ def compare(
             + f"; table in {store.path}"
         )
     if figures:
-        from paper_figs import comparison_figures
+        from studies.core.figures import gallery
 
-        written = comparison_figures(table, store, store.folder / "figures")
+        written = gallery().draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return ALL_FAILED if failed == len(table) else 0

@@ -25,14 +25,15 @@ def figures(
     jobs
         Number of processes for that [default: one per core].
     """
-    from paper_figs import FIGURES, draw_figures
+    from studies.core.figures import gallery
     from studies.core.study_error import unknown
 
+    known = gallery().descriptions()
     for name in names:
-        if name not in FIGURES:
-            raise unknown("figure", name, FIGURES)
+        if name not in known:
+            raise unknown("figure", name, known)
     count = process_count(jobs)
     with progress() as on_row:
-        written = draw_figures(names or tuple(FIGURES), out, results, count, on_row)
+        written = gallery().draw_figures(names or tuple(known), out, results, count, on_row)
     for path in written:
         print(path)

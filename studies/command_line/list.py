@@ -19,10 +19,9 @@ def list_names(*, as_json: Annotated[bool, Parameter("--json", negative=())] = F
     from rich.markup import escape
     from rich.table import Table
 
-    from paper_figs import FIGURES
     from studies.command_line.catalogue import catalogue
 
-    content = catalogue({name: figure.description for name, figure in FIGURES.items()})
+    content = catalogue()
     if as_json:
         print(json.dumps(content, indent=2))
         return

@@ -69,9 +69,9 @@ def simulate(
     if log is not None:
         write_log(run, chosen.event(seed).model.train, log)
     if figure is not None:
-        from paper_figs import draw_run
+        from studies.core.figures import gallery
 
-        draw_run(run, figure)
+        gallery().draw_run(run, figure)
     if as_json:
         about = {"scenario": chosen.name, "rule": rule, "controller": controller, "seed": seed}
         numbers = {name: None if value != value else value for name, value in values.items()}

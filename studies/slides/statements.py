@@ -211,7 +211,7 @@ def _step(table: pd.DataFrame) -> Statement:
         "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
         {
             f"not with {run[0]} cars, {run[1]}: {distance.loc[run]:.3f} m, {100 * q.loc[run]:.2f} %": bool(good)
-            for run, good in met.items()
+            for run, good in zip(met.index.tolist(), met, strict=True)
         },
         {
             "largest change of a distance [m]": distance.max(),
