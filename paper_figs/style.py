@@ -15,18 +15,9 @@ from matplotlib.ticker import Locator, NullLocator
 from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.rules import RULES
 from paper_figs.palette import (
-    BLACK,
-    BLUE,
     DARK,
-    GREEN,
-    GREY,
-    OLIVE,
-    ORANGE,
-    PINK,
-    PURPLE,
-    SKY,
-    VERMILION,
 )
 from studies.core.statement import Interval
 
@@ -40,18 +31,6 @@ TRAIN_COLOURS = LinearSegmentedColormap.from_list(
 """From the front of the train (dark) to its rear (light); lightness alone tells them apart."""
 BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 """Look of the line that a statement is judged by."""
-
-RULE_COLOURS: dict[str, str] = {
-    "alone": GREY, "preset": OLIVE, "sharing": ORANGE, "greedy": VERMILION, "greedy-claim": PINK,
-    "exact": BLUE, "qp": SKY, "qp-cvxpy": GREEN, "qp-robust": PURPLE, "oracle": BLACK,
-}  # fmt: skip
-OTHER_COLOUR = "#882255"
-"""Of a rule that has no colour of its own yet."""
-
-RULE_MARKERS: dict[str, str] = {
-    "alone": "o", "preset": "v", "sharing": "^", "greedy": "s", "greedy-claim": "D",
-    "exact": "P", "qp": "X", "qp-cvxpy": "<", "qp-robust": ">", "oracle": "*",
-}  # fmt: skip
 
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
 """How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
@@ -81,12 +60,12 @@ def new_panels(
 
 def rule_colour(rule: str) -> str:
     """The rule's colour, the same in every figure."""
-    return RULE_COLOURS.get(rule, OTHER_COLOUR)
+    return RULES[rule].colour
 
 
 def rule_marker(rule: str) -> str:
     """The rule's marker, so that colour is never the only sign."""
-    return RULE_MARKERS.get(rule, "h")
+    return RULES[rule].marker
 
 
 def rule_look(rule: str) -> Look:

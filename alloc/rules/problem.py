@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import AllocationError
-from alloc.rules.greedy import ROUNDING
+from alloc.rules.reach import ROUNDING
 
 Floats = NDArray[np.float64]
 
