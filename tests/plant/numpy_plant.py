@@ -69,7 +69,8 @@ def environment_at(
         speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning
     )
     place = (state[n.position][s.car_body] + s.car_offset[:, None] - e.line_origin) / e.line_spacing
-    rim = np.abs(arrays.unit_rim_speed(state[n.omega])) / EFFORT_SPEED_STEP
+    rim = arrays.unit_of_axle.T @ (s.radius[:, None] * state[n.omega]) / s.unit_axles[:, None]
+    rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
     both = np.broadcast_to
