@@ -8,6 +8,7 @@ import numpy as np
 
 from alloc.compilation import inlined_jit
 from alloc.plant.adhesion import PIECEWISE, POLACH, SLIP_RATIO, tangential_coefficient
+from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import (
     axle_load,
     car_drag,
@@ -22,7 +23,6 @@ from alloc.plant.equations import (
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.operations import maximum, minimum, sine
 from alloc.plant.rail import NOISE_KNOTS
-from alloc.plant.train import EFFORT_SPEED_STEP
 
 
 @inlined_jit

@@ -19,7 +19,6 @@ from alloc.onboard.readhesion import TorqueTable
 from alloc.onboard.readhesion.torque_table import asymmetric_lag, table_constants, torque_factor
 from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.lanes import select_lanes
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train
@@ -135,7 +134,7 @@ def simulate_tables(
     peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
     for start in range(0, lanes, LANES_TOGETHER):
         part = slice(start, min(start + LANES_TOGETHER, lanes))
-        own = select_lanes(model, part)
+        own = model.select_lanes(part)
         width = own.lanes
         kept = [np.zeros((records, n.rows, width)), *(np.zeros((records, width)) for _ in range(3))]
         _run(

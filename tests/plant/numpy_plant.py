@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import coupler_stretch
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.model import Model
 from alloc.plant.operations import maximum, minimum, sine
-from alloc.plant.train import EFFORT_SPEED_STEP
 
 
 def coupler_spring_energy(stretch, stiffness, stiffening):
