@@ -26,7 +26,7 @@ from alloc.onboard.readhesion import CONTROLLERS, HOST
 from alloc.onboard.sensing import sense
 from alloc.onboard.torque import restrain_blind_units, set_targets
 from alloc.plant import compiled
-from alloc.plant.adhesion import adhesion_limit
+from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.model import Floats
 from alloc.recording import Record, Tally, to_dataset
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule

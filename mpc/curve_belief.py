@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
-from alloc.plant.adhesion import AdhesionCurve, adhesion_limit
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.adhesion_laws import adhesion_limit
 from mpc.settings import CurveBelief
 from mpc.stretched_curve import micro_slip, stretch_parameters
 

@@ -6,7 +6,8 @@ from dataclasses import fields
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.plant.adhesion import PIECEWISE, POLACH, AdhesionCurve, tangential_coefficient
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.adhesion_laws import PIECEWISE, POLACH, tangential_coefficient
 
 GREATEST_RATIO = 0.9
 """Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""

@@ -111,8 +111,12 @@ def _plain(value: Any) -> str:
 
 
 def statements_hash(statements: list[Statement]) -> str:
-    """Hash of names, verdicts, numbers, conditions and methods."""
-    return digest(*(json.dumps(statement.content(), sort_keys=True) for statement in statements))
+    """Hash of names, verdicts, numbers, conditions and methods; of a statement on computing time the name alone."""
+    contents = [
+        statement.content() if statement.name != "computing" else statement.name
+        for statement in statements
+    ]
+    return digest(*(json.dumps(content, sort_keys=True) for content in contents))
 
 
 def hash_run(scenario: str, rule: str, controller: str) -> str:

@@ -50,7 +50,7 @@ def _train(name: str) -> str:
     """Meaning of a train set: what its module says, and its size."""
     train = find_set(name)
     cars = len(train.cars)
-    module = sys.modules[SETS[name].__module__]
+    module = sys.modules[SETS.origin(name)]
     return f"{_first_line(module)} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
 
 

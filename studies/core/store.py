@@ -84,14 +84,13 @@ class Store:
                 raise
 
     def rows_of(self, keys: Sequence[Key]) -> pd.DataFrame:
-        """Rows of these cells, in the order of `keys`; columns without any value in them are left out."""
+        """Rows of these cells, in the order of `keys`."""
         table = self.read()
         order = {key.digest: k for k, key in enumerate(keys)}
         chosen = table[table["cell"].isin(order)]
-        chosen = chosen.sort_values(
+        return chosen.sort_values(
             "cell", key=lambda cells: cells.map(order), kind="stable", ignore_index=True
         )
-        return chosen.drop(columns=[name for name in chosen if chosen[name].isna().all()])
 
     def save_run(self, key: Key, run: xr.Dataset) -> Path:
         """Write a recorded run; returns its file."""
