@@ -7,7 +7,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.metrics import evaluate, jerk
+from alloc.metrics import evaluate
+from alloc.metrics.motion import jerk
 from paper_figs.slip_event import UNIT_COLOURS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure, rule_colour

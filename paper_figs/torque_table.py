@@ -4,7 +4,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from alloc.onboard.readhesion.torque_table import torque_factor
+from alloc.onboard.controllers.torque_table import torque_factor
 from paper_figs.readhesion_cases import CASES, COLOURS
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE, new_figure

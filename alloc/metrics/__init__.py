@@ -9,7 +9,7 @@ from alloc.lazy import names_of
 
 if TYPE_CHECKING:
     from alloc.metrics.registry import METRICS, Metric, evaluate, metric
+else:
+    __getattr__ = names_of(__name__, registry="METRICS Metric evaluate metric")
 
 __all__ = ["METRICS", "Metric", "evaluate", "metric"]
-
-__getattr__ = names_of(__name__, dict.fromkeys(__all__, "registry"))

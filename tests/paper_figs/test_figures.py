@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard import Detector
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
@@ -83,7 +84,6 @@ from paper_figs.style import (
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
-from studies.core.controllers import controller_names
 from studies.core.job import Job, simulate_job
 from studies.core.study_error import StudyError
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
@@ -278,10 +278,10 @@ def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, 
 def test_every_rule_and_controller_has_a_look_of_its_own():
     assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
     assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
-    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(controller_names())
+    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(CONTROLLERS)
     assert len(set(CONTROLLER_COLOURS.values())) == len(CONTROLLER_COLOURS)
     assert len(set(CONTROLLER_MARKERS.values())) == len(CONTROLLER_MARKERS)
-    assert set(CONTROLLER_FILL) < set(controller_names())
+    assert set(CONTROLLER_FILL) < set(CONTROLLERS)
     assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 
 
