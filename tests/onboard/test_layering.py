@@ -34,7 +34,7 @@ def test_no_layer_imports_upward(layer):
     for path in (ROOT / layer).rglob("*.py"):
         reader = (
             _module_level_imports
-            if path.name.endswith(("command_line.py", "_command.py"))
+            if path.name == "command.py" or path.parent.name == "command_line"
             else _imports
         )
         for name in reader(path):
