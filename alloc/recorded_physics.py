@@ -1,61 +1,70 @@
 """What follows from recorded states by the plant's own laws: forces, coefficients, accelerations of the cars."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import coupler_damper_force, coupler_spring_force, coupler_stretch
-from alloc.plant.model import Model
+from alloc.plant.model import Layout, Model
 
 Floats = NDArray[np.float64]
 
 
-def physical_variables(
-    model: Model, states: Floats, peaks: Floats, body_accelerations: Floats
-) -> dict[str, NDArray[Any]]:
+class PlantRecord(NamedTuple):
+    """What the loop writes of the plant; first dimension: instants."""
+
+    time: Floats
+    state: Floats
+    peak: Floats
+    body_acceleration: Floats
+
+    @classmethod
+    def allocate(cls, records: int, n: Layout) -> "PlantRecord":
+        """Empty record of `records` instants."""
+        sizes = (n.rows, n.axles, n.bodies)
+        return cls(np.zeros(records), *(np.zeros((records, size)) for size in sizes))
+
+    def until(self, records: int) -> "PlantRecord":
+        """The first instants of the record."""
+        return PlantRecord(*(values[:records] for values in self))
+
+
+def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
     """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
     arrays = ArrayModel.of(model)
-    state, peak = states.T, peaks.T
+    state, peak = record.state.T, record.peak.T
     slip, mu, force = arrays.forces(state, peak)
     speed = state[n.speed]
     share = s.body_mass / s.body_mass.sum()
     limit, top = model.rails[0].curve.limit(peak, arrays.body_of_axle @ speed)
-    stiffness, stiffening, damping, slack = (s.coupler[:, k][:, None] for k in range(4))
-    stretch = coupler_stretch(arrays.stretch_of_body @ state[n.position], slack)
-    rate = arrays.stretch_of_body @ speed
-    tension = coupler_spring_force(stretch, stiffness, stiffening) + coupler_damper_force(
-        stretch, rate, damping
-    )
     work = state[n.work]
     with np.errstate(divide="ignore", invalid="ignore"):
         load = np.where(mu != 0.0, force / mu, s.static_load[:, None])
-    unit_load = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.static_load[s.axle_unit >= 0], minlength=n.units
-    )
-    unit_radius = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.radius[s.axle_unit >= 0], minlength=n.units
+    driven = s.axle_unit >= 0
+    unit_load, unit_radius = (
+        np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
+        for values in (s.static_load, s.radius)
     )
     return {
         "position": state[n.position][0],
         "speed": share @ speed,
-        "acceleration": body_accelerations @ share,
+        "acceleration": record.body_acceleration @ share,
         "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": body_accelerations @ arrays.body_of_car.T,
+        "car_acceleration": record.body_acceleration @ arrays.body_of_car.T,
         "rim_speed": (s.radius[:, None] * state[n.omega]).T,
         "slip_velocity": slip.T,
         "coefficient": mu.T,
         "adhesion_limit": limit.T,
         "peak_slip": np.broadcast_to(top, limit.shape).T,
         "rail_force": force.T,
-        "brake_force": (arrays.shoe_torques(state, force) / s.radius[:, None]).T,
+        "brake_force": (arrays.wheelsets(state, force)[0] / s.radius[:, None]).T,
         "axle_load": load.T,
         "friction_work": state[n.friction_work].T,
         "motor_torque": state[n.torque].T,
         "cylinder_pressure": state[n.pressure].T,
-        "coupler_force": tension.T,
+        "coupler_force": arrays.coupler_forces(state)[0].T,
         "motor_work": work[0],
         "shoe_work": work[1],
         "resistance_work": work[2],

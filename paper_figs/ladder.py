@@ -1,95 +1,125 @@
-"""The ladder of readhesion controllers over random events: adhesion used, search, fluctuation, slip, damage, ride."""
+"""Readhesion controllers over random events, from none to MPC, and what several adhesion curves make of differences."""
 
-import matplotlib as mpl
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from paper_figs.source import Source
-from paper_figs.style import CONTROLLER_COLOURS, CONTROLLER_MARKERS, STYLE_FILE, new_figure
-from studies.core.collection import sweep_folder
+from paper_figs.palette import BLUE, GREEN, VERMILION
+from paper_figs.registry import figure
+from paper_figs.source import study
+from paper_figs.style import (
+    BOUND,
+    Look,
+    Panel,
+    bare_rows,
+    controller_look,
+    handle,
+    interval_mark,
+    name_rows,
+    new_panels,
+)
 from studies.core.statement import mean_interval
-from studies.ladder import study as ladder
+from studies.curves.statements import CURVES, PAIRS, paired_difference
 from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
+from studies.ladder.study import complete
 
 FEW_EVENTS = 6
 """Events that are run for the figure where the results hold fewer: two of each train."""
 PANELS = (
-    ("utilisation_short", "adhesion used\nwhere short [%]", 100.0, False),
-    ("effort_ratio", "effort\nover plan [%]", 100.0, False),
-    ("search_time", "search time [s]", 1.0, False),
-    ("unfinished_searches", "searches\nunfinished [%]", 100.0, False),
-    ("torque_fluctuation", "torque fluctuation\nover plan [%]", 100.0, False),
-    ("slip_time", "slip, summed\nover axles [s]", 1.0, False),
-    ("damage", "wheel damage Q\n[kJ]", 1.0, True),
-    ("jerk_rms", "jerk rms\n[m/s³]", 1.0, False),
+    Panel("utilisation_short", "adhesion used\nwhere short [%]", 100.0),
+    Panel("effort_ratio", "effort\nover plan [%]", 100.0),
+    Panel("search_time", "search time [s]"),
+    Panel("unfinished_searches", "searches\nunfinished [%]", 100.0),
+    Panel("torque_fluctuation", "torque fluctuation\nover plan [%]", 100.0),
+    Panel("slip_time", "slip, summed\nover axles [s]"),
+    Panel("damage", "wheel damage Q\n[kJ]", 1.0, True),
+    Panel("jerk_rms", "jerk rms\n[m/s³]"),
 )
-"""Metric, label, factor to the label's unit, whether the axis is logarithmic."""
+FEW_OF_CURVES = 4
+"""Events that are run for the figure where the results hold fewer."""
+CURVE_LOOKS: dict[str, Look] = {
+    "piecewise": {"color": "#222222", "marker": "o", "linestyle": "none"},
+    "flat piecewise": {"color": BLUE, "marker": "s", "linestyle": "none"},
+    "Polach wet": {"color": VERMILION, "marker": "^", "linestyle": "none"},
+    "flat slip ratio": {"color": GREEN, "marker": "D", "linestyle": "none"},
+}
+CURVE_PANELS = (
+    Panel("held_effort", "effort over plan [%]", 100.0),
+    Panel("utilisation", "adhesion used [%]", 100.0),
+    Panel("slip_time", "slip over axles [s]"),
+    Panel("damage", "wheel damage Q [kJ]"),
+    Panel("jerk_rms", "jerk rms [m/s³]"),
+)
 
 
-def figure(source: Source) -> Figure:
-    """The figure, from what the results hold of the sweep `ladder`, at least `FEW_EVENTS`."""
-    folder = sweep_folder(source.store.folder, "ladder")
-    events = max(FEW_EVENTS, ladder.stored(folder))
-    return draw(ladder.run(folder, events, 0, source.jobs, source.on_row))
-
-
-def draw(table: pd.DataFrame) -> Figure:
+@figure("ladder", "readhesion controllers from none to MPC over random events (sweep ladder)",
+        study("ladder", FEW_EVENTS))  # fmt: skip
+def ladder(table: pd.DataFrame) -> Figure:
     """A panel per metric: means with their intervals by controller, filled with a free axle, open for the locomotive."""
-    good = ladder.complete(table)
+    good = complete(table)
     free = good["train"] != LOCOMOTIVE
-    drawn = new_figure(7.1, 4.6)
-    with mpl.rc_context(fname=STYLE_FILE):
-        axes = drawn.subplots(2, len(PANELS) // 2, sharey=True)
-        for panel, one in zip(PANELS, axes.flat, strict=True):
-            for y, controller in enumerate(LADDER):
-                rows = good["controller"] == controller
-                _mark(one, good[rows & free], panel, controller, y - 0.16, filled=True)
-                _mark(one, good[rows & ~free], panel, controller, y + 0.16, filled=False)
-            one.set_xlabel(panel[1])
-            if panel[3]:
-                one.set_xscale("log")
-                one.xaxis.set_minor_formatter(NullFormatter())
-            one.grid(visible=False, axis="y")
-            one.tick_params(axis="y", length=0)
-        for bar in YARDSTICKS:
-            axes[0, 0].axvline(100 * bar, color="#444444", linewidth=0.8, linestyle="--", zorder=0)
-        axes[0, 0].set_yticks(range(len(LADDER)), LADDER)
-        axes[0, 0].set_ylim(len(LADDER) - 0.5, -0.5)
-        counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
-        drawn.suptitle(
-            f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events); "
-            "mpc: part of them",
-            fontsize=8,
-        )
+    drawn, axes = new_panels(7.1, 4.6, 2, len(PANELS) // 2, sharey=True)
+    for panel, one in zip(PANELS, axes.flat, strict=True):
+        for y, controller in enumerate(LADDER):
+            own = good["controller"] == controller
+            look = controller_look(controller)
+            for chosen, shift, face in ((free, -0.16, look["color"]), (~free, 0.16, "white")):
+                values = good.loc[own & chosen, panel.metric].dropna().astype(float)
+                _mark(one, values, panel, y + shift, look | {"markerfacecolor": face})
+        one.set_xlabel(panel.label)
+        if panel.logarithmic:
+            one.set_xscale("log")
+            one.xaxis.set_minor_formatter(NullFormatter())
+        bare_rows(one)
+    for bar in YARDSTICKS:
+        axes[0, 0].axvline(100 * bar, **BOUND)
+    name_rows(axes[0, 0], LADDER)
+    counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
+    drawn.suptitle(
+        f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events); "
+        "mpc: part of them",
+        fontsize=8,
+    )
     return drawn
 
 
-def _mark(
-    axes: Axes,
-    rows: pd.DataFrame,
-    panel: tuple[str, str, float, bool],
-    controller: str,
-    y: float,
-    filled: bool,
-) -> None:
+def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: Look) -> None:
     """Events as pale points, their mean with its interval in the controller's colour."""
-    metric, _, factor, logarithmic = panel
-    values = factor * rows[metric].dropna().to_numpy(dtype=float)
-    if not values.size:
+    if events.empty:
         return
-    colour = CONTROLLER_COLOURS[controller]
-    axes.plot(
-        values, np.full(values.size, y), linestyle="none", marker="|", color=colour, markersize=3.0, alpha=0.35
-    )  # fmt: skip
-    found = mean_interval(rows[metric])
-    low, high = factor * (found.value - found.low), factor * (found.high - found.value)
-    if logarithmic:  # an interval that reaches below zero has no place on this axis
-        low = min(low, 0.9 * factor * found.value)
-    axes.errorbar(
-        factor * found.value, y, xerr=None if found.count < 2 else [[low], [high]],
-        color=colour, marker=CONTROLLER_MARKERS[controller], markersize=4.5, linestyle="none",
-        markerfacecolor=colour if filled else "white", elinewidth=1.0,
-    )  # fmt: skip
+    pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
+    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y), **pale)
+    found = mean_interval(events)
+    if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
+        found = replace(found, low=max(found.low, 0.1 * found.value))
+    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.5, "elinewidth": 1.0})
+
+
+@figure("curves", "differences of rules and controllers under several adhesion curves (sweep curves)",
+        study("curves", FEW_OF_CURVES))  # fmt: skip
+def curves(table: pd.DataFrame) -> Figure:
+    """A row per pair, a panel per metric, each with a scale of its own: mean paired difference and interval by curve."""
+    good = table[table["status"] == "ok"]
+    drawn, axes = new_panels(7.1, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
+    for pair, row in zip(PAIRS, axes, strict=True):
+        for panel, one in zip(CURVE_PANELS, row, strict=True):
+            for y, curve in enumerate(CURVES):
+                found = paired_difference(good, curve, pair, panel.metric)
+                if found.count:
+                    look = {"markersize": 4.0, "elinewidth": 0.9, **CURVE_LOOKS[curve]}
+                    interval_mark(one, found, y, panel.factor, look)
+            one.axvline(0.0, color="#888888", linewidth=0.8, zorder=0)
+            one.grid(visible=False, axis="y")
+            one.set_yticks([])
+            one.locator_params(axis="x", nbins=3)
+            one.set_ylim(len(CURVES) - 0.5, -0.5)
+        row[0].set_title(pair.name)
+    for panel, one in zip(CURVE_PANELS, axes[-1], strict=True):
+        one.set_xlabel(panel.label)
+    handles = [handle(curve, **look) for curve, look in CURVE_LOOKS.items()]
+    drawn.legend(handles=handles, loc="outside lower center", ncols=4)
+    return drawn

@@ -1,25 +1,25 @@
-"""Where figures get their data: a comparison's folder, in which what is missing is run first."""
+"""Where figures get their data: a folder of results, in which what is missing is run first."""
 
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import xarray as xr
 
 from alloc.recording import load
 from studies.comparison.defaults import KEPT_RUNS, default_grid
-from studies.core.cell import key_of
+from studies.core.cell import OnRow, key_of
+from studies.core.collection import find_study, study_folder
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
-from studies.scenario.scenario import load_scenario
-
-OnRow = Callable[[str, int, int], None]
+from studies.scenario.loading import load_scenario
 
 
 class Source:
-    """Data of a comparison: `table` of its rows, recorded `run`s. Both are computed only when a figure asks."""
+    """Data of a comparison, of its recorded runs and of studies; computed only when a figure asks."""
 
     def __init__(
         self,
@@ -55,3 +55,45 @@ class Source:
         if path.exists():
             return load(path)
         return simulate_job(job)
+
+    def study(
+        self, name: str, least: int, instead: Callable[[], pd.DataFrame] | None = None
+    ) -> pd.DataFrame:
+        """Table of a study, of the events that the results hold, `least` or more of them.
+
+        Where they hold none, `instead` gives the table if there is one.
+        """
+        study = find_study(name)
+        folder = study_folder(self.store.folder, name)
+        held = study.held(folder)
+        if not held and instead is not None:
+            return instead()
+        return study.run(folder, max(least, held), 0, self.jobs, self.on_row)
+
+
+Need = Callable[[Source], Any]
+"""What a figure needs, stated where it registers: gives its data."""
+
+
+def comparison(source: Source) -> pd.DataFrame:
+    """Need: the rows of the comparison."""
+    return source.table
+
+
+def recorded(scenario: str, rule: str, controller: str) -> Need:
+    """Need: a recorded run of a shipped scenario."""
+    return lambda source: source.run(scenario, rule, controller)
+
+
+def study(
+    name: str, least: int | None = None, instead: Callable[[], pd.DataFrame] | None = None
+) -> Need:
+    """Need: a study's table as `Source.study` gives it, by default of the study's own number of events."""
+    return lambda source: source.study(
+        name, find_study(name).default_events if least is None else least, instead
+    )
+
+
+def made(make: Callable[..., Any], *arguments: Any) -> Need:
+    """Need: data that are made on the spot, without the results."""
+    return lambda source: make(*arguments)

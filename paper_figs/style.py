@@ -1,27 +1,50 @@
-"""One look for all figures: the style file, and a fixed colour and marker for every rule."""
+"""One look for all figures: the style file, a fixed colour and marker for every rule, and what panels share."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import Locator, NullLocator
+from numpy.typing import NDArray
 
+from alloc.onboard.controllers.registry import CONTROLLERS
+from paper_figs.palette import (
+    BLACK,
+    BLUE,
+    DARK,
+    GREEN,
+    GREY,
+    OLIVE,
+    ORANGE,
+    PINK,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
+from studies.core.statement import Interval
+
+Look = dict[str, Any]
+"""How something is drawn: matplotlib's properties."""
 STYLE_FILE = Path(__file__).parent / "readhesion.mplstyle"
 
+TRAIN_COLOURS = LinearSegmentedColormap.from_list(
+    "train", ["#0b2a5b", "#3f7fb5", "#7fb7a0", "#e3b23c"]
+)
+"""From the front of the train (dark) to its rear (light); lightness alone tells them apart."""
+BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
+"""Look of the line that a statement is judged by."""
+
 RULE_COLOURS: dict[str, str] = {
-    "alone": "#7f7f7f",
-    "preset": "#b0a000",
-    "sharing": "#e69f00",
-    "greedy": "#d55e00",
-    "greedy-claim": "#cc79a7",
-    "exact": "#0072b2",
-    "qp": "#56b4e9",
-    "qp-cvxpy": "#009e73",
-    "qp-robust": "#7b3294",
-    "oracle": "#000000",
-}
-"""After Okabe and Ito's palette for colour-blind readers, its yellow darkened to show on white."""
+    "alone": GREY, "preset": OLIVE, "sharing": ORANGE, "greedy": VERMILION, "greedy-claim": PINK,
+    "exact": BLUE, "qp": SKY, "qp-cvxpy": GREEN, "qp-robust": PURPLE, "oracle": BLACK,
+}  # fmt: skip
 OTHER_COLOUR = "#882255"
 """Of a rule that has no colour of its own yet."""
 
@@ -33,30 +56,27 @@ RULE_MARKERS: dict[str, str] = {
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
 """How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
 
-CONTROLLER_COLOURS: dict[str, str] = {
-    "none": "#7f7f7f",
-    "table": "#e69f00",
-    "cut-and-ramp": "#d55e00",
-    "pi-creep": "#b0a000",
-    "perturb-observe": "#009e73",
-    "steepest-gradient": "#56b4e9",
-    "mpc": "#0072b2",
-    "mpc-car": "#7b3294",
-    "mpc-train": "#cc79a7",
-    "mpc-train-ideal": "#000000",
-}
-"""Colours of controllers where no rule needs one."""
 
-CONTROLLER_MARKERS: dict[str, str] = {
-    "none": "o", "table": "v", "cut-and-ramp": "s", "pi-creep": "^", "perturb-observe": "D",
-    "steepest-gradient": "X", "mpc": "P", "mpc-car": "<", "mpc-train": ">", "mpc-train-ideal": "*",
-}  # fmt: skip
+class Panel(NamedTuple):
+    """A metric's panel: its label, the factor to the label's unit, whether the axis is logarithmic."""
+
+    metric: str
+    label: str
+    factor: float = 1.0
+    logarithmic: bool = False
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size [inches] in the project's style, outside of pyplot's memory."""
-    with mpl.rc_context(fname=STYLE_FILE):
-        return Figure(figsize=(width, height), layout="constrained")
+    """An empty figure of this size [inches], outside of pyplot's memory."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def new_panels(
+    width: float, height: float, rows: int = 1, columns: int = 1, **layout: Any
+) -> tuple[Figure, Any]:
+    """A figure of this size [inches] and its panels, as `Figure.subplots` gives them."""
+    drawn = new_figure(width, height)
+    return drawn, drawn.subplots(rows, columns, **layout)
 
 
 def rule_colour(rule: str) -> str:
@@ -69,18 +89,75 @@ def rule_marker(rule: str) -> str:
     return RULE_MARKERS.get(rule, "h")
 
 
+def rule_look(rule: str) -> Look:
+    """Colour and marker of a rule, without a line."""
+    return {"color": rule_colour(rule), "marker": rule_marker(rule), "linestyle": "none"}
+
+
+def controller_look(controller: str) -> Look:
+    """Colour and marker of a controller, without a line."""
+    found = CONTROLLERS[controller]
+    return {"color": found.colour, "marker": found.marker, "linestyle": "none"}
+
+
+def handle(label: str, **look: Any) -> Line2D:
+    """A legend entry."""
+    return Line2D([], [], label=label, **look)
+
+
 def rule_handles(rules: Iterable[str]) -> list[Line2D]:
     """Legend entries of rules: marker and colour."""
-    return [
-        Line2D([], [], linestyle="none", marker=rule_marker(r), color=rule_colour(r), label=r)
-        for r in rules
-    ]
+    return [handle(rule, **rule_look(rule)) for rule in rules]
 
 
 def controller_handles(controllers: Iterable[str]) -> list[Line2D]:
     """Legend entries of controllers: fill of the marker."""
-    return [
-        Line2D([], [], linestyle="none", marker="o", color="#444444", markerfacecoloralt="white",
-               fillstyle=CONTROLLER_FILL.get(c, "left"), label=c)  # type: ignore[arg-type]
-        for c in controllers
-    ]  # fmt: skip
+    look = {"linestyle": "none", "marker": "o", "color": DARK, "markerfacecoloralt": "white"}
+    return [handle(c, fillstyle=CONTROLLER_FILL.get(c, "left"), **look) for c in controllers]
+
+
+def legend_below(drawn: Figure, columns: int, *panels: Axes) -> None:
+    """One legend under the figure, of what `panels` label."""
+    handles = [entry for one in panels for entry in one.get_legend_handles_labels()[0]]
+    drawn.legend(handles=handles, loc="outside lower center", ncols=columns)
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Name the rows of a panel, the first at its top."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+def bare_rows(axes: Axes) -> None:
+    """Take grid and ticks from rows that only have names."""
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def plain_ticks(axis: Axis, locator: Locator) -> None:
+    """Ticks of a logarithmic axis with plain numbers."""
+    axis.set_major_locator(locator)
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
+
+
+def interval_mark(axes: Axes, found: Interval, y: float, factor: float, look: Look) -> None:
+    """A mean with its interval as a horizontal error bar; one event alone has no interval."""
+    sides = [[factor * (found.value - found.low)], [factor * (found.high - found.value)]]
+    axes.errorbar(factor * found.value, y, xerr=None if found.count < 2 else sides, **look)
+
+
+def along_train(count: int) -> NDArray[np.float64]:
+    """Colours of so many units, axles or cars from the front."""
+    return np.asarray(TRAIN_COLOURS(np.linspace(0.0, 1.0, count)))
+
+
+def train_bar(drawn: Figure, panels: Sequence[Axes], count: int, label: str) -> None:
+    """The bar beside `panels` that explains the colours of `along_train`."""
+    bar = drawn.colorbar(
+        mpl.cm.ScalarMappable(Normalize(0.5, count + 0.5), TRAIN_COLOURS.resampled(count)),
+        ax=list(panels), shrink=0.4, aspect=18, pad=0.02,
+    )  # fmt: skip
+    bar.set_ticks([1, count] if count > 4 else list(range(1, count + 1)))
+    bar.set_label(label)
+    bar.outline.set_visible(False)

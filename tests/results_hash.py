@@ -20,12 +20,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
 from studies.core.collection import find_study
-from studies.core.controllers import HOSTED, controller_names
+from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
 from studies.core.statement import Statement
-from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.scenario.loading import load_scenario, shipped_scenarios
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic
@@ -111,14 +112,18 @@ def _plain(value: Any) -> str:
 
 
 def statements_hash(statements: list[Statement]) -> str:
-    """Hash of names, verdicts, numbers, conditions and methods."""
-    return digest(*(json.dumps(statement.content(), sort_keys=True) for statement in statements))
+    """Hash of names, verdicts, numbers, conditions and methods; of a statement on computing time the name alone."""
+    contents = [
+        statement.content() if statement.name != "computing" else statement.name
+        for statement in statements
+    ]
+    return digest(*(json.dumps(content, sort_keys=True) for content in contents))
 
 
 def hash_run(scenario: str, rule: str, controller: str) -> str:
     """Hash of one run of a shipped scenario."""
     chosen = load_scenario(scenario)
-    if controller in HOSTED:
+    if is_hosted(controller):
         chosen = chosen.changed(duration_s=min(chosen.duration_s, HOSTED_DURATION))
     return run_hash(simulate_job(Job(chosen, rule, controller, 0)))
 
@@ -141,7 +146,7 @@ def tasks() -> Iterator[tuple[str, Callable[[], list[tuple[str, str]]]]]:
     for name in reversed(SMALL):
         yield f"study/{name}", lambda name=name: hash_study(name)
     for scenario in shipped_scenarios():
-        cells = [("exact", controller) for controller in reversed(controller_names())]
+        cells = [("exact", controller) for controller in reversed(list(CONTROLLERS))]
         cells += [(rule, "cut-and-ramp") for rule in RULES if rule != "exact"]
         for rule, controller in cells:
             label = f"run/{scenario}/{rule}/{controller}"

@@ -8,7 +8,8 @@ import pandas as pd
 
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 BASE = "wet-start"
 """Scenario that every event is a change of: the eight-car commuter train pulls away at 3.0 km/h/s."""

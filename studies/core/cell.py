@@ -10,7 +10,9 @@ from typing import Any, NamedTuple, Protocol
 
 import xarray as xr
 
+from alloc.canonical import canonical
 from studies.core.code_version import code_hash
+from studies.core.plugins import load_plugins
 from studies.core.study_error import StudyError
 
 Row = dict[str, Any]
@@ -73,7 +75,7 @@ class Task:
     @property
     def identity(self) -> Mapping[str, Any]:
         """Label, columns and arguments."""
-        return {"label": self.label, **dict(self.columns), "arguments": repr(self.arguments)}
+        return {"label": self.label, **dict(self.columns), "arguments": canonical(self.arguments)}
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -101,6 +103,7 @@ def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
     `key`: as the caller knows it. A worker that started after the sources changed has loaded other code; its result would
     pass for one of the caller's code, so it refuses.
     """
+    load_plugins()
     started = time.perf_counter()
     kept = {"cell": key.digest, "code_hash": key.code}
     run = None

@@ -2,12 +2,18 @@
 
 import ast
 import hashlib
+import sys
 from functools import lru_cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("alloc", "mpc", "studies")
-"""Packages whose sources count; of other packages the versions do, see `alloc.recording.provenance`."""
+"""Packages whose sources count. Of installed packages the versions do, see `alloc.recording.provenance`; a plug-in counts as
+the one module that it is."""
+
+
+PLUGIN_PREFIX = "readhesion_plugin_"
+"""Beginning of the names of modules that plug-in files become."""
 
 
 @lru_cache(maxsize=256)
@@ -36,13 +42,14 @@ def _closure(modules: tuple[str, ...]) -> set[str]:
 
 @lru_cache(maxsize=1024)
 def _path(module: str) -> Path | None:
-    """File of a module of this project; None for others."""
-    if module.partition(".")[0] not in PACKAGES:
-        return None
-    base = ROOT.joinpath(*module.split("."))
-    return next(
-        (path for path in (base.with_suffix(".py"), base / "__init__.py") if path.exists()), None
-    )
+    """File of a module of this project, or of a plug-in; None for others."""
+    if module.partition(".")[0] in PACKAGES:
+        base = ROOT.joinpath(*module.split("."))
+        files = (base.with_suffix(".py"), base / "__init__.py")
+        return next((path for path in files if path.exists()), None)
+    if module.startswith(PLUGIN_PREFIX):
+        return Path(str(sys.modules[module].__file__))
+    return None
 
 
 @lru_cache(maxsize=1024)

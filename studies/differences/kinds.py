@@ -7,7 +7,8 @@ import numpy as np
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 EXPECTED = 0.16
 """Planned coefficient: 3.0 km/h/s of the eight-car commuter train."""

@@ -29,7 +29,8 @@ from alloc.metrics import METRICS
 from alloc.rules.robust import PROBABILITY
 from alloc.simulation import simulate
 from studies.learning.arms import ARMS, believed_increments, first_learning
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 STATIONS = 24
 """Starts of a train in each running direction: stations of a commuter line, end to end."""

@@ -57,9 +57,9 @@ def run_line(
     if out is not None:
         save(found.run, out)
     if figure is not None:
-        from paper_figs import draw_line_run
+        from studies.core.figures import gallery
 
-        draw_line_run(found, figure)
+        gallery().draw_one("real-line", figure, found)
     content = summary(found)
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))

@@ -66,9 +66,9 @@ def analyse(
     found = analyse_run(measured.run, measured.train, criterion)
     report = content(measured, found, criterion)
     if figure is not None:
-        from paper_figs import draw_log
+        from studies.core.figures import gallery
 
-        draw_log(measured, found, figure)
+        gallery().draw_one("measured-log", figure, measured, found)
     if as_json:
         print(json.dumps(report, indent=2, allow_nan=False))
         return

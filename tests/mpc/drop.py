@@ -3,13 +3,13 @@
 import numpy as np
 
 from alloc.onboard import Belief, Braking, Onboard, Sensors
-from alloc.onboard.host import each_unit
+from alloc.onboard.host import HostedController, each_unit
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
-from mpc import MpcController
+from mpc.unit_controller import MpcController
 
 DROP, BACK = 4.0, 6.0
 HIGH, LOW = 0.18, 0.12
@@ -42,7 +42,7 @@ def run_mpc(event, settings=None, controller=MpcController):
         made.append(controller(context, settings))
         return made[-1]
 
-    return simulate(event, "alone", "mpc", {"mpc": each_unit(make)}), made
+    return simulate(event, "alone", HostedController("mpc", "as told", each_unit(make))), made
 
 
 def between(run, start, end):

@@ -5,7 +5,7 @@ import pytest
 from paper_figs.source import Source
 from studies.core.runner import Grid, run_grid
 from studies.core.store import Store
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 RULES = ("alone", "greedy", "exact")
 

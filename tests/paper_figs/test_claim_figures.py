@@ -4,15 +4,23 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 
-from paper_figs import claim_a, claim_b, claim_c, claim_d, claim_e, differences
-from paper_figs.claim_panels import FEW_EVENTS, claim_table
+from paper_figs.claims import (
+    CLAIM_TABLE,
+    FEW_EVENTS,
+    claim_a,
+    claim_b,
+    claim_c,
+    claim_d,
+    claim_e,
+)
+from paper_figs.differences import differences
 from paper_figs.source import Source
 from studies.claims import study as claims
 from studies.core.store import Store
 from studies.differences import study as sweep
 from tests.studies.sweep_tables import claim_table as synthetic
 
-MODULES = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
+CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 
 
 def whole(axes) -> float:
@@ -20,10 +28,10 @@ def whole(axes) -> float:
     return next(float(c.lines[0].get_xdata()[0]) for c in axes.containers)
 
 
-@pytest.mark.parametrize("claim", MODULES)
+@pytest.mark.parametrize("claim", CLAIMS)
 def test_the_forest_starts_with_the_number_of_the_statement(claim):
     table = synthetic(80)
-    figure = MODULES[claim].draw(table)
+    figure = CLAIMS[claim](table)
     statement = next(s for s in claims.statements(table) if s.name == claim)
     value = next(iter(statement.numbers.values())).value
     factor = 1.0 if claim == "d" else 100.0
@@ -31,9 +39,9 @@ def test_the_forest_starts_with_the_number_of_the_statement(claim):
     assert figure.axes[1].get_yticklabels()[0].get_text().startswith("all (")
 
 
-@pytest.mark.parametrize("claim", MODULES)
+@pytest.mark.parametrize("claim", CLAIMS)
 def test_few_events_leave_marks_out_but_draw(claim):
-    figure = MODULES[claim].draw(synthetic(4))
+    figure = CLAIMS[claim](synthetic(4))
     assert not figure.axes[1].containers
 
 
@@ -42,7 +50,7 @@ def test_a_part_that_fails_stands_on_the_other_side():
         worse = row["rule"] == "greedy" and row["season"] == "winter"
         return row | {"jerk_rms": 0.6} if worse else row
 
-    axes = claim_d.draw(synthetic(120, change)).axes[1]
+    axes = claim_d(synthetic(120, change)).axes[1]
     names = [label.get_text().split(" (")[0] for label in axes.get_yticklabels()]
     marks = {names[round(c.lines[0].get_ydata()[0])]: c for c in axes.containers}
     ends = {
@@ -58,16 +66,16 @@ def test_the_table_is_the_sweeps_and_what_it_lacks_is_run(tmp_path, monkeypatch)
     asked = []
     monkeypatch.setattr(claims, "run", lambda *arguments: asked.append(arguments))
     source = Source(Store(tmp_path), None, 2)
-    claim_table(source)
+    CLAIM_TABLE(source)
     monkeypatch.setattr(claims, "stored", lambda folder: 300)
-    claim_table(source)
+    CLAIM_TABLE(source)
     assert [arguments[1] for arguments in asked] == [FEW_EVENTS, 300]
     assert asked[0][0] == tmp_path / "sweeps" / "claims"
 
 
 def test_differences_show_the_quartiles_of_the_problems(tmp_path):
     table = sweep.run(tmp_path, 30, 0, 1, duration=2.5)
-    axes = differences.draw(table).axes[0]
+    axes = differences(table).axes[0]
     chosen = table[(table["part"] == "problem") & (table["kind"] == "plain")]
     rows = chosen[(chosen["rule"] == "greedy") & chosen["within_reach"].astype(bool)]
     median = np.quantile(100 * (rows["over"] - rows["short"]), 0.5)

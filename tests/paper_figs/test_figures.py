@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from importlib import import_module
 
 import matplotlib as mpl
 import numpy as np
@@ -13,64 +12,56 @@ from matplotlib.figure import Figure
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard import Detector
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
 from alloc.rules import RULES
-from paper_figs import (
-    FIGURES,
-    adhesion_curve,
-    adhesion_drop,
-    air_resistance,
-    allocation_bars,
-    axle_shifts,
-    blended_braking,
+from paper_figs.adhesion import PEAK, adhesion_curve, adhesion_drop, planned_curves
+from paper_figs.allocation import HIGH, LOW, SHOWN, UNITS, allocate, allocation_bars
+from paper_figs.brake_force import (
+    FAULT,
     brake_all_cars,
     brake_cut_out,
     brake_emergency,
     brake_locomotive_only,
-    calibration,
-    claim_a,
-    claim_b,
-    claim_c,
-    claim_d,
-    claim_e,
-    comparison_figures,
-    curves,
-    differences,
-    draw_run,
     faulty_car,
-    gradient_change,
+)
+from paper_figs.claims import claim_a, claim_b, claim_c, claim_d, claim_e
+from paper_figs.comparison import rule_comparison, utilisation_damage
+from paper_figs.differences import differences
+from paper_figs.drawing import draw_comparison, draw_run, save_figure
+from paper_figs.events import blended_braking, sharing_wanders, slip_detection, slip_event
+from paper_figs.increments import axle_shifts, learning, unit_increments
+from paper_figs.ladder import curves, ladder
+from paper_figs.lines import real_line
+from paper_figs.logs import measured_log
+from paper_figs.readhesion_paper import (
+    CASES,
+    HALF_SLIP,
+    SETS,
     half_slip,
-    ladder,
-    learning,
-    limit_cycle,
-    margin_sweep,
-    measured_log,
-    planned_curves,
     readhesion_factor,
     readhesion_slip,
     readhesion_torque,
     readhesion_trajectory,
-    real_line,
+    torque_table,
+)
+from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
+from paper_figs.registry import all_figures
+from paper_figs.resistance import (
+    air_resistance,
+    gradient_change,
     resistance_weights,
-    rule_comparison,
-    save_figure,
-    sharing_wanders,
+    tunnel_mouth,
+)
+from paper_figs.slides import (
     slide_adhesion,
     slide_control,
     slide_electric,
     slide_pareto,
     slide_tables,
-    slip_detection,
-    slip_event,
-    torque_table,
-    tunnel_mouth,
-    unit_increments,
-    utilisation_damage,
-    width_sweep,
 )
-from paper_figs.readhesion_cases import CASES
 from paper_figs.style import (
     CONTROLLER_COLOURS,
     CONTROLLER_FILL,
@@ -83,7 +74,6 @@ from paper_figs.style import (
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
-from studies.core.controllers import controller_names
 from studies.core.job import Job, simulate_job
 from studies.core.study_error import StudyError
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
@@ -94,7 +84,7 @@ from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, run_cases
 from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.resistance.learners import convergence
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
@@ -106,6 +96,7 @@ from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
+FIGURES = all_figures()
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
@@ -137,8 +128,8 @@ def cases():
 def half_slips():
     """The case just below the plan under each set."""
     return [
-        run_cases(unprinted, [half_slip.CASE], recovers=True, step=5e-4)
-        for unprinted in half_slip.SETS.values()
+        run_cases(unprinted, [HALF_SLIP], recovers=True, step=5e-4)
+        for unprinted, _ in SETS.values()
     ]
 
 
@@ -170,52 +161,52 @@ def passages():
 def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> dict[str, Figure]:
     """Every figure, from small runs."""
     return {
-        "adhesion-curve": adhesion_curve.draw(),
-        "allocation-bars": allocation_bars.draw(allocation_bars.SHOWN),
-        "slip-event": slip_event.draw(runs),
-        "rule-comparison": rule_comparison.draw(source.table),
-        "utilisation-damage": utilisation_damage.draw(source.table),
-        **{f"claim-{claim}": module.draw(claim_table(60)) for claim, module in CLAIMS.items()},
-        "differences": differences.draw(difference_table()),
-        "blended-braking": blended_braking.draw(stop),
-        "sharing-wanders": sharing_wanders.draw(runs),
-        "slip-detection": slip_detection.draw(runs[0], Detector()),
-        "planned-curves": planned_curves.draw(),
-        "axle-shifts": axle_shifts.draw(read_slide_counts(SYNTHETIC_TABLE)),
-        "unit-increments": unit_increments.draw(),
-        "learning": learning.draw(synthetic(falling, trains=2)),
-        "ladder": ladder.draw(ladder_table()),
-        "curves": curves.draw(curve_table()),
-        "torque-table": torque_table.draw(),
-        "adhesion-drop": adhesion_drop.draw(),
-        "readhesion-slip": readhesion_slip.draw(cases),
-        "readhesion-torque": readhesion_torque.draw(cases),
-        "readhesion-factor": readhesion_factor.draw(cases),
-        "readhesion-trajectory": readhesion_trajectory.draw(cases),
-        "margin-sweep": margin_sweep.draw(sweep_table()),
-        "width-sweep": width_sweep.draw(sweep_table()),
-        "half-slip": half_slip.draw(half_slips),
-        "limit-cycle": limit_cycle.draw(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
-        "calibration": calibration.draw(calibration_table()),
-        "real-line": real_line.draw(line_run),
-        "measured-log": measured_log.draw(*logged),
-        "brake-locomotive-only": brake_locomotive_only.draw(run_test("locomotive", 0)),
-        "brake-all-cars": brake_all_cars.draw(run_test("all", 0)),
-        "brake-cut-out": brake_cut_out.draw(brake_table()),
-        "brake-emergency": brake_emergency.draw(run_test("emergency", 0)),
-        "faulty-car": faulty_car.draw(
-            allocated_stops(faulty_car.FAULT, 0),
+        "adhesion-curve": adhesion_curve(),
+        "allocation-bars": allocation_bars(SHOWN),
+        "slip-event": slip_event(*runs),
+        "rule-comparison": rule_comparison(source.table),
+        "utilisation-damage": utilisation_damage(source.table),
+        **{f"claim-{claim}": draw(claim_table(60)) for claim, draw in CLAIMS.items()},
+        "differences": differences(difference_table()),
+        "blended-braking": blended_braking(stop),
+        "sharing-wanders": sharing_wanders(*runs),
+        "slip-detection": slip_detection(runs[0], Detector()),
+        "planned-curves": planned_curves(),
+        "axle-shifts": axle_shifts(read_slide_counts(SYNTHETIC_TABLE)),
+        "unit-increments": unit_increments(),
+        "learning": learning(synthetic(falling, trains=2)),
+        "ladder": ladder(ladder_table()),
+        "curves": curves(curve_table()),
+        "torque-table": torque_table(),
+        "adhesion-drop": adhesion_drop(),
+        "readhesion-slip": readhesion_slip(cases),
+        "readhesion-torque": readhesion_torque(cases),
+        "readhesion-factor": readhesion_factor(cases),
+        "readhesion-trajectory": readhesion_trajectory(cases),
+        "margin-sweep": margin_sweep(sweep_table()),
+        "width-sweep": width_sweep(sweep_table()),
+        "half-slip": half_slip(*half_slips),
+        "limit-cycle": limit_cycle(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
+        "calibration": calibration(calibration_table()),
+        "real-line": real_line(line_run),
+        "measured-log": measured_log(*logged),
+        "brake-locomotive-only": brake_locomotive_only(run_test("locomotive", 0)),
+        "brake-all-cars": brake_all_cars(run_test("all", 0)),
+        "brake-cut-out": brake_cut_out(brake_table()),
+        "brake-emergency": brake_emergency(run_test("emergency", 0)),
+        "faulty-car": faulty_car(
+            allocated_stops(FAULT, 0),
             brake_table()[lambda t: t["part"] == "driven"],
         ),
-        "air-resistance": air_resistance.draw(short_route()),
-        "tunnel-mouth": tunnel_mouth.draw(short_route(), passages),
-        "gradient-change": gradient_change.draw(short_route(), passages),
-        "resistance-weights": resistance_weights.draw(convergence(short_route(), 1)),
-        "slide-adhesion": slide_adhesion.draw(DEMONSTRATION),
-        "slide-control": slide_control.draw(brake(brake_event(DEMONSTRATION))),
-        "slide-tables": slide_tables.draw(slide_table()),
-        "slide-pareto": slide_pareto.draw(slide_table()),
-        "slide-electric": slide_electric.draw(slide_table()),
+        "air-resistance": air_resistance(short_route()),
+        "tunnel-mouth": tunnel_mouth(short_route(), passages),
+        "gradient-change": gradient_change(short_route(), passages),
+        "resistance-weights": resistance_weights(convergence(short_route(), 1)),
+        "slide-adhesion": slide_adhesion(DEMONSTRATION),
+        "slide-control": slide_control(brake(brake_event(DEMONSTRATION))),
+        "slide-tables": slide_tables(slide_table()),
+        "slide-pareto": slide_pareto(slide_table()),
+        "slide-electric": slide_electric(slide_table()),
     }
 
 
@@ -230,7 +221,7 @@ def test_every_figure_is_drawn(drawn):
 
 def test_every_figure_of_the_register_has_its_function():
     for entry in FIGURES.values():
-        assert callable(import_module(f"paper_figs.{entry.module}").figure)
+        assert callable(entry.draw)
         assert len(entry.description) > 20
 
 
@@ -278,10 +269,10 @@ def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, 
 def test_every_rule_and_controller_has_a_look_of_its_own():
     assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
     assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
-    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(controller_names())
+    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(CONTROLLERS)
     assert len(set(CONTROLLER_COLOURS.values())) == len(CONTROLLER_COLOURS)
     assert len(set(CONTROLLER_MARKERS.values())) == len(CONTROLLER_MARKERS)
-    assert set(CONTROLLER_FILL) < set(controller_names())
+    assert set(CONTROLLER_FILL) < set(CONTROLLERS)
     assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 
 
@@ -296,8 +287,8 @@ def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
             for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
         }
         assert {rule: of_label[rule] for rule in rules} == {r: rule_colour(r) for r in rules}
-    columns = drawn["allocation-bars"].axes[: len(allocation_bars.SHOWN)]
-    for rule, axes in zip(allocation_bars.SHOWN, columns, strict=True):
+    columns = drawn["allocation-bars"].axes[: len(SHOWN)]
+    for rule, axes in zip(SHOWN, columns, strict=True):
         assert axes.get_title() == rule
         assert to_hex(axes.patches[0].get_facecolor()) == rule_colour(rule)
     titles = drawn["slip-event"].axes[:2]
@@ -310,18 +301,18 @@ def test_the_curve_drawn_is_the_plants(drawn):
     curve, left = PiecewiseCurve(), drawn["adhesion-curve"].axes[0]
     for line in left.get_lines()[:3]:
         slip, mu = line.get_xdata(), line.get_ydata()
-        np.testing.assert_allclose(mu, curve.coefficient(np.asarray(slip), adhesion_curve.PEAK))
-    peak, top = curve.limit(adhesion_curve.PEAK)
+        np.testing.assert_allclose(mu, curve.coefficient(np.asarray(slip), PEAK))
+    peak, top = curve.limit(PEAK)
     marked = left.get_lines()[3]
     assert (marked.get_xdata()[0], marked.get_ydata()[0]) == (float(top), float(peak))
 
 
 def test_the_bars_are_the_rules_answers(drawn):
-    for k, rule in enumerate(allocation_bars.SHOWN):
-        for row, found in enumerate((allocation_bars.HIGH, allocation_bars.LOW)):
-            axes = drawn["allocation-bars"].axes[row * len(allocation_bars.SHOWN) + k]
-            heights = [bar.get_height() for bar in axes.patches[: allocation_bars.UNITS]]
-            np.testing.assert_allclose(heights, allocation_bars.allocate(rule, found).limit)
+    for k, rule in enumerate(SHOWN):
+        for row, found in enumerate((HIGH, LOW)):
+            axes = drawn["allocation-bars"].axes[row * len(SHOWN) + k]
+            heights = [bar.get_height() for bar in axes.patches[:UNITS]]
+            np.testing.assert_allclose(heights, allocate(rule, found).limit)
 
 
 def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
@@ -338,8 +329,8 @@ def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
 
 
 def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
-    assert allocation_bars.allocate("exact", allocation_bars.HIGH).case == "B"
-    assert allocation_bars.allocate("exact", allocation_bars.LOW).case == "A"
+    assert allocate("exact", HIGH).case == "B"
+    assert allocate("exact", LOW).case == "A"
 
 
 def test_the_event_shows_the_recorded_run(drawn, runs):
@@ -367,14 +358,14 @@ def test_the_comparison_shows_the_means_of_the_table(drawn, source):
 
 
 def test_a_comparisons_figures_are_drawn_with_it(source, tmp_path):
-    names = comparison_figures(source.table, source.store, tmp_path)
+    names = draw_comparison(source.table, source.store, tmp_path)
     assert names == [name for name, entry in FIGURES.items() if entry.of_comparison]
     assert {path.stem for path in tmp_path.iterdir()} == set(names)
 
 
 def test_a_comparison_in_which_all_failed_has_no_figures(source, tmp_path):
     failed = source.table.assign(status="failed")
-    assert comparison_figures(failed, source.store, tmp_path) == []
+    assert draw_comparison(failed, source.store, tmp_path) == []
 
 
 def test_one_run_is_drawn_alone(runs, tmp_path):

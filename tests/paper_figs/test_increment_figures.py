@@ -3,18 +3,27 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.increments import axle_shifts, fit_increments, unit_increments
+from alloc.estimation import increments
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
 from alloc.onboard import Detector
 from alloc.plant.rail import logarithmic_increments
-from paper_figs import axle_shifts as shifts_figure
-from paper_figs import learning, planned_curves, slip_detection
-from paper_figs import unit_increments as units_figure
+from paper_figs.adhesion import PLANNED, planned, planned_curves
+from paper_figs.events import UNIT, slip_detection
+from paper_figs.increments import (
+    ARM_STYLES,
+    AXLES,
+    DRIVES,
+    FEW_EVENTS,
+    axle_shifts,
+    learning,
+    unit_increments,
+)
+from paper_figs.registry import FIGURES
 from paper_figs.source import Source
 from studies.core.job import Job, simulate_job
 from studies.core.store import Store
 from studies.learning.series import TOLERANCE
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from tests.studies.learning_tables import falling, synthetic
 
 
@@ -26,10 +35,10 @@ def run():
 
 def test_detection_shows_the_recorded_acceleration_between_the_thresholds(run):
     detector = Detector()
-    axes = slip_detection.draw(run, detector).axes
+    axes = slip_detection(run, detector).axes
     line, on, off = axes[0].get_lines()[:3]
     time = np.asarray(line.get_xdata())
-    recorded = run["computed_acceleration"].sel(time=time).values[:, slip_detection.UNIT]
+    recorded = run["computed_acceleration"].sel(time=time).values[:, UNIT]
     np.testing.assert_array_equal(line.get_ydata(), recorded)
     assert (on.get_ydata()[0], off.get_ydata()[0]) == (detector.on, detector.off)
     signal = np.asarray(axes[2].get_lines()[0].get_ydata())
@@ -43,43 +52,43 @@ def test_detection_shows_the_recorded_acceleration_between_the_thresholds(run):
 def test_a_unit_that_never_slips_is_drawn_too(run):
     quiet = run.copy()
     quiet["slipping"] = 0 * run["slipping"]
-    assert len(slip_detection.draw(quiet, Detector()).axes) == 3
+    assert len(slip_detection(quiet, Detector()).axes) == 3
 
 
 def test_planned_curves_are_the_laws():
     # JP5484215 (12) by hand: 13.6 / (100 + 85); Curtius and Kniffler: 7.5 / 144 + 0.161
-    assert planned_curves.planned("shinkansen", np.array([100.0]))[0] == pytest.approx(13.6 / 185)
-    law = planned_curves.planned("curtius-kniffler", np.array([100.0]))[0]
+    assert planned("shinkansen", np.array([100.0]))[0] == pytest.approx(13.6 / 185)
+    law = planned("curtius-kniffler", np.array([100.0]))[0]
     assert law == pytest.approx(7.5 / 144 + 0.161)
-    left, right = planned_curves.draw().axes
-    assert len(left.get_lines()) == len(planned_curves.CURVES)
+    left, right = planned_curves().axes
+    assert len(left.get_lines()) == len(PLANNED)
     ratio = np.asarray(right.get_lines()[0].get_ydata())
     assert np.all(np.diff(ratio) > 0.0)  # the Shinkansen's curve falls faster
 
 
 def test_shifts_are_the_tables_and_labelled_synthetic():
     counts = read_slide_counts(SYNTHETIC_TABLE)
-    figure = shifts_figure.draw(counts)
+    figure = axle_shifts(counts)
     left, right = figure.axes
     assert figure.get_suptitle().startswith("SYNTHETIC")
     assert [bar.get_height() for bar in left.patches] == counts.slides.tolist()
     points = right.containers[0].lines[0].get_ydata()
-    np.testing.assert_array_equal(points, axle_shifts(counts).shift)
-    fit = fit_increments(axle_shifts(counts)).increments()
+    np.testing.assert_array_equal(points, increments.axle_shifts(counts).shift)
+    fit = increments.fit_increments(increments.axle_shifts(counts)).increments()
     assert any(np.array_equal(line.get_ydata(), fit) for line in right.get_lines())
 
 
 def test_counts_that_were_measured_are_not_called_synthetic():
     measured = SlideCounts(np.array([50, 48, 40, 40, 30, 30, 25, 20]), "brakings of one winter")
-    assert shifts_figure.draw(measured).get_suptitle() == ""
+    assert axle_shifts(measured).get_suptitle() == ""
 
 
 def test_a_units_line_spans_its_axles_at_its_increment():
-    left, right = units_figure.draw().axes
-    per_axle = logarithmic_increments(units_figure.AXLES)
-    for line, (axles, *_) in zip(left.get_lines(), units_figure.DRIVES.values(), strict=True):
+    left, right = unit_increments().axes
+    per_axle = logarithmic_increments(AXLES)
+    for line, (axles, *_) in zip(left.get_lines(), DRIVES.values(), strict=True):
         level = np.asarray(line.get_ydata())[::3]
-        expected = unit_increments(per_axle, np.arange(units_figure.AXLES) // axles)
+        expected = increments.unit_increments(per_axle, np.arange(AXLES) // axles)
         np.testing.assert_allclose(level, expected)
         spans = np.asarray(line.get_xdata()).reshape(-1, 3)[:, :2]
         assert np.all(np.diff(spans, axis=1) < axles)
@@ -89,16 +98,16 @@ def test_a_units_line_spans_its_axles_at_its_increment():
 
 def test_learning_shows_mean_errors_station_by_station():
     table = synthetic(falling)
-    figure = learning.draw(table)
+    figure = learning(table)
     axes = figure.axes[0]
     chosen = table[(table["rail"] == "even") & (table["stored"] == "too low")]
     lines = {line.get_label(): line for line in axes.get_lines()}
-    for arm in learning.ARM_STYLES:
+    for arm in ARM_STYLES:
         mean = chosen[chosen["arm"] == arm].groupby("station")["error"].mean()
         np.testing.assert_allclose(lines[arm].get_ydata(), mean)
     assert any(line.get_ydata()[0] == TOLERANCE for line in axes.get_lines())
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(learning.ARM_STYLES)
+    assert [text.get_text() for text in legend.get_texts()] == list(ARM_STYLES)
 
 
 def test_the_table_is_the_sweeps(tmp_path, monkeypatch):
@@ -109,5 +118,5 @@ def test_the_table_is_the_sweeps(tmp_path, monkeypatch):
         return synthetic(falling, trains=1)
 
     monkeypatch.setattr("studies.learning.study.run", run)
-    learning.figure(Source(Store(tmp_path), None, 2))
-    assert asked == [(tmp_path / "sweeps" / "learning", learning.FEW_EVENTS, 0, 2, None)]
+    FIGURES["learning"].make(Source(Store(tmp_path), None, 2))
+    assert asked == [(tmp_path / "sweeps" / "learning", FEW_EVENTS, 0, 2, None)]

@@ -3,19 +3,20 @@
 import numpy as np
 import pytest
 
-from paper_figs import (
-    calibration,
-    margin_sweep,
+from paper_figs.readhesion_paper import (
+    CASES,
+    case_runs,
+    on_coefficient_scale,
     readhesion_slip,
     readhesion_torque,
     readhesion_trajectory,
     torque_table,
-    width_sweep,
 )
-from paper_figs.readhesion_cases import CASES, case_runs, on_coefficient_scale
+from paper_figs.readhesion_sweeps import FEW_EVENTS, calibration, margin_sweep, width_sweep
+from paper_figs.registry import FIGURES
 from paper_figs.source import Source
 from studies.core.store import Store
-from studies.readhesion_paper.calibration import best, fulfilling
+from studies.readhesion_paper.calibration import RANGES, best, fulfilling
 from studies.readhesion_paper.paper import CALIBRATED, DROP, RECOVERY, run_cases
 from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
 
@@ -37,16 +38,16 @@ def test_torque_and_coefficient_lie_on_each_other_until_the_wheel_slips(runs):
 
 
 def test_slip_and_torque_are_those_of_the_runs(runs):
-    axes = readhesion_slip.draw(runs).axes
+    axes = readhesion_slip(runs).axes
     for one, lane in zip(axes, (0, 1, 1), strict=True):
         np.testing.assert_array_equal(data(one.get_lines()[0])[1], runs.slip[:, lane])
         np.testing.assert_array_equal(data(one.get_lines()[1])[1], runs.peak_slip[:, lane])
-    for lane, one in enumerate(readhesion_torque.draw(runs).axes):
+    for lane, one in enumerate(readhesion_torque(runs).axes):
         np.testing.assert_array_equal(data(one.get_lines()[1])[1], runs.coefficient[:, lane])
 
 
 def test_trajectories_end_before_the_rail_recovers(runs):
-    for lane, axes in enumerate(readhesion_trajectory.draw(runs).axes):
+    for lane, axes in enumerate(readhesion_trajectory(runs).axes):
         slip, torque = data(axes.get_lines()[0])
         shown = (runs.time >= DROP) & (runs.time < RECOVERY - 0.02)
         np.testing.assert_array_equal(slip, runs.slip[shown, lane])
@@ -54,16 +55,16 @@ def test_trajectories_end_before_the_rail_recovers(runs):
 
 
 def test_the_table_falls_from_its_margin_over_its_width():
-    for line, case in zip(torque_table.draw().axes[0].get_lines(), CASES.values(), strict=True):
+    for line, case in zip(torque_table().axes[0].get_lines(), CASES.values(), strict=True):
         deviation, factor = data(line)
         assert (factor[deviation <= case.margin] == 1.0).all()
         assert (factor[deviation >= case.margin + case.width] == 0.0).all()
         assert (np.diff(factor) <= 0.0).all()
 
 
-@pytest.mark.parametrize(("module", "over"), [(margin_sweep, "margin"), (width_sweep, "width")])
-def test_a_sweep_shows_what_readheres(module, over):
-    axes = module.draw(sweep_table()).axes[0]
+@pytest.mark.parametrize(("figure", "over"), [(margin_sweep, "margin"), (width_sweep, "width")])
+def test_a_sweep_shows_what_readheres(figure, over):
+    axes = figure(sweep_table()).axes[0]
     good, bad, limits = (data(line) for line in axes.get_lines())
     for mu, value in zip(*good, strict=True):
         assert mu >= (limit_of(value, 0.2) if over == "margin" else limit_of(0.4, value))
@@ -75,7 +76,7 @@ def test_a_sweep_shows_what_readheres(module, over):
 
 def test_the_calibration_marks_the_best_set_and_the_range_of_the_good_ones():
     table = calibration_table()
-    for axes, name in zip(calibration.draw(table).axes, calibration.RANGES, strict=True):
+    for axes, name in zip(calibration(table).axes, RANGES, strict=True):
         star = next(line for line in axes.get_lines() if line.get_label() == "best")
         assert data(star)[0] == [best(table)[name]]
         (span,) = axes.patches
@@ -91,19 +92,19 @@ def test_data_come_from_the_sweeps_of_the_results(tmp_path, monkeypatch):
 
     monkeypatch.setattr("studies.readhesion_paper.study.run", run)
     monkeypatch.setattr("studies.readhesion_paper.calibration_study.run", run)
-    for module in (margin_sweep, width_sweep, calibration):
-        assert len(module.figure(source).axes) >= 3
-    assert asked == [("readhesion", 1, 0, 2)] * 2 + [("calibration", calibration.FEW_EVENTS, 0, 2)]
+    for name in ("margin-sweep", "width-sweep", "calibration"):
+        assert len(FIGURES[name].make(source).axes) >= 3
+    assert asked == [("readhesion", 1, 0, 2)] * 2 + [("calibration", FEW_EVENTS, 0, 2)]
     monkeypatch.setattr(
         "studies.readhesion_paper.calibration_study.stored", lambda _: calibration_table()
     )
-    calibration.figure(source)
+    FIGURES["calibration"].make(source)
     assert len(asked) == 3
 
 
 def test_runs_are_made_once(monkeypatch):
     calls = []
-    monkeypatch.setattr("paper_figs.readhesion_cases.run_cases", lambda *a, **k: calls.append(a))
+    monkeypatch.setattr("paper_figs.readhesion_paper.run_cases", lambda *a, **k: calls.append(a))
     case_runs.cache_clear()
     case_runs()
     case_runs()

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET
-from alloc.simulation import simulate
-from studies.core.controllers import controller_names
+from alloc.simulation import CONTROLLERS, simulate
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.ladder.events import (
     QUANTITIES,
@@ -36,7 +35,7 @@ def verdict(table, name):
 
 def test_the_ladder_has_every_controller_of_a_single_unit():
     together = {"mpc-car", "mpc-train", "mpc-train-ideal"}
-    assert list(LADDER) == [name for name in controller_names() if name not in together]
+    assert list(LADDER) == [name for name in CONTROLLERS if name not in together]
 
 
 def test_controllers_meet_the_same_events(swept):

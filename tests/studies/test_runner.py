@@ -5,11 +5,11 @@ import pytest
 
 import studies.core.runner
 from alloc.metrics import METRICS
-from alloc.onboard.host import each_unit
+from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import HostedController, each_unit
 from alloc.recording import load
 from studies.comparison.grid import Grid
 from studies.core.cell import key_of, run_cell
-from studies.core.controllers import HOSTED
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
@@ -130,14 +130,17 @@ def test_an_interrupt_keeps_what_is_finished(grid, tmp_path, jobs):
 def test_a_failed_cell_becomes_a_row_with_its_reason_and_the_rest_goes_on(
     short, tmp_path, runs, monkeypatch
 ):
-    monkeypatch.setitem(HOSTED, "mpc", lambda: broken_controller)
+    monkeypatch.setitem(
+        CONTROLLERS._parts, "mpc", HostedController("mpc", "breaks", broken_controller)
+    )
     grid = Grid((short,), ("alone",), ("mpc", "none"), (0,))
     table = run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert table["status"].tolist() == ["failed", "ok"]
     assert table.loc[0, "reason"] == "RuntimeError at broken_controller: no battery"
     run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert len(runs) == 2
-    monkeypatch.setitem(HOSTED, "mpc", lambda: each_unit(lambda context: AlwaysIdle()))
+    idle = each_unit(lambda context: AlwaysIdle())
+    monkeypatch.setitem(CONTROLLERS._parts, "mpc", HostedController("mpc", "idles", idle))
     mended = run_cells(grid.jobs(), Store(tmp_path), retry_failed=True)
     assert mended["status"].tolist() == ["ok", "ok"]
     assert len(runs) == 3

@@ -1,0 +1,92 @@
+"""Limits that every rule gives the units: JP5484215 Fig. 6 (a) high and (b) low adhesion."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from alloc.plant.rail import logarithmic_increments
+from alloc.rules import RULES, Allocation, AllocationProblem, find_rule
+from paper_figs.registry import figure
+from paper_figs.style import handle, new_panels, rule_colour
+
+UNITS = 8
+AXLES_PER_UNIT = 4
+EXPECTED = 0.170
+"""Planned coefficient of the readhesion paper's scenario (3.0 km/h/s)."""
+HIGH, LOW = 0.160, 0.145
+"""Coefficient found by the foremost unit: above and below the value at which the train can just meet the plan."""
+BOTTOM = 0.12
+"""Lower end of the axes; all limits lie far above zero."""
+NOTES = 0.024
+"""Height above the longest bar that the notes take up."""
+SHOWN = tuple(name for name in RULES if name != "qp-robust")
+"""Rules shown: without deviations of the caps `qp-robust` is `qp`."""
+
+
+def caps(coefficient: float) -> NDArray[np.float64]:
+    """Caps (5) of 8 units of four axles with the increments (15), (UNITS,)."""
+    per_axle = logarithmic_increments(UNITS * AXLES_PER_UNIT)
+    increments = per_axle.reshape(UNITS, AXLES_PER_UNIT).mean(axis=1)
+    return np.asarray(coefficient + increments - increments[0])
+
+
+def problem(coefficient: float) -> AllocationProblem:
+    """What every rule is asked where `coefficient` is found: true caps, limits in force at the plan."""
+    cap = caps(coefficient)
+    return AllocationProblem(
+        cap=cap, expected=EXPECTED, delivered=np.minimum(cap, EXPECTED), truth=cap
+    )
+
+
+def allocate(rule: str, coefficient: float) -> Allocation:
+    """What a rule answers to `problem`; a rule that acts step by step has made one step."""
+    return find_rule(rule)(problem(coefficient))
+
+
+@figure("allocation-bars", "limits of all rules for high and low adhesion (JP5484215 Fig. 6 a, b)")
+def allocation_bars(rules: Sequence[str] = SHOWN) -> Figure:
+    """One column per rule; upper row high adhesion, lower row low adhesion.
+
+    Noted in each: mean limit ("told") and mean of what limit and adhesion together allow ("used"), as a share of the plan.
+    """
+    drawn, axes = new_panels(7.1, 3.9, 2, len(rules), sharex=True, sharey=True, squeeze=False)
+    for row, coefficient in enumerate((HIGH, LOW)):
+        for column, rule in enumerate(rules):
+            _bars(axes[row, column], rule, coefficient)
+    axes[0, 0].set_ylim(top=axes[0, 0].get_ylim()[1] + NOTES)
+    for (upper, lower), rule in zip(axes.T, rules, strict=True):
+        upper.set_title(
+            rule, color=rule_colour(rule), fontweight="bold", loc="center", fontsize=6.3
+        )
+        lower.set_xlabel("unit")
+    axes[0, 0].set_ylabel("(a) high adhesion, case B\ncoefficient [–]")
+    axes[1, 0].set_ylabel("(b) low adhesion, case A\ncoefficient [–]")
+    handles = [
+        handle("plan", color="black", linestyle="--", linewidth=1.0),
+        handle("cap", color="black", linewidth=1.0),
+        mpl.patches.Patch(color="#999999", label="limit (colour of the rule)"),
+    ]
+    drawn.legend(handles=handles, loc="outside lower center", ncols=3)
+    return drawn
+
+
+def _bars(axes: Axes, rule: str, coefficient: float) -> None:
+    units, asked = np.arange(1, UNITS + 1), problem(coefficient)
+    answer = allocate(rule, coefficient)
+    axes.bar(units, answer.limit, width=0.8, color=rule_colour(rule), alpha=0.75)
+    edges = np.arange(0.5, UNITS + 1.0)
+    axes.stairs(caps(coefficient), edges, color="black", linewidth=1.0, baseline=None)
+    axes.axhline(EXPECTED, color="black", linestyle="--", linewidth=1.0)
+    told, used = (100.0 * x / EXPECTED for x in (answer.effort(asked), answer.usable(asked)))
+    note = axes.text(
+        0.04, 0.995, f"told {told:.1f} %\nused {used:.1f} %",
+        transform=axes.transAxes, va="top", fontsize=5.0,
+    )  # fmt: skip
+    note.set_in_layout(False)
+    axes.set(ylim=(BOTTOM, None), xlim=(0.3, UNITS + 0.7))
+    axes.set_xticks([1, 4, 8])
+    axes.grid(visible=False, axis="x")
