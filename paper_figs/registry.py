@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
-from studies.core.figures import GROUP
+from studies.core.gallery import GROUP
 
 Data = ParamSpec("Data")
 

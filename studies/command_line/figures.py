@@ -25,8 +25,8 @@ def figures(
     jobs
         Number of processes for that [default: one per core].
     """
-    from studies.core.figures import gallery
-    from studies.core.study_error import unknown
+    from studies.core.gallery import gallery
+    from studies.files.study_error import unknown
 
     known = gallery().descriptions()
     for name in names:

@@ -18,7 +18,7 @@ from studies.core import code_version
 from studies.core.cell import key_of
 from studies.core.job import Job
 from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugins
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.loading import SCENARIOS, load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"
@@ -114,7 +114,9 @@ def test_an_edited_plugin_runs_its_rows_again_and_no_others(examples, monkeypatc
     assert key_of(Job(scenario, "weighted", "none", 0)).digest == before[0]
     path.write_text(path.read_text().replace("# ", "## ") + "\n# a comment says nothing new\n")
     forget_sources()
-    assert [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")] == before
+    assert [
+        key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")
+    ] == before
     path.write_text(path.read_text().replace("share = min(", "share = 0.5 * min("))
     forget_sources()
     changed = [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")]
