@@ -68,8 +68,22 @@ def _imports(module: str) -> list[str]:
             named += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
             named += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
+            named += _registered(node)
     parts = [name.split(".") for name in named]
     return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]
+
+
+def _registered(registry: ast.Call) -> list[str]:
+    """Modules of the package that a registry is told to import when a part is asked for."""
+    values = [*registry.args, *(keyword.value for keyword in registry.keywords)]
+    words = [str(value.value) for value in values if isinstance(value, ast.Constant)]
+    return [
+        f"{word}.{path.stem}"
+        for word in words
+        if word.partition(".")[0] in PACKAGES
+        for path in ROOT.joinpath(*word.split(".")).glob("*.py")
+    ]
 
 
 @lru_cache(maxsize=1024)
@@ -79,8 +93,10 @@ def _syntax(module: str) -> bytes:
         body = getattr(node, "body", None)
         if isinstance(body, list):  # strings that stand alone are docstrings
             node.body = [  # type: ignore[attr-defined]
-                item
-                for item in body
-                if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
+                item for item in body if not (isinstance(item, ast.Expr) and _is_text(item.value))
             ]
     return hashlib.sha256(ast.dump(tree).encode()).digest()
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
