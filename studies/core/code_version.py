@@ -57,7 +57,7 @@ def _tree(module: str) -> ast.Module:
     path = _path(module)
     assert path is not None
     source = path.read_bytes()
-    return ast.parse(source if path.suffix == ".py" else repr(source))
+    return ast.parse(source if path.suffix == ".py" else f"content = {source!r}")
 
 
 def _imports(module: str) -> list[str]:
