@@ -93,10 +93,8 @@ def _syntax(module: str) -> bytes:
         body = getattr(node, "body", None)
         if isinstance(body, list):  # strings that stand alone are docstrings
             node.body = [  # type: ignore[attr-defined]
-                item for item in body if not (isinstance(item, ast.Expr) and _is_text(item.value))
+                item
+                for item in body
+                if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
             ]
     return hashlib.sha256(ast.dump(tree).encode()).digest()
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, str)
