@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from alloc.onboard import Belief, Onboard
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
 from studies.files.strict import Strict
 from studies.files.units import si

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
-from alloc.onboard import Detector
 from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.parameters import Detector
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler

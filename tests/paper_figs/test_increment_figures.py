@@ -5,7 +5,7 @@ import pytest
 
 from alloc.estimation import increments
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
-from alloc.onboard import Detector
+from alloc.onboard.parameters import Detector
 from alloc.plant.rail import logarithmic_increments
 from paper_figs.adhesion import PLANNED, planned, planned_curves
 from paper_figs.events import UNIT, slip_detection
