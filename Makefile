@@ -5,10 +5,10 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare figures test bench lint types clean
+.PHONY: help setup compare figures test results-hash bench lint types clean
 
 help:      ## list the targets
-	@sed -n 's/^\([a-z]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -27,6 +27,9 @@ figures: setup       ## draw the figures of the papers
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
+
+results-hash: setup  ## compare hashes of runs, tables and statements with the stored ones
+	$(BIN)/python -m tests.results_hash
 
 bench: setup         ## run the benchmarks
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only -p no:xdist

@@ -5,12 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from alloc.errors import SimulationError
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import Floats, Model
-
-
-class SimulationError(ValueError):
-    """A run cannot be made as asked; the message names the reason and what to do."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class DriverCommand:
         return np.where(index >= 0, np.asarray(self.accelerations)[np.maximum(index, 0)], 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Event:
     """What every rule and controller of a comparison meets alike: train, rail, line, driver, noise."""
 
@@ -67,3 +64,9 @@ class Event:
             raise SimulationError(
                 f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"
             )
+
+    def __repr__(self) -> str:
+        return (
+            f"<Event {self.name!r}: {self.duration:g} s from {3.6 * self.initial_speed:g} km/h, "
+            f"seed {self.seed}; {self.model!r}>"
+        )

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import coupler_damper_force, coupler_spring_force, coupler_stretch
 from alloc.plant.model import Model
 
 Floats = NDArray[np.float64]
@@ -23,20 +22,13 @@ def physical_variables(
     speed = state[n.speed]
     share = s.body_mass / s.body_mass.sum()
     limit, top = model.rails[0].curve.limit(peak, arrays.body_of_axle @ speed)
-    stiffness, stiffening, damping, slack = (s.coupler[:, k][:, None] for k in range(4))
-    stretch = coupler_stretch(arrays.stretch_of_body @ state[n.position], slack)
-    rate = arrays.stretch_of_body @ speed
-    tension = coupler_spring_force(stretch, stiffness, stiffening) + coupler_damper_force(
-        stretch, rate, damping
-    )
     work = state[n.work]
     with np.errstate(divide="ignore", invalid="ignore"):
         load = np.where(mu != 0.0, force / mu, s.static_load[:, None])
-    unit_load = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.static_load[s.axle_unit >= 0], minlength=n.units
-    )
-    unit_radius = np.bincount(
-        s.axle_unit[s.axle_unit >= 0], s.radius[s.axle_unit >= 0], minlength=n.units
+    driven = s.axle_unit >= 0
+    unit_load, unit_radius = (
+        np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
+        for values in (s.static_load, s.radius)
     )
     return {
         "position": state[n.position][0],
@@ -50,12 +42,12 @@ def physical_variables(
         "adhesion_limit": limit.T,
         "peak_slip": np.broadcast_to(top, limit.shape).T,
         "rail_force": force.T,
-        "brake_force": (arrays.shoe_torques(state, force) / s.radius[:, None]).T,
+        "brake_force": (arrays.wheelsets(state, force)[0] / s.radius[:, None]).T,
         "axle_load": load.T,
         "friction_work": state[n.friction_work].T,
         "motor_torque": state[n.torque].T,
         "cylinder_pressure": state[n.pressure].T,
-        "coupler_force": tension.T,
+        "coupler_force": arrays.coupler_forces(state)[0].T,
         "motor_work": work[0],
         "shoe_work": work[1],
         "resistance_work": work[2],

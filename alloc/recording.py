@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.canonical import canonical
 from alloc.event import Event
 from alloc.onboard import memory as om
 from alloc.plant.model import Layout, Model
@@ -196,7 +197,7 @@ def event_hash(event: Event) -> str:
         event.initial_position, event.step, event.record_period, event.target_speed, event.seed,
         model.train, model.rails, model.line, model.span,
     )  # fmt: skip
-    digest = hashlib.sha256(repr(parts).encode())
+    digest = hashlib.sha256(canonical(parts).encode())
     digest.update(model.environment.failure_time.tobytes())
     digest.update(model.environment.receptivity.tobytes())
     return digest.hexdigest()[:16]

@@ -13,13 +13,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.compilation import inlined_jit, jit
+from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard import memory as om
 from alloc.onboard.brakes import brake_receiver, set_brake_targets
 from alloc.onboard.control import control, cut_and_ramp_unit
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment, equipment
-from alloc.onboard.errors import OnboardError
 from alloc.onboard.host import TrainController, TrainControllerFactory, UnitSense, unit_contexts
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.readhesion import CONTROLLERS, HOST

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.onboard.host import UnitContext
-from mpc.compiled_model import CompiledModel, Ints, compiled_model
+from mpc.compiled_model import CompiledModel, compiled_model
 from mpc.generated import compile_source
+from mpc.shooting import Ints, Nonzeros
 from mpc.unit_model import CONSTANTS, UnitModel, Units, group_of, unit_model, unloading
 
 
@@ -96,7 +97,10 @@ def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
         transfer = bool(unloading(cars[first]).any())
         blocks.append(_Block(cell, model, count, axle, unit, nonzero, upper, transfer))
         axle, unit = axle + count * model.axles, unit + count * model.units
-        nonzero, upper = nonzero + count * cell.row.size, upper + count * cell.upper_row.size
+        nonzero, upper = (
+            nonzero + count * cell.nonzeros.row.size,
+            upper + count * cell.nonzeros.upper_row.size,
+        )
         first += count
     return blocks
 
@@ -119,8 +123,8 @@ def _source(blocks: list[_Block], axles: int, units: int) -> str:
                 b=b, n=block.model.axles, m=block.model.units, size=block.model.parameters.numel(),
                 cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
                 constants=len(CONSTANTS), transfer=block.transfer, nonzero=block.nonzero,
-                nonzeros=block.cell.row.size, upper=block.upper,
-                uppers=block.cell.upper_row.size,
+                nonzeros=block.cell.nonzeros.row.size, upper=block.upper,
+                uppers=block.cell.nonzeros.upper_row.size,
             )  # fmt: skip
     return text
 
@@ -130,7 +134,7 @@ def _places(blocks: list[_Block], field: str, axles: int, units: int) -> Ints:
     found = []
     for block in blocks:
         n, m = block.model.axles, block.model.units
-        local = getattr(block.cell, field)
+        local = getattr(block.cell.nonzeros, field)
         for c in range(block.cars):
             axle, unit = block.axle + c * n, block.unit + c * m
             whole = np.concatenate(
@@ -156,8 +160,5 @@ def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
     blocks = _blocks(group, code)
     axles = sum(context.axles for context in group)
     made = compile_source(_source(blocks, axles, len(group)))
-    places = [
-        _places(blocks, field, axles, len(group))
-        for field in ("row", "column", "upper_row", "upper_column")
-    ]
-    return CompiledModel(made.slope, made.rate, made.curvature, *places)
+    places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]
+    return CompiledModel(made.slope, made.rate, made.curvature, Nonzeros(*places))

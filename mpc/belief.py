@@ -7,6 +7,7 @@ slowly until the rail contradicts it. The same pairs of slip and coefficient tel
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,57 +22,89 @@ from mpc.settings import CurveBelief, PeakBelief
 
 Floats = NDArray[np.float64]
 
-INERTIA, RADIUS, POLE, KEEP, OLD, NEW = range(6)
-TAKE_OVER, PROBE, INFORMATIVE, SLIP_ERROR, NOISE_MARGIN, NOISE_SHARE, FLOOR, CEILING = range(6, 14)
-CONSTANTS = 14
-
 NOISE_TIME = 1.0
 """Time [s] over which the mean deviation of measured slip is taken: long against a slip's growth."""
 
-
 STEADY = 0.2
 """Change of slip within the observer's delay, as a share of it, up to which slip and coefficient are of one point."""
-
 
 FOREIGN_FORCE = 0.02
 """Coefficient by which the unit's own estimate, which knows of the air brake, may differ from what the motors explain."""
 
 
+class Constants(NamedTuple):
+    """What the compiled update takes of the unit and of `PeakBelief`; rates per control period."""
+
+    inertia: float
+    radius: float
+    pole: float
+    keep: float
+    """Of the observer's filter, as are `old` and `new`."""
+    old: float
+    new: float
+    take_over: float
+    probe: float
+    informative: float
+    slip_error: float
+    noise_margin: float
+    noise_share: float
+    floor: float
+    ceiling: float
+
+
+class Axles(NamedTuple):
+    """What is remembered of each axle, (axles,) each."""
+
+    filtered: Floats
+    """Of the observer, as is `last`."""
+    last: Floats
+    slip: Floats
+    """Measured slip, as late as the observer's coefficient [m/s]."""
+    last_slip: Floats
+    noise: Floats
+    """Mean deviation of measured slip [m/s]."""
+    coefficient: Floats
+    peak: Floats
+    peak_slip: Floats
+    told: Floats
+    """Peak at which it last slipped; 0: never."""
+    micro: NDArray[np.bool_]
+    """Whether slip and coefficient are of one point of the rising branch."""
+
+
 @jit
-def _update(
-    kind, q, c, load, speed, omega, torque, fresh,
-    filtered, last, slips, last_slip, noise, coefficient, peak, top, told, micro,
-):  # fmt: skip
-    """One control period, all in the direction of the demand, `torque` at the wheel; fills the arrays of the second line."""
+def _update(kind, q, c, load, speed, omega, torque, fresh, axles):
+    """One control period, all in the direction of the demand, `torque` at the wheel; changes `axles`."""
+    filtered, last, slips, last_slip, noise, coefficient, peak, top, told, micro = axles
     for i in range(omega.size):
-        measured = slip_velocity(omega[i], c[RADIUS], speed)
+        measured = slip_velocity(omega[i], c.radius, speed)
         if fresh:  # start in equilibrium
             slips[i] = last_slip[i] = measured
-            last[i] = filtered[i] = torque + c[POLE] * c[INERTIA] * omega[i]
+            last[i] = filtered[i] = torque + c.pole * c.inertia * omega[i]
         filtered[i], last[i], load_torque = observe(
-            filtered[i], last[i], torque, omega[i], c[INERTIA], c[POLE], c[KEEP], c[OLD], c[NEW]
+            filtered[i], last[i], torque, omega[i], c.inertia, c.pole, c.keep, c.old, c.new
         )
-        felt = tangential_coefficient_estimate(load_torque, load[i], c[RADIUS])
+        felt = tangential_coefficient_estimate(load_torque, load[i], c.radius)
         coefficient[i] = felt
         limit, top_slip = adhesion_limit(kind, q, peak[i], speed)
         # as late as the observer's coefficient, so that both belong to one point of the curve
-        slips[i] = slip = c[KEEP] * slips[i] + c[OLD] * last_slip[i] + c[NEW] * measured
+        slips[i] = slip = c.keep * slips[i] + c.old * last_slip[i] + c.new * measured
         last_slip[i] = measured
-        change = abs(measured - slip) - c[NOISE_MARGIN] * noise[i] - c[SLIP_ERROR]
+        change = abs(measured - slip) - c.noise_margin * noise[i] - c.slip_error
         micro[i] = change <= STEADY * abs(slip)
-        noise[i] += c[NOISE_SHARE] * (abs(measured - slip) - noise[i])
-        tells = c[INFORMATIVE] * top_slip + c[SLIP_ERROR] + c[NOISE_MARGIN] * noise[i]
+        noise[i] += c.noise_share * (abs(measured - slip) - noise[i])
+        tells = c.informative * top_slip + c.slip_error + c.noise_margin * noise[i]
         if slip >= tells:
             here = tangential_coefficient(kind, q, slip, speed, speed + slip, peak[i])
-            peak[i] += c[TAKE_OVER] * (peak[i] * felt / here - peak[i])
+            peak[i] += c.take_over * (peak[i] * felt / here - peak[i])
             told[i] = peak[i]
             # on the way down the belief would pass for that of an axle in micro slip
             micro[i] = False
         elif felt > limit:
-            peak[i] += c[TAKE_OVER] * (peak[i] * felt / limit - peak[i])
+            peak[i] += c.take_over * (peak[i] * felt / limit - peak[i])
         else:
-            peak[i] *= c[PROBE]
-        peak[i] = min(max(peak[i], c[FLOOR]), c[CEILING])
+            peak[i] *= c.probe
+        peak[i] = min(max(peak[i], c.floor), c.ceiling)
         limit, top[i] = adhesion_limit(kind, q, peak[i], speed)
 
 
@@ -84,25 +117,24 @@ class CurveObserver:
         curve = curve or CurveBelief()
         self._kind = context.curve.kind
         self._gear = context.gear_ratio
-        self._constants = np.empty(CONSTANTS)
-        self._constants[:POLE] = context.inertia, context.radius
-        self._constants[POLE] = belief.pole
-        self._constants[KEEP : NEW + 1] = observer_gains(belief.pole, context.period)
-        self._constants[TAKE_OVER:] = (
-            -math.expm1(-belief.gain * context.period),
-            math.exp(belief.probe * context.period),
-            belief.informative,
-            belief.slip_error,
-            belief.noise_margin,
-            -math.expm1(-context.period / NOISE_TIME),
-            belief.floor,
-            belief.ceiling,
+        self._constants = Constants(
+            context.inertia,
+            context.radius,
+            belief.pole,
+            *observer_gains(belief.pole, context.period),
+            take_over=-math.expm1(-belief.gain * context.period),
+            probe=math.exp(belief.probe * context.period),
+            informative=belief.informative,
+            slip_error=belief.slip_error,
+            noise_margin=belief.noise_margin,
+            noise_share=-math.expm1(-context.period / NOISE_TIME),
+            floor=belief.floor,
+            ceiling=belief.ceiling,
         )
         n = context.axles
-        self._filtered, self._last = np.zeros(n), np.zeros(n)
-        self._slip, self._last_slip = np.zeros(n), np.zeros(n)
-        self._noise = np.full(n, belief.slip_error)  # until it is known
-        self._told, self._micro = np.zeros(n), np.zeros(n, dtype=np.bool_)
+        self.axles = Axles._make([*(np.zeros(n) for _ in range(9)), np.zeros(n, dtype=np.bool_)])
+        self.axles.noise[:] = belief.slip_error  # until it is known
+        self.axles.peak[:] = belief.initial
         self._unknown = 1.0
         # slip against a reference that slips along tells nothing of the curve's slope
         self._estimates = curve.estimate and context.free_axle
@@ -111,11 +143,11 @@ class CurveObserver:
         self._fresh = True
         self.axle_load = np.full(n, context.axle_load)
         """Load of each axle [N], (axles,); who knows of load transfer keeps it up to date."""
-        self.coefficient = np.zeros(n)
+        self.coefficient = self.axles.coefficient
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
-        self.peak = np.full(n, belief.initial)
+        self.peak = self.axles.peak
         """Believed peak coefficient, (axles,)."""
-        self.peak_slip = np.zeros(n)
+        self.peak_slip = self.axles.peak_slip
         """Slip velocity of the believed curve's maximum [m/s], (axles,)."""
 
     @property
@@ -142,19 +174,18 @@ class CurveObserver:
         """
         _update(
             self._kind, self.q, self._constants, self.axle_load, speed, omega, torque * self._gear,
-            self._fresh, self._filtered, self._last, self._slip, self._last_slip, self._noise,
-            self.coefficient, self.peak, self.peak_slip, self._told, self._micro,
+            self._fresh, self.axles,
         )  # fmt: skip
         self._fresh = False
-        self._unknown *= 1.0 - self._constants[NOISE_SHARE]
+        self._unknown *= 1.0 - self._constants.noise_share
         foreign = abs(estimate - float(self.coefficient.mean())) > FOREIGN_FORCE  # False for nan
         if self._estimates and not foreign:
             self._estimator.update(
-                speed, self._slip, self.coefficient, self.peak, self._told, self._micro,
+                speed, self.axles.slip, self.coefficient, self.peak, self.axles.told, self.axles.micro,
                 self._belief.noise_margin * self._measured_noise(), self._belief.slip_error,
             )  # fmt: skip
 
     def _measured_noise(self) -> float:
         """Mean deviation of measured slip [m/s], without what was supposed of it at the start."""
         supposed = self._belief.slip_error * self._unknown
-        return max(float(self._noise.mean()) - supposed, 0.0) / (1.0 - self._unknown)
+        return max(float(self.axles.noise.mean()) - supposed, 0.0) / (1.0 - self._unknown)

@@ -5,13 +5,11 @@ from typing import Any, NamedTuple
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from mpc.generated import compile_functions
 from mpc.generated_c import compile_c_functions
+from mpc.shooting import Nonzeros
 from mpc.unit_model import UnitModel
-
-Ints = NDArray[np.int64]
 
 
 class CompiledModel(NamedTuple):
@@ -20,12 +18,7 @@ class CompiledModel(NamedTuple):
     slope: Callable[..., Any]
     rate: Callable[..., Any]
     curvature: Callable[..., Any]
-    row: Ints
-    """Row of each nonzero of the Jacobian of the slopes by (state, torques)."""
-    column: Ints
-    upper_row: Ints
-    """Row of each nonzero of the upper triangle of the weighted slopes' Hessian by (state, torques)."""
-    upper_column: Ints
+    nonzeros: Nonzeros
 
 
 _compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
@@ -68,6 +61,6 @@ def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
         # the model is kept along: its id must not be given to another one
         _compiled[key] = (
             model,
-            CompiledModel(made["slope"], made["rate"], made["curvature"], *places),
+            CompiledModel(made["slope"], made["rate"], made["curvature"], Nonzeros(*places)),
         )
     return _compiled[key][1]

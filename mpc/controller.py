@@ -1,121 +1,98 @@
-"""The readhesion MPC of one traction unit, as the simulation calls it.
+"""What the controllers of a unit and of a group share: one answer per control period, whatever happens.
 
-Once per control period: update the belief about the peaks, ask the real-time iteration for the best torques over the
-horizon, command the first. Whatever goes wrong is answered with ok = False; the unit then cuts and ramps.
+A controller updates its belief about the rail, asks the real-time iteration for the best torques over the horizon, and
+commands the first. Whatever goes wrong is answered with ok = False; the unit then cuts and ramps. Braking is driving
+mirrored: every law of a unit is odd.
 """
 
 import math
 import time as clock
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
-from mpc.belief import CurveObserver
-from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, torque_per_coefficient
 
-STIFFNESS_MARGIN = 0.8
-"""How much stiffer than the believed curve, as a share of its stretch, the steps of the prediction are made for."""
+Floats = NDArray[np.float64]
 
 
-class MpcController:
-    """Readhesion MPC of one unit; a `HostController`.
+class PredictiveController:
+    """Controller of the units of `contexts` as one problem; a subclass says what it believes and what it asks.
 
-    Follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque; see
-    `MpcSettings` for the weights. Braking is driving mirrored: every law of the unit is odd.
+    Arrays of its methods are (units,), or (axles,) unit by unit, and count positive in the direction of the demand.
     """
 
-    def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
-        self.settings = settings or MpcSettings()
-        self.belief = CurveObserver(context, self.settings.belief, self.settings.curve)
-        self._solver = RealTimeIteration(context, self.settings)
-        self._stable_stretch = STIFFNESS_MARGIN
-        self._context = context
-        self._carried = torque_per_coefficient(context)
-        self._parameters = parameters(context, self.belief.peak)
-        self._state = np.zeros(context.axles + 2)
-        self._omega = np.zeros(context.axles)
-        self._slip_limit = np.zeros(context.axles)
-        self._shifts = math.isclose(context.period, self.settings.step)
+    def __init__(
+        self, contexts: Sequence[UnitContext], settings: MpcSettings, solver: RealTimeIteration
+    ) -> None:
+        self.settings = settings
+        self._solver = solver
+        self._axles = sum(context.axles for context in contexts)
+        self._shifts = math.isclose(contexts[0].period, settings.step)
         self._sign = 0.0
-        self._before = 0.0
+        self._before = np.zeros(len(contexts))
 
-    def decide(self, sense: UnitSense) -> TorqueDecision:
-        """Torque command for the coming control period; never raises."""
+    def _forget_forces(self) -> None:
+        """Start the observers anew: the direction of the demand has changed."""
+        raise NotImplementedError
+
+    def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
+        """Take in the readings; `estimate` is each unit's own of its coefficient."""
+        raise NotImplementedError
+
+    def _problem(
+        self, speed: Floats, omega: Floats, torque: Floats, target: Floats, limit: Floats
+    ) -> HorizonProblem:
+        """The problem of this period; `limit`: of the motors."""
+        raise NotImplementedError
+
+    def _answer(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
+        """Torque command of each unit for the coming control period; never raises."""
         started = clock.perf_counter()
+        torques, residual = self._before, math.nan
         try:
-            torque, status, residual = self._decide(sense, started)
+            torques, status, residual = self._decide(senses, started)
         except Exception as error:  # a controller on board must answer, whatever happens
-            torque, status, residual = math.nan, f"{type(error).__name__}: {error}", math.nan
+            status = f"{type(error).__name__}: {error}"
         elapsed = clock.perf_counter() - started
         if status == "ok" and elapsed > self.settings.deadline:
             status = "late"
         if status != "ok":
-            self._sign = 0.0  # start anew: what the unit does meanwhile is not known here
-            return TorqueDecision(0.0, False, status, elapsed, residual)
-        return TorqueDecision(torque, True, status, elapsed, residual)
+            self._sign = 0.0  # start anew: what the units do meanwhile is not known here
+            return [TorqueDecision(0.0, False, status, elapsed, residual) for _ in senses]
+        return [TorqueDecision(float(u), True, status, elapsed, residual) for u in torques]
 
-    def _decide(self, sense: UnitSense, started: float) -> tuple[float, str, float]:
-        readings = (sense.speed, sense.torque, sense.target, sense.drive_limit, sense.brake_limit)
-        if not (all(map(math.isfinite, readings)) and np.isfinite(sense.omega).all()):
-            return math.nan, "reading not finite", math.nan
-        sign = math.copysign(1.0, sense.target) if sense.target else self._sign or 1.0
+    def _decide(self, senses: Sequence[UnitSense], started: float) -> tuple[Floats, str, float]:
+        columns = np.array(
+            [(s.speed, s.torque, s.target, s.drive_limit, s.brake_limit) for s in senses]
+        ).T
+        omega = np.concatenate([sense.omega for sense in senses])
+        if not (np.isfinite(columns).all() and np.isfinite(omega).all()):
+            return self._before, "reading not finite", math.nan
+        if omega.size != self._axles:
+            raise ValueError(f"{omega.size} angular speeds for {self._axles} axles")
+        speed, torque, target, drive_limit, brake_limit = columns
+        total = float(target.sum())
+        sign = math.copysign(1.0, total) if total else self._sign or 1.0
         if sign != self._sign:
-            self.belief.forget_forces()
-            self._before = max(sign * sense.torque, 0.0)
+            self._forget_forces()
+            self._before = np.maximum(sign * torque, 0.0)
             self._solver.restart(self._before)
             self._sign = sign
         elif self._shifts:
             self._solver.shift()
-        np.multiply(sense.omega, sign, out=self._omega)
-        speed, torque = sign * sense.speed, sign * sense.torque
-        self.belief.update(speed, self._omega, torque, sense.coefficient)
-        if sense.target == 0.0:
-            self._before = 0.0
+        speed, omega, torque = sign * speed, sign * omega, sign * torque
+        self._believe(speed, omega, torque, np.array([sense.coefficient for sense in senses]))
+        if total == 0.0:
+            self._before = np.zeros(len(senses))
             self._solver.restart(0.0)
-            return 0.0, "ok", 0.0
-        if self.belief.stretch < self._stable_stretch:
-            self._refine(self.belief.stretch)
-        solution = self._solver.solve(
-            self._problem(sense, speed, torque), started + 0.5 * self.settings.deadline
-        )
-        self._before = float(solution.torques[0])
+            return self._before, "ok", 0.0
+        limit = drive_limit if sign > 0.0 else brake_limit
+        problem = self._problem(speed, omega, torque, sign * target, limit)
+        solution = self._solver.solve(problem, started + 0.5 * self.settings.deadline)
+        self._before = solution.torques[: len(senses)].copy()
         return sign * self._before, solution.status, solution.residual
-
-    def _refine(self, stretch: float) -> None:
-        """Divide the prediction's steps more finely: a curve steeper than the given one would make them unstable.
-
-        The margin of Runge-Kutta's stability over the plant's own bound covers what the given curve's steps do not.
-        """
-        self._stable_stretch = STIFFNESS_MARGIN * stretch
-        curve = stretched(self._context.curve, self._stable_stretch)
-        torques = self._solver.torques
-        self._solver = RealTimeIteration(replace(self._context, curve=curve), self.settings)
-        self._solver.torques[:] = torques
-
-    def _problem(self, sense: UnitSense, speed: float, torque: float) -> HorizonProblem:
-        n = self._context.axles
-        self._state[0], self._state[1 : n + 1], self._state[n + 1] = speed, self._omega, torque
-        self._parameters[:n] = self.belief.peak
-        self._parameters[-self.belief.q.size :] = self.belief.q
-        np.multiply(self.belief.peak_slip, self.settings.slip_limit, out=self._slip_limit)
-        limit = sense.drive_limit if sense.target > 0.0 else sense.brake_limit
-        carried = (1.0 + self.settings.headroom) * self.belief.peak.min() * self._carried
-        target = abs(sense.target)
-        return HorizonProblem(
-            state=self._state,
-            parameters=self._parameters,
-            slip_limit=self._slip_limit,
-            target=target,
-            before=self._before,
-            upper=float(min(target, limit, carried)),
-        )
-
-
-def factory(context: UnitContext) -> MpcController:
-    """Controller of a unit with default settings; a `HostControllerFactory`."""
-    return MpcController(context)

@@ -21,6 +21,7 @@ as they are, by coefficient, judged by the peak supposed meanwhile, and judged a
 
 import math
 from dataclasses import fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,39 @@ from mpc.settings import CurveBelief
 
 Floats = NDArray[np.float64]
 
-PAIRS, X, XX, SLIP, X_SLIP = range(5)
-"""Sums over the accepted pairs."""
-PRIOR, FADING, SMALLEST, LARGEST, TESTED, UNTESTED, RESOLUTION = range(7)
-"""Entries of the vector of constants, see `curve_constants`."""
+SUMS = np.dtype([(name, float) for name in ("pairs", "x", "xx", "slip", "x_slip")])
+"""Sums over the accepted pairs of expected slip x and measured slip."""
+CLASS = np.dtype([(name, float) for name in ("pairs", "coefficient", "slip")])
+"""Kept pairs of one class of coefficients: their number, and sums."""
+
+
+class Sums(NamedTuple):
+    """`SUMS` by name (1,), and the same memory as numbers (5,)."""
+
+    named: NDArray[np.void]
+    flat: Floats
+
+    @classmethod
+    def zeros(cls) -> "Sums":
+        """Sums over nothing."""
+        named = np.zeros(1, SUMS)
+        return cls(named, named.view(float))
+
+
+class Constants(NamedTuple):
+    """What the compiled functions take of `CurveBelief`."""
+
+    prior: float
+    """Sum of x^2 as which the given curve counts [m2/s2]."""
+    fading: float
+    """Forgetting per sum of x^2 [s2/m2]."""
+    smallest: float
+    largest: float
+    tested: float
+    untested: float
+    resolution: float
+    """Slip [m/s] below which x counts as zero."""
+
 
 GREATEST_RATIO = 0.9
 """Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""
@@ -93,34 +123,42 @@ def micro_slip(kind, q, coefficient, peak, top, speed):
 
 @jit
 def take_in(sums, c, expected, slip, number, offset):
-    """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums` (5,), if they can be of micro slip."""
-    if abs(expected) < c[RESOLUTION]:
+    """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums`, if they can be of micro slip."""
+    if abs(expected) < c.resolution:
         expected = 0.0  # all noise: it tells of the reference's error alone
-    least, most = c[SMALLEST] / PLAUSIBLE * abs(expected), c[LARGEST] * PLAUSIBLE * abs(expected)
+    least, most = c.smallest / PLAUSIBLE * abs(expected), c.largest * PLAUSIBLE * abs(expected)
     along = math.copysign(slip, slip * expected)
     if not least - offset <= along <= most + offset:
         return
     excitation = expected * expected
-    keep = math.exp(-c[FADING] * number * excitation)
-    for k in range(sums.size):
-        sums[k] *= keep
-    sums[PAIRS] += number
-    sums[X] += number * expected
-    sums[XX] += number * excitation
-    sums[SLIP] += number * slip
-    sums[X_SLIP] += number * expected * slip
+    keep = math.exp(-c.fading * number * excitation)
+    for k in range(sums.flat.size):
+        sums.flat[k] *= keep
+    taken = sums.named[0]
+    taken.pairs += number
+    taken.x += number * expected
+    taken.xx += number * excitation
+    taken.slip += number * slip
+    taken.x_slip += number * expected * slip
 
 
 @jit
 def _keep(bins, coefficient, slip):
-    """Note a pair in the class of its coefficient: number, sum of coefficients, sum of slips; `bins` (BINS, 3)."""
+    """Note a pair in the class of its coefficient; `bins` (BINS,)."""
     row = bins[min(max(int(coefficient / BIN), 0), BINS - 1)]
-    if row[0] >= FULL:
-        for k in range(3):
-            row[k] *= 0.5
-    row[0] += 1.0
-    row[1] += coefficient
-    row[2] += slip
+    if row.pairs >= FULL:
+        row.pairs *= 0.5
+        row.coefficient *= 0.5
+        row.slip *= 0.5
+    row.pairs += 1.0
+    row.coefficient += coefficient
+    row.slip += slip
+
+
+@jit
+def _empty(bins):
+    for row in bins:
+        row.pairs = row.coefficient = row.slip = 0.0
 
 
 @jit
@@ -129,21 +167,33 @@ def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
     limit, top = adhesion_limit(kind, q, peak, speed)
     least = np.inf
     for row in bins:
-        if row[0] > 0.0 and row[1] <= share * limit * row[0]:
-            expected = micro_slip(kind, q, row[1] / row[0], peak, top, speed)
-            slip = row[2] / row[0]
-            if expected > 3.0 * c[RESOLUTION]:
+        if row.pairs > 0.0 and row.coefficient <= share * limit * row.pairs:
+            expected = micro_slip(kind, q, row.coefficient / row.pairs, peak, top, speed)
+            slip = row.slip / row.pairs
+            if expected > 3.0 * c.resolution:
                 if slip > BEND * least * expected:
                     break
                 least = min(least, max(slip, 0.0) / expected)
-            take_in(sums, c, expected, slip, row[0], offset)
+            take_in(sums, c, expected, slip, row.pairs, offset)
+
+
+class Memory(NamedTuple):
+    """What is remembered of the pairs."""
+
+    sums: Sums
+    """Of the pairs judged for good."""
+    total: Sums
+    """The same with those that are judged for the time being."""
+    bins: NDArray[np.void]
+    """Pairs kept of each untested axle, `CLASS` (axles, BINS)."""
+    most: Floats
+    """Largest coefficient among them, (axles,)."""
 
 
 @jit
-def _update(
-    kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, most, bins, sums, total
-):  # fmt: skip
-    """Take in the pairs of one period; `total` (5,) are the `sums` with what is judged for the time being."""
+def _update(kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, memory):
+    """Take in the pairs of one period."""
+    sums, total, bins, most = memory
     news = False
     for i in range(slips.size):
         if not micro[i]:
@@ -154,12 +204,12 @@ def _update(
             known = min(told[i], peak[i])
             if most[i] > 0.0:
                 # what it carried before the slip it could carry, even if the rail has changed since
-                _judge(kind, q, c, bins[i], max(known, most[i]), c[TESTED], speed, offset, sums)
-                bins[i] = 0.0
+                _judge(kind, q, c, bins[i], max(known, most[i]), c.tested, speed, offset, sums)
+                _empty(bins[i])
                 most[i] = 0.0
                 news = True
             limit, top = adhesion_limit(kind, q, known, speed)
-            if abs(coefficient[i]) <= c[TESTED] * limit:
+            if abs(coefficient[i]) <= c.tested * limit:
                 expected = micro_slip(kind, q, coefficient[i], known, top, speed)
                 take_in(sums, c, expected, slips[i], 1.0, offset)
                 news = True
@@ -168,8 +218,8 @@ def _update(
             most[i] = max(most[i], coefficient[i])
             news = True
     if news:
-        for k in range(sums.size):
-            total[k] = sums[k]
+        for k in range(sums.flat.size):
+            total.flat[k] = sums.flat[k]
         highest = 0.0
         for i in range(told.size):
             highest = max(highest, told[i])
@@ -180,37 +230,35 @@ def _update(
                 if highest > 0.0:
                     supposed = min(supposed, highest)
                 supposed = max(most[i], supposed)
-                _judge(kind, q, c, bins[i], supposed, c[UNTESTED], speed, offset, total)
+                _judge(kind, q, c, bins[i], supposed, c.untested, speed, offset, total)
     return news
 
 
 @jit
 def stretch_estimate(sums, c, offset, resolution):
-    """Stretch from the `sums` (5,), within its bounds; `offset` [m/s] is how far the reference may be off.
+    """Stretch from the `sums`, within its bounds; `offset` [m/s] is how far the reference may be off.
 
     `resolution` [m/s]: misfit of the curve that is put up with before it is laid to the reference.
     """
     both = offset * offset + resolution * resolution
     removed = offset * offset / both if both > 0.0 else 0.0
-    share = removed / max(sums[PAIRS], 1.0)
-    above = c[PRIOR] + sums[X_SLIP] - share * sums[X] * sums[SLIP]
-    below = c[PRIOR] + sums[XX] - share * sums[X] * sums[X]
-    return min(max(above / below, c[SMALLEST]), c[LARGEST])
+    share = removed / max(sums.pairs, 1.0)
+    above = c.prior + sums.x_slip - share * sums.x * sums.slip
+    below = c.prior + sums.xx - share * sums.x * sums.x
+    return min(max(above / below, c.smallest), c.largest)
 
 
-def curve_constants(belief: CurveBelief, period: float) -> Floats:
+def curve_constants(belief: CurveBelief, period: float) -> Constants:
     """Constants of the estimation at control `period` [s], as the compiled functions take them."""
     unit = belief.slip_scale**2 / period  # excitation by one axle in a second
-    return np.array(
-        [
-            belief.prior * unit,
-            1.0 / (belief.memory * unit),
-            belief.smallest,
-            belief.largest,
-            belief.tested_share,
-            belief.untested_share,
-            0.1 * belief.slip_scale,
-        ]
+    return Constants(
+        prior=belief.prior * unit,
+        fading=1.0 / (belief.memory * unit),
+        smallest=belief.smallest,
+        largest=belief.largest,
+        tested=belief.tested_share,
+        untested=belief.untested_share,
+        resolution=0.1 * belief.slip_scale,
     )
 
 
@@ -223,8 +271,9 @@ class StretchEstimator:
         """For a unit of `axles` that was given `curve`; `initial` is the peak believed before anything was felt."""
         self._kind, self._given = curve.kind, curve.q
         self._constants, self._initial = curve_constants(belief, period), initial
-        self._most, self._bins = np.zeros(axles), np.zeros((axles, BINS, 3))
-        self._sums, self._total = np.zeros(5), np.zeros(5)
+        self._memory = Memory(
+            Sums.zeros(), Sums.zeros(), np.zeros((axles, BINS), CLASS), np.zeros(axles)
+        )
         self.stretch = 1.0
         """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
         self.q = curve.q.copy()
@@ -241,10 +290,12 @@ class StretchEstimator:
         """
         news = _update(
             self._kind, self._given, self._constants, self._initial, offset, speed, slips, coefficient,
-            peak, told, micro, self._most, self._bins, self._sums, self._total,
+            peak, told, micro, self._memory,
         )  # fmt: skip
         if news:
-            self.stretch = stretch_estimate(self._total, self._constants, offset, resolution)
+            self.stretch = stretch_estimate(
+                self._memory.total.named[0], self._constants, offset, resolution
+            )
             stretch_parameters(self._kind, self._given, self.stretch, self.q)
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.rules.exact import exact_limits
 from mpc.belief import CurveObserver
 from mpc.settings import CurveBelief, PeakBelief
 from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
@@ -70,18 +69,3 @@ def carried_torque(peak: Floats, first: NDArray[np.int64], per_coefficient: Floa
     `peak` (axles,) relative to the static load, `first` axle of each unit, `per_coefficient` (units,) [N m].
     """
     return np.asarray(np.minimum.reduceat(peak, first) * per_coefficient)
-
-
-def even_split(
-    target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
-) -> Floats:
-    """Torques [N m] that give the total of `target` at one coefficient, but for units that cannot; (units,).
-
-    The exact level that par. 0050 of JP5484215 names, with what the units are believed to carry for caps. What a unit that
-    has not slipped is believed to carry is a guess: to load units in proportion to it sends those that are untested to
-    their peak, while one level asks of them no more than the total needs. `carried` and motor `limit` [N m], torque
-    `scale` [N m] and `share` of the mass, (units,).
-    """
-    split = np.empty_like(target)
-    exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)
-    return split * scale

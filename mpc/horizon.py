@@ -9,21 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.condensing import (
-    AXLE_ROWS,
-    AXLE_SHARE,
-    EVENNESS,
-    RATE,
-    SLIP,
-    SLIP_SCALE,
-    TORQUE_SCALE,
-    TRACKING,
-    UNIT_ROWS,
-    UNIT_SHARE,
-    WEIGHTS,
-)
+from mpc.condensing import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.settings import MpcSettings
-from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle
+from mpc.unit_model import (
+    Units,
+    group_of,
+    slip_matrix,
+    torque_per_coefficient,
+    unit_of_axle,
+)
 
 Floats = NDArray[np.float64]
 
@@ -62,31 +56,17 @@ class HorizonSolution(NamedTuple):
     """"ok", or what went wrong."""
 
 
-def weight_vector(settings: MpcSettings, evenness: float = 0.0) -> Floats:
-    """Weights as the compiled cost takes them, (WEIGHTS,)."""
-    weights = np.empty(WEIGHTS)
-    weights[TRACKING] = settings.weights.tracking
-    weights[SLIP] = settings.weights.slip
-    weights[RATE] = settings.weights.rate
-    weights[EVENNESS] = evenness
-    weights[SLIP_SCALE] = settings.weights.slip_scale
-    return weights
-
-
-def unit_rows(units: Units, settings: MpcSettings) -> Floats:
-    """Rows of the units as the compiled cost takes them, (UNIT_ROWS, units), with scale and share filled in."""
-    group = group_of(units)
-    rows = np.zeros((UNIT_ROWS, len(group)))
-    carried = np.array([torque_per_coefficient(context) for context in group])
+def cost_of(units: Units, settings: MpcSettings, evenness: float = 0.0) -> Cost:
+    """Cost as the compiled functions take it; targets, torques before, references and slip limits are still to come."""
+    group, unit = group_of(units), unit_of_axle(units)
+    w = settings.weights
     mass = np.array([context.mass for context in group])
-    rows[TORQUE_SCALE] = settings.weights.coefficient_scale * carried
-    rows[UNIT_SHARE] = mass / mass.sum()
-    return rows
-
-
-def axle_rows(units: Units, share: Floats) -> Floats:
-    """Rows of the axles as the compiled cost takes them, (AXLE_ROWS, axles); `share` (units,) of the group's mass."""
-    unit = unit_of_axle(units)
-    rows = np.zeros((AXLE_ROWS, unit.size))
-    rows[AXLE_SHARE] = (share / np.bincount(unit))[unit]
-    return rows
+    carried = np.array([torque_per_coefficient(context) for context in group])
+    share = mass / mass.sum()
+    n = len(group)
+    return Cost(
+        slip_matrix=slip_matrix(units),
+        axle=AxleTerms(np.zeros(unit.size), (share / np.bincount(unit))[unit]),
+        unit=UnitTerms(np.zeros(n), np.zeros(n), np.zeros(n), w.coefficient_scale * carried, share),
+        weights=CostWeights(*map(float, (w.tracking, w.slip, w.rate, evenness, w.slip_scale))),
+    )

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
 from mpc.assembly import compiled_group
-from mpc.condensing import TORQUE_SCALE, UNIT_SHARE
-from mpc.group_belief import even_split
-from mpc.group_settings import GroupSettings
-from mpc.horizon import HorizonProblem, HorizonSolution, unit_rows
-from mpc.real_time import RealTimeIteration
+from mpc.group_problem import GroupProblem
+from mpc.horizon import HorizonSolution
+from mpc.settings import MpcSettings
 from mpc.shooting import simulate
-from mpc.unit_model import parameters, substeps, unit_of_axle
+from mpc.unit_model import parameters, substeps
 
 Floats = NDArray[np.float64]
 
@@ -70,20 +68,13 @@ class UnitForecast:
 class JointProblem:
     """The train's problem at the foremost unit."""
 
-    def __init__(self, contexts: Sequence[UnitContext], settings: GroupSettings) -> None:
+    def __init__(self, contexts: Sequence[UnitContext], settings: MpcSettings) -> None:
         self.settings = settings
-        mpc = replace(settings.mpc, iterations=settings.steps)
-        self._group = tuple(contexts)
-        self._period = contexts[0].period
         self._forecasts = [UnitForecast(context) for context in contexts]
-        self._solver = RealTimeIteration(self._group, mpc, settings.evenness)
-        rows = unit_rows(self._group, mpc)
-        self._scale, self._share = rows[TORQUE_SCALE], rows[UNIT_SHARE]
-        self._unit = unit_of_axle(self._group)
-        self._radius = np.array([context.radius for context in contexts])[self._unit]
-        self._parameters = parameters(self._group, mpc.belief.initial)
-        held = round(contexts[0].telegrams.period / mpc.step)
-        self._last = min(held, mpc.horizon) - 1
+        self._group = GroupProblem(contexts, settings, settings.group.steps)
+        self._radius = [context.radius for context in contexts]
+        held = round(contexts[0].telegrams.period / settings.step)
+        self._last = min(held, settings.horizon) - 1
         """Step of the horizon at which the next orders come into force."""
         self._cold = True
 
@@ -101,7 +92,6 @@ class JointProblem:
         unit that is bound by its rail is asked for more than it is believed to carry: its own controller knows its rail
         better than a report of some age, and only an axle that is pushed finds out that adhesion has come back.
         """
-        settings = self.settings
         states = [
             forecast.state(report, known)
             for forecast, report, known in zip(self._forecasts, reports, commands, strict=True)
@@ -114,35 +104,29 @@ class JointProblem:
         )
         speed = float(states[0][0])
         slip = np.concatenate(
-            [r * s[1:-1] - s[0] for r, s in zip(self._unit_radius(), states, strict=True)]
+            [r * s[1:-1] - s[0] for r, s in zip(self._radius, states, strict=True)]
         )
         target = np.array([report.target for report in reports])
         carried = np.array([report.carried for report in reports])
-        limit = np.array([report.limit for report in reports])
-        self._parameters[: slip.size] = np.concatenate([report.peak for report in reports])
-        problem = HorizonProblem(
-            state=np.concatenate(
-                [[speed], (speed + slip) / self._radius, [state[-1] for state in states]]
-            ),
-            parameters=self._parameters,
-            slip_limit=settings.mpc.slip_limit * np.concatenate([r.peak_slip for r in reports]),
-            target=target,
-            before=before,
-            upper=np.minimum(limit, (1.0 + settings.mpc.headroom) * carried),
-            reference=even_split(target, carried, limit, self._scale, self._share),
+        rail = (
+            np.concatenate([report.peak for report in reports]),
+            np.concatenate([report.peak_slip for report in reports]),
+            carried,
         )
+        omega = (speed + slip) / self._group.radius
+        torque = np.array([state[-1] for state in states])
+        limit = np.array([report.limit for report in reports])
+        problem = self._group.problem((speed, omega, torque), rail, target, before, limit)
+        solver = self._group.solver
         if self._cold:
-            self._solver.restart(before)
+            solver.restart(before)
         else:
             for _ in range(self._last + 1):
-                self._solver.shift()
-        solution = self._solver.solve(problem)
+                solver.shift()
+        solution = solver.solve(problem)
         self._cold = solution.status != "ok"
         units = len(reports)
         asked = solution.torques[self._last * units : (self._last + 1) * units].copy()
-        bound = asked >= settings.limited * carried
-        push = np.maximum(target, (1.0 + settings.mpc.headroom) * asked)
+        bound = asked >= self.settings.group.limited * carried
+        push = np.maximum(target, (1.0 + self.settings.headroom) * asked)
         return np.where(bound, push, asked), solution
-
-    def _unit_radius(self) -> list[float]:
-        return [context.radius for context in self._group]

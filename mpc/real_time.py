@@ -12,21 +12,11 @@ import daqp
 import numpy as np
 
 from mpc.assembly import compiled_group
-from mpc.condensing import (
-    BEFORE,
-    REFERENCE,
-    SLIP_LIMIT,
-    TARGET,
-    TORQUE_SCALE,
-    UNIT_SHARE,
-    add_second_order,
-    condense,
-    trajectory_cost,
-)
-from mpc.horizon import HorizonProblem, HorizonSolution, axle_rows, unit_rows, weight_vector
+from mpc.condensing import Quadratic, add_second_order, condense, trajectory_cost
+from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
-from mpc.shooting import linearise, second_order, simulate
-from mpc.unit_model import Units, slip_matrix, substeps, unit_model
+from mpc.shooting import Linearised, linearise, second_order, simulate
+from mpc.unit_model import Units, substeps, unit_model
 
 LEAST_CURVATURE = 0.1
 """Least eigenvalue of the quadratic model, relative to twice the weight of tracking; reflection can leave a small one."""
@@ -47,31 +37,32 @@ class RealTimeIteration:
         self._model = compiled_group(units, settings.code)
         self._substeps = substeps(units, settings.step)
         self._small_step = settings.step / self._substeps
-        self._slip = slip_matrix(units)
-        self._weights = weight_vector(settings, evenness)
-        self._unit = unit_rows(units, settings)
-        self._axle = axle_rows(units, self._unit[UNIT_SHARE])
-        self._scale = np.tile(self._unit[TORQUE_SCALE], settings.horizon)
-        self._units, axles, states = model.units, model.axles, model.states
-        n, evaluations = settings.horizon * self._units, 4 * settings.horizon * self._substeps
-        size = states + self._units
+        self._terms = cost_of(units, settings, evenness)
+        self._scale = np.tile(self._terms.unit.scale, settings.horizon)
+        self.units, states = model.units, model.states
+        axles, horizon = model.axles, settings.horizon
+        n, evaluations = horizon * self.units, 4 * horizon * self._substeps
+        size, nonzeros = states + self.units, self._model.nonzeros
         self.torques = np.zeros(n)
         """The guess, [N m], (horizon * units,)."""
-        self._trial = np.zeros(n)
-        self._nodes = np.zeros((settings.horizon + 1, states))
-        self._trial_nodes = np.zeros((settings.horizon + 1, states))
-        self._sensitivity = np.zeros((settings.horizon, states, size))
-        self._points = np.zeros((evaluations, states))
-        self._jacobians = np.zeros((evaluations, self._model.row.size))
-        self._spread = np.zeros((evaluations, states, size))
-        self._cube = np.zeros((3, states, size))
-        self._rows = np.zeros((3, states))
-        self._hessian, self._gradient = np.zeros((n, n)), np.zeros(n)
-        self._adjoint = np.zeros((settings.horizon + 1, states))
-        self._row = np.zeros((axles, n))
-        self._influence = np.zeros((settings.horizon + 1, states, n))
-        self._hessians = np.zeros((settings.horizon, size, size))
-        self._second = np.zeros((6, max(size, self._model.upper_row.size)))
+        self._trial, self._trial_nodes = np.zeros(n), np.zeros((horizon + 1, states))
+        self._now = Linearised(
+            nodes=np.zeros((horizon + 1, states)),
+            sensitivity=np.zeros((horizon, states, size)),
+            points=np.zeros((evaluations, states)),
+            jacobians=np.zeros((evaluations, nonzeros.row.size)),
+            spread=np.zeros((evaluations, states, size)),
+        )
+        self._quadratic = Quadratic(
+            hessian=np.zeros((n, n)),
+            gradient=np.zeros(n),
+            adjoint=np.zeros((horizon + 1, states)),
+            influence=np.zeros((horizon + 1, states, n)),
+            row=np.zeros((axles, n)),
+        )
+        self._cube, self._rows = np.zeros((3, states, size)), np.zeros((3, states))
+        self._hessians = np.zeros((horizon, size, size))
+        self._second = np.zeros((6, max(size, nonzeros.upper_row.size)))
         self._wide = np.zeros((2 * size, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._solver = daqp.Model()
@@ -82,7 +73,7 @@ class RealTimeIteration:
 
     def shift(self) -> None:
         """Move the guess on by one period."""
-        self.torques[: -self._units] = self.torques[self._units :]
+        self.torques[: -self.units] = self.torques[self.units :]
 
     def restart(self, torque: float | np.ndarray) -> None:
         """Forget the guess: hold `torque` [N m], (units,), over the horizon."""
@@ -90,7 +81,7 @@ class RealTimeIteration:
 
     def _by_unit(self, torques: np.ndarray) -> np.ndarray:
         """The same memory as (horizon, units)."""
-        return torques.reshape(-1, self._units)
+        return torques.reshape(-1, self.units)
 
     def solve(self, problem: HorizonProblem, give_up: float = np.inf) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
@@ -104,7 +95,7 @@ class RealTimeIteration:
         cost, residual, done = np.nan, np.inf, 0
         while done == 0 or (done < settings.iterations and clock.perf_counter() < give_up):
             self._linearise(problem)
-            cost = self._cost(self._nodes, self.torques)
+            cost = self._cost(self._now.nodes, self.torques)
             residual = self._residual(problem)
             if not (np.isfinite(cost) and np.isfinite(residual)):
                 return HorizonSolution(self.torques.copy(), cost, residual, done, "not finite")
@@ -121,31 +112,24 @@ class RealTimeIteration:
         return HorizonSolution(self.torques.copy(), cost, residual, done, "ok")
 
     def _linearise(self, problem: HorizonProblem) -> None:
-        model = self._model
-        self._unit[TARGET], self._unit[BEFORE] = problem.target, problem.before
-        self._unit[REFERENCE], self._axle[SLIP_LIMIT] = problem.reference, problem.slip_limit
-        self._nodes[0] = problem.state
+        axle, unit = self._terms.axle, self._terms.unit
+        unit.target[:], unit.before[:] = problem.target, problem.before
+        unit.reference[:], axle.slip_limit[:] = problem.reference, problem.slip_limit
+        self._now.nodes[0] = problem.state
         linearise(
-            model.rate, model.row, model.column, self.torques, problem.parameters,
-            self._small_step, self._substeps, self._nodes, self._sensitivity,
-            self._points, self._jacobians, self._spread, self._cube,
+            self._model.rate, self._model.nonzeros, self.torques, problem.parameters,
+            self._small_step, self._substeps, self._now, self._cube,
         )  # fmt: skip
-        condense(
-            self._nodes, self._sensitivity, self.torques, self._slip, self._axle, self._unit,
-            self._weights,
-            self._hessian, self._adjoint, self._row, self._gradient, self._influence,
-        )  # fmt: skip
+        condense(self._now, self.torques, self._terms, self._quadratic)
 
     def _cost(self, nodes: np.ndarray, torques: np.ndarray) -> float:
         """Cost of a trajectory for the problem of the last linearisation."""
-        return float(
-            trajectory_cost(nodes, torques, self._slip, self._axle, self._unit, self._weights)
-        )
+        return float(trajectory_cost(nodes, torques, self._terms))
 
     def _residual(self, problem: HorizonProblem) -> float:
         now = self.torques / self._scale
-        upper = problem.upper / self._unit[TORQUE_SCALE]
-        projected = np.clip(self._by_unit(now - self._gradient), 0.0, upper)
+        upper = problem.upper / self._terms.unit.scale
+        projected = np.clip(self._by_unit(now - self._quadratic.gradient), 0.0, upper)
         return float(np.abs(projected.ravel() - now).max())
 
     def _step(self, problem: HorizonProblem) -> int:
@@ -153,10 +137,13 @@ class RealTimeIteration:
         if self._settings.exact_hessian:
             self._make_exact(problem)
         np.divide(self.torques, -self._scale, out=self._lower)
-        upper = problem.upper / self._unit[TORQUE_SCALE]
+        upper = problem.upper / self._terms.unit.scale
         np.add(self._by_unit(self._lower), upper, out=self._by_unit(self._upper))
         flag = self._solver.update(
-            H=self._hessian, f=self._gradient, bupper=self._upper, blower=self._lower
+            H=self._quadratic.hessian,
+            f=self._quadratic.gradient,
+            bupper=self._upper,
+            blower=self._lower,
         )
         if flag < 0:
             return int(flag)
@@ -169,18 +156,17 @@ class RealTimeIteration:
 
     def _make_exact(self, problem: HorizonProblem) -> None:
         """Add the model's second derivatives; reflect negative curvature, so that the QP is convex."""
-        model = self._model
         second_order(
-            model.curvature, model.row, model.column, model.upper_row, model.upper_column,
-            self.torques, problem.parameters, self._small_step, self._substeps,
-            self._points, self._jacobians, self._spread, self._adjoint, self._hessians,
+            self._model.curvature, self._model.nonzeros, self.torques, problem.parameters,
+            self._small_step, self._substeps, self._now, self._quadratic.adjoint, self._hessians,
             self._second,
         )  # fmt: skip
-        add_second_order(self._hessians, self._influence, self._unit, self._hessian, self._wide)
-        values, vectors = np.linalg.eigh(self._hessian)
+        add_second_order(self._hessians, self._terms, self._quadratic, self._wide)
+        hessian = self._quadratic.hessian
+        values, vectors = np.linalg.eigh(hessian)
         least = 2.0 * LEAST_CURVATURE * self._settings.weights.tracking
         if values[0] < least:
-            np.matmul(vectors * np.maximum(np.abs(values), least), vectors.T, out=self._hessian)
+            np.matmul(vectors * np.maximum(np.abs(values), least), vectors.T, out=hessian)
 
     def _search(self, problem: HorizonProblem, cost: float) -> bool:
         """Take the trial torques, halving the step while the cost rises; False if no step lowers it."""

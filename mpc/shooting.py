@@ -7,12 +7,56 @@ states as unknowns too.
 Torques of several units lie step by step in one vector (horizon * units,), so that a single unit has no dimension more.
 """
 
+from typing import Any, NamedTuple
+
+import numpy as np
 from numba import float64, int64, njit, types, void
+from numpy.typing import NDArray
 
 from alloc.compilation import FASTMATH
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Nonzeros(NamedTuple):
+    """Places of the nonzeros of a model's derivatives by (state, torques)."""
+
+    row: Ints
+    """Row of each nonzero of the Jacobian of the slopes."""
+    column: Ints
+    upper_row: Ints
+    """Row of each nonzero of the upper triangle of the weighted slopes' Hessian."""
+    upper_column: Ints
+
+
+class Linearised(NamedTuple):
+    """A trajectory and its derivatives; `linearise` fills it.
+
+    An evaluation is one of the model; a Runge-Kutta step has four.
+    """
+
+    nodes: Floats
+    """(horizon + 1, states)"""
+    sensitivity: Floats
+    """Of each node to the node and the torques before, (horizon, states, states + units)."""
+    points: Floats
+    """Where the model was evaluated, (evaluations, states)."""
+    jacobians: Floats
+    """Nonzeros, (evaluations, nonzeros)."""
+    spread: Floats
+    """Sensitivity of each point, (evaluations, states, states + units)."""
+
+
+def record(kind: type, *fields: Any) -> Any:
+    """Numba's type of the named tuple `kind` with these types of `fields`."""
+    return types.BaseTuple.from_types(fields, kind)
+
+
 VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
 INDEX = int64[::1]
+NONZEROS = record(Nonzeros, INDEX, INDEX, INDEX, INDEX)
+LINEARISED = record(Linearised, MATRIX, CUBE, MATRIX, MATRIX, CUBE)
 SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
 """Model: (state, torque of each unit, parameters, slope)."""
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
@@ -52,21 +96,12 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
             now[:] = total
 
 
-@sweep(
-    void(
-        RATE, INDEX, INDEX, VECTOR, VECTOR, float64, int64, MATRIX, CUBE, MATRIX, MATRIX, CUBE, CUBE
-    )
-)  # fmt: skip
-def linearise(
-    model, row, column, torques, parameters, step, substeps,
-    nodes, sensitivity, points, jacobians, spread, scratch,
-):  # fmt: skip
-    """As `simulate`, and fill `sensitivity` (horizon, states, states + units) of each node to node and torques before.
-
-    `row`, `column` place the Jacobian's nonzeros. Kept for `second_order`, per evaluation of the model: `points`
-    (evaluations, states), `jacobians` (evaluations, nonzeros), and `spread` (evaluations, states, states + units), the
-    sensitivity of the point. `scratch` (3, states, states + units).
-    """
+@sweep(void(RATE, NONZEROS, VECTOR, VECTOR, float64, int64, LINEARISED, CUBE))
+def linearise(model, nonzeros, torques, parameters, step, substeps, out, scratch):
+    """As `simulate`, and fill `out` with the derivatives too; `scratch` (3, states, states + units)."""
+    row, column = nonzeros.row, nonzeros.column
+    nodes, sensitivity, points = out.nodes, out.sensitivity, out.points
+    jacobians, spread = out.jacobians, out.spread
     horizon, states, width = sensitivity.shape
     units = width - states
     slope = scratch[2, 0, :states]
@@ -113,20 +148,21 @@ def linearise(
 
 @sweep(
     void(
-        CURVATURE, INDEX, INDEX, INDEX, INDEX, VECTOR, VECTOR, float64, int64,
-        MATRIX, MATRIX, CUBE, MATRIX, CUBE, MATRIX,
+        CURVATURE, NONZEROS, VECTOR, VECTOR, float64, int64, LINEARISED, MATRIX, CUBE, MATRIX,
     )
 )  # fmt: skip
 def second_order(
-    curvature, row, column, upper_row, upper_column, torques, parameters, step, substeps,
-    points, jacobians, spread, adjoint, hessians, scratch,
-):  # fmt: skip
+    curvature, nonzeros, torques, parameters, step, substeps, around, adjoint, hessians, scratch
+):
     """Fill `hessians` (horizon, states + units, states + units): second derivatives of adjoint[k + 1] . node[k + 1].
 
-    They are by the node and torques before. Only evaluations of the model are nonlinear, so it is the sum over them of
-    their Hessians, weighted with what the step's end owes to each slope, seen through `spread`. `upper_row`,
-    `upper_column` place the upper Hessian's nonzeros; `scratch` (6, at least the number of nonzeros).
+    They are by the node and torques before, `around` a trajectory. Only evaluations of the model are nonlinear. So they
+    are the sum over the evaluations of their Hessians, weighted with what the step's end owes to each slope, seen through
+    the point's spread. `scratch` (6, at least the number of nonzeros).
     """
+    row, column = nonzeros.row, nonzeros.column
+    upper_row, upper_column = nonzeros.upper_row, nonzeros.upper_column
+    points, jacobians, spread = around.points, around.jacobians, around.spread
     horizon, width, _ = hessians.shape
     states = adjoint.shape[1]
     units = width - states

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.onboard.telegram_line import TelegramLine
 from mpc.group_controller import CarControllers
-from mpc.group_settings import GroupSettings
 from mpc.joint_problem import JointProblem, Report
+from mpc.settings import MpcSettings
 
 Floats = NDArray[np.float64]
+
+SENT_KEPT = 16
+"""Orders remembered per unit; more cannot be younger than a report that is still used."""
 
 
 class Order(NamedTuple):
@@ -53,9 +56,9 @@ class TrainMpc:
     """
 
     def __init__(
-        self, contexts: Sequence[UnitContext], settings: GroupSettings | None = None
+        self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
     ) -> None:
-        self.settings = settings or GroupSettings()
+        self.settings = settings or MpcSettings()
         first, n = contexts[0], len(contexts)
         self._telegrams, self._period = first.telegrams, first.period
         self._every = max(1, round(first.telegrams.period / first.period))
@@ -190,20 +193,8 @@ class TrainMpc:
         """
         times = report.time + self._period * np.arange(round((acts - report.time) / self._period))
         commands = np.full(times.size, report.command)
-        most = (1.0 + self.settings.mpc.headroom) * report.carried
+        most = (1.0 + self.settings.headroom) * report.carried
         for since, torque in self._sent[j]:
             if since > report.time:
                 commands[times >= since - 1e-9] = min(torque, most)
         return commands
-
-
-SENT_KEPT = 16
-"""Orders remembered per unit; more cannot be younger than a report that is still used."""
-
-
-def train_factory(contexts: Sequence[UnitContext]) -> TrainMpc:
-    """Joint MPC over telegrams with default settings; a `TrainControllerFactory`."""
-    return TrainMpc(contexts)
-
-
-__all__ = ["Order", "TrainMpc", "ordered_target", "train_factory"]

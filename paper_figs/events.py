@@ -14,7 +14,7 @@ from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, recorded
 from paper_figs.style import along_train, new_panels, rule_colour, train_bar
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 CONTROLLER = "cut-and-ramp"
 UNIT = 0

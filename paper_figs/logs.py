@@ -13,7 +13,7 @@ from paper_figs.source import Source
 from paper_figs.style import along_train, new_panels, train_bar
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, check_log
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 

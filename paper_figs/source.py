@@ -10,12 +10,12 @@ import xarray as xr
 
 from alloc.recording import load
 from studies.comparison.defaults import KEPT_RUNS, default_grid
-from studies.core.collection import OnRow, find_sweep, sweep_folder
-from studies.core.controllers import host_factories
+from studies.core.cell import OnRow, key_of
+from studies.core.collection import find_study, study_folder
 from studies.core.job import Job, simulate_job
-from studies.core.runner import run_grid
+from studies.core.runner import run_cells
 from studies.core.store import Store
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 
 class Source:
@@ -43,33 +43,29 @@ class Source:
         """Rows of the comparison that succeeded."""
         table = self._table
         if table is None:
-            table = run_grid(default_grid(), self.store, self.jobs, KEPT_RUNS, on_row=self.on_row)
+            cells = default_grid().jobs()
+            table = run_cells(cells, self.store, self.jobs, KEPT_RUNS, on_row=self.on_row)
         return table[table["status"] == "ok"]
 
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
         job = Job(load_scenario(scenario), rule, controller, seed)
-        path = self.store.run_path(job.key)
-        if path.exists():
-            return load(path)
-        return simulate_job(job, host_factories(controller))
+        path = self.store.run_path(key_of(job))
+        return load(path) if path.exists() else simulate_job(job)
 
     def study(
-        self, name: str, least: int, instead: Callable[[], pd.DataFrame] | None = None
+        self, name: str, least: int | None, instead: Callable[[], pd.DataFrame] | None = None
     ) -> pd.DataFrame:
-        """Table of a study, of the events that the results hold, `least` or more of them.
+        """Table of a study: of the events that the results hold, `least` or more [default: the study's own number].
 
         Where they hold none, `instead` gives the table if there is one.
         """
-        study: Any = find_sweep(name)
-        folder = sweep_folder(self.store.folder, name)
-        stored = study.stored(folder)
-        if isinstance(stored, pd.DataFrame):
-            return stored
-        if not stored and instead is not None:
+        study, folder = find_study(name), study_folder(self.store.folder, name)
+        held = study.held(folder)
+        if not held and instead is not None:
             return instead()
-        found: pd.DataFrame = study.run(folder, max(least, stored or 0), 0, self.jobs, self.on_row)
-        return found
+        events = max(held, study.default_events if least is None else least)
+        return study.run(folder, events, 0, self.jobs, self.on_row)
 
 
 Need = Callable[[Source], Any]
@@ -89,10 +85,8 @@ def recorded(scenario: str, rule: str, controller: str) -> Need:
 def study(
     name: str, least: int | None = None, instead: Callable[[], pd.DataFrame] | None = None
 ) -> Need:
-    """Need: a study's table as `Source.study` gives it, by default of the study's own number of events."""
-    return lambda source: source.study(
-        name, find_sweep(name).DEFAULT_EVENTS if least is None else least, instead
-    )
+    """Need: a study's table, see `Source.study`."""
+    return lambda source: source.study(name, least, instead)
 
 
 def made(make: Callable[..., Any], *arguments: Any) -> Need:

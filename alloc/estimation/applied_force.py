@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train

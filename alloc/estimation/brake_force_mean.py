@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
+from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import finite_series
-from alloc.estimation.errors import EstimationError
 
 Floats = NDArray[np.float64]
 

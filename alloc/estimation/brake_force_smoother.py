@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
+from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces, finite_series, masses
-from alloc.estimation.errors import EstimationError
 
 Floats = NDArray[np.float64]
 
@@ -68,12 +68,11 @@ def smooth_brake_forces(
     Constant errors of sensors and masses are not noise and not in the deviation. Raises `EstimationError`.
     """
     m = masses("mass", mass)
-    for name, value in (
-        ("period", period), ("acceleration_noise", acceleration_noise), ("coupler_noise", coupler_noise),
-        ("walk", 1.0 if walk is None else walk),
-    ):  # fmt: skip
-        if not (math.isfinite(value) and value > 0.0):
-            raise EstimationError(f"smoother: {name} = {value!r} must be finite and exceed 0")
+    given = {
+        "period": period, "acceleration_noise": acceleration_noise, "coupler_noise": coupler_noise,
+        "walk": 1.0 if walk is None else walk,
+    }  # fmt: skip
+    EstimationError.check("smoother", given, positive=given)
     own = finite_series("acceleration", acceleration, (None, m.size))
     measured = car_brake_forces(own, coupler_force, m, resistance)
     difference = np.eye(m.size, m.size - 1, -1) - np.eye(m.size, m.size - 1)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
+from alloc.errors import EstimationError
 from alloc.estimation.brake_force_mean import BATCHES, batch_mean
 from alloc.estimation.car_brake_force import finite_series, masses
-from alloc.estimation.errors import EstimationError
 
 Floats = NDArray[np.float64]
 

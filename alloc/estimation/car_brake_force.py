@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.plant.equations import gradient_force
 
 Floats = NDArray[np.float64]

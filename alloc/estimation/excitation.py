@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 Floats = NDArray[np.float64]
 

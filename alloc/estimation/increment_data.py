@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 Reference = Literal["received", "held"]
 
@@ -45,9 +45,8 @@ def increment_data(
         raise EstimationError(
             f"increment data: reference = {reference!r} must be one of {', '.join(get_args(Reference))}"
         )
-    for name, value in (("delay", delay), ("hold_time", hold_time)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise EstimationError(f"increment data: {name} = {value!r} must be 0 or greater")
+    given = {"delay": delay, "hold_time": hold_time}
+    EstimationError.check("increment data", given, nonnegative=given)
     time = run["time"].values
     estimate = run["coefficient_estimate"].values
     demand = run["driver_command"].values != 0.0

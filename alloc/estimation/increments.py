@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.slide_counts import LEAD_AXLES, SIGMA, SlideCounts
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
@@ -29,7 +29,7 @@ class AxleShifts:
         return np.sqrt(np.diag(self.covariance))
 
 
-def axle_shifts(counts: SlideCounts, sigma: float = SIGMA) -> AxleShifts:
+def axle_shifts(counts: SlideCounts) -> AxleShifts:
     """Solve (14) for every axle: k_j = -Phi^-1(fr_j / (2 fr_avg)).
 
     Counts are Poisson, so their variance is the count itself; the covariance follows by linearisation, with the
@@ -47,12 +47,12 @@ def axle_shifts(counts: SlideCounts, sigma: float = SIGMA) -> AxleShifts:
     lead = np.arange(slides.size) < LEAD_AXLES
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.diag(1.0 / slides) - lead[None, :] / (LEAD_AXLES * counts.lead_mean)
-        jacobian = -sigma * steepness[:, None] * change
+        jacobian = -SIGMA * steepness[:, None] * change
         covariance = (
             np.where(slides > 0.0, jacobian, 0.0) * slides @ np.where(slides > 0.0, jacobian, 0.0).T
         )
     covariance[~usable, :] = covariance[:, ~usable] = np.nan
-    return AxleShifts(sigma * k, covariance)
+    return AxleShifts(SIGMA * k, covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,6 @@ class IncrementFit:
     slope_deviation: float
     """Standard error of the slope from counting; that of the offset is `LEAD_LOG_MEAN` times it."""
     axles: int
-
-    @property
-    def offset_deviation(self) -> float:
-        """Standard error of the offset."""
-        return self.slope_deviation * LEAD_LOG_MEAN
 
     def increments(self, axle_count: int | None = None) -> Floats:
         """Increment of each axle, (axle_count,)."""
@@ -134,8 +129,7 @@ def conventional_increments(
         raise EstimationError(
             f"increments: law = {law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
         )
-    if not (np.isfinite(speed) and speed >= 0.0):
-        raise EstimationError(f"increments: speed = {speed!r} must be finite and 0 or greater")
+    EstimationError.check("increments", {"speed": speed}, nonnegative=("speed",))
     conventional, shinkansen = (
         hyperbolic_speed_law(speed, *SPEED_LAWS[name]) for name in (law, "shinkansen")
     )

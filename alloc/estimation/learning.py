@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 Floats = NDArray[np.float64]
 
@@ -19,8 +19,9 @@ Floats = NDArray[np.float64]
 def _datum(units: int, unit: int, increment: float) -> None:
     if not 0 <= unit < units:
         raise EstimationError(f"learning: no unit {unit}; the train has {units} (counted from 0)")
-    if not np.isfinite(increment):
-        raise EstimationError(f"learning: increment = {increment!r} of unit {unit} must be finite")
+    EstimationError.check(
+        f"learning of unit {unit}", {"increment": increment}, finite=("increment",)
+    )
 
 
 @dataclass(eq=False)
@@ -47,8 +48,9 @@ class RunningMean:
             raise EstimationError(
                 f"learning: increment {self.increment.shape} and count {self.count.shape} must be (units,)"
             )
-        if np.any(~np.isfinite(self.increment)) or np.any(~(self.count >= 0.0)):
-            raise EstimationError("learning: increments must be finite and counts 0 or greater")
+        EstimationError.check(
+            "learning", self, (), ("count[]",), ("increment[]",), infinite=("count[]",)
+        )
         if self.first < 1 or self.further < 1:
             raise EstimationError(
                 f"learning: first = {self.first}, further = {self.further} must be 1 or greater"
@@ -114,12 +116,10 @@ class GaussianPosterior:
             raise EstimationError(
                 f"learning: increment {self.increment.shape} and variance {self.variance.shape} must be (units,)"
             )
-        if np.any(~np.isfinite(self.increment)) or np.any(~(self.variance >= 0.0)):
-            raise EstimationError("learning: increments must be finite and variances 0 or greater")
-        if not (self.noise > 0.0 and self.drift >= 0.0):
-            raise EstimationError(
-                f"learning: noise = {self.noise!r} must exceed 0 and drift = {self.drift!r} be 0 or greater"
-            )
+        bounded = ("variance[]", "drift")
+        EstimationError.check(
+            "learning", self, ("noise",), bounded, ("increment[]",), infinite=("noise", *bounded)
+        )
 
     def add(self, unit: int, increment: float) -> bool:
         """Take a datum of `unit`; the increment changes at once."""

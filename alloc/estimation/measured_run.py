@@ -24,8 +24,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
-from alloc.estimation.errors import EstimationError
 from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.train import Train

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.excitation import Excitation, judge_excitation
 from alloc.estimation.running_resistance import Learner
 from alloc.onboard.speed_control.line_memory import LineMemory

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 Floats = NDArray[np.float64]
 
@@ -83,16 +83,7 @@ def _sample(weights: Floats, regressor: Floats, error: float) -> None:
         raise EstimationError(
             f"resistance learner: regressor = {regressor} must be {weights.size} finite numbers"
         )
-    if not math.isfinite(error):
-        raise EstimationError(f"resistance learner: error = {error!r} must be finite")
-
-
-def _positive(**values: float) -> None:
-    for name, value in values.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise EstimationError(
-                f"resistance learner: {name} = {value!r} must be finite and greater than 0"
-            )
+    EstimationError.check("resistance learner", {"error": error}, finite=("error",))
 
 
 @dataclass(eq=False)
@@ -110,7 +101,7 @@ class GradientLearner:
 
     def __post_init__(self) -> None:
         self.weights = _checked(self.weights)
-        _positive(gain=self.gain)
+        EstimationError.check("resistance learner", self, positive=("gain",))
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
         """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
@@ -136,7 +127,7 @@ class NormalisedGradientLearner:
     def __post_init__(self) -> None:
         self.weights = _checked(self.weights)
         self.typical = np.array(self.typical, dtype=float)[: self.weights.size]
-        _positive(rate=self.rate, typical=float(self.typical.min()))
+        EstimationError.check("resistance learner", self, positive=("rate", "typical[]"))
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
         """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
@@ -168,7 +159,7 @@ class LeastSquaresLearner:
             raise EstimationError(
                 f"resistance learner: deviation {self.deviation.shape} must be {self.weights.shape}"
             )
-        _positive(noise=self.noise, deviation=float(self.deviation.min()))
+        EstimationError.check("resistance learner", self, positive=("noise", "deviation[]"))
         if not 0.0 < self.forgetting <= 1.0:
             raise EstimationError(
                 f"resistance learner: forgetting = {self.forgetting!r} must lie in (0, 1]"

@@ -1,4 +1,4 @@
-"""Slides counted per axle: reading, writing, and drawing synthetic tables from the model of JP5484215 (12) to (14).
+"""Slides counted per axle, and the table that stands for those of JP5484215 (12) to (14).
 
 Under automatic brake whose force follows the planned coefficient, measured coefficients scatter about it as a normal
 distribution. Half of all brakings make an axle of the lead car slide, fewer an axle whose rail was wiped before.
@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 SIGMA = 0.012
 """Standard deviation of measured coefficients about the planned one, JP5484215 par. 0055."""
@@ -101,37 +100,3 @@ def read_slide_counts(path: str | Path) -> SlideCounts:
             )
         slides.append(count)
     return SlideCounts(np.array(slides), " ".join(remarks))
-
-
-def write_slide_counts(counts: SlideCounts, path: str | Path) -> None:
-    """Write a table that `read_slide_counts` reads back."""
-    lines = [f"# {counts.source}\n"] if counts.source else []
-    lines += ["axle,slides\n"]
-    lines += [f"{axle},{slides}\n" for axle, slides in enumerate(counts.slides, 1)]
-    Path(path).write_text("".join(lines), encoding="utf-8")
-
-
-def slide_probability(
-    shift: NDArray[np.float64], lead: NDArray[np.float64], sigma: float = SIGMA
-) -> NDArray[np.float64]:
-    """Slides of each axle over the lead car's mean, (14): Phi(-shift / sigma) over its mean for `lead`.
-
-    `shift` (axles,), `lead` (any,): how much higher the mean coefficients lie than the planned one.
-    """
-    return np.asarray(norm.cdf(-shift / sigma) / norm.cdf(-lead / sigma).mean())
-
-
-def draw_slide_counts(
-    increments: NDArray[np.float64], slides_per_lead_axle: float, seed: int, sigma: float = SIGMA
-) -> SlideCounts:
-    """A synthetic table for axles with `increments` (axles,), drawn from (14): Poisson counts.
-
-    `slides_per_lead_axle`: expected count of an axle at the planned coefficient, which fixes the sampling error.
-    """
-    expected = 2.0 * slides_per_lead_axle * norm.cdf(-np.asarray(increments) / sigma)
-    slides = np.random.default_rng(seed).poisson(expected)
-    source = (
-        f"SYNTHETIC, drawn from JP5484215 (14): seed {seed}, {slides_per_lead_axle:g} slides expected of an axle at "
-        f"the planned coefficient, standard deviation {sigma:g}"
-    )
-    return SlideCounts(slides, source)

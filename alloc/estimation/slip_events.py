@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.spans import spans
 
 Floats = NDArray[np.float64]
@@ -36,12 +36,7 @@ class SlipCriterion:
     enough for errors of wheel radii."""
 
     def __post_init__(self) -> None:
-        for name in ("velocity", "ratio"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise EstimationError(
-                    f"slip criterion: {name} = {value!r} must be finite and greater than 0"
-                )
+        EstimationError.check("slip criterion", self, positive=("velocity", "ratio"))
 
     def bound(self, speed: Floats, rim_speed: Floats) -> Floats:
         """Slip velocity [m/s] above which an axle slips."""

@@ -1,4 +1,4 @@
-"""Tangential force of each axle and wheel damage Q from measured series, JP4209318 (2) to (4), (12) and (28).
+"""Tangential force of each axle and wheel damage Q from measured series, JP4209318 (2) to (4) and (28).
 
 Signs as in the plant: speeds >= 0, forces on the train positive in traction and negative in braking, slip velocity
 R omega - v. The source counts the brake force F_b and the tangential force F^_m as magnitudes and speeds negative; with
@@ -14,7 +14,7 @@ momentum, and the inertia's part of Q is the Stieltjes integral of the slip velo
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 
 Floats = NDArray[np.float64]
 
@@ -93,23 +93,6 @@ def tangential_force(
             end - begin
         )
     return force
-
-
-def reaction_force(
-    tangential: ArrayLike, acceleration: ArrayLike, inertia: ArrayLike, radius: ArrayLike
-) -> Floats:
-    """F_m of JP4209318 (12) [N], (instants, axles): what answers the axle's own brake or motor; equal to it without slide.
-
-    `tangential` [N] (instants, axles), `acceleration` [m/s2] of the train (instants,). Positive in traction. Raises
-    `EstimationError`.
-    """
-    force = _series("tangential", tangential, np.shape(tangential)[0])
-    change = _series("acceleration", acceleration, force.shape[0])
-    axles = force.shape[1]
-    return (
-        force
-        + _positive("inertia", inertia, axles) / _positive("radius", radius, axles) ** 2 * change
-    )
 
 
 def wheel_damage(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.compilation import equation
-from alloc.plant.errors import PlantError, require_finite
+from alloc.errors import PlantError
 from alloc.plant.operations import absolute, atan, exp, maximum, where
 
 PIECEWISE, POLACH, SLIP_RATIO = 0, 1, 2
@@ -217,7 +217,7 @@ class PiecewiseCurve(AdhesionCurve):
     kind: ClassVar[int] = PIECEWISE
 
     def __post_init__(self) -> None:
-        require_finite(
+        PlantError.check(
             "adhesion curve", self, positive=("micro_slope", "top_curvature", "macro_slope")
         )
         if not 0.0 <= self.residual_ratio < 1.0:
@@ -247,7 +247,7 @@ class PolachCurve(AdhesionCurve):
     kind: ClassVar[int] = POLACH
 
     def __post_init__(self) -> None:
-        require_finite(
+        PlantError.check(
             "adhesion curve",
             self,
             positive=("adhesion_factor", "slip_factor", "creep_stiffness"),
@@ -280,7 +280,7 @@ class SlipRatioCurve(AdhesionCurve):
     kind: ClassVar[int] = SLIP_RATIO
 
     def __post_init__(self) -> None:
-        require_finite("adhesion curve", self, positive=("peak_slip_ratio",))
+        PlantError.check("adhesion curve", self, positive=("peak_slip_ratio",))
         if not self.peak_slip_ratio < 1.0 or not 0.0 <= self.residual_ratio <= 1.0:
             raise PlantError(
                 "adhesion curve: peak_slip_ratio must lie in (0, 1) and residual_ratio in [0, 1], got "

@@ -1,7 +1,7 @@
 """The plant on whole arrays: assembly of the same laws for NumPy (single states or lanes) and CasADi (SX).
 
-The environment (peak coefficients, gradients, torque limits) is an argument here, so that a controller can
-put its belief in the place of the truth. `environment_at` evaluates the true one with NumPy.
+The environment (peak coefficients, gradients, torque limits) is an argument. So a controller can put its belief in the
+place of the truth.
 """
 
 from typing import Any, NamedTuple
@@ -12,24 +12,16 @@ from numpy.typing import NDArray
 from alloc.plant.adhesion import tangential_coefficient
 from alloc.plant.equations import (
     axle_load,
+    car_drag,
     car_rail_force,
-    coupler_damper_force,
-    coupler_spring_energy,
-    coupler_spring_force,
-    coupler_stretch,
+    coupler_forces,
     cylinder_pressure_rate,
-    gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
-    running_resistance,
-    shoe_torque,
     slip_velocity,
-    wheel_acceleration,
+    wheelset,
 )
-from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.model import Inputs, Layout, Model, Structure
-from alloc.plant.operations import maximum, minimum, sine
-from alloc.plant.train import EFFORT_SPEED_STEP
 
 Array = Any
 """NumPy array (rows,) or (rows, lanes), or CasADi column."""
@@ -98,8 +90,15 @@ class ArrayModel:
         )
         return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
 
-    def shoe_torques(self, state: Array, force: Array) -> Array:
-        """Torque of the brake shoes on every wheelset [N m] under its rail force [N], against its rotation."""
+    def motor_torques(self, state: Array) -> Array:
+        """Torque of the motors on every wheelset [N m], at the wheel."""
+        omega = state[self.layout.omega]
+        return self._column(self.structure.gear, omega) * (
+            self.unit_of_axle @ state[self.layout.torque]
+        )
+
+    def wheelsets(self, state: Array, force: Array) -> tuple[Array, Array]:
+        """Torque of the brake shoes on every wheelset [N m] under its rail force [N], and angular acceleration [rad/s2]."""
         s, n = self.structure, self.layout
         omega = state[n.omega]
         radius = self._column(s.radius, omega)
@@ -107,8 +106,18 @@ class ArrayModel:
         grip = hyperbolic_speed_law(self.body_of_axle @ state[n.speed], a, o, c)
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
-        motor = self._column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
-        return shoe_torque(motor - radius * force, omega, limit, self._column(s.inertia, omega))
+        inertia = self._column(s.inertia, omega)
+        shoe, rate = wheelset(self.motor_torques(state), force, radius, omega, limit, inertia)
+        return shoe, rate
+
+    def coupler_forces(self, state: Array) -> tuple[Array, Array]:
+        """Tension of every coupler and the part of it that damps [N], (bodies - 1,)."""
+        n = self.layout
+        speed = state[n.speed]
+        gear = (self._column(self.structure.coupler[:, k], speed) for k in range(4))
+        elongation = self.stretch_of_body @ state[n.position]
+        tension, damper = coupler_forces(elongation, self.stretch_of_body @ speed, *gear)
+        return tension, damper
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
         """Derivative of the state, (rows,) or (rows, lanes); rows as in `Layout`."""
@@ -116,21 +125,12 @@ class ArrayModel:
         column = self._column
         speed, omega = state[n.speed], state[n.omega]
         slip, _, force = self.forces(state, local.peak)
-        radius, inertia = column(s.radius, omega), column(s.inertia, omega)
-        motor = column(s.gear, omega) * (self.unit_of_axle @ state[n.torque])
-        shoe = self.shoe_torques(state, force)
-        omega_rate = wheel_acceleration(motor, force, radius, shoe, inertia)
-
+        shoe, omega_rate = self.wheelsets(state, force)
         car_speed = self.body_of_car @ speed
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
-        drag = running_resistance(car_speed, r0, r1, r2, local.air_factor) + gradient_force(
-            column(s.car_mass, car_speed), local.grade
-        )
-        stiffness, stiffening, damping, slack = (column(s.coupler[:, k], speed) for k in range(4))
-        stretch = coupler_stretch(self.stretch_of_body @ state[n.position], slack)
-        rate = self.stretch_of_body @ speed
-        damper = coupler_damper_force(stretch, rate, damping)
-        tension = coupler_spring_force(stretch, stiffness, stiffening) + damper
+        mass = column(s.car_mass, car_speed)
+        drag = car_drag(car_speed, r0, r1, r2, local.air_factor, mass, local.grade)
+        tension, damper = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force
             - self.body_of_car.T @ drag
@@ -151,7 +151,12 @@ class ArrayModel:
             column(s.group_fill, omega),
             column(s.group_release, omega),
         )
-        works = (motor * omega, shoe * omega, drag * car_speed, damper * rate)
+        works = (
+            self.motor_torques(state) * omega,
+            shoe * omega,
+            drag * car_speed,
+            damper * (self.stretch_of_body @ speed),
+        )
         return self._stack(
             [
                 speed,
@@ -178,74 +183,3 @@ class ArrayModel:
         import casadi
 
         return casadi.vertcat(*parts)
-
-    def mechanical_energy(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], per lane."""
-        s, n = self.structure, self.layout
-        speed, omega = state[n.speed], state[n.omega]
-        column = self._column
-        kinetic = (0.5 * column(s.body_mass, speed) * speed**2).sum(axis=0) + (
-            0.5 * column(s.inertia, omega) * omega**2
-        ).sum(axis=0)
-        stretch = coupler_stretch(
-            self.stretch_of_body @ state[n.position], column(s.coupler[:, 3], speed)
-        )
-        elastic = coupler_spring_energy(
-            stretch, column(s.coupler[:, 0], speed), column(s.coupler[:, 1], speed)
-        ).sum(axis=0)
-        return np.asarray(kinetic + elastic)
-
-
-def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Row-wise linear interpolation of `tables` (rows, points) at `x` (rows, lanes) in grid units."""
-    bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
-    k = bounded.astype(np.int64)
-    row = np.arange(tables.shape[0])[:, None]
-    return np.asarray(tables[row, k] + (tables[row, k + 1] - tables[row, k]) * (bounded - k))
-
-
-def environment_at(
-    model: Model,
-    time: float,
-    state: NDArray[np.float64],
-    cleaning: NDArray[np.float64] | None = None,
-    arrays: ArrayModel | None = None,
-) -> Local:
-    """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes).
-
-    `cleaning` (axles, lanes) is what the wheels ahead left, none if None. `arrays`: the array form of `model`
-    where it exists already.
-    """
-    s, n, e = model.structure, model.layout, model.environment
-    arrays = arrays or ArrayModel.of(model)
-    position = state[n.position][s.axle_body] + s.axle_offset[:, None]
-    speed = state[n.speed][s.axle_body]
-    patches = np.ones_like(position)
-    for p in e.patch:
-        weight = window(position, p[1], p[2], p[3])
-        patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
-    knot = position / e.noise_length
-    base = np.floor(knot)
-    k = base.astype(np.int64)
-    lane = np.arange(model.lanes)[None, :]
-    knots = e.noise.shape[1]
-    scatter = interpolate_noise(
-        e.noise[lane, k % knots], e.noise[lane, (k + 1) % knots], knot - base
-    )
-    conditioning = 0.0 if cleaning is None else e.conditioning[0] * cleaning
-    peak = peak_coefficient(
-        speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning
-    )
-    place = (state[n.position][s.car_body] + s.car_offset[:, None] - e.line_origin) / e.line_spacing
-    rim = np.abs(arrays.unit_rim_speed(state[n.omega])) / EFFORT_SPEED_STEP
-    wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
-    receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
-    both = np.broadcast_to
-    return Local(
-        peak=peak,
-        grade=_table(both(e.line[0], (n.cars, e.line.shape[1])), place),
-        air_factor=_table(both(e.line[1], (n.cars, e.line.shape[1])), place),
-        drive_limit=_table(s.drive_table, rim),
-        brake_limit=_table(s.brake_table, rim) * receptivity,
-        health=(time < e.failure_time).astype(float),
-    )

@@ -42,6 +42,14 @@ def wheel_acceleration(motor_torque_at_wheel, rail_force, radius, shoe, inertia)
 
 
 @equation
+def wheelset(motor_torque_at_wheel, rail_force, radius, angular_speed, shoe_limit, inertia):
+    """Shoe torque [N m] and angular acceleration [rad/s2] of a wheelset."""
+    other = motor_torque_at_wheel - radius * rail_force
+    shoe = shoe_torque(other, angular_speed, shoe_limit, inertia)
+    return shoe, wheel_acceleration(motor_torque_at_wheel, rail_force, radius, shoe, inertia)
+
+
+@equation
 def motor_torque_rate(torque, command, drive_limit, brake_limit, health, time_constant):
     """Rate of the motor torque [N m/s]: first-order lag behind the bounded command.
 
@@ -82,6 +90,13 @@ def gradient_force(mass, grade):
 
 
 @equation
+def car_drag(speed, constant, linear, quadratic, air_factor, mass, grade):
+    """Running resistance and gradient force of a car [N] against the motion."""
+    resistance = running_resistance(speed, constant, linear, quadratic, air_factor)
+    return resistance + gradient_force(mass, grade)
+
+
+@equation
 def coupler_stretch(elongation, slack):
     """Elongation [m] beyond the slack (half of it on either side)."""
     return elongation - minimum(maximum(elongation, -0.5 * slack), 0.5 * slack)
@@ -94,16 +109,17 @@ def coupler_spring_force(stretch, stiffness, stiffening):
 
 
 @equation
-def coupler_spring_energy(stretch, stiffness, stiffening):
-    """Elastic energy of a draft gear [J]."""
-    square = stretch * stretch
-    return square * (0.5 * stiffness + 0.25 * stiffening * square)
-
-
-@equation
 def coupler_damper_force(stretch, rate, damping):
     """Damping tension of a draft gear [N]: none inside the slack, full at 1 mm beyond it."""
     return damping * rate * minimum(absolute(stretch) / 1e-3, 1.0)
+
+
+@equation
+def coupler_forces(elongation, rate, stiffness, stiffening, damping, slack):
+    """Tension of a draft gear and the part of it that damps [N], at this elongation [m] and its rate [m/s]."""
+    stretch = coupler_stretch(elongation, slack)
+    damper = coupler_damper_force(stretch, rate, damping)
+    return coupler_spring_force(stretch, stiffness, stiffening) + damper, damper
 
 
 @equation

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.errors import PlantError
 from alloc.plant.equations import LOCK_TIME
-from alloc.plant.errors import PlantError
 from alloc.plant.rail import Line, Rail, Receptivity, axle_values
 from alloc.plant.train import Train
 
@@ -299,7 +299,7 @@ def _environment(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """A train on a line, in one or more lanes; build it with `build`."""
 
@@ -310,6 +310,10 @@ class Model:
     structure: Structure
     environment: Environment
     span: tuple[float, float]
+
+    def __repr__(self) -> str:
+        lanes = "" if self.lanes == 1 else f", first of {self.lanes} lanes"
+        return f"<Model: {self.train!r} on {self.rails[0]!r}{lanes}>"
 
     @property
     def lanes(self) -> int:
@@ -322,9 +326,8 @@ class Model:
         `speed` [m/s] and `position` of the front [m]: one for all lanes, or (lanes,). Coupled cars stand at rest
         length. Raises `PlantError` if one is not finite.
         """
-        for name, value in (("speed", speed), ("position", position)):
-            if not np.all(np.isfinite(value)):
-                raise PlantError(f"initial state: {name} = {value!r} must be finite")
+        given = {"speed": np.ravel(speed), "position": np.ravel(position)}
+        PlantError.check("initial state", given, finite=("speed[]", "position[]"))
         state = np.zeros((self.layout.rows, self.lanes))
         state[self.layout.position] = position
         state[self.layout.speed] = speed

@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
-from alloc.plant.errors import PlantError, require_finite
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -41,7 +40,7 @@ class Patch:
     fade: float = 0.2
 
     def __post_init__(self) -> None:
-        require_finite("patch", self, positive=("factor", "edge", "fade"))
+        PlantError.check("patch", self, positive=("factor", "edge", "fade"))
         for low, high in (("start", "end"), ("begin", "until")):
             a, b = getattr(self, low), getattr(self, high)
             if not (math.isfinite(a) and math.isfinite(b) and a < b):
@@ -60,7 +59,7 @@ def logarithmic_increments(
     return slope * np.log(np.arange(1, axle_count + 1)) + offset
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rail:
     """Adhesion field. `level` scales the speed law (the coefficient itself where the law is `none`).
 
@@ -89,7 +88,7 @@ class Rail:
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:
-        require_finite(
+        PlantError.check(
             "rail",
             self,
             positive=(
@@ -120,8 +119,15 @@ class Rail:
             )
         if not isinstance(self.seed, int) or self.seed < 0:
             raise PlantError(f"rail: seed = {self.seed!r} must be a whole number, 0 or greater")
-        if self.increments is not None and not np.all(np.isfinite(self.increments)):
-            raise PlantError(f"rail: increments = {self.increments} must be finite")
+        if self.increments is not None:
+            PlantError.check("rail", self, finite=("increments[]",))
+
+    def __repr__(self) -> str:
+        law = self.speed_law if isinstance(self.speed_law, str) else "own"
+        return (
+            f"<Rail: level {self.level:g}, speed law {law}, {len(self.patches)} patches, "
+            f"scatter {self.scatter:g}, {type(self.curve).__name__}>"
+        )
 
     def speed_law_coefficients(self) -> tuple[float, float, float]:
         """Numerator, offset and constant of the speed law, scaled by `level`."""
@@ -179,14 +185,14 @@ class Line:
     spacing: float = 5.0
 
     def __post_init__(self) -> None:
-        require_finite("line", self, positive=("tunnel_factor", "spacing"))
+        PlantError.check(
+            "line", self, positive=("tunnel_factor", "spacing"), finite=("stations[]", "grades[]")
+        )
         if len(self.stations) != len(self.grades) or not self.stations:
             raise PlantError(
                 f"line: {len(self.stations)} stations and {len(self.grades)} grades; give as many of "
                 "each, at least one"
             )
-        if not np.all(np.isfinite(self.stations)) or not np.all(np.isfinite(self.grades)):
-            raise PlantError("line: stations and grades must be finite")
         if any(b < a for a, b in zip(self.stations, self.stations[1:], strict=False)):
             raise PlantError("line: stations must not fall")
         for start, end in self.tunnels:
@@ -216,12 +222,7 @@ class Receptivity:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        require_finite("receptivity", self, positive=("period",), nonnegative=("mean", "amplitude"))
-        if not math.isfinite(self.phase):
-            raise PlantError(f"receptivity: phase = {self.phase!r} must be finite")
-
-
-SpeedLawName = Literal["none", "shinkansen", "curtius-kniffler"]
+        PlantError.check("receptivity", self, ("period",), ("mean", "amplitude"), ("phase",))
 
 
 def axle_values(values: ArrayLike | None, axle_count: int, what: str) -> NDArray[np.float64]:

@@ -10,18 +10,14 @@ from alloc.compilation import inlined_jit
 from alloc.plant.adhesion import PIECEWISE, POLACH, SLIP_RATIO, tangential_coefficient
 from alloc.plant.equations import (
     axle_load,
+    car_drag,
     car_rail_force,
-    coupler_damper_force,
-    coupler_spring_force,
-    coupler_stretch,
+    coupler_forces,
     cylinder_pressure_rate,
-    gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
-    running_resistance,
-    shoe_torque,
     slip_velocity,
-    wheel_acceleration,
+    wheelset,
 )
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.operations import maximum, minimum, sine
@@ -190,8 +186,10 @@ def _wheels(s, layout, state, force, w, slope):
                 shoe_limit[b] = 0.0
         for b in range(lanes):
             rotation = state[omega + i, b]
-            shoe = shoe_torque(motor[b] - r * force[i, b], rotation, shoe_limit[b], inertia)
-            slope[omega + i, b] = wheel_acceleration(motor[b], force[i, b], r, shoe, inertia)
+            shoe, acceleration = wheelset(
+                motor[b], force[i, b], r, rotation, shoe_limit[b], inertia
+            )
+            slope[omega + i, b] = acceleration
             slope[friction + i, b] = force[i, b] * slip_velocity(rotation, r, state[body, b])
             slope[works, b] += motor[b] * rotation
             slope[works + 1, b] += shoe * rotation
@@ -219,7 +217,7 @@ def _cars(s, e, layout, state, w, slope):
             air[b] = _table_value(e.line[1], x)
         for b in range(lanes):
             v = state[layout.bodies + k, b]
-            drag = running_resistance(v, r0, r1, r2, air[b]) + gradient_force(mass, grade[b])
+            drag = car_drag(v, r0, r1, r2, air[b], mass, grade[b])
             w.car[3, c, b] = drag
             w.body[k, b] += w.car[2, c, b] - drag
             slope[works + 2, b] += drag * v
@@ -227,10 +225,11 @@ def _cars(s, e, layout, state, w, slope):
         stiffness, stiffening = s.coupler[k, 0], s.coupler[k, 1]
         damping, slack = s.coupler[k, 2], s.coupler[k, 3]
         for b in range(lanes):
-            stretch = coupler_stretch(state[k, b] - state[k + 1, b], slack)
+            elongation = state[k, b] - state[k + 1, b]
             rate = state[layout.bodies + k, b] - state[layout.bodies + k + 1, b]
-            damper = coupler_damper_force(stretch, rate, damping)
-            tension = coupler_spring_force(stretch, stiffness, stiffening) + damper
+            tension, damper = coupler_forces(
+                elongation, rate, stiffness, stiffening, damping, slack
+            )
             w.body[k, b] -= tension
             w.body[k + 1, b] += tension
             slope[works + 3, b] += damper * rate

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
-from alloc.plant.errors import PlantError, require_finite
 
 
 def _triple(
@@ -45,15 +45,15 @@ class TorqueLimit:
     table: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        require_finite("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
+        PlantError.check("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
         if not self.pull_out_speed > 0.0:
             raise PlantError(
                 f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0"
             )
-        if self.table is not None and (
-            len(self.table) == 0 or not all(math.isfinite(t) and t >= 0.0 for t in self.table)
-        ):
-            raise PlantError("torque limit: table must hold finite values, 0 or greater")
+        if self.table is not None:
+            PlantError.check("torque limit", self, nonnegative=("table[]",))
+            if len(self.table) == 0:
+                raise PlantError("torque limit: table is empty")
 
     def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
         """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
@@ -84,7 +84,7 @@ class Motors:
     """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
 
     def __post_init__(self) -> None:
-        require_finite("motors", self, positive=("gear_ratio", "torque_lag"))
+        PlantError.check("motors", self, positive=("gear_ratio", "torque_lag"))
         if self.group not in ("1C4M", "1C2M", "1C1M"):
             raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
 
@@ -111,7 +111,7 @@ class AirBrake:
     computers do not know of it."""
 
     def __post_init__(self) -> None:
-        require_finite(
+        PlantError.check(
             "air brake",
             self,
             positive=("maximum_pressure", "fill_time", "release_time", "cylinder_volume"),
@@ -156,11 +156,12 @@ class Car:
 
     def __post_init__(self) -> None:
         owner = f"car {self.name!r}"
-        require_finite(
+        PlantError.check(
             owner,
             self,
-            positive=("length", "empty_mass", "wheel_radius"),
+            positive=("length", "empty_mass", "wheel_radius", "wheel_inertia[]"),
             nonnegative=("load", "centre_of_mass_height", "pivot_height"),
+            finite=("axle_positions[]",),
         )
         n = len(self.axle_positions)
         if n == 0:
@@ -170,13 +171,7 @@ class Car:
                 raise PlantError(
                     f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles"
                 )
-        if not all(math.isfinite(j) and j > 0.0 for j in self.wheel_inertia):
-            raise PlantError(
-                f"{owner}: wheel_inertia = {self.wheel_inertia} must be finite and > 0"
-            )
         positions = self.axle_positions
-        if not all(math.isfinite(p) for p in positions):
-            raise PlantError(f"{owner}: axle_positions = {positions} must be finite")
         if any(b <= a for a, b in itertools.pairwise(positions)):
             raise PlantError(f"{owner}: axle_positions = {positions} must grow from the front")
         if positions[0] < 0.0 or positions[-1] > self.length:
@@ -286,12 +281,12 @@ class Coupler:
     slack: float = 0.0
 
     def __post_init__(self) -> None:
-        require_finite(
+        PlantError.check(
             "coupler", self, positive=("stiffness",), nonnegative=("stiffening", "damping", "slack")
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Train:
     """A train in its running order, foremost car first.
 
@@ -315,15 +310,19 @@ class Train:
             raise PlantError(f"train {self.name!r}: has no cars")
         if min(_triple(f"train {self.name!r}", "resistance", self.resistance)) < 0.0:
             raise PlantError(f"train {self.name!r}: resistance = {self.resistance} must be >= 0")
-        if not math.isfinite(self.planned_acceleration):
-            raise PlantError(
-                f"train {self.name!r}: planned_acceleration = {self.planned_acceleration!r} must be finite"
-            )
+        PlantError.check(f"train {self.name!r}", self, finite=("planned_acceleration",))
         if self.couplers is not None and len(self.couplers) != len(self.cars) - 1:
             raise PlantError(
                 f"train {self.name!r}: {len(self.couplers)} couplers for {len(self.cars)} cars; "
                 f"give {len(self.cars) - 1}, or none for a rigid train"
             )
+
+    def __repr__(self) -> str:
+        units = sum(len(car.units()) for car in self.cars)
+        return (
+            f"<Train {self.name!r}: {len(self.cars)} cars, {self.axle_count} axles, {units} units, "
+            f"{self.mass / 1e3:.1f} t, {'rigid' if self.couplers is None else 'coupled'}>"
+        )
 
     @property
     def mass(self) -> float:

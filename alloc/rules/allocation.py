@@ -37,10 +37,6 @@ class Allocation:
         """Mean limit beyond the plan, weighted with mass; >= 0."""
         return max(self.effort(problem) - problem.expected, 0.0)
 
-    def beyond_cap(self, problem: AllocationProblem) -> Floats:
-        """Part of each limit that adhesion, as believed in `problem.cap`, cannot carry, (n,)."""
-        return np.maximum(self.limit - np.asarray(problem.cap, dtype=float), 0.0)
-
     def usable(self, problem: AllocationProblem) -> float:
         """Mean of min(limit, cap) weighted with mass: what would be delivered if the caps were true."""
         return float(np.average(np.minimum(self.limit, problem.cap), weights=problem.weight))

@@ -1,6 +1,5 @@
 """What a rule is asked: adhesion caps along the train, the plan, and what else bounds the limits."""
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.errors import AllocationError
 from alloc.rules.greedy import ROUNDING
 
 Floats = NDArray[np.float64]
@@ -23,10 +23,6 @@ _ADVICE = {
     "truth": "give the available coefficients, or leave truth out",
     "deviation": "give the standard deviation of each cap about the truth, or leave deviation out",
 }
-
-
-class AllocationError(ValueError):
-    """A rule was asked for what cannot be; the message names the field, its value and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +62,8 @@ class AllocationProblem:
         put = object.__setattr__
         put(self, "n", cap.size)
         put(self, "cap", cap)
-        put(self, "expected", _expected(self.expected))
+        AllocationError.check("allocation", self, positive=("expected",))
+        put(self, "expected", float(self.expected))
         if not isinstance(self.slip, bool | np.bool_):
             raise AllocationError(f"slip = {self.slip!r} must be True or False")
         for name in ("mass", "limit_max", "previous", "delivered", "truth", "deviation"):
@@ -189,20 +186,6 @@ def _frozen(array: Floats) -> Floats:
 def _array(values: Any) -> Floats:
     """An attribute that construction has already made an array."""
     return values
-
-
-def _expected(value: Any) -> float:
-    if isinstance(value, bool) or not np.isscalar(value):
-        raise AllocationError(f"expected = {value!r} must be a number greater than 0")
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise AllocationError(f"expected = {value!r} must be a number greater than 0") from None
-    if not math.isfinite(number) or number <= 0.0:
-        raise AllocationError(
-            f"expected = {value!r} must be finite and greater than 0; without demand there is nothing to share"
-        )
-    return number
 
 
 def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:

@@ -4,8 +4,8 @@ import math
 
 import pandas as pd
 
-from studies.core.bounds import Bound, judged
 from studies.core.statement import Statement
+from studies.core.verdict import Bound, judged
 
 LACKING = 0.05
 """Share of its allocated force from which on a car counts as short."""

@@ -15,7 +15,7 @@ from studies.brake_force.faulty_car import (
     driven_stops,
 )
 from studies.brake_force.measurement import MeasuringSystem
-from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, smooth
+from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -42,6 +42,11 @@ DRAWS = 10
 def rms(values: Floats) -> float:
     """Root mean square; nan of nothing."""
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
+
+
+def running_test_row(name: str, seed: int) -> Row:
+    """Numbers of the running test called `name` on the day of `seed`."""
+    return row_of_test(name, run_test(name, seed))
 
 
 def row_of_test(name: str, result: TestResult) -> Row:

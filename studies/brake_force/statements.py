@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from studies.brake_force.faulty_car_statements import faulty_car, smallest_shortfall
-from studies.core.bounds import Bound, judged
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -22,7 +21,7 @@ from studies.core.statement import (
     mean_interval,
     share_interval,
 )
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.verdict import LEAST_EVENTS, Bound, judged
 
 FULL_FORCE = 60.0
 """The report's estimate of the locomotive's brake force [kN]."""

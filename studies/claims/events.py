@@ -8,8 +8,8 @@ import pandas as pd
 
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
-from studies.core.job import Job
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 BASE = "wet-start"
 """Scenario that every event is a change of: the eight-car commuter train pulls away at 3.0 km/h/s."""
@@ -156,16 +156,6 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
 
 def _increments(slope: float) -> dict[str, Any]:
     return {"law": "logarithmic", "slope": slope, "offset": OFFSET_OF_SLOPE * slope}
-
-
-def event_jobs(seed: int, events: int, rules: tuple[str, ...], duration: float) -> list[Job]:
-    """Cells of `events` events under every rule. Event `k` has the seed `k` for all rules, so rules meet the same event."""
-    return [
-        Job(one, rule, "cut-and-ramp", k)
-        for k in range(events)
-        for one in (scenario(seed, k, duration),)
-        for rule in rules
-    ]
 
 
 def drawn_table(seed: int, events: int) -> pd.DataFrame:

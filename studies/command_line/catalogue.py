@@ -5,11 +5,11 @@ import sys
 from alloc.metrics import METRICS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
-from studies.core.collection import SWEEPS
+from studies.core.collection import all_studies
 from studies.core.controllers import controller_names
 from studies.core.figures import gallery
 from studies.logs.columns import column_names
-from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.scenario.loading import SCENARIOS, load_scenario
 
 CONTROLLER_MEANINGS = {
     "none": "torque follows the limit whatever the wheels do",
@@ -27,13 +27,13 @@ CONTROLLER_MEANINGS = {
 
 def catalogue() -> dict[str, dict[str, str]]:
     """Kind -> name -> one line of meaning, of all that a command can be told."""
-    scenarios = {name: load_scenario(name) for name in shipped_scenarios()}
+    scenarios = {name: load_scenario(name) for name in SCENARIOS}
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},
         "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
         "trains": {name: _train(name) for name in SETS},
-        "sweeps": {name: sweep.DESCRIPTION for name, sweep in SWEEPS.items()},
+        "sweeps": {name: study.question for name, study in all_studies().items()},
         "figures": dict(gallery().descriptions()),
         "metrics": {
             name: m.description + ("" if m.unit == "1" else f" [{m.unit}]")

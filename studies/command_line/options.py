@@ -18,6 +18,9 @@ def _whole(_: type, tokens: Sequence[Token]) -> int:
         raise ValueError(f"{tokens[0].value!r} is not a whole number") from None
 
 
+ALL_FAILED = 1
+"""Exit code where every run failed."""
+
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 """Option of a whole number."""
 

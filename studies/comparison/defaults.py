@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 
 from alloc.rules import RULES
+from studies.comparison.grid import Grid
 from studies.core.controllers import host_factories
-from studies.core.runner import Grid, check_rules
+from studies.core.runner import check_rules
 from studies.core.study_error import StudyError, unknown
-from studies.scenario.scenario import Scenario, default_scenarios
+from studies.scenario.loading import default_scenarios
+from studies.scenario.scenario import Scenario
 
 DEFAULT_SEEDS = 1
 DEFAULT_CONTROLLERS = ("cut-and-ramp",)

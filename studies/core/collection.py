@@ -1,71 +1,38 @@
-"""Sweeps: one question each, asked over many random events; a table out, and plain statements with their numbers."""
+"""The studies by name: every `Study` of a module named `study` in a folder of its own."""
 
-from collections.abc import Callable
+import pkgutil
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Protocol
 
-import pandas as pd
-
-from studies.brake_force import study as brake_force
-from studies.claims import study as claims
-from studies.core.statement import Statement
+import studies
+from studies.core.study import Study
 from studies.core.study_error import unknown
-from studies.curves import study as curves
-from studies.differences import study as differences
-from studies.joint import study as joint
-from studies.ladder import study as ladder
-from studies.learning import study as learning
-from studies.readhesion_paper import calibration_study as calibration
-from studies.readhesion_paper import study as readhesion
-from studies.resistance import study as resistance
-from studies.slides import study as slide_protection
-
-OnRow = Callable[[str, int, int], None]
 
 
-class Sweep(Protocol):
-    """What a module of this package offers to be a sweep."""
-
-    DESCRIPTION: str
-    """One line: the question."""
-    DEFAULT_EVENTS: int
-    """Events where none are asked for."""
-
-    def run(
-        self, folder: Path, events: int, seed: int, jobs: int, on_row: OnRow | None = None
-    ) -> pd.DataFrame:
-        """The table of so many events drawn from `seed`; what `folder` holds already is not run again."""
-
-    def statements(self, table: pd.DataFrame) -> list[Statement]:
-        """What the table says, computed from it by thresholds that the module states."""
+@cache
+def all_studies() -> dict[str, Study]:
+    """Every study by name, in alphabetical order."""
+    found: dict[str, Study] = {}
+    for folder in pkgutil.iter_modules(studies.__path__, "studies."):
+        if folder.ispkg:
+            paths = import_module(folder.name).__path__
+            modules = pkgutil.iter_modules(paths, f"{folder.name}.")
+            for module in modules:
+                if module.name.endswith((".study", "_study")):
+                    values = vars(import_module(module.name)).values()
+                    found |= {one.name: one for one in values if isinstance(one, Study)}
+    return dict(sorted(found.items()))
 
 
-SWEEPS: dict[str, Sweep] = {
-    "claims": claims,
-    "differences": differences,
-    "learning": learning,
-    "ladder": ladder,
-    "curves": curves,
-    "joint": joint,
-    "readhesion": readhesion,
-    "calibration": calibration,
-    "brake-force": brake_force,
-    "resistance": resistance,
-    "slide-protection": slide_protection,
-}
-"""Every sweep by name."""
+def find_study(name: str) -> Study:
+    """The study called `name`; raises `StudyError` with the nearest name for one that does not exist."""
+    studies_by_name = all_studies()
+    if name not in studies_by_name:
+        raise unknown("sweep", name, studies_by_name)
+    return studies_by_name[name]
 
 
-def find_sweep(name: str) -> Sweep:
-    """The sweep called `name`; raises `StudyError` with the nearest name for one that does not exist."""
-    if name not in SWEEPS:
-        raise unknown("sweep", name, SWEEPS)
-    return SWEEPS[name]
-
-
-def sweep_folder(out: str | Path, name: str) -> Path:
-    """Where a sweep keeps its table under the results' folder `out`."""
+def study_folder(out: str | Path, name: str) -> Path:
+    """Where a study keeps its table under the results' folder `out`."""
     return Path(out) / "sweeps" / name
-
-
-__all__ = ["SWEEPS", "Statement", "Sweep", "find_sweep", "sweep_folder"]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from alloc.onboard.host import TrainControllerFactory, UnitContext, UnitSense, each_unit
+from alloc.onboard.host import TrainControllerFactory, UnitContext, UnitSense
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import GRAVITY
@@ -14,27 +14,27 @@ from studies.scenario.scenario import Scenario
 
 
 def _mpc() -> TrainControllerFactory:
-    import mpc
+    from mpc.factories import unit_factory
 
-    return each_unit(mpc.factory)
+    return unit_factory
 
 
 def _mpc_car() -> TrainControllerFactory:
-    import mpc
+    from mpc.factories import car_factory
 
-    return mpc.car_factory
+    return car_factory
 
 
 def _mpc_train() -> TrainControllerFactory:
-    import mpc
+    from mpc.factories import train_factory
 
-    return mpc.train_factory
+    return train_factory
 
 
 def _mpc_train_ideal() -> TrainControllerFactory:
-    import mpc
+    from mpc.factories import ideal_train_factory
 
-    return mpc.ideal_train_factory
+    return ideal_train_factory
 
 
 HOSTED: dict[str, Callable[[], TrainControllerFactory]] = {

@@ -32,7 +32,7 @@ def about(
         "rows": rows,
         "failed": failed,
         "confidence": CONFIDENCE,
-        "code": code_hash(),
+        "code": code_hash("studies.core.job"),
         **provenance(),
     }
 

@@ -3,19 +3,20 @@
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import xarray as xr
 
 from alloc.recording import save
-from studies.core.job import KEY, Key
+from studies.core.cell import Key, Row
 from studies.core.study_error import StudyError
 
 TABLE = "runs.parquet"
+KEPT = ("cell", "code_hash", "status", "reason")
+"""Columns of every row: identity of its cell, the code, and what became of it."""
 
 
 class Store:
@@ -41,30 +42,38 @@ class Store:
         return self.folder / TABLE
 
     def read(self) -> pd.DataFrame:
-        """All rows, one per (event, rule, controller, seed) and code; empty if there are none yet."""
+        """All rows, of every code; empty if there are none yet."""
         if not self.path.exists():
-            return pd.DataFrame(columns=[*KEY, "status", "reason"])
+            return pd.DataFrame(columns=list(KEPT))
         try:
-            return pd.read_parquet(self.path)
+            table = pd.read_parquet(self.path)
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())
-            raise StudyError(
-                f"table {str(self.path)!r} cannot be read ({reason}); move it away or choose another --out"
-            ) from None
+            raise self._unreadable(reason) from None
+        if not set(KEPT) <= set(table):
+            raise self._unreadable("another version of this program wrote it")
+        return table
 
-    def keys(self, failed_too: bool = False) -> set[Key]:
-        """Identities of the rows that succeeded, or of all rows."""
+    def _unreadable(self, reason: str) -> StudyError:
+        return StudyError(
+            f"table {str(self.path)!r} cannot be read ({reason}); move it away or choose another --out"
+        )
+
+    def cells(self, failed_too: bool = False) -> set[str]:
+        """Digests of the cells that succeeded, or of all."""
         table = self.read()
-        done = table if failed_too else table[table["status"] == "ok"]
-        return {Key(*row) for row in done[list(KEY)].itertuples(index=False, name=None)}
+        failed = set(table["cell"][table["status"] == "failed"])
+        return set(table["cell"]) - (set() if failed_too else failed)
 
-    def add(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Add rows; a row replaces an older one of the same identity. The file is whole at every instant."""
+    def add(self, rows: Sequence[Row]) -> None:
+        """Add the rows of whole cells; they replace older ones of the same cells. The file is whole at every instant."""
         if not rows:
             return
+        new = pd.DataFrame(list(rows))
         with self._lock():
-            table = pd.concat([self.read(), pd.DataFrame(list(rows))], ignore_index=True)
-            table = table.drop_duplicates(subset=list(KEY), keep="last", ignore_index=True)
+            old = self.read()
+            old = old[~old["cell"].isin(new["cell"])]
+            table = pd.concat([old, new], ignore_index=True) if len(old) else new
             handle, name = tempfile.mkstemp(dir=self.folder, suffix=".parquet.part")
             os.close(handle)
             try:
@@ -73,6 +82,15 @@ class Store:
             except BaseException:
                 Path(name).unlink(missing_ok=True)
                 raise
+
+    def rows_of(self, keys: Sequence[Key]) -> pd.DataFrame:
+        """Rows of these cells, in the order of `keys`."""
+        table = self.read()
+        order = {key.digest: k for k, key in enumerate(keys)}
+        chosen = table[table["cell"].isin(order)]
+        return chosen.sort_values(
+            "cell", key=lambda cells: cells.map(order), kind="stable", ignore_index=True
+        )
 
     def save_run(self, key: Key, run: xr.Dataset) -> Path:
         """Write a recorded run; returns its file."""
@@ -84,19 +102,12 @@ class Store:
         return path
 
     def run_path(self, key: Key) -> Path:
-        """Where the recorded run of this identity lies, if it was kept."""
-        name = "_".join((key.rule, key.controller, str(key.seed)))
-        version = f"{key.scenario_hash[:6]}{key.code_hash[:6]}"
-        return self.folder / "runs" / key.scenario / f"{name}_{version}.nc"
+        """Where the recorded run of this cell lies, if it was kept."""
+        event, _, arm = key.label.partition("/")
+        return self.folder / "runs" / event / f"{arm.replace('/', '_')}_{key.digest[:12]}.nc"
 
     @contextmanager
     def _lock(self) -> Iterator[None]:
         with open(self.folder / ".lock", "w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             yield
-
-
-def select(table: pd.DataFrame, keys: Iterable[Key]) -> pd.DataFrame:
-    """Rows of these identities, in the order of `keys`."""
-    wanted = pd.DataFrame(list(keys), columns=list(KEY))
-    return wanted.merge(table, on=list(KEY), how="inner")

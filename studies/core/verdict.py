@@ -1,6 +1,7 @@
-"""From numbers to a verdict: the whole decides, and the parts of it in which it is otherwise are the conditions."""
+"""From numbers to a verdict: bounds and parts of a whole stated as data, and the one place that decides."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import pandas as pd
@@ -12,6 +13,7 @@ from studies.core.statement import (
     HOLDS,
     TOO_FEW,
     Interval,
+    Statement,
     mean_interval,
 )
 
@@ -20,6 +22,65 @@ LEAST_EVENTS = 10
 
 Part = Callable[[pd.DataFrame], "pd.Series[bool]"]
 """Which events belong to a part."""
+
+
+def decide(
+    essential: Iterable[bool],
+    further: Iterable[bool] = (),
+    partly: bool = False,
+    enough: bool = True,
+) -> str:
+    """The verdict: it holds where everything is met, with conditions where only all that is essential is.
+
+    `partly`: with conditions too where something essential is not met. `enough`: whether there are events enough to say.
+    """
+    if not enough:
+        return TOO_FEW
+    if all(essential):
+        return HOLDS if all(further) else CONDITIONS
+    return CONDITIONS if partly else FAILS
+
+
+class Bound(NamedTuple):
+    """A mean over days and the side of a threshold on which the claim puts it."""
+
+    text: str
+    values: "pd.Series[float]"
+    least: float = -math.inf
+    most: float = math.inf
+
+    @property
+    def words(self) -> str:
+        """The thresholds in words; empty where there are none."""
+        sides = (("at least", self.least), ("at most", self.most))
+        return ", ".join(f"{word} {value:g}" for word, value in sides if math.isfinite(value))
+
+    def met(self, interval: Interval) -> bool:
+        """Whether the whole interval lies within."""
+        return interval.low >= self.least and interval.high <= self.most
+
+
+BOUNDS_METHOD = (
+    "mean over days with its 95 % interval, which must lie wholly within the bound stated"
+)
+
+
+def judged(name: str, claim: str, bounds: Sequence[Bound], note: str = "") -> Statement:
+    """A statement over bounds: the first is essential, the others are conditions."""
+    intervals = [mean_interval(bound.values) for bound in bounds]
+    unmet = [b for b, interval in zip(bounds, intervals, strict=True) if not b.met(interval)]
+    enough = min(interval.count for interval in intervals) >= LEAST_EVENTS
+    return Statement(
+        name,
+        claim,
+        decide([bounds[0] not in unmet], [not unmet], enough=enough),
+        {
+            bound.text + (f" ({bound.words})" if bound.words else ""): interval
+            for bound, interval in zip(bounds, intervals, strict=True)
+        },
+        tuple(f"not within its bound: {b.text} ({b.words})" for b in unmet) if enough else (),
+        BOUNDS_METHOD + (f"; {note}" if note else ""),
+    )
 
 
 class Test(NamedTuple):
@@ -42,9 +103,7 @@ class Test(NamedTuple):
         ahead = [self.wanted * (end - self.threshold) for end in (interval.low, interval.high)]
         if all(distance > 0.0 for distance in ahead):
             return 1
-        if all(distance < 0.0 for distance in ahead):
-            return -1
-        return 0
+        return -1 if all(distance < 0.0 for distance in ahead) else 0
 
 
 class Judgement(NamedTuple):
@@ -64,14 +123,13 @@ def judge(
 ) -> Judgement:
     """Judge a claim over `events` (one row each).
 
-    It holds where the whole passes `test` and no part fails it; with conditions where the whole passes but a part fails, or
-    one of the `others` (what the claim implies besides) fails, or where the whole does not pass but a part does; else it
-    does not hold. Intervals of parts are widened after Bonferroni: (1 - CONFIDENCE) is shared among them. `show` puts an
-    interval of `test` into words.
+    The whole must pass `test`; parts that fail it and `others` that fail (what the claim implies besides) are conditions.
+    Where the whole does not pass, it holds with conditions if a part does. Intervals of parts are widened after Bonferroni:
+    (1 - CONFIDENCE) is shared among them. `show` puts an interval of `test` into words.
     """
     whole = test.interval(events)
     if whole.count < LEAST_EVENTS:
-        return Judgement(TOO_FEW, whole, ())
+        return Judgement(decide((), enough=False), whole, ())
     confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(parts), 1)
     passed: list[str] = []
     failed: list[str] = []
@@ -79,15 +137,14 @@ def judge(
         interval = test.interval(events[part(events)], confidence)
         sign = test.sign(interval)
         if sign:
-            (passed if sign > 0 else failed).append(f"{name}: {show(interval)}")
-    implied = [(name, other, other.interval(events)) for name, other in others]
+            (passed if sign > 0 else failed).append(f"with {name}: {show(interval)}")
     broken = [
         f"otherwise with {name}: {interval.value:.3g} [{interval.low:.3g}, {interval.high:.3g}]"
-        for name, other, interval in implied
+        for name, other in others
+        for interval in (other.interval(events),)
         if other.sign(interval) < 0
     ]
-    if test.sign(whole) > 0:
-        conditions = (*(f"not with {text}" for text in failed), *broken)
-        return Judgement(CONDITIONS if conditions else HOLDS, whole, conditions)
-    conditions = (*(f"with {text}" for text in passed), *(f"not with {text}" for text in failed))
-    return Judgement(CONDITIONS if passed else FAILS, whole, (*conditions, *broken))
+    unmet = [*(f"not {text}" for text in failed), *broken]
+    holds = test.sign(whole) > 0
+    verdict = decide([holds], [not unmet], partly=bool(passed))
+    return Judgement(verdict, whole, tuple(unmet if holds else [*passed, *unmet]))

@@ -7,7 +7,8 @@ import numpy as np
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 EXPECTED = 0.16
 """Planned coefficient: 3.0 km/h/s of the eight-car commuter train."""
@@ -123,7 +124,12 @@ EVENTS: dict[str, Callable[[Generator], Scenario]] = {
 """Kind -> a slip event of that kind: start on rail on which the front is short and the whole is not, or hardly."""
 
 
+def event_name(seed: int, kind: str, k: int) -> str:
+    """Name of event `k` of a kind."""
+    return f"{kind.replace(' ', '-')}-{seed}-{k:04d}"
+
+
 def event(seed: int, kind: str, k: int) -> Scenario:
     """Event `k` of a kind, from `seed`, kind and `k` alone."""
     generator = np.random.default_rng([seed, k, 101 + list(KINDS).index(kind)])
-    return EVENTS[kind](generator).changed(name=f"{kind.replace(' ', '-')}-{seed}-{k:04d}")
+    return EVENTS[kind](generator).changed(name=event_name(seed, kind, k))

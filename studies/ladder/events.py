@@ -6,7 +6,8 @@ import numpy as np
 
 from alloc.plant.adhesion import POLACH_WET
 from studies.claims.events import Quantity
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 DURATION = 12.0
 """Length of an event [s]."""

@@ -7,8 +7,8 @@ from `mass_traction`; each driven bogie is one traction unit.
 import math
 from collections.abc import Sequence
 
+from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
-from alloc.plant.errors import PlantError
 from alloc.plant.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Motors, TorqueLimit, Train
 from studies.core.study_error import StudyError
 from studies.lines.railtoolkit_keys import VehicleKeys

@@ -4,27 +4,19 @@ Unknown are mu_inf/mu_max, T_u, T_d, tau and whether a_0 and a_w are km/h/s or m
 over wide ranges, then around the best of them, which the simplex method refines at last; the objective is the sum of the
 misfits of `studies.readhesion_paper.findings`. How many sets do as the paper says, and how far apart they lie, tells
 how narrowly the paper determines them.
-
-`python -m studies.readhesion_paper.calibration --samples 300 --seed 0 --jobs 2 --out calibration.parquet`, or the sweep
-`calibration`.
 """
 
-import argparse
 import math
-import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import norm, qmc
 
-from studies.command_line.options import check_writable
-from studies.core.study_error import StudyError
+from studies.core.cell import Task
 from studies.readhesion_paper.findings import (
     CLAIMS,
     Finding,
@@ -68,8 +60,6 @@ RANGES: dict[str, tuple[float, float, bool]] = {
 }
 """Range of each parameter, and whether it is drawn on a logarithmic scale. T_u ends where the torque, which rises from 0 s,
 no longer reaches 0.16 at 6 s: 6 s / ln(0.17/0.01) = 2.1 s."""
-
-OnRow = Callable[[str, int, int], None]
 
 
 def findings_of(unprinted: Unprinted) -> dict[str, Finding]:
@@ -143,41 +133,40 @@ def best_of_units(table: pd.DataFrame, number: int) -> pd.DataFrame:
     return ordered.groupby("unit", sort=False).head(number)
 
 
-def calibrate(
-    samples: int,
-    seed: int,
-    jobs: int,
-    on_row: OnRow | None = None,
-    refinements: int = REFINEMENTS,
-) -> pd.DataFrame:
-    """A row per set that was tried (`row_of`), with its stage: "assumed", "wide", "near" or "refined".
+def first_cells(seed: int, samples: int, refinements: int = REFINEMENTS) -> list[Task]:
+    """What was assumed before, after trials by hand; the rival in the other unit; and sets over the whole ranges.
 
-    What was assumed before, after trials by hand, and the rival in the other unit, which a search of that unit alone found,
-    are samples too: so few draws may miss either.
+    A search of that unit alone found the rival. Few draws may miss either, so both are samples too.
     """
-    total = samples + 2 + len(UNITS) * refinements
-    rows: list[dict[str, Any]] = []
+    wide = draw(math.ceil(WIDE_SHARE * samples), seed)
+    return [*_tried("assumed", [ASSUMED, RIVAL]), *_tried("wide", wide)]
 
-    def run(stage: str, tried: Sequence[Unprinted]) -> None:
-        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-        for row in parallel(joblib.delayed(row_of)(one) for one in tried):
-            rows.append({**row, "stage": stage})
-            if on_row is not None:
-                on_row(stage, len(rows), total)
 
-    run("assumed", [ASSUMED, RIVAL])
-    run("wide", draw(math.ceil(WIDE_SHARE * samples), seed))
-    rest = samples + 2 - len(rows)
-    for generation in range(len(NEARNESS)):
-        part = rest // len(NEARNESS) + (generation < rest % len(NEARNESS))
-        run("near", draw_near(pd.DataFrame(rows), part, seed, generation))
-    starts = best_of_units(pd.DataFrame(rows), 1)
-    refined = joblib.Parallel(n_jobs=jobs)(
-        joblib.delayed(_refine)(to_unit_cube(row), row["unit"], refinements)
-        for _, row in starts.iterrows()
-    )
-    rows += [{**row, "stage": "refined"} for part in refined for row in part]
-    return pd.DataFrame(rows).assign(seed=seed, samples=samples)
+def near_cells(
+    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
+) -> list[Task]:
+    """A generation of sets around the best of the table so far."""
+    rest = samples - math.ceil(WIDE_SHARE * samples)
+    part = rest // len(NEARNESS) + (generation < rest % len(NEARNESS))
+    return _tried(f"near {generation}", draw_near(table, part, seed, generation))
+
+
+def refining_cells(
+    seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
+) -> list[Task]:
+    """The simplex method from the best set in each unit."""
+    return [
+        Task(
+            f"refined/{row['unit']}", refined_rows,
+            (tuple(to_unit_cube(row).tolist()), row["unit"], refinements), (("stage", "refined"),),
+        )
+        for _, row in best_of_units(table, 1).iterrows()
+    ]  # fmt: skip
+
+
+def _tried(stage: str, sets: Sequence[Unprinted]) -> list[Task]:
+    columns = (("stage", stage.partition(" ")[0]),)
+    return [Task(f"{stage}/{k}", row_of, (one,), columns) for k, one in enumerate(sets)]
 
 
 def fulfilling(table: pd.DataFrame) -> pd.DataFrame:
@@ -193,7 +182,8 @@ def best(table: pd.DataFrame) -> pd.Series:
     return chosen.sort_values("objective", kind="stable").iloc[0]
 
 
-def _refine(start: NDArray[np.float64], unit: str, evaluations: int) -> list[dict[str, Any]]:
+def refined_rows(start: Sequence[float], unit: str, evaluations: int) -> list[dict[str, Any]]:
+    """A row per set that the simplex method tries from `start`, a point of the unit cube."""
     rows: list[dict[str, Any]] = []
 
     def misfit(point: NDArray[np.float64]) -> float:
@@ -201,40 +191,13 @@ def _refine(start: NDArray[np.float64], unit: str, evaluations: int) -> list[dic
         return float(rows[-1]["objective"])
 
     # towards the middle of the cube, so that no corner of the simplex is cut off
-    inward = np.where(start > 0.5, -NEARNESS[-1], NEARNESS[-1])
+    first = np.asarray(start)
+    inward = np.where(first > 0.5, -NEARNESS[-1], NEARNESS[-1])
     minimize(
-        misfit, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(RANGES),
+        misfit, first, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(RANGES),
         options={
             "maxfev": evaluations,
-            "initial_simplex": np.vstack([start, start + np.diag(inward)]),
+            "initial_simplex": np.vstack([first, first + np.diag(inward)]),
         },
     )  # fmt: skip
     return rows[:evaluations]
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Calibrate, write every set that was tried, print the best."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--samples", type=int, default=DEFAULT_SAMPLES)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
-    parser.add_argument("--out", type=Path, default=Path("calibration.parquet"))
-    chosen = parser.parse_args(arguments)
-    try:
-        for name, least in (("samples", 1), ("seed", 0), ("jobs", 1)):
-            if getattr(chosen, name) < least:
-                raise StudyError(f"--{name} {getattr(chosen, name)}: must be {least} or greater")
-        check_writable(chosen.out)
-    except StudyError as error:
-        parser.error(str(error))  # exit code 2
-    table = calibrate(chosen.samples, chosen.seed, chosen.jobs)
-    table.to_parquet(chosen.out, index=False)
-    row = best(table)
-    print(", ".join(f"{name} {row[name]:.4g}" for name in RANGES), row["unit"])
-    print(f"objective {row['objective']:.3g}; {row['met']} of {len(CLAIMS)} findings")
-    print(f"{len(fulfilling(table))} of {len(table)} sets fulfil all but {len(NOT_ASKED_OF_ALL)}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

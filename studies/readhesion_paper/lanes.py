@@ -19,7 +19,7 @@ from alloc.onboard.readhesion import TorqueTable
 from alloc.onboard.readhesion.torque_table import asymmetric_lag, table_constants, torque_factor
 from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.batch import select_lanes
+from alloc.plant.lanes import select_lanes
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train

@@ -8,23 +8,22 @@ alone meet the same event.
 import hashlib
 import json
 import math
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
+from alloc.errors import PlantError
 from alloc.onboard import OnboardError
 from alloc.onboard.equipment import equipment
-from alloc.plant.errors import PlantError
 from alloc.plant.model import build
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError
-from studies.core.study_error import StudyError, unknown
+from studies.core.study_error import StudyError
 from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
-from studies.scenario.strict import Strict, explain, parse, read_toml
+from studies.scenario.strict import Strict, explain
 from studies.scenario.train_keys import CouplerKeys, FailureKeys, build_train, is_file
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
@@ -153,47 +152,3 @@ def _digest(path: str) -> str:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
         raise StudyError(f"file {path!r} cannot be read: {error.strerror}") from None
-
-
-def shipped_scenarios() -> list[str]:
-    """Names of the scenarios that come with the project, in alphabetical order."""
-    folder = files("studies.scenario") / "shipped"
-    return sorted(
-        item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml")
-    )
-
-
-def default_scenarios() -> "list[Scenario]":
-    """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
-    shipped = [load_scenario(name) for name in shipped_scenarios()]
-    return [scenario for scenario in shipped if scenario.in_default_comparison]
-
-
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A shipped scenario by name, or any TOML file by path; paths inside it count from the file's folder.
-
-    Raises `StudyError` naming the file, the key and the reason.
-    """
-    text = str(name_or_path)
-    if not text.endswith(".toml") and "/" not in text:
-        if text not in shipped_scenarios():
-            raise unknown("scenario", text, shipped_scenarios())
-        file = str(files("studies.scenario") / "shipped" / f"{text}.toml")
-    else:
-        file = text
-    data = read_toml(file, "scenario", "`readhesion list` names the shipped ones")
-    path = Path(file)
-    scenario = parse(Scenario, {"name": path.stem} | _resolved(data, path.parent), f"{text}")
-    scenario.event()  # impossible values show now, not in the middle of a study
-    return scenario
-
-
-def _resolved(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The same content with paths of files counted from `folder`."""
-    data = dict(data)
-    if isinstance(data.get("train"), str) and is_file(data["train"]):
-        data["train"] = str(folder / data["train"])
-    line = data.get("line")
-    if isinstance(line, dict) and isinstance(line.get("file"), str):
-        data["line"] = line | {"file": str(folder / line["file"])}
-    return data

@@ -165,18 +165,20 @@ def calibrate(
     return pd.DataFrame(rows + collect(tasks, "refined"))
 
 
-def jitter(undisclosed: Undisclosed, seed: int, draws: int = JITTER_DRAWS) -> pd.DataFrame:
-    """Outcomes of the set with normal noise of `JITTER` on every parameter, a row per draw."""
-    generator = np.random.default_rng(seed)
+def jittered(undisclosed: Undisclosed, seed: int, k: int) -> dict[str, Any]:
+    """Outcomes of the set with the draw `k` of normal noise of `JITTER` on every parameter."""
     values = parameters(undisclosed)
-    rows = []
-    for _ in range(draws):
-        noisy = {
-            name: value * (1.0 + JITTER * float(generator.standard_normal()))
-            for name, value in values.items()
-        }
-        rows.append(outcomes(Undisclosed(**noisy)))
-    return pd.DataFrame(rows)
+    noise = np.random.default_rng(seed).standard_normal((k + 1, len(values)))[k]
+    noisy = {
+        name: value * (1.0 + JITTER * float(x))
+        for (name, value), x in zip(values.items(), noise, strict=True)
+    }
+    return outcomes(Undisclosed(**noisy))
+
+
+def jitter(undisclosed: Undisclosed, seed: int, draws: int = JITTER_DRAWS) -> pd.DataFrame:
+    """A row of `jittered` per draw."""
+    return pd.DataFrame([jittered(undisclosed, seed, k) for k in range(draws)])
 
 
 def equally_good(table: pd.DataFrame) -> pd.DataFrame:

@@ -9,10 +9,9 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve
-from mpc.group_settings import GroupSettings
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
-from mpc.settings import MpcSettings
+from mpc.settings import GroupSettings, MpcSettings
 from mpc.unit_model import (
     Units,
     group_of,

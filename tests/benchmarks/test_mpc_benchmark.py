@@ -15,11 +15,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from mpc.acados_peer import AcadosSolver
-from mpc.fatrop_peer import FatropSolver
 from mpc.generated_c import COMPILERS
-from mpc.reference import ReferenceSolver
 from mpc.settings import MpcSettings
+from tests.benchmarks.acados_peer import AcadosSolver
+from tests.benchmarks.fatrop_peer import FatropSolver
+from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.benchmarks.mpc_cases import CASES, HORIZON
 
 TOLERANCE = 1e-8

@@ -14,11 +14,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from alloc.plant import compiled
-from alloc.plant.array_model import ArrayModel, Local, environment_at
-from alloc.plant.batch import Batch
+from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.sets import find_set
+from tests.benchmarks.batch import Batch
+from tests.plant.numpy_plant import environment_at
 
 STEP = 1e-3
 SPEED = 20.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from alloc.errors import EstimationError
 from alloc.estimation.brake_force_mean import batch_mean, braking_window
-from alloc.estimation.errors import EstimationError
 
 TIME = np.arange(0.0, 30.0, 0.02)
 PRESSURE = 350e3 * -np.expm1(-np.maximum(TIME - 1.0, 0.0) / 1.5)

@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from alloc.errors import EstimationError
 from alloc.estimation.brake_shortfall import CalibrationErrors, find_shortfalls
 from alloc.estimation.car_brake_force import car_brake_forces
-from alloc.estimation.errors import EstimationError
 
 CARS, SAMPLES = 8, 500
 MASS = np.full(CARS, 30e3)

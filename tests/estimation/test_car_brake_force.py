@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import (
     BrakeRigging,
     car_brake_forces,
@@ -13,7 +14,6 @@ from alloc.estimation.car_brake_force import (
     level_acceleration,
     rolling_mass,
 )
-from alloc.estimation.errors import EstimationError
 from alloc.plant.equations import GRAVITY
 
 few = settings(max_examples=60, deadline=None, derandomize=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.excitation import LEARNED, NOT_LEARNABLE, judge_excitation
 from alloc.onboard.speed_control import EXTENDED_WEIGHTS, WEIGHTS, Motion, regressor
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.increment_data import detections, increment_data, true_increments
 
 STEP = 0.01

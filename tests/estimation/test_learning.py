@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.learning import (
     GaussianPosterior,
     RunningMean,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.running_resistance import (
     GradientLearner,
     LeastSquaresLearner,

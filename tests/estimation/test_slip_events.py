@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError
 from alloc.estimation.measured_run import parts
 from alloc.estimation.slip_events import SlipCriterion, find_slips
 

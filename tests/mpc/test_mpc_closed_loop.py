@@ -9,7 +9,9 @@ from alloc.metrics import evaluate
 from alloc.onboard import Sensors
 from alloc.onboard.host import each_unit
 from alloc.simulation import simulate
-from mpc import MpcController, MpcSettings, factory
+from mpc.factories import factory
+from mpc.settings import MpcSettings
+from mpc.unit_controller import MpcController
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpc import MpcController, MpcSettings, PeakBelief, factory
+from mpc.factories import factory
+from mpc.settings import MpcSettings, PeakBelief
+from mpc.unit_controller import MpcController
 
 READINGS = ("speed", "torque", "target", "drive_limit", "omega")
 

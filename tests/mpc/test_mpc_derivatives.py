@@ -4,17 +4,8 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from mpc.condensing import (
-    BEFORE,
-    REFERENCE,
-    SLIP_LIMIT,
-    TARGET,
-    TORQUE_SCALE,
-    UNIT_SHARE,
-    condense,
-    trajectory_cost,
-)
-from mpc.horizon import axle_rows, unit_rows, weight_vector
+from mpc.condensing import condense, trajectory_cost
+from mpc.horizon import cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
@@ -31,15 +22,13 @@ def _linearised(context, problem, seed):
 
 
 def _cost(solver, problem, torques):
-    nodes = np.zeros_like(solver._nodes)
+    nodes = np.zeros_like(solver._now.nodes)
     nodes[0] = problem.state
     simulate(
         solver._model.slope, torques, problem.parameters, solver._small_step, solver._substeps,
         nodes, solver._rows,
     )  # fmt: skip
-    return trajectory_cost(
-        nodes, torques, solver._slip, solver._axle, solver._unit, solver._weights
-    )
+    return trajectory_cost(nodes, torques, solver._terms)
 
 
 def _central(function, x, width):
@@ -65,12 +54,12 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
         end = step(x, u, p)
         jacobian = cs.Function("jacobian", [x, u, p], [cs.jacobian(end, cs.vertcat(x, u))])
         for k in range(SETTINGS.horizon):
-            arguments = (solver._nodes[k], solver.torques[k], problem.parameters)
+            arguments = (solver._now.nodes[k], solver.torques[k], problem.parameters)
             np.testing.assert_allclose(
-                solver._nodes[k + 1], np.asarray(step(*arguments)).ravel(), rtol=1e-12
+                solver._now.nodes[k + 1], np.asarray(step(*arguments)).ravel(), rtol=1e-12
             )
             np.testing.assert_allclose(
-                solver._sensitivity[k], np.asarray(jacobian(*arguments)), rtol=1e-8, atol=1e-10
+                solver._now.sensitivity[k], np.asarray(jacobian(*arguments)), rtol=1e-8, atol=1e-10
             )
 
 
@@ -88,7 +77,7 @@ def test_gradient_equals_finite_differences_of_the_cost(make_context, random_pro
     expected = _central(cost, solver.torques / scale, 1e-5)
     assert np.abs(expected).max() > 0.1
     # central differences: 1e-5 squared, times the third derivatives that kinks leave undefined
-    np.testing.assert_allclose(solver._gradient, expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(solver._quadratic.gradient, expected, rtol=1e-5, atol=1e-6)
 
 
 def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, random_problem):
@@ -101,13 +90,13 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
     solver.torques[:] = 100.0
     solver._linearise(problem)
     scale = solver._scale
-    hessian = solver._hessian.copy()
+    hessian = solver._quadratic.hessian.copy()
     assert np.linalg.eigvalsh(hessian)[0] > 0.0
 
     def gradient(scaled):
         solver.torques[:] = scaled * scale
         solver._linearise(problem)
-        return solver._gradient.copy()
+        return solver._quadratic.gradient.copy()
 
     expected = _central(gradient, 100.0 / scale, 1e-3)
     np.testing.assert_allclose(hessian, expected, rtol=1e-6, atol=1e-8)
@@ -127,46 +116,42 @@ def test_exact_hessian_equals_finite_differences_of_the_gradient(
     identity = np.eye(SETTINGS.horizon)
     monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
     solver._make_exact(problem)
-    hessian = solver._hessian.copy()
+    hessian = solver._quadratic.hessian.copy()
 
     def gradient(scaled):
         solver.torques[:] = scaled * scale
         solver._linearise(problem)
-        return solver._gradient.copy()
+        return solver._quadratic.gradient.copy()
 
     expected = _central(gradient, start, 1e-5)
-    gauss_newton = (solver._linearise(problem), solver._hessian)[1]
+    gauss_newton = (solver._linearise(problem), solver._quadratic.hessian)[1]
     assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
     np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 def test_cost_is_the_documented_sum(context):
     # nodes without slip: only tracking and rate are left
-    weights, unit = weight_vector(SETTINGS, 0.2), unit_rows(context, SETTINGS)
-    axle = axle_rows(context, unit[UNIT_SHARE])
+    terms = cost_of(context, SETTINGS, 0.2)
+    terms.slip_matrix[:] = 0.0
+    axle, unit = terms.axle, terms.unit
     torques = np.array([100.0, 300.0])
     nodes = np.zeros((3, 6))
-    slip = np.zeros((4, 6))
-    scale, w = unit[TORQUE_SCALE, 0], SETTINGS.weights
-    unit[TARGET], unit[BEFORE], unit[REFERENCE] = 400.0, 50.0, 150.0
-    axle[SLIP_LIMIT] = 1.0
-    cost = trajectory_cost(nodes, torques, slip, axle, unit, weights)
+    scale, w = unit.scale[0], SETTINGS.weights
+    unit.target[:], unit.before[:], unit.reference[:] = 400.0, 50.0, 150.0
+    axle.slip_limit[:] = 1.0
+    cost = trajectory_cost(nodes, torques, terms)
     expected = w.tracking * (300.0**2 + 100.0**2) + w.rate * (50.0**2 + 200.0**2)
     expected += 0.2 * (50.0**2 + 150.0**2)
     assert cost == pytest.approx(expected / scale**2, rel=1e-12)
-    axle[SLIP_LIMIT, 0] = -0.1
-    over = trajectory_cost(nodes, torques, slip, axle, unit, weights)
+    axle.slip_limit[0] = -0.1
+    over = trajectory_cost(nodes, torques, terms)
     assert over - cost == pytest.approx(2 * w.slip / 4 * (0.1 / w.slip_scale) ** 2, rel=1e-12)
 
 
 def test_condensing_leaves_no_state_from_call_to_call(context, random_problem):
     problem = random_problem(context, 1)
     solver = _linearised(context, problem, 1)
-    first = solver._hessian.copy(), solver._gradient.copy()
-    condense(
-        solver._nodes, solver._sensitivity, solver.torques, solver._slip, solver._axle,
-        solver._unit, solver._weights, solver._hessian, solver._adjoint, solver._row,
-        solver._gradient, solver._influence,
-    )  # fmt: skip
-    np.testing.assert_array_equal(solver._hessian, first[0])
-    np.testing.assert_array_equal(solver._gradient, first[1])
+    first = solver._quadratic.hessian.copy(), solver._quadratic.gradient.copy()
+    condense(solver._now, solver.torques, solver._terms, solver._quadratic)
+    np.testing.assert_array_equal(solver._quadratic.hessian, first[0])
+    np.testing.assert_array_equal(solver._quadratic.gradient, first[1])

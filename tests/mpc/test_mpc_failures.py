@@ -6,7 +6,8 @@ import pytest
 import mpc.controller
 from alloc.metrics import evaluate
 from alloc.simulation import simulate
-from mpc import MpcController, MpcSettings
+from mpc.settings import MpcSettings
+from mpc.unit_controller import MpcController
 from tests.mpc.drop import BACK, DROP, adhesion_used, between, driven, drop_event, run_mpc
 
 UNITS, PERIOD = 4, 0.01

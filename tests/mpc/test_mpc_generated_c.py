@@ -10,10 +10,11 @@ import numba
 import numpy as np
 import pytest
 
-from mpc import MpcController, MpcError, MpcSettings
 from mpc.code_cache import create
 from mpc.compiled_model import compiled_model, symbolic_functions
 from mpc.generated_c import COMPILERS, NATIVE, CompilerError, compile_c_functions
+from mpc.settings import MpcError, MpcSettings
+from mpc.unit_controller import MpcController
 from mpc.unit_model import substeps, unit_model
 
 needs_compiler = pytest.mark.skipif(

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from mpc import GroupSettings, MpcError, MpcSettings
-from mpc.condensing import TORQUE_SCALE, UNIT_SHARE
-from mpc.group_belief import even_split
+from mpc.group_problem import even_split
 from mpc.real_time import RealTimeIteration
-from mpc.reference import ReferenceSolver
+from mpc.settings import GroupSettings, MpcError, MpcSettings
+from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.mpc.groups import UNLOADING, car_of_four, problem, rolling, small_cars
 
 EVENNESS = 0.05
@@ -37,9 +36,9 @@ def test_the_step_solves_the_quadratic_model(seed):
     guess = solver._by_unit(solver.torques)
     guess[:] = rng.uniform(0.0, data.upper, guess.shape)
     solver._linearise(data)
-    hessian, gradient = solver._hessian.copy(), solver._gradient.copy()
+    hessian, gradient = solver._quadratic.hessian.copy(), solver._quadratic.gradient.copy()
     np.testing.assert_array_equal(hessian, hessian.T)
-    assert np.linalg.eigvalsh(hessian)[0] > 0.5 * EVENNESS * solver._unit[UNIT_SHARE].min()
+    assert np.linalg.eigvalsh(hessian)[0] > 0.5 * EVENNESS * solver._terms.unit.share.min()
     start = solver.torques.copy()
     assert solver._step(data) >= 0
     end = solver._trial.copy()
@@ -70,7 +69,7 @@ def test_repeated_iteration_converges_to_ipopt(seed):
     assert reference.status == "ok"
     assert reference.residual < 1e-8
     assert solution.cost == pytest.approx(reference.cost, rel=1e-5, abs=1e-8)
-    scale = RealTimeIteration(group, SETTINGS)._unit[TORQUE_SCALE].max()
+    scale = RealTimeIteration(group, SETTINGS)._terms.unit.scale.max()
     assert np.abs(torques.ravel() - reference.torques).max() < 2e-3 * scale
 
 
@@ -146,7 +145,6 @@ def test_even_split_is_one_level_that_gives_the_total():
         ("limited", 1.5),
         ("steps", 0),
         ("steps", 2.0),
-        ("mpc", None),
     ],
 )
 def test_impossible_settings_are_named(field, value):

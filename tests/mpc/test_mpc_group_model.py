@@ -9,7 +9,6 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.array_model import environment_at
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
@@ -21,6 +20,7 @@ from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.mpc.groups import problem, small_cars, unit
+from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
 SHORT = MpcSettings(horizon=5, exact_hessian=True)
@@ -89,7 +89,10 @@ def test_assembled_functions_equal_the_whole_expression(tail):
         data = problem(group, seed)
         inputs = [data.state, np.asarray(data.target), data.parameters]
         slopes, again = np.full(states, np.nan), np.full(states, np.nan)
-        jacobian, hessian = np.full(made.row.size, np.nan), np.full(made.upper_row.size, np.nan)
+        jacobian, hessian = (
+            np.full(made.nonzeros.row.size, np.nan),
+            np.full(made.nonzeros.upper_row.size, np.nan),
+        )
         made.slope(*inputs, slopes)
         made.rate(*inputs, again, jacobian)
         made.curvature(*inputs, weights, hessian)
@@ -98,8 +101,8 @@ def test_assembled_functions_equal_the_whole_expression(tail):
         np.testing.assert_array_equal(slopes, again)
         np.testing.assert_allclose(slopes, np.asarray(f).ravel(), rtol=1e-10, atol=1e-9)
         for values, places, shape, wanted in (
-            (jacobian, (made.row, made.column), (states, width), j),
-            (hessian, (made.upper_row, made.upper_column), (width, width), h),
+            (jacobian, (made.nonzeros.row, made.nonzeros.column), (states, width), j),
+            (hessian, (made.nonzeros.upper_row, made.nonzeros.upper_column), (width, width), h),
         ):
             wanted = np.asarray(cs.DM(wanted))
             scale = np.abs(wanted).max()
@@ -132,19 +135,17 @@ def test_gradient_equals_finite_differences_of_the_cost(group, seed):
     solver = _linearised(group, data, seed)
 
     def cost(scaled):
-        nodes = np.zeros_like(solver._nodes)
+        nodes = np.zeros_like(solver._now.nodes)
         nodes[0] = data.state
         simulate(
             solver._model.slope, scaled * solver._scale, data.parameters, solver._small_step,
             solver._substeps, nodes, solver._rows,
         )  # fmt: skip
-        return trajectory_cost(
-            nodes, scaled * solver._scale, solver._slip, solver._axle, solver._unit, solver._weights
-        )
+        return trajectory_cost(nodes, scaled * solver._scale, solver._terms)
 
     expected = _central(cost, solver.torques / solver._scale, 1e-5)
     assert np.abs(expected).max() > 0.1
-    np.testing.assert_allclose(solver._gradient, expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(solver._quadratic.gradient, expected, rtol=1e-4, atol=1e-5)
 
 
 def test_exact_hessian_equals_finite_differences_of_the_gradient(monkeypatch):
@@ -154,14 +155,14 @@ def test_exact_hessian_equals_finite_differences_of_the_gradient(monkeypatch):
     solver = _linearised(group, data, 1)
     start, identity = solver.torques / solver._scale, np.eye(solver.torques.size)
     monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
-    gauss_newton = solver._hessian.copy()
+    gauss_newton = solver._quadratic.hessian.copy()
     solver._make_exact(data)
-    hessian = solver._hessian.copy()
+    hessian = solver._quadratic.hessian.copy()
 
     def gradient(scaled):
         solver.torques[:] = scaled * solver._scale
         solver._linearise(data)
-        return solver._gradient.copy()
+        return solver._quadratic.gradient.copy()
 
     expected = _central(gradient, start, 1e-5)
     assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from mpc import MpcController, MpcSettings
-from studies.scenario.scenario import load_scenario
+from mpc.settings import MpcSettings
+from mpc.unit_controller import MpcController
+from studies.scenario.loading import load_scenario
 from tests.mpc.drop import drop_event, run_mpc
 
 CONVERGED = MpcSettings(iterations=50, tolerance=1e-9, exact_hessian=True)

@@ -5,12 +5,12 @@ import importlib.util
 import numpy as np
 import pytest
 
-from mpc.acados_peer import AcadosSolver
-from mpc.fatrop_peer import FatropSolver
 from mpc.real_time import RealTimeIteration
-from mpc.reference import ReferenceSolver
 from mpc.settings import MpcSettings
-from mpc.stages import stages
+from tests.benchmarks.acados_peer import AcadosSolver
+from tests.benchmarks.fatrop_peer import FatropSolver
+from tests.benchmarks.ipopt_peer import ReferenceSolver
+from tests.benchmarks.stages import stages
 
 SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7)
 SCALE_ERROR = 1e-4
@@ -50,7 +50,7 @@ def test_a_stage_is_a_step_of_the_model(context, random_problem):
     iteration._linearise(problem)
     controls = np.full(SETTINGS.horizon, 400.0 / made.torque_scale)
     trajectory = made.rollout(problem, controls)
-    expected = iteration._nodes[1:]
+    expected = iteration._now.nodes[1:]
     np.testing.assert_allclose(trajectory[:, :-1] * made.scale[:-1], expected, rtol=1e-9)
     np.testing.assert_allclose(trajectory[:, -1] * made.scale[-1], 400.0)
     slip = expected[:, 1:5] * context.radius - expected[:, :1]

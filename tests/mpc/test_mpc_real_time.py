@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mpc.real_time import RealTimeIteration
-from mpc.reference import ReferenceSolver
 from mpc.settings import MpcSettings
+from tests.benchmarks.ipopt_peer import ReferenceSolver
 
 SETTINGS = MpcSettings()
 SEEDS = range(12)

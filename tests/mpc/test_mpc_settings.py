@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mpc import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
+from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,7 @@ from mpc import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
         (PeakBelief, "gain", 0.0),
         (PeakBelief, "pole", None),
         (MpcSettings, "curve", None),
+        (MpcSettings, "group", None),
         (CurveBelief, "estimate", 1),
         (CurveBelief, "memory", 0.0),
         (CurveBelief, "smallest", 1.1),

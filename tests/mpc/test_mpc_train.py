@@ -13,9 +13,10 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
-from mpc import CarControllers, TrainMpc, car_factory, factory, ideal_train_factory, train_factory
+from mpc.factories import car_factory, factory, ideal_train_factory, train_factory
+from mpc.group_controller import CarControllers
 from mpc.joint_problem import Report, UnitForecast
-from mpc.train_controller import Order, ordered_target
+from mpc.train_controller import Order, TrainMpc, ordered_target
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.mpc.groups import train_of
 

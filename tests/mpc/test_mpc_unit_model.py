@@ -9,7 +9,6 @@ from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.plant import compiled
-from alloc.plant.array_model import environment_at
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
@@ -20,6 +19,7 @@ from mpc.unit_model import (
     torque_per_coefficient,
     unit_model,
 )
+from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
 AXLES = 4

@@ -5,7 +5,7 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.plant.adhesion import PiecewiseCurve
-from mpc import CurveBelief, MpcSettings, PeakBelief
+from mpc.settings import CurveBelief, MpcSettings, PeakBelief
 from tests.mpc.drop import HIGH, adhesion_used, drop_event, run_mpc
 
 TRUE_SLOPE = PiecewiseCurve().micro_slope

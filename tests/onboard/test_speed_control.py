@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
 from alloc.onboard.speed_control import (
     Feedback,
     LearnThenUse,

@@ -84,7 +84,7 @@ from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, run_cases
 from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.resistance.learners import convergence
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
@@ -221,7 +221,7 @@ def test_every_figure_is_drawn(drawn):
 
 def test_every_figure_of_the_register_has_its_function():
     for entry in FIGURES.values():
-        assert callable(entry.draw)
+        assert callable(entry)
         assert len(entry.description) > 20
 
 

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.plant.array_model import environment_at
 from alloc.plant.equations import conditioning_deposit, hyperbolic_speed_law
 from alloc.plant.field import PEAK_FLOOR, smooth_step, window
 from alloc.plant.model import build
 from alloc.plant.rail import SPEED_LAWS, Patch, Rail, logarithmic_increments
 from alloc.plant.train import Train
+from tests.plant.numpy_plant import environment_at
 
 
 def _peak(train, rail, speed=20.0, position=500.0, time=0.0) -> np.ndarray:

@@ -6,10 +6,11 @@ import pytest
 
 from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.array_model import ArrayModel, Local, environment_at
+from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
 from alloc.plant.sets import SETS
+from tests.plant.numpy_plant import environment_at
 
 LANES = 3
 TIME = 1.7

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from alloc.errors import PlantError
 from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, SlipRatioCurve
-from alloc.plant.errors import PlantError
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.sets import find_set

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.array_model import ArrayModel, environment_at
+from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Coupler
+from tests.plant.numpy_plant import environment_at, mechanical_energy
 
 DRAFT_GEAR = Coupler(stiffness=5e6, stiffening=1e9, damping=1e5, slack=0.01)
 RESISTANCE = (3e3, 60.0, 8.0)
@@ -38,8 +39,7 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
     assert slip.min() < -1.0  # slide
     assert np.abs(trace.rows("omega")[-1]).min() < 1e-6 < trace.rows("speed")[-1].min()  # lock
 
-    arrays = ArrayModel.of(model)
-    energy = np.array([arrays.mechanical_energy(state)[0] for state in trace.state])
+    energy = np.array([mechanical_energy(model, state)[0] for state in trace.state])
     motors, shoes, resistance, couplers_lost = trace.rows("work")[:, :, 0].T
     friction = trace.rows("friction_work")[:, :, 0].sum(axis=1)
     turned_over = max(np.abs(motors).max(), friction.max() + shoes.max())

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from alloc.plant.equations import (
     coupler_damper_force,
-    coupler_spring_energy,
     coupler_spring_force,
     coupler_stretch,
 )
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Coupler
+from tests.plant.numpy_plant import coupler_spring_energy
 
 few = settings(max_examples=60, deadline=None, derandomize=True)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from alloc.plant.array_model import environment_at
 from alloc.plant.equations import GRAVITY, gradient_force, running_resistance
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.train import Coupler
+from tests.plant.numpy_plant import environment_at
 
 LINE = Line((0.0, 500.0, 900.0), (0.0, 0.02, -0.01), tunnels=((600.0, 700.0),), tunnel_factor=1.8)
 

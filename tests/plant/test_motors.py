@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from alloc.plant.array_model import environment_at
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, Receptivity
 from alloc.plant.train import Motors, TorqueLimit, Train
+from tests.plant.numpy_plant import environment_at
 
 LAG = 5e-3
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from alloc.plant.adhesion import POLACH_DRY, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.array_model import ArrayModel, environment_at
+from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import STABLE_STEP, build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import SETS
+from tests.plant.numpy_plant import environment_at
 
 CURVES = [PiecewiseCurve(), POLACH_DRY, SlipRatioCurve(0.03, 0.7)]
 DIFFERENCE = 1e-7

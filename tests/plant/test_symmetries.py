@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.errors import PlantError
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.batch import Batch, select_lanes
-from alloc.plant.errors import PlantError
+from alloc.plant.lanes import select_lanes
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.train import AirBrake, Coupler, Train
+from tests.benchmarks.batch import Batch
 
 DRAFT_GEAR = Coupler(stiffness=5e6, stiffening=1e9, damping=1e5, slack=0.02)
 RESISTANCE = (3e3, 60.0, 8.0)

@@ -10,13 +10,13 @@ from alloc.metrics import METRICS, evaluate
 from alloc.metrics.slide import ATMOSPHERE
 from alloc.onboard import Braking, Fuzzy, Onboard, OnboardError, SlideProtection
 from alloc.plant.adhesion import SlipRatioCurve
-from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car
 from alloc.rules import RULES
 from alloc.simulation import DriverCommand, Event, simulate
+from tests.plant.numpy_plant import mechanical_energy
 
 SPEED = 20.0
 CURVE = SlipRatioCurve(peak_slip_ratio=0.03)
@@ -113,7 +113,7 @@ def test_energy_closes(sliding, sliding_event):
         state = np.zeros((n.rows, 1))
         state[n.speed] = float(now["speed"])
         state[n.omega, 0] = now["rim_speed"].values / s.radius
-        return float(ArrayModel.of(model).mechanical_energy(state)[0])
+        return float(mechanical_energy(model, state)[0])
 
     lost = energy(0) - energy(-1)
     end = sliding.isel(time=-1)

@@ -7,9 +7,9 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard import Belief, Onboard, Sensors, Telegrams
-from alloc.plant.array_model import ArrayModel
 from alloc.rules import find_rule
 from alloc.simulation import DriverCommand, SimulationError, simulate
+from tests.plant.numpy_plant import mechanical_energy
 
 
 def _b1_onsets(run):
@@ -20,12 +20,12 @@ def _b1_onsets(run):
 def test_energy_balance_of_a_run_with_slip(make_event, dip):
     event = make_event(0.15, patches=[dip], record_period=0.01)
     run = simulate(event, "alone", "cut-and-ramp")
-    arrays, n = ArrayModel.of(event.model), event.model.layout
+    n = event.model.layout
     state = np.zeros((n.rows, run.sizes["time"]))
     state[n.position] = run["position"].values
     state[n.speed] = run["speed"].values
     state[n.omega] = (run["rim_speed"].values / event.model.structure.radius).T
-    stored = arrays.mechanical_energy(state)
+    stored = mechanical_energy(event.model, state)
     lost = run["friction_work"].values.sum(axis=1) + sum(
         run[name].values for name in ("shoe_work", "resistance_work", "coupler_work")
     )

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
+from alloc.errors import EstimationError
 from alloc.estimation.applied_force import applied_force
-from alloc.estimation.errors import EstimationError
-from alloc.estimation.wheel_damage import reaction_force, tangential_force, wheel_damage
+from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.equations import GRAVITY
 from alloc.plant.sets import find_set
 from tests.simulation.slides import (
@@ -30,6 +30,11 @@ ROTATING = INERTIA / RADIUS**2
 def run(request):
     """A stop with locked wheels, and one in which wheels slide and readhere."""
     return braked() if request.param == "slide" else braked(readhering)
+
+
+def reaction(run):
+    """F_m of (12) [N] of every axle, a magnitude: what answers its own brake; equal to it without slide."""
+    return -(run["rail_force"].values + ROTATING * run["acceleration"].values[:, None])
 
 
 def brake_forces(run):
@@ -98,8 +103,7 @@ def test_both_forms_of_the_model_are_the_plants_motion():
 
 def test_the_sign_of_the_reaction_tells_sliding_from_readhesion(run):
     """(17)-(19): F_b > F_m while a wheel falls behind the train, F_b < F_m while it comes back, equal before."""
-    beta = -run["acceleration"].values
-    fm = -reaction_force(run["rail_force"].values, -beta, INERTIA, RADIUS)
+    fm = reaction(run)
     excess = brake_forces(run) - fm
     time, speed = run["time"].values, run["speed"].values
     falling_behind = np.gradient(speed[:, None] - RADIUS * omega(run), time, axis=0)
@@ -119,7 +123,7 @@ def test_wheels_never_turn_faster_than_the_train_runs(run):
     slip = RADIUS * omega(run) - run["speed"].values[:, None]
     assert slip.max() < 1e-9
     time = run["time"].values
-    fm = -reaction_force(run["rail_force"].values, run["acceleration"].values, INERTIA, RADIUS)
+    fm = reaction(run)
     given = cumulative_trapezoid(brake_forces(run), time, axis=0)
     answered = cumulative_trapezoid(fm, time, axis=0)
     assert (given - answered).min() > -1e-6 * given.max()

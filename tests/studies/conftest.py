@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from studies.command_line.main import run
-from studies.scenario.scenario import Scenario, load_scenario
+from studies.scenario.loading import load_scenario
+from studies.scenario.scenario import Scenario
 
 SHORT = """
 title = "two slippery seconds"

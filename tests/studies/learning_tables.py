@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from alloc.estimation.learning import DIRECTIONS
-from studies.learning import study as learning
 from studies.learning.arms import ARMS
+from studies.learning.starts import RAILS, STORED
 
 
 def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):
@@ -13,8 +13,8 @@ def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):
     noise = np.random.default_rng(3)
     effort, slip = effort or {}, slip or {}
     rows = []
-    for rail in learning.RAILS:
-        for stored in learning.STORED:
+    for rail in RAILS:
+        for stored in STORED:
             for train in range(trains):
                 for direction in DIRECTIONS:
                     for arm in ARMS:

@@ -9,7 +9,7 @@ import pandas as pd
 from studies.claims.events import drawn_table
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.study import RULES
-from studies.differences import study as differences
+from studies.differences.answers import RULES as DIFFERENCE_RULES
 
 Row = dict[str, Any]
 Change = Callable[[Row], Row]
@@ -66,11 +66,11 @@ def difference_table(kind: str = "plain", n: int = 200, **values: Any) -> pd.Dat
     rows = [
         problem | {"index": k, "rule": one} | (values if one == rule else {})
         for k in range(n)
-        for one in differences.RULES
+        for one in DIFFERENCE_RULES
     ]
     rows += [
         event | {"index": k, "rule": one} | {name: v + 0.01 * k for name, v in numbers.items()}
         for k in range(3)
-        for one in differences.RULES
+        for one in DIFFERENCE_RULES
     ]
     return pd.DataFrame(rows)

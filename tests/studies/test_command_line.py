@@ -17,7 +17,7 @@ from alloc.recording import load
 from alloc.rules import RULES
 from studies.core.controllers import controller_names
 from studies.core.store import Store
-from studies.scenario.scenario import shipped_scenarios
+from studies.scenario.loading import shipped_scenarios
 
 PNG, PDF = b"\x89PNG", b"%PDF"
 

@@ -13,7 +13,7 @@ from studies.core.controllers import (
     rehearse_plant,
 )
 from studies.core.study_error import StudyError
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 
 class Recorder:

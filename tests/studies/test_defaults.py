@@ -7,7 +7,7 @@ import pytest
 from alloc.rules import RULES
 from studies.comparison.defaults import KEPT_RUNS, MPC_CELLS, SLOW_RULES, default_grid, make_grid
 from studies.core.study_error import StudyError
-from studies.scenario.scenario import load_scenario, shipped_scenarios
+from studies.scenario.loading import load_scenario, shipped_scenarios
 
 
 def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_slow_ones():

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.plant.array_model import ArrayModel, environment_at
+from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import STANDSTILL_SPEED
 from alloc.plant.model import Model
 from studies.lines.distance_steps import run_by_distance
@@ -20,6 +20,7 @@ from studies.lines.line_run import LineRun, line_model, run_line
 from studies.lines.railtoolkit import read_path, read_rolling_stock
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
+from tests.plant.numpy_plant import environment_at
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "railtoolkit"
 LINES = ("const", "slope", "realworld")

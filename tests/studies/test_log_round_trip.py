@@ -19,7 +19,7 @@ from alloc.spans import spans
 from studies.core.job import Job, simulate_job
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import check_log
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 

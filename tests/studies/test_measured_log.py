@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alloc.errors import PlantError
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.plant.equations import GRAVITY
-from alloc.plant.errors import PlantError
 from studies.core.study_error import StudyError
 from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.plant.array_model import ArrayModel, environment_at
+from alloc.plant.array_model import ArrayModel
 from studies.core.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
@@ -17,6 +17,7 @@ from studies.lines.minimum_time import MinimumTimeDriver
 from studies.lines.railtoolkit import PointOfInterest, RunningPath, Section
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
+from tests.plant.numpy_plant import environment_at
 
 OVERSPEED = 0.05
 """Margin [m/s], 0.2 km/h, by which a limit is exceeded for a moment where the gradient jumps."""

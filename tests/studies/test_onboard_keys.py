@@ -5,7 +5,7 @@ import pytest
 from alloc.onboard import Braking, Fuzzy, Onboard, Sensors, SlideProtection, Threshold
 from alloc.onboard.slide_protection import SENSITIVITIES
 from studies.core.study_error import StudyError
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 HEAD = """
 title = "keys"

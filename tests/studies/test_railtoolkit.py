@@ -8,7 +8,7 @@ from alloc.plant.equations import GRAVITY
 from studies.core.study_error import StudyError
 from studies.lines.railtoolkit import read_path, read_train
 from studies.lines.real_input import with_real_input
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 PATH = {
     "schema": "https://railtoolkit.org/schema/running-path.json",

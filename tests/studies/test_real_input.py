@@ -9,7 +9,7 @@ import pytest
 from alloc.simulation import simulate
 from studies.command_line.main import run
 from studies.lines.real_input import with_real_input
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "railtoolkit"
 LINE, TRAIN = DATA / "path_realworld.yaml", DATA / "train_local.yaml"

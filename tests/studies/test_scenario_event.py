@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from studies.core.study_error import StudyError
+from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
-from studies.scenario.scenario import load_scenario
 
 FULL = """
 title = "everything"

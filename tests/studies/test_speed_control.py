@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from alloc.driving import drive
-from alloc.estimation.errors import EstimationError
+from alloc.errors import EstimationError, OnboardError
 from alloc.estimation.resistance_log import RunLog, learn_from_log
 from alloc.estimation.running_resistance import LeastSquaresLearner
 from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
-from alloc.onboard.errors import OnboardError
 from alloc.onboard.speed_control import Feedback, SpeedControl, Traction
 from studies.core.study_error import StudyError
 from studies.resistance.driven_cases import (

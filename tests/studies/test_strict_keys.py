@@ -4,7 +4,7 @@ import pytest
 from pydantic import Field
 
 from studies.core.study_error import StudyError, nearest, unknown
-from studies.scenario.scenario import load_scenario
+from studies.scenario.loading import load_scenario
 from studies.scenario.strict import Strict, parse
 
 

@@ -6,7 +6,7 @@ A value that no source gives is marked "assumed" with the reason why it is plaus
 from collections.abc import Callable
 from difflib import get_close_matches
 
-from alloc.plant.errors import PlantError
+from alloc.errors import PlantError
 from alloc.plant.sets import commuter_8car, freight, high_speed_16car, jp4209318_3car, one_axle
 from alloc.plant.train import Train
 

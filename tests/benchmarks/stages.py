@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
-from mpc.condensing import TORQUE_SCALE
-from mpc.horizon import HorizonProblem, unit_rows
+from mpc.horizon import HorizonProblem, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit_model import slip_matrix, substeps, unit_model
 
@@ -47,7 +46,7 @@ class Stages(NamedTuple):
 def stages(context: UnitContext, settings: MpcSettings) -> Stages:
     """Stage functions of the unit of `context`."""
     model = unit_model(context)
-    torque_scale = float(unit_rows(context, settings)[TORQUE_SCALE, 0])
+    torque_scale = float(cost_of(context, settings).unit.scale[0])
     scale = np.array([1.0, *[1.0 / context.radius] * context.axles, torque_scale, torque_scale])
     state, control = cs.SX.sym("state", model.states + 1), cs.SX.sym("control")
     limit = cs.SX.sym("limit", context.axles)

@@ -9,8 +9,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from mpc.condensing import AXLE_SHARE, TORQUE_SCALE, UNIT_SHARE
-from mpc.horizon import HorizonProblem, HorizonSolution, axle_rows, unit_rows
+from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit_model import Units, group_of, slip_matrix, substeps, unit_model, unit_of_axle
 
@@ -38,10 +37,10 @@ class ReferenceSolver:
     ) -> None:
         model = unit_model(units)
         n, axles, states, m = settings.horizon, model.axles, model.states, model.units
-        rows = unit_rows(units, settings)
+        terms = cost_of(units, settings)
         self._axles, self._horizon, self._units = axles, n, m
-        self._scale = scale = rows[TORQUE_SCALE]
-        share, axle_share = rows[UNIT_SHARE], axle_rows(units, rows[UNIT_SHARE])[AXLE_SHARE]
+        self._scale = scale = terms.unit.scale
+        share, axle_share = terms.unit.share, terms.axle.share
         step = model.step_function(settings.step, substeps(units, settings.step))
         w = settings.weights
         # scaled, so that ipopt's tolerance means the same for every unknown

@@ -12,7 +12,7 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, HorizonSolution
 from mpc.settings import MpcSettings
-from mpc.stages import stages
+from tests.benchmarks.stages import stages
 
 CONTROL, SLACK, STATE = range(3)
 """Kinds of an unknown."""

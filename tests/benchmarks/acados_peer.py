@@ -17,7 +17,7 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, HorizonSolution
 from mpc.settings import MpcSettings
-from mpc.stages import Stages, stages
+from tests.benchmarks.stages import Stages, stages
 
 UNBOUNDED = 1e9
 """What acados takes for no bound."""

@@ -1,0 +1,82 @@
+"""Errors of this package, and the one check of numbers that someone gave."""
+
+import math
+from collections.abc import Iterable, Mapping
+from numbers import Real
+from typing import Any, ClassVar
+
+
+def number_fault(
+    value: Any, zero: bool = False, infinite: bool = False, negative: bool = False
+) -> str | None:
+    """What `value` must be if it is not a number above 0; None if it is. `zero`, `infinite`, `negative`: may be that too."""
+    if isinstance(value, Real) and not isinstance(value, bool):
+        number = float(value)
+        within = number > 0.0 or (zero and number == 0.0) or (negative and not math.isnan(number))
+        if within and (infinite or math.isfinite(number)):
+            return None
+    kind = "a number" if infinite else "a finite number"
+    bound = "" if negative else ", 0 or greater" if zero else ", greater than 0"
+    return f"must be {kind}{bound}"
+
+
+class InputError(ValueError):
+    """What was given is impossible; the message names it and what to do."""
+
+    infinite: ClassVar[bool] = False
+    """Whether every number may be infinite."""
+
+    @classmethod
+    def check(
+        cls,
+        owner: str,
+        values: Any,
+        positive: Iterable[str] = (),
+        nonnegative: Iterable[str] = (),
+        finite: Iterable[str] = (),
+        infinite: Iterable[str] = (),
+    ) -> None:
+        """Raise this error for the first of the named `values`, fields or entries, that is no number in its range.
+
+        A name that ends with [] is a sequence of numbers. `finite`: of any sign. `infinite`: those that may be infinite.
+        """
+        allowed = set(infinite)
+        ranges: tuple[tuple[Iterable[str], dict[str, bool]], ...] = (
+            (positive, {}), (nonnegative, {"zero": True}), (finite, {"negative": True})
+        )  # fmt: skip
+        for names, kind in ranges:
+            for name in names:
+                key = name.removesuffix("[]")
+                given = values[key] if isinstance(values, Mapping) else getattr(values, key)
+                several = enumerate(given) if name.endswith("[]") else [(None, given)]
+                for k, value in several:
+                    fault = number_fault(value, infinite=cls.infinite or name in allowed, **kind)
+                    if fault is not None:
+                        place = key if k is None else f"{key}[{k}]"
+                        raise cls(f"{owner}: {place} = {value!r} {fault}")
+
+
+class PlantError(InputError):
+    """A parameter of the plant is impossible."""
+
+
+class OnboardError(InputError):
+    """A parameter of the on-board equipment is impossible."""
+
+    infinite = True
+
+
+class SimulationError(InputError):
+    """A run cannot be made as asked."""
+
+
+class EstimationError(InputError):
+    """Data or a parameter of an estimation is impossible."""
+
+
+class AllocationError(InputError):
+    """A rule was asked for what cannot be; the message names the field, its value and what to do."""
+
+
+check_numbers = OnboardError.check
+"""Check of on-board equipment."""

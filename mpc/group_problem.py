@@ -1,0 +1,77 @@
+"""The problem of several units in one: its solver, and what is asked of it in a period."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.onboard.host import UnitContext
+from alloc.rules.exact import exact_limits
+from mpc.horizon import HorizonProblem, cost_of
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.unit_model import parameters, unit_of_axle
+
+Floats = NDArray[np.float64]
+
+
+class GroupProblem:
+    """Makes the problems of a group and has their solver; axles unit by unit, foremost first."""
+
+    def __init__(
+        self, contexts: Sequence[UnitContext], settings: MpcSettings, steps: int | None = None
+    ) -> None:
+        """`steps`: most SQP steps, if others than those of the settings."""
+        group = tuple(contexts)
+        self._settings = settings
+        own = settings if steps is None else replace(settings, iterations=steps)
+        self.solver = RealTimeIteration(group, own, settings.group.evenness)
+        terms = cost_of(group, settings).unit
+        self.share, self._scale = terms.share, terms.scale
+        self.unit = unit_of_axle(group)
+        """Number of each axle's unit, (axles,)."""
+        self.radius = np.array([context.radius for context in group])[self.unit]
+        """Of each axle's wheels [m], (axles,)."""
+        self._parameters = parameters(group, settings.belief.initial)
+
+    def problem(
+        self,
+        state: tuple[float, Floats, Floats],
+        rail: tuple[Floats, Floats, Floats],
+        target: Floats,
+        before: Floats,
+        limit: Floats,
+    ) -> HorizonProblem:
+        """The problem from `state` on: speed [m/s], angular speeds (axles,), torques (units,).
+
+        `rail`: believed peaks and their slips (axles,), torques that it carries (units,). `target`, torques `before` and
+        motors' `limit` [N m], (units,).
+        """
+        speed, omega, torque = state
+        peak, peak_slip, carried = rail
+        self._parameters[: omega.size] = peak
+        return HorizonProblem(
+            state=np.concatenate([[speed], omega, torque]),
+            parameters=self._parameters,
+            slip_limit=self._settings.slip_limit * peak_slip,
+            target=target,
+            before=before,
+            upper=np.minimum(limit, (1.0 + self._settings.headroom) * carried),
+            reference=even_split(target, carried, limit, self._scale, self.share),
+        )
+
+
+def even_split(
+    target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
+) -> Floats:
+    """Torques [N m] that give the total of `target` at one coefficient, but for units that cannot; (units,).
+
+    The exact level that par. 0050 of JP5484215 names, with what the units are believed to carry for caps. What a unit that
+    has not slipped is believed to carry is a guess. To load units in proportion to it sends those that are untested to
+    their peak; one level asks of them no more than the total needs. `carried` and motor `limit` [N m], torque
+    `scale` [N m] and `share` of the mass, (units,).
+    """
+    split = np.empty_like(target)
+    exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)
+    return split * scale

@@ -1,0 +1,125 @@
+"""`readhesion compare`: rules and controllers over the same slip events."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from studies.command_line.options import ALL_FAILED, Names, Whole, process_count, split_names
+from studies.command_line.terminal import console, progress
+
+if TYPE_CHECKING:
+    from studies.scenario.scenario import Scenario
+
+
+def compare(
+    *,
+    scenario: Names = None,
+    rules: Names = None,
+    controllers: Names = None,
+    seeds: Whole | None = None,
+    jobs: Whole | None = None,
+    out: Path = Path("results"),
+    line: str | None = None,
+    train: str | None = None,
+    keep: Names = None,
+    retry_failed: Annotated[bool, Parameter(negative=())] = False,
+    figures: bool = True,
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+) -> int:
+    """Run rules and controllers over the same slip events and print what each is worth.
+
+    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+
+    Parameters
+    ----------
+    scenario
+        Names of shipped scenarios or paths of TOML files [default: the shipped ones but those of
+        faults].
+    rules
+        Allocation rules [default: all but qp-cvxpy].
+    controllers
+        Readhesion controllers [default: cut-and-ramp, and mpc on some of the events].
+    seeds
+        Number of seeds: 3 runs the seeds 0, 1 and 2 [default: 1].
+    jobs
+        Number of processes [default: one per core].
+    out
+        Folder for the table (parquet), recorded runs (netCDF) and figures.
+    line
+        Railtoolkit running path: the events happen on its steepest climb.
+    train
+        Railtoolkit rolling stock: the train that meets the events.
+    keep
+        Runs to record, as patterns of scenario/rule/controller/seed such as `wet-*/exact/*/0`.
+    retry_failed
+        Run failed rows again.
+    figures
+        Draw the figures that belong to a comparison.
+    as_json
+        Print JSON with every metric instead of tables.
+    """
+    from alloc.recording import provenance
+    from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, make_grid
+    from studies.comparison.summary import summarise, to_json
+    from studies.comparison.table import tables
+    from studies.core.code_version import code_hash
+    from studies.core.runner import run_cells
+    from studies.core.store import Store
+
+    count = process_count(jobs)
+    chosen = _scenarios(split_names(scenario), line, train)
+    grid = make_grid(
+        chosen,
+        split_names(rules),
+        split_names(controllers),
+        DEFAULT_SEEDS if seeds is None else seeds,
+    )
+    store = Store(out)
+    with progress() as on_row:
+        table = run_cells(
+            grid.jobs(), store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
+        )
+    lines = summarise(table)
+    failed = int((table["status"] != "ok").sum())
+    if as_json:
+        about = {
+            "table": str(store.path),
+            "seeds": list(grid.seeds),
+            "scenarios": {
+                s.name: {"title": s.title, "hash": s.hash(), "case": s.case} for s in chosen
+            },
+            "code": code_hash("studies.core.job"),
+            "cores": process_count(None),
+            **provenance(),
+        }
+        print(to_json(lines, about))
+    else:
+        screen = console()
+        for item in tables(lines, {s.name: s.title for s in chosen}, screen.width):
+            screen.print(item)
+        screen.print(
+            f"{len(table)} runs"
+            + (f", [red]{failed} failed[/red]" if failed else "")
+            + f"; table in {store.path}"
+        )
+    if figures:
+        from studies.core.figures import gallery
+
+        written = gallery().draw_comparison(table, store, store.folder / "figures")
+        if written and not as_json:
+            console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
+    return ALL_FAILED if failed == len(table) else 0
+
+
+def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":
+    from studies.lines.real_input import with_real_input
+    from studies.scenario.loading import default_scenarios, load_scenario
+
+    real = line is not None or train is not None
+    if names is None and not real:
+        return default_scenarios()
+    if names is None:
+        names = ["gradient-start"]
+    chosen = [load_scenario(name) for name in dict.fromkeys(names)]
+    return [with_real_input(item, line, train) for item in chosen] if real else chosen

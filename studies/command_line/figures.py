@@ -1,0 +1,34 @@
+"""`readhesion figures`: draw figures as PDF and PNG."""
+
+from pathlib import Path
+
+from studies.command_line.options import Whole, process_count
+from studies.command_line.terminal import progress
+
+
+def figures(
+    *names: str,
+    out: Path = Path("figures"),
+    results: Path = Path("results"),
+    jobs: Whole | None = None,
+) -> None:
+    """Draw figures as PDF and PNG.
+
+    Parameters
+    ----------
+    names
+        Figures to draw [default: all]; `readhesion list` names them.
+    out
+        Folder for the figures.
+    results
+        Folder of a comparison; what the figures need and it lacks is run first.
+    jobs
+        Number of processes for that [default: one per core].
+    """
+    from studies.core.figures import gallery
+
+    count = process_count(jobs)
+    with progress() as on_row:
+        written = gallery().draw_figures(names, out, results, count, on_row)
+    for path in written:
+        print(path)

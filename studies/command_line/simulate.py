@@ -1,0 +1,87 @@
+"""`readhesion simulate`: one slip event under one rule and one controller."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from studies.command_line.options import Whole, check_writable
+from studies.command_line.terminal import console
+from studies.core.study_error import StudyError
+
+
+def simulate(
+    scenario: str,
+    *,
+    rule: str = "greedy",
+    controller: str = "cut-and-ramp",
+    seed: Whole = 0,
+    out: Path | None = None,
+    log: Path | None = None,
+    figure: Path | None = None,
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+) -> None:
+    """Run one slip event and print its metrics.
+
+    Parameters
+    ----------
+    scenario
+        Name of a shipped scenario or path of a TOML file.
+    rule
+        Allocation rule.
+    controller
+        Readhesion controller.
+    seed
+        Seed of the event's random draws, 0 or greater.
+    out
+        File for the recorded run (netCDF).
+    log
+        File for a log (csv or parquet) as `readhesion analyse` reads it; the train's data go beside
+        it, with the ending .train.toml.
+    figure
+        File for a figure of the run (pdf or png).
+    as_json
+        Print JSON instead of a table.
+    """
+    from rich.table import Table
+
+    from alloc.metrics import METRICS, evaluate
+    from alloc.recording import save
+    from studies.comparison.defaults import check_names
+    from studies.core.job import Job, simulate_job
+    from studies.logs.export import check_log_path, write_log
+    from studies.scenario.loading import load_scenario
+
+    chosen = load_scenario(scenario)
+    check_names([rule], [controller])
+    if seed < 0:
+        raise StudyError(f"--seed {seed}: must be 0 or greater")
+    for path in (out, log, figure):
+        if path is not None:
+            check_writable(path)
+    if log is not None:
+        check_log_path(log)
+    run = simulate_job(Job(chosen, rule, controller, seed))
+    values = evaluate(run)
+    if out is not None:
+        save(run, out)
+    if log is not None:
+        write_log(run, chosen.event(seed).model.train, log)
+    if figure is not None:
+        from studies.core.figures import gallery
+
+        gallery().draw_run(run, figure)
+    if as_json:
+        about = {"scenario": chosen.name, "rule": rule, "controller": controller, "seed": seed}
+        numbers = {name: None if value != value else value for name, value in values.items()}
+        print(json.dumps({**about, "metrics": numbers}, indent=2, allow_nan=False))
+        return
+    table = Table(title=f"{chosen.name}: {rule}, {controller}, seed {seed}", title_justify="left")
+    for heading in ("metric", "value", "unit", "meaning"):
+        table.add_column(heading, justify="right" if heading == "value" else "left")
+    for name, value in values.items():
+        metric = METRICS[name]
+        shown = "–" if value != value else f"{value:.4g}"
+        table.add_row(name, shown, "" if metric.unit == "1" else metric.unit, metric.description)
+    console().print(table)

@@ -1,0 +1,69 @@
+"""`readhesion sweep`: one question over many random events."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from studies.command_line.options import ALL_FAILED, Whole, process_count
+from studies.command_line.terminal import console, progress
+from studies.core.study_error import StudyError
+
+
+def sweep(
+    name: str,
+    *,
+    events: Whole | None = None,
+    jobs: Whole | None = None,
+    out: Path = Path("results"),
+    seed: Whole = 0,
+    as_json: Annotated[bool, Parameter("--json", negative=())] = False,
+) -> int:
+    """Ask one question over many random events, and state what the answer is.
+
+    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+
+    Parameters
+    ----------
+    name
+        Sweep; `readhesion list` names them.
+    events
+        Number of random events [default: the sweep's own]; more of them extend fewer.
+    jobs
+        Number of processes [default: one per core].
+    out
+        Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
+    seed
+        Seed of the events, 0 or greater.
+    as_json
+        Print JSON instead of text.
+    """
+    from studies.core.collection import find_study, study_folder
+    from studies.core.statement_report import about, printed
+
+    chosen = find_study(name)
+    if events is not None and events < 1:
+        raise StudyError(f"--events {events}: give the number of events, 1 or more")
+    if seed < 0:
+        raise StudyError(f"--seed {seed}: must be 0 or greater")
+    count = chosen.default_events if events is None else events
+    folder = study_folder(out, name)
+    with progress() as on_row:
+        table = chosen.run(folder, count, seed, process_count(jobs), on_row)
+    failed = int((table["status"] != "ok").sum()) if "status" in table else 0
+    found = [] if failed == len(table) else chosen.statements(table)
+    if as_json:
+        content = about(name, count, seed, folder, len(table), failed)
+        content["statements"] = [statement.content() for statement in found]
+        print(json.dumps(content, indent=2, allow_nan=False))
+    else:
+        screen = console()
+        for item in printed(found):
+            screen.print(item)
+        screen.print(
+            f"{len(table)} rows"
+            + (f", [red]{failed} failed[/red]" if failed else "")
+            + f"; tables in {folder}"
+        )
+    return ALL_FAILED if failed == len(table) else 0

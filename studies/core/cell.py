@@ -1,0 +1,125 @@
+"""Cells of a study: each is a piece of work that yields rows of its table, and is done once."""
+
+import hashlib
+import json
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import xarray as xr
+
+from alloc.canonical import canonical
+from studies.core.code_version import code_hash
+from studies.core.plugins import load_plugins
+from studies.core.study_error import StudyError
+
+Row = dict[str, Any]
+OnRow = Callable[[str, int, int], None]
+"""What is told of progress: label of the finished cell, cells finished, cells in all."""
+
+
+class Cell(Protocol):
+    """A piece of work. It travels to other processes, so it holds plain values and functions of modules."""
+
+    @property
+    def label(self) -> str:
+        """Name for people and files, unique in a study; parts are divided by "/"."""
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """What decides the rows beside the code; its columns stand in every row."""
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules that decide the rows, with all that they import."""
+
+    def work(self) -> "Yield":
+        """Do it."""
+
+
+class Yield(NamedTuple):
+    """What a cell's work yields."""
+
+    rows: Sequence[Row]
+    run: xr.Dataset | None = None
+    """The recorded run behind them, where there is one."""
+
+
+class Key(NamedTuple):
+    """Identity of a cell under the present code."""
+
+    label: str
+    digest: str
+    code: str
+
+
+def key_of(cell: Cell) -> Key:
+    """Identity of `cell` under the present code."""
+    code = code_hash(*cell.sources)
+    text = json.dumps([dict(cell.identity), code], sort_keys=True, default=repr)
+    return Key(cell.label, hashlib.sha256(text.encode()).hexdigest()[:16], code)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A cell that calls a function of a module; what it returns are the rows."""
+
+    label: str
+    function: Callable[..., Row | Sequence[Row]]
+    arguments: tuple[Any, ...] = ()
+    columns: tuple[tuple[str, Any], ...] = ()
+    """Columns that tell the rows of this cell from others of the study."""
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """Label, columns and arguments."""
+        return {"label": self.label, **dict(self.columns), "arguments": canonical(self.arguments)}
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The function's module."""
+        return (self.function.__module__,)
+
+    def work(self) -> Yield:
+        """Call the function."""
+        found = self.function(*self.arguments)
+        rows = [found] if isinstance(found, Mapping) else found
+        return Yield([dict(self.columns) | dict(row) for row in rows])
+
+
+class Outcome(NamedTuple):
+    """Identity, rows of the table and, where it was to be kept, the recorded run."""
+
+    key: Key
+    rows: list[Row]
+    run: xr.Dataset | None
+
+
+def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
+    """Do a cell's work. Whatever goes wrong in it becomes a row with status "failed" and the reason.
+
+    `key`: as the caller knows it. A worker that started after the sources changed has loaded other code; its result would
+    pass for one of the caller's code, so it refuses.
+    """
+    load_plugins()
+    started = time.perf_counter()
+    kept = {"cell": key.digest, "code_hash": key.code}
+    run = None
+    rows: list[Row]
+    try:
+        if code_hash(*cell.sources) != key.code:
+            raise StudyError("the sources changed while the study ran; run it again")
+        found, run = cell.work()
+        rows = [kept | row | {"status": row.get("status", "ok")} for row in found]
+    except Exception as error:  # a study of a hundred cells goes on without this one
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        reason = " ".join(str(error).split()) or "no message"
+        known = {name: value for name, value in cell.identity.items() if name != "arguments"}
+        reason = f"{type(error).__name__} at {where.name}: {reason}"
+        rows = [kept | known | {"status": "failed", "reason": reason}]
+    seconds = time.perf_counter() - started
+    times: Row = {"wall_time": seconds / max(len(rows), 1)}
+    rows = [{"reason": ""} | row | times for row in rows]
+    return Outcome(key, rows, run if keep else None)

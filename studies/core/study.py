@@ -1,0 +1,99 @@
+"""A study: one question, asked over many events; its cells make a table, and the table makes statements."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from studies.core.cell import Cell, OnRow, key_of
+from studies.core.runner import run_cells
+from studies.core.statement import Statement
+from studies.core.store import Store
+from studies.core.study_error import StudyError
+
+Cells = Callable[..., Sequence[Cell]]
+"""Cells of a study: called with seed, number of events and the study's settings by name. More events add cells and change
+none."""
+Stage = Callable[..., Sequence[Cell]]
+"""Cells that depend on what came before: called as `Cells`, with the rows so far as third argument."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One question over many events: what is met, what is measured, what is said."""
+
+    name: str
+    question: str
+    """One line."""
+    default_events: int
+    """Events where none are asked for."""
+    cells: Cells
+    judge: Callable[[pd.DataFrame], list[Statement]]
+    """Statements from the table's rows that succeeded, by thresholds that are set beforehand."""
+    finish: Callable[[pd.DataFrame, int, int], pd.DataFrame] | None = None
+    """The table from rows, seed and events: what was drawn is joined here."""
+    later: tuple[Stage, ...] = ()
+    """Further stages, in their order."""
+    whole: bool = False
+    """Whether statements need every cell."""
+
+    def run(
+        self,
+        folder: str | Path,
+        events: int,
+        seed: int = 0,
+        jobs: int = 1,
+        on_row: OnRow | None = None,
+        **settings: object,
+    ) -> pd.DataFrame:
+        """The table of so many events drawn from `seed`; cells that `folder` holds are not run again.
+
+        `settings` are the study's own, such as a shorter duration; their rows stand apart from those without.
+        """
+        store = Store(folder)
+        cells = self.cells(seed, events, **settings)
+        table = run_cells(cells, store, jobs, on_row=on_row)
+        for stage in self.later:
+            cells = [*cells, *stage(seed, events, table, **settings)]
+            table = run_cells(cells, store, jobs, on_row=on_row)
+        return table if self.finish is None else self.finish(table, seed, events)
+
+    def statements(self, table: pd.DataFrame) -> list[Statement]:
+        """What the table says; raises `StudyError` where it lacks what the statements need."""
+        failed = table["status"] == "failed" if "status" in table else pd.Series(dtype=bool)
+        if self.whole and failed.any():
+            reason = table.loc[failed, "reason"].iloc[0]
+            raise StudyError(
+                f"study {self.name!r}: {int(failed.sum())} rows failed, the first by {reason}; mend that and run it again"
+            )
+        return self.judge(table)
+
+    def held(self, folder: str | Path, seed: int = 0) -> int:
+        """Number of events, counted from the first, that `folder` holds in full under the present code."""
+        done = Store(folder).cells(failed_too=True)
+
+        def holds(events: int) -> bool:
+            return all(key_of(cell).digest in done for cell in self.cells(seed, events))
+
+        if not done or not holds(1):
+            return 0
+        low, high = 1, self.default_events + 1
+        while holds(high):
+            low, high = high, 2 * high
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        return low
+
+
+def each_event(cells: Callable[..., Sequence[Cell]]) -> Cells:
+    """Cells of all events from a function that gives those of one, called with seed, number k and settings."""
+    return partial(_each_event, cells)
+
+
+def _each_event(
+    cells: Callable[..., Sequence[Cell]], seed: int, events: int, **settings: object
+) -> list[Cell]:
+    return [cell for k in range(events) for cell in cells(seed, k, **settings)]

@@ -1,0 +1,52 @@
+"""What the study `joint` says: does an arm reach the effort of the joint optimum, and what does it cost besides?"""
+
+import pandas as pd
+
+from studies.core.arms import Arm, arm_difference
+from studies.core.statement import CONDITIONS, CONFIDENCE, FAILS, HOLDS, TOO_FEW, Statement
+from studies.core.verdict import LEAST_EVENTS
+from studies.curves.statements import METRICS
+
+OPTIMUM = Arm("alone", "mpc-train-ideal")
+"""One problem over all units every control period, with no telegram's delay: the optimum of its cost and its belief."""
+ARMS = (
+    Arm("alone", "cut-and-ramp"),
+    Arm("greedy", "cut-and-ramp"),
+    Arm("exact", "cut-and-ramp"),
+    Arm("alone", "mpc"),
+    Arm("greedy", "mpc"),
+    Arm("exact", "mpc"),
+    Arm("alone", "mpc-train"),
+)
+NEAR = 0.01
+"""Effort over the plan by which an arm may fall short and still count as reaching the optimum's."""
+
+
+def joint_statements(table: pd.DataFrame) -> list[Statement]:
+    """One statement per arm, from rows that succeeded."""
+    return [_statement(table, arm) for arm in ARMS]
+
+
+def _statement(table: pd.DataFrame, arm: Arm) -> Statement:
+    found = {
+        f"{text}, less the optimum's": arm_difference(table, arm, OPTIMUM, metric)
+        for metric, text in METRICS.items()
+    }
+    effort = arm_difference(table, arm, OPTIMUM, "held_effort")
+    if effort.count < LEAST_EVENTS:
+        verdict = TOO_FEW
+    elif effort.low > -NEAR:
+        verdict = HOLDS
+    else:
+        verdict = FAILS if effort.high < -NEAR else CONDITIONS
+    return Statement(
+        f"{arm.rule} under {arm.controller}",
+        "reaches the effort of the joint optimum to within a point",
+        verdict,
+        found,
+        ("the interval holds the bound: more events would decide",)
+        if verdict == CONDITIONS
+        else (),
+        f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below; Student's t, "
+        f"{CONFIDENCE:.0%}",
+    )

@@ -1,0 +1,60 @@
+"""Scenarios by name or path: those that ship, those of plug-ins, and files of one's own."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from alloc.registry import Registry
+from studies.core.study_error import StudyError
+from studies.scenario.scenario import Scenario
+from studies.scenario.strict import parse, read_toml
+from studies.scenario.train_keys import is_file
+
+SHIPPED = Path(__file__).parent / "shipped"
+SCENARIOS: Registry[Path | Mapping[str, Any]] = Registry(
+    "scenario", "readhesion.scenarios", StudyError
+)
+"""Name -> TOML file of the scenario, or its keys."""
+for _file in sorted(SHIPPED.glob("*.toml")):
+    SCENARIOS.register(_file.stem, _file)
+
+
+def shipped_scenarios() -> list[str]:
+    """Names of the scenarios that come with the project, in alphabetical order."""
+    return [name for name in SCENARIOS if SCENARIOS.origin(name) == __name__]
+
+
+def default_scenarios() -> list[Scenario]:
+    """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
+    shipped = [load_scenario(name) for name in shipped_scenarios()]
+    return [scenario for scenario in shipped if scenario.in_default_comparison]
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario by name, or any TOML file by path; paths inside it count from the file's folder.
+
+    Raises `StudyError` naming the file, the key and the reason.
+    """
+    text = str(name_or_path)
+    is_path = text.endswith(".toml") or "/" in text
+    found = text if is_path else SCENARIOS.find(text)
+    if isinstance(found, Mapping):
+        keys = {"name": text} | dict(found)
+    else:
+        path = Path(found)
+        data = read_toml(str(path), "scenario", "`readhesion list` names the shipped ones")
+        keys = {"name": path.stem} | _resolved(data, path.parent)
+    scenario = parse(Scenario, keys, text)
+    scenario.event()  # impossible values show now, not in the middle of a study
+    return scenario
+
+
+def _resolved(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The same content with paths of files counted from `folder`."""
+    data = dict(data)
+    if isinstance(data.get("train"), str) and is_file(data["train"]):
+        data["train"] = str(folder / data["train"])
+    line = data.get("line")
+    if isinstance(line, dict) and isinstance(line.get("file"), str):
+        data["line"] = line | {"file": str(folder / line["file"])}
+    return data

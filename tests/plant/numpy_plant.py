@@ -1,0 +1,83 @@
+"""What the tests know of the plant beside its right side: its true environment and its energy, with NumPy."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.equations import coupler_stretch
+from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
+from alloc.plant.model import Model
+from alloc.plant.operations import maximum, minimum, sine
+from alloc.plant.train import EFFORT_SPEED_STEP
+
+
+def coupler_spring_energy(stretch, stiffness, stiffening):
+    """Elastic energy of a draft gear [J]: the integral of `coupler_spring_force`."""
+    square = stretch * stretch
+    return square * (0.5 * stiffness + 0.25 * stiffening * square)
+
+
+def mechanical_energy(model, state):
+    """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], of `state` (rows, lanes): (lanes,)."""
+    s, n = model.structure, model.layout
+    kinetic = (0.5 * s.body_mass[:, None] * state[n.speed] ** 2).sum(axis=0)
+    rotating = (0.5 * s.inertia[:, None] * state[n.omega] ** 2).sum(axis=0)
+    stiffness, stiffening, _, slack = s.coupler.T[:, :, None]
+    position = state[n.position]
+    stretch = coupler_stretch(position[:-1] - position[1:], slack)
+    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum(axis=0)
+
+
+def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Row-wise linear interpolation of `tables` (rows, points) at `x` (rows, lanes) in grid units."""
+    bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
+    k = bounded.astype(np.int64)
+    row = np.arange(tables.shape[0])[:, None]
+    return np.asarray(tables[row, k] + (tables[row, k + 1] - tables[row, k]) * (bounded - k))
+
+
+def environment_at(
+    model: Model,
+    time: float,
+    state: NDArray[np.float64],
+    cleaning: NDArray[np.float64] | None = None,
+    arrays: ArrayModel | None = None,
+) -> Local:
+    """The true environment of `state` (rows, lanes) at `time` [s], every entry (rows, lanes).
+
+    `cleaning` (axles, lanes) is what the wheels ahead left, none if None. `arrays`: the array form of `model`
+    where it exists already.
+    """
+    s, n, e = model.structure, model.layout, model.environment
+    arrays = arrays or ArrayModel.of(model)
+    position = state[n.position][s.axle_body] + s.axle_offset[:, None]
+    speed = state[n.speed][s.axle_body]
+    patches = np.ones_like(position)
+    for p in e.patch:
+        weight = window(position, p[1], p[2], p[3])
+        patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
+    knot = position / e.noise_length
+    base = np.floor(knot)
+    k = base.astype(np.int64)
+    lane = np.arange(model.lanes)[None, :]
+    knots = e.noise.shape[1]
+    scatter = interpolate_noise(
+        e.noise[lane, k % knots], e.noise[lane, (k + 1) % knots], knot - base
+    )
+    conditioning = 0.0 if cleaning is None else e.conditioning[0] * cleaning
+    peak = peak_coefficient(
+        speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning
+    )
+    place = (state[n.position][s.car_body] + s.car_offset[:, None] - e.line_origin) / e.line_spacing
+    rim = np.abs(arrays.unit_rim_speed(state[n.omega])) / EFFORT_SPEED_STEP
+    wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
+    receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
+    both = np.broadcast_to
+    return Local(
+        peak=peak,
+        grade=_table(both(e.line[0], (n.cars, e.line.shape[1])), place),
+        air_factor=_table(both(e.line[1], (n.cars, e.line.shape[1])), place),
+        drive_limit=_table(s.drive_table, rim),
+        brake_limit=_table(s.brake_table, rim) * receptivity,
+        health=(time < e.failure_time).astype(float),
+    )
