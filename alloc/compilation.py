@@ -51,19 +51,27 @@ _COMPILED: Any = {
     "fastmath": FASTMATH,
     "nogil": True,
     "_nrt": False,
+    "no_cfunc_wrapper": True,
 }
+_INLINED_PART: Any = {**_COMPILED, "forceinline": True, "no_cpython_wrapper": True}
 
 jit = numba.njit(**_COMPILED)
 """Decorator of every compiled entry point."""
 
-inlined_jit = numba.njit(**_COMPILED, forceinline=True)
+inlined_jit = numba.njit(**_INLINED_PART)
 """Decorator of a part of a compiled loop that is called from one or two places.
 
-A call hands over every array of its records, field by field; that costs more than the work on a short train.
+A call hands over every array of its records, field by field; that costs more than the work on a short train. It has no
+wrapper for calls from Python: unpacking its records would take longer to compile than the part itself.
 """
 
 # (`Any`: Numba's own annotation of such options is private.)
-INLINED: Any = {"error_model": "numpy", "fastmath": FASTMATH, "forceinline": True}
+INLINED: Any = {
+    "error_model": "numpy",
+    "fastmath": FASTMATH,
+    "forceinline": True,
+    "no_cfunc_wrapper": True,
+}
 """Options of what is inlined where it is called.
 
 LLVM vectorises a loop over lanes only if no call is left in it, and would not inline the longer laws by itself.

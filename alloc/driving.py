@@ -12,8 +12,9 @@ import numpy as np
 import xarray as xr
 
 from alloc.event import SimulationError
-from alloc.plant import compiled
+from alloc.loop import DRIVER, ClosedLoop, run_with_driver
 from alloc.plant.model import Floats, Model
+from alloc.recorded_physics import PlantRecord
 from alloc.recording import driven_dataset
 
 
@@ -87,50 +88,54 @@ def drive(
         raise SimulationError(
             f"drive: step = {step!r} must not exceed the control period {period!r}"
         )
-    s, e, n, layout = model.structure, model.environment, model.layout, compiled.rows(model.layout)
-    steps = round(period / step)
-    steps *= model.substeps(period / steps)
-    step = period / steps
-    state = model.initial_state(initial_speed, initial_position)
-    inputs, w = model.zero_inputs(), compiled.workspace(model, step)
-    controls = Controls(
-        inputs.torque_command[:, 0], inputs.pressure_target[:, 0], inputs.valve[:, 0]
-    )
-    ticks = round(duration / period)
-    records = ticks // every + 1
-    time = np.zeros(records)
-    states, peaks = np.zeros((records, n.rows)), np.zeros((records, n.axles))
-    accelerations = np.zeros((records, n.bodies))
-    commands = np.zeros((records, n.units))
-    torque, pressure = state[n.torque, 0], state[n.pressure, 0]
-    speed, taken = initial_speed, 0
-    for tick in range(ticks + 1):
-        now = float(state[n.speed, 0][0])
+    ticks = round(duration / period) + 1  # the last one is recorded, and nobody sees what follows
+    loop = ClosedLoop(model, ticks, period, step, record_period, initial_speed, initial_position)
+    record = PlantRecord.allocate(loop.records, model.layout)
+    part = _DriverInPython(driver, model, loop, np.zeros((loop.records, model.layout.units)))
+
+    def go(stop: int) -> int:
+        need: int = run_with_driver(loop.plant, loop.timing, loop.progress, record, stop)
+        return need
+
+    loop.run(go, {DRIVER: part}, on_progress)
+    return driven_dataset(name, model, record.until(loop.records), part.torque[: loop.records])
+
+
+class _DriverInPython:
+    """A driver answers the loop: he reads, and sets what the plant is commanded."""
+
+    def __init__(self, driver: Driver, model: Model, loop: ClosedLoop, torque: Floats) -> None:
+        self.driver, self.timing = driver, loop.timing
+        self.torque = torque
+        """Torques that he set, (instants, units)."""
+        n, state, inputs = model.layout, loop.plant.state[:, 0], loop.plant.inputs
+        self.controls = Controls(
+            inputs.torque_command[:, 0], inputs.pressure_target[:, 0], inputs.valve[:, 0]
+        )
+        self.position, self.speed = state[n.position], state[n.speed]
+        self.motors, self.cylinders = state[n.torque], state[n.pressure]
+        self.last_speed = float(self.speed[0])
+
+    def __call__(self, tick: int) -> bool:
+        time, speed = tick * self.timing.period, float(self.speed[0])
         sense = TrainSense(
-            tick * period, float(state[0, 0]), now, (now - speed) / period, torque.copy(), pressure.copy()
-        )  # fmt: skip
-        speed = now
-        go_on = driver(sense, controls)
-        for label, values in zip(Controls._fields, controls, strict=True):
+            time=time,
+            position=float(self.position[0]),
+            speed=speed,
+            acceleration=(speed - self.last_speed) / self.timing.period,
+            torque=self.motors.copy(),
+            pressure=self.cylinders.copy(),
+        )
+        self.last_speed = speed
+        go_on = self.driver(sense, self.controls)
+        for label, values in zip(Controls._fields, self.controls, strict=True):
             if not np.all(np.isfinite(values)):
                 raise SimulationError(
-                    f"drive: at {tick * period:g} s the driver set {label} = {values}; set finite values"
+                    f"drive: at {time:g} s the driver set {label} = {values}; set finite values"
                 )
-        if tick % every == 0:
-            time[taken], commands[taken] = tick * period, controls.torque
-            compiled.note(
-                s, e, layout, tick * period, state, inputs, w, taken, states, peaks, accelerations
-            )
-            taken += 1
-        if not go_on or tick == ticks:
-            break
-        compiled.advance(s, e, layout, tick * period, step, steps, state, inputs, w)
-        if on_progress is not None and tick % 100 == 0:
-            on_progress(tick / ticks)
-    return driven_dataset(
-        name, model, time[:taken], states[:taken], peaks[:taken], accelerations[:taken],
-        commands[:taken],
-    )  # fmt: skip
+        if tick % self.timing.record_ticks == 0:
+            self.torque[tick // self.timing.record_ticks] = self.controls.torque
+        return go_on
 
 
 __all__ = ["Controls", "Driver", "TrainSense", "drive"]

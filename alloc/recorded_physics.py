@@ -1,23 +1,40 @@
 """What follows from recorded states by the plant's own laws: forces, coefficients, accelerations of the cars."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.model import Model
+from alloc.plant.model import Layout, Model
 
 Floats = NDArray[np.float64]
 
 
-def physical_variables(
-    model: Model, states: Floats, peaks: Floats, body_accelerations: Floats
-) -> dict[str, NDArray[Any]]:
+class PlantRecord(NamedTuple):
+    """What the loop writes of the plant; first dimension: instants."""
+
+    time: Floats
+    state: Floats
+    peak: Floats
+    body_acceleration: Floats
+
+    @classmethod
+    def allocate(cls, records: int, n: Layout) -> "PlantRecord":
+        """Empty record of `records` instants."""
+        sizes = (n.rows, n.axles, n.bodies)
+        return cls(np.zeros(records), *(np.zeros((records, size)) for size in sizes))
+
+    def until(self, records: int) -> "PlantRecord":
+        """The first instants of the record."""
+        return PlantRecord(*(values[:records] for values in self))
+
+
+def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
     """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
     arrays = ArrayModel.of(model)
-    state, peak = states.T, peaks.T
+    state, peak = record.state.T, record.peak.T
     slip, mu, force = arrays.forces(state, peak)
     speed = state[n.speed]
     share = s.body_mass / s.body_mass.sum()
@@ -33,9 +50,9 @@ def physical_variables(
     return {
         "position": state[n.position][0],
         "speed": share @ speed,
-        "acceleration": body_accelerations @ share,
+        "acceleration": record.body_acceleration @ share,
         "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": body_accelerations @ arrays.body_of_car.T,
+        "car_acceleration": record.body_acceleration @ arrays.body_of_car.T,
         "rim_speed": (s.radius[:, None] * state[n.omega]).T,
         "slip_velocity": slip.T,
         "coefficient": mu.T,

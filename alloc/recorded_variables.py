@@ -9,6 +9,8 @@ class Variable(NamedTuple):
     dims: tuple[str, ...]
     units: str
     long_name: str
+    kind: str | None = None
+    """Type of its numbers where it is not that of the loop."""
 
 
 VARIABLES: dict[str, Variable] = {
@@ -51,9 +53,9 @@ VARIABLES: dict[str, Variable] = {
     "coefficient_estimate": Variable(
         ("time", "unit"), "1", "observer's estimate of the coefficient"
     ),
-    "slipping": Variable(("time", "unit"), "1", "signal of the slip detector"),
+    "slipping": Variable(("time", "unit"), "1", "signal of the slip detector", "int8"),
     "fallen_back": Variable(
-        ("time", "unit"), "1", "unit has heard nothing for too long and keeps the plan"
+        ("time", "unit"), "1", "unit has heard nothing for too long and keeps the plan", "int8"
     ),
     "axles_seen": Variable(("time", "unit"), "1", "axles of the unit whose speed is known"),
     "torque_factor": Variable(
@@ -69,7 +71,10 @@ VARIABLES: dict[str, Variable] = {
     ),
     "cylinder_pressure": Variable(("time", "brake_group"), "Pa", "brake cylinder pressure"),
     "valve": Variable(
-        ("time", "brake_group"), "1", "slide protection's valves: 0 supply, 1 hold, 2 release"
+        ("time", "brake_group"),
+        "1",
+        "slide protection's valves: 0 supply, 1 hold, 2 release",
+        "int8",
     ),
     "coupler_force": Variable(("time", "coupler"), "N", "coupler force, tension positive"),
     "motor_work": Variable(("time",), "J", "work of the motors at the wheels"),

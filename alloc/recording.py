@@ -16,60 +16,32 @@ from numpy.typing import NDArray
 
 from alloc.canonical import canonical
 from alloc.event import Event
-from alloc.onboard import memory as om
+from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
 from alloc.plant.model import Layout, Model
-from alloc.recorded_physics import physical_variables
+from alloc.recorded_physics import PlantRecord, physical_variables
 from alloc.recorded_variables import VARIABLES
 
 Floats = NDArray[np.float64]
 
 
 class Record(NamedTuple):
-    """Arrays that the compiled loop writes; first dimension: instants."""
+    """What the loop writes of plant and computers; first dimension: instants."""
 
-    time: Floats
-    state: Floats
-    peak: Floats
-    body_acceleration: Floats
-    command: Floats
-    target: Floats
-    limit: Floats
-    estimate: Floats
-    slipping: NDArray[np.bool_]
-    fallen_back: NDArray[np.bool_]
-    factor: Floats
-    seen: Floats
-    acceleration: Floats
-    air: Floats
-    valve: Floats
-    car_reference: Floats
-    train: Floats
+    plant: PlantRecord
+    unit: Floats  # (instants, fields of `UnitMemory`, units)
+    train: Floats  # (instants, fields of `TrainMemory`, 1)
+    valve: Floats  # (instants, groups)
+    slide_reference: Floats  # (instants, cars)
 
     @classmethod
     def allocate(cls, records: int, n: Layout) -> "Record":
         """Empty record of `records` instants."""
-
-        def unit() -> Floats:
-            return np.zeros((records, n.units))
-
         return cls(
-            time=np.zeros(records),
-            state=np.zeros((records, n.rows)),
-            peak=np.zeros((records, n.axles)),
-            body_acceleration=np.zeros((records, n.bodies)),
-            command=unit(),
-            target=unit(),
-            limit=unit(),
-            estimate=unit(),
-            slipping=np.zeros((records, n.units), dtype=np.bool_),
-            fallen_back=np.zeros((records, n.units), dtype=np.bool_),
-            factor=unit(),
-            seen=unit(),
-            acceleration=unit(),
-            air=unit(),
-            valve=np.zeros((records, n.groups)),
-            car_reference=np.zeros((records, n.cars)),
-            train=np.zeros((records, 5)),
+            PlantRecord.allocate(records, n),
+            np.zeros((records, len(UnitMemory._fields), n.units)),
+            np.zeros((records, len(TrainMemory._fields), 1)),
+            np.zeros((records, n.groups)),
+            np.zeros((records, n.cars)),
         )
 
 
@@ -90,35 +62,14 @@ class Tally:
 
 
 def to_dataset(
-    event: Event,
-    rule: str,
-    controller: str,
-    record: Record,
-    counter: NDArray[np.int64],
-    tally: Tally,
+    event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally
 ) -> xr.Dataset:
     """Turn what the loop wrote into the recorded run."""
     model = event.model
-    values = physical_variables(model, record.state, record.peak, record.body_acceleration)
-    values |= {
-        "driver_command": record.train[:, 2],
-        "expected": record.train[:, 4],
-        "reference_speed": record.train[:, 3],
-        "slide_reference": record.car_reference,
-        "valve": record.valve.astype(np.int8),
-        "case": record.train[:, 0],
-        "level": record.train[:, 1],
-        "torque_command": record.command,
-        "torque_target": record.target,
-        "limit": record.limit,
-        "coefficient_estimate": record.estimate,
-        "slipping": record.slipping.astype(np.int8),
-        "fallen_back": record.fallen_back.astype(np.int8),
-        "axles_seen": record.seen,
-        "torque_factor": record.factor,
-        "computed_acceleration": record.acceleration,
-        "air_brake_force": record.air,
-    }
+    values = physical_variables(model, record.plant)
+    values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
+    values |= dict(zip(UnitMemory._fields, record.unit.transpose(1, 0, 2), strict=True))
+    values |= {"slide_reference": record.slide_reference, "valve": record.valve}
     attributes: dict[str, Any] = {
         "event": event.name,
         "event_hash": event_hash(event),
@@ -126,21 +77,11 @@ def to_dataset(
         "rule": rule,
         "controller": controller,
         "target_speed": np.nan if event.target_speed is None else event.target_speed,
-        "train": model.train.name,
-        "train_mass": model.train.mass,
-        "train_rotating_mass": model.train.rotating_mass,
+        **_train_attributes(model),
         "blended_brakes": int(
             model.layout.groups > 0 and (event.onboard.braking.blended or model.layout.units == 0)
         ),
-        "detections": int(counter[om.DETECTIONS]),
-        "unit_detections": int(counter[om.UNIT_DETECTIONS]),
-        "telegrams_sent": int(counter[om.TELEGRAMS]),
-        "telegrams_lost": int(counter[om.LOST]),
-        "fallbacks": int(counter[om.FALLBACKS]),
-        "blinded": int(counter[om.BLINDED]),
-        "locks": int(counter[om.LOCKS]),
-        "time_outs": int(counter[om.TIME_OUTS]),
-        "rule_calls": int(counter[om.RULE_CALLS]),
+        **{name: int(count[0]) for name, count in counters._asdict().items()},
         "rule_failures": tally.rule_failures,
         "rule_time_s": tally.rule_time,
         "controller_calls": len(tally.controller_times),
@@ -152,36 +93,38 @@ def to_dataset(
         "messages": json.dumps(tally.messages),
         **provenance(),
     }
-    return _dataset(record.time, values, attributes)
+    return _dataset(record.plant.time, values, attributes)
 
 
 def driven_dataset(
-    name: str,
-    model: Model,
-    time: Floats,
-    states: Floats,
-    peaks: Floats,
-    body_accelerations: Floats,
-    torque_command: Floats,
+    name: str, model: Model, record: PlantRecord, torque_command: Floats
 ) -> xr.Dataset:
-    """A run of `alloc.driving`: the variables that plant and driver decide; first dimension of all arrays: instants."""
-    values = physical_variables(model, states, peaks, body_accelerations)
-    values["torque_command"] = torque_command
-    attributes: dict[str, Any] = {
-        "event": name,
-        "train": model.train.name,
-        "train_mass": model.train.mass,
-        "train_rotating_mass": model.train.rotating_mass,
-        **provenance(),
+    """A run of `alloc.driving`: what plant and driver decide; `torque_command` (instants, units)."""
+    values = physical_variables(model, record) | {"torque_command": torque_command}
+    attributes = {"event": name, **_train_attributes(model), **provenance()}
+    return _dataset(record.time, values, attributes)
+
+
+def _train_attributes(model: Model) -> dict[str, Any]:
+    train = model.train
+    return {
+        "train": train.name,
+        "train_mass": train.mass,
+        "train_rotating_mass": train.rotating_mass,
     }
-    return _dataset(time, values, attributes)
 
 
 def _dataset(
     time: Floats, values: dict[str, NDArray[Any]], attributes: dict[str, Any]
 ) -> xr.Dataset:
+    if unknown := values.keys() - VARIABLES.keys():
+        raise KeyError(f"recorded, but not in VARIABLES: {', '.join(sorted(unknown))}")
     data = {
-        name: (v.dims, values[name], {"units": v.units, "long_name": v.long_name})
+        name: (
+            v.dims,
+            values[name] if v.kind is None else values[name].astype(v.kind),
+            {"units": v.units, "long_name": v.long_name},
+        )
         for name, v in VARIABLES.items()
         if name in values
     }

@@ -1,12 +1,15 @@
 """Parts of one kind by name: those that ship, those of installed packages, and those registered at run time.
 
-An installed package offers a part by an entry point: its group says the kind, its name is the part's, its object the part.
+A part registers where it is written. An installed package offers one by an entry point: its group says the kind, its name
+is the part's, its object the part.
 """
 
+import pkgutil
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
@@ -14,24 +17,37 @@ Part = TypeVar("Part")
 
 
 class Registry(Mapping[str, Part], Generic[Part]):
-    """Name -> part of one `kind`; names of installed packages count, and are imported when they are asked for.
+    """Name -> part of one `kind`; modules that register parts are imported when a part is asked for.
 
-    `group`: entry points that offer such parts. `error`: what is raised for a name that is unknown or taken.
+    `group`: entry points that offer such parts. `error`: what is raised for a name that is unknown or taken. `package`:
+    whose modules register the parts that ship. `order`: names that come first; others follow by module, then plug-ins.
     """
 
-    def __init__(self, kind: str, group: str, error: type[Exception] = ValueError) -> None:
-        self.kind, self.group, self._error = kind, group, error
+    def __init__(
+        self,
+        kind: str,
+        group: str,
+        error: type[Exception] = ValueError,
+        package: str | None = None,
+        order: Sequence[str] = (),
+    ) -> None:
+        self.kind, self.group = kind, group
+        self._error, self._package, self._order = error, package, order
         self._parts: dict[str, Part] = {}
         self._origins: dict[str, str] = {}
+        self._filled = package is None
 
     def register(self, name: str, part: Part, origin: str | None = None) -> Part:
-        """Add `part` under `name`; the module `origin` may register the name again, no other may.
+        """Add `part` under `name`; the module that did may do so again, no other may.
 
-        `origin` is by default the module that calls.
+        `origin`: the part's module; the one that calls if nothing is said.
         """
         origin = origin or str(sys._getframe(1).f_globals.get("__name__", ""))
-        taken = self.origin(name) if name in self else origin
-        if taken != origin:
+        if not self._ships(origin):
+            self._fill()
+        entry = self._installed.get(name)
+        if self._origins.get(name, origin) != origin or (entry and entry.module != origin):
+            taken = self._origins.get(name, "an installed package")
             raise self._error(
                 f"{self.kind} {name!r} exists already, from {taken}; choose another name"
             )
@@ -48,18 +64,38 @@ class Registry(Mapping[str, Part], Generic[Part]):
 
     def origin(self, name: str) -> str:
         """Module that a part comes from."""
+        self._fill()
         return self._installed[name].module if name in self._installed else self._origins[name]
 
+    def shipped(self) -> list[str]:
+        """Names of the parts that come with the project."""
+        return [name for name in self if self._ships(self.origin(name))]
+
     def __getitem__(self, name: str) -> Part:
-        if name not in self._parts and name in self._installed:
-            self._parts[name] = self._installed[name].load()
-        return self._parts[name]
+        self._fill()
+        # parts that are loaded stay where they are, so that the order of names does not tell what was asked for
+        return self._parts[name] if name in self._parts else self._installed[name].load()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self._parts, *self._installed]))
+        self._fill()
+        return iter(dict.fromkeys([*sorted(self._parts, key=self._rank), *self._installed]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
+
+    def _ships(self, origin: str) -> bool:
+        return self._package is not None and origin.startswith(self._package)
+
+    def _rank(self, name: str) -> tuple[int, int | str]:
+        if name in self._order:
+            return 0, self._order.index(name)
+        return (1, self._origins[name]) if self._ships(self._origins[name]) else (2, 0)
+
+    def _fill(self) -> None:
+        if not self._filled:
+            self._filled = True
+            for module in pkgutil.iter_modules(import_module(str(self._package)).__path__):
+                import_module(f"{self._package}.{module.name}")
 
     @cached_property
     def _installed(self) -> dict[str, EntryPoint]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from alloc.compilation import jit
 from alloc.onboard.host import UnitContext
 from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
-from alloc.plant.adhesion import adhesion_limit, tangential_coefficient
+from alloc.plant.adhesion_laws import adhesion_limit, tangential_coefficient
 from alloc.plant.equations import slip_velocity
 from mpc.curve_belief import StretchEstimator
 from mpc.settings import CurveBelief, PeakBelief

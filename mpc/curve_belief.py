@@ -27,13 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
-from alloc.plant.adhesion import (
-    PIECEWISE,
-    POLACH,
-    AdhesionCurve,
-    adhesion_limit,
-    tangential_coefficient,
-)
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.adhesion_laws import PIECEWISE, POLACH, adhesion_limit, tangential_coefficient
 from mpc.settings import CurveBelief
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from alloc.metrics import evaluate, jerk
+from alloc.metrics import evaluate
+from alloc.metrics.motion import jerk
 from alloc.onboard import Detector
 from alloc.spans import spans
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION

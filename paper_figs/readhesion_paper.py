@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.onboard.readhesion.torque_table import torque_factor
+from alloc.onboard.controllers.torque_table import torque_factor
 from alloc.plant.sets.one_axle import PATCH_FADE
 from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION
 from paper_figs.registry import figure

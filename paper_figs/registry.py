@@ -1,10 +1,7 @@
 """Figures by name: each registers where it is written, with a sentence and the data that it needs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any, Generic, ParamSpec
 
 import matplotlib as mpl
@@ -43,8 +40,10 @@ class FigureEntry(Generic[Data]):
         return self(*(need(source) for need in self.needs))  # type: ignore[call-arg]
 
 
-FIGURES: Registry[FigureEntry[Any]] = Registry("figure", "readhesion.figures", StudyError)
-"""Figures registered so far, and those of installed packages; `all_figures` has all."""
+FIGURES: Registry[FigureEntry[Any]] = Registry(
+    "figure", "readhesion.figures", StudyError, package="paper_figs"
+)
+"""Every figure by name."""
 
 
 def figure(
@@ -58,10 +57,3 @@ def figure(
         return entry
 
     return register
-
-
-def all_figures() -> Mapping[str, FigureEntry[Any]]:
-    """Every figure by name, those of all modules of this package among them."""
-    for module in iter_modules([str(Path(__file__).parent)]):
-        import_module(f"paper_figs.{module.name}")
-    return FIGURES

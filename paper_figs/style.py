@@ -1,4 +1,4 @@
-"""One look for all figures: the style file, a fixed colour and marker for every rule, and what panels share."""
+"""One look for all figures: the style file, the looks of rules and controllers, and what panels share."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,19 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import Locator, NullLocator
 from numpy.typing import NDArray
 
-from paper_figs.palette import (
-    BLACK,
-    BLUE,
-    DARK,
-    GREEN,
-    GREY,
-    OLIVE,
-    ORANGE,
-    PINK,
-    PURPLE,
-    SKY,
-    VERMILION,
-)
+from alloc.onboard.controllers.registry import CONTROLLERS
+from paper_figs.palette import DARK, OTHER_COLOUR, RULE_COLOURS, RULE_MARKERS
 from studies.core.statement import Interval
 
 Look = dict[str, Any]
@@ -40,31 +29,8 @@ TRAIN_COLOURS = LinearSegmentedColormap.from_list(
 BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 """Look of the line that a statement is judged by."""
 
-RULE_COLOURS: dict[str, str] = {
-    "alone": GREY, "preset": OLIVE, "sharing": ORANGE, "greedy": VERMILION, "greedy-claim": PINK,
-    "exact": BLUE, "qp": SKY, "qp-cvxpy": GREEN, "qp-robust": PURPLE, "oracle": BLACK,
-}  # fmt: skip
-OTHER_COLOUR = "#882255"
-"""Of a rule that has no colour of its own yet."""
-
-RULE_MARKERS: dict[str, str] = {
-    "alone": "o", "preset": "v", "sharing": "^", "greedy": "s", "greedy-claim": "D",
-    "exact": "P", "qp": "X", "qp-cvxpy": "<", "qp-robust": ">", "oracle": "*",
-}  # fmt: skip
-
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
 """How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
-
-CONTROLLER_COLOURS: dict[str, str] = {
-    "none": GREY, "table": ORANGE, "cut-and-ramp": VERMILION, "pi-creep": OLIVE, "perturb-observe": GREEN,
-    "steepest-gradient": SKY, "mpc": BLUE, "mpc-car": PURPLE, "mpc-train": PINK, "mpc-train-ideal": BLACK,
-}  # fmt: skip
-"""Colours of controllers where no rule needs one."""
-
-CONTROLLER_MARKERS: dict[str, str] = {
-    "none": "o", "table": "v", "cut-and-ramp": "s", "pi-creep": "^", "perturb-observe": "D",
-    "steepest-gradient": "X", "mpc": "P", "mpc-car": "<", "mpc-train": ">", "mpc-train-ideal": "*",
-}  # fmt: skip
 
 
 class Panel(NamedTuple):
@@ -106,8 +72,8 @@ def rule_look(rule: str) -> Look:
 
 def controller_look(controller: str) -> Look:
     """Colour and marker of a controller, without a line."""
-    colour, marker = CONTROLLER_COLOURS[controller], CONTROLLER_MARKERS[controller]
-    return {"color": colour, "marker": marker, "linestyle": "none"}
+    found = CONTROLLERS[controller]
+    return {"color": found.colour, "marker": found.marker, "linestyle": "none"}
 
 
 def handle(label: str, **look: Any) -> Line2D:

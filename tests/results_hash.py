@@ -20,9 +20,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
 from studies.core.collection import find_study
-from studies.core.controllers import HOSTED, controller_names
+from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
 from studies.core.statement import Statement
 from studies.scenario.loading import load_scenario, shipped_scenarios
@@ -122,7 +123,7 @@ def statements_hash(statements: list[Statement]) -> str:
 def hash_run(scenario: str, rule: str, controller: str) -> str:
     """Hash of one run of a shipped scenario."""
     chosen = load_scenario(scenario)
-    if controller in HOSTED:
+    if is_hosted(controller):
         chosen = chosen.changed(duration_s=min(chosen.duration_s, HOSTED_DURATION))
     return run_hash(simulate_job(Job(chosen, rule, controller, 0)))
 
@@ -145,7 +146,7 @@ def tasks() -> Iterator[tuple[str, Callable[[], list[tuple[str, str]]]]]:
     for name in reversed(SMALL):
         yield f"study/{name}", lambda name=name: hash_study(name)
     for scenario in shipped_scenarios():
-        cells = [("exact", controller) for controller in reversed(controller_names())]
+        cells = [("exact", controller) for controller in reversed(list(CONTROLLERS))]
         cells += [(rule, "cut-and-ramp") for rule in RULES if rule != "exact"]
         for rule, controller in cells:
             label = f"run/{scenario}/{rule}/{controller}"

@@ -1,24 +1,15 @@
 """How good was a run? Pure functions of a recorded run (`alloc.recording`).
 
-One registry gives every metric its unit, its meaning and which way is better.
+One registry gives every metric its unit, its meaning and which way is better. A metric registers where it is written.
 """
 
-# isort: off (the order of these is the order of the metrics)
-from alloc.metrics import counts, detection, motion, search, slide
+from typing import TYPE_CHECKING
 
-# isort: on
-from alloc.metrics.registry import METRICS, Metric, evaluate
+from alloc.lazy import names_of
 
-jerk = motion.jerk
+if TYPE_CHECKING:
+    from alloc.metrics.registry import METRICS, Metric, evaluate, metric
+else:
+    __getattr__ = names_of(__name__, registry="METRICS Metric evaluate metric")
 
-__all__ = [
-    "METRICS",
-    "Metric",
-    "counts",
-    "detection",
-    "evaluate",
-    "jerk",
-    "motion",
-    "search",
-    "slide",
-]
+__all__ = ["METRICS", "Metric", "evaluate", "metric"]

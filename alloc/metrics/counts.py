@@ -6,9 +6,8 @@ from alloc.metrics.registry import METRICS, Metric
 def _attribute(
     name: str, unit: str, description: str, key: str, better: int = 0, scale: float = 1.0
 ) -> None:
-    METRICS[name] = Metric(
-        name, unit, description, lambda run: scale * float(run.attrs[key]), better
-    )
+    count = Metric(name, unit, description, lambda run: scale * float(run.attrs[key]), better)
+    METRICS.register(name, count)
 
 
 _attribute("detections", "1", "slips detected by the foremost unit", "detections", -1)

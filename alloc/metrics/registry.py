@@ -11,6 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.registry import Registry
+
 SLIP_FACTOR = 2.0
 """An axle counts as slipping where its slip velocity exceeds this multiple of the curve's peak slip velocity."""
 
@@ -26,7 +28,8 @@ class Metric(NamedTuple):
     """-1: less is better, +1: more is better, 0: neither."""
 
 
-METRICS: dict[str, Metric] = {}
+METRICS: Registry[Metric] = Registry("metric", "readhesion.metrics", package="alloc.metrics")
+"""Every metric by name."""
 
 
 def metric(
@@ -35,7 +38,8 @@ def metric(
     """Decorator that registers a function of a run as a metric: name, unit, meaning, and which way is better."""
 
     def register(function: Callable[[xr.Dataset], float]) -> Callable[[xr.Dataset], float]:
-        METRICS[name] = Metric(name, unit, description, function, better)
+        made = Metric(name, unit, description, function, better)
+        METRICS.register(name, made, function.__module__)
         return function
 
     return register

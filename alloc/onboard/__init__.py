@@ -2,7 +2,12 @@
 
 It never reads the plant's state."""
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
+from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
+from alloc.onboard.controllers.perturb_observe import PerturbObserve
+from alloc.onboard.controllers.pi_creep import CreepControl
+from alloc.onboard.controllers.steepest_gradient import SteepestGradient
+from alloc.onboard.controllers.torque_table import TorqueTable
 from alloc.onboard.parameters import (
     Belief,
     Braking,
@@ -13,13 +18,6 @@ from alloc.onboard.parameters import (
     ReferenceSpeed,
     Sensors,
     Telegrams,
-)
-from alloc.onboard.readhesion import (
-    CreepControl,
-    CutAndRamp,
-    PerturbObserve,
-    SteepestGradient,
-    TorqueTable,
 )
 from alloc.onboard.slide_protection import Fuzzy, SlideProtection, Threshold
 

@@ -7,7 +7,6 @@ the limit leaves beside it.
 import numpy as np
 
 from alloc.compilation import inlined_jit
-from alloc.onboard import memory as om
 from alloc.onboard.slide_protection.protect import LOWEST_SPEED, protect
 from alloc.plant.equations import hyperbolic_speed_law
 
@@ -15,30 +14,31 @@ from alloc.plant.equations import hyperbolic_speed_law
 @inlined_jit
 def set_brake_targets(eq, st, m):
     """Torque targets and air brake forces of the units while the train brakes."""
-    expected = m.held[om.HELD_EXPECTED]
+    expected = m.train.expected[0]
+    air = m.unit.air_brake_force
     for j in range(eq.axles.size):
         to_torque = (1.0 + eq.brake_inertia[j]) * eq.axle_load[j] * eq.radius[j] / eq.gear[j]
         at_rim = eq.gear[j] / eq.radius[j]
         step = expected * to_torque * st.period / st.rise_time
-        m.rise[j] = min(m.limit[j] * to_torque, m.rise[j] + step)
+        m.rise[j] = min(m.unit.limit[j] * to_torque, m.rise[j] + step)
         pattern = m.rise[j]
         if np.isfinite(
             m.received[j]
         ):  # limits arrive: the unit's own pattern following is suppressed
-            m.air[j] = min(m.air[j], pattern * at_rim)
-            pattern = max(pattern - m.air[j] / at_rim, 0.0)
+            air[j] = min(air[j], pattern * at_rim)
+            pattern = max(pattern - air[j] / at_rim, 0.0)
         else:
             electric = max(-m.torque[j], 0.0)
             # what the line does not take; what the unit's own readhesion control takes away is not to be filled
-            lacking = max(-m.command[j] - electric, 0.0)
+            lacking = max(-m.unit.torque_command[j] - electric, 0.0)
             # beyond what the air brake leaves the motors take over slowly, for cylinders empty slowly
-            slow = expected * to_torque * st.period / st.blend_time
+            slow = expected * to_torque * st.period / st.brakes.blend_time
             wanted = min(pattern, m.brake_limit[j])
-            wanted = min(wanted, max(pattern - m.air[j] / at_rim, electric + slow))
-            m.air[j] = (pattern - wanted + min(lacking, wanted)) * at_rim
+            wanted = min(wanted, max(pattern - air[j] / at_rim, electric + slow))
+            air[j] = (pattern - wanted + min(lacking, wanted)) * at_rim
             pattern = wanted
-        m.target[j] = -min(pattern, m.brake_limit[j])
-    m.brake_rise[0] = min(m.brake_rise[0] + st.period / st.rise_time, 1.0)
+        m.unit.torque_target[j] = -min(pattern, m.brake_limit[j])
+    m.lead.brake_rise[0] = min(m.lead.brake_rise[0] + st.period / st.rise_time, 1.0)
 
 
 @inlined_jit
@@ -48,17 +48,17 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
     `pressure`, `valve` (groups, 1) are filled. A trailer follows the plan by air alone.
     """
     protect(eq, st, m, tick, braking, valve)
-    for g in range(eq.group_unit.size):
+    for g in range(eq.group.unit.size):
         if not braking:
             pressure[g, 0] = 0.0
             continue
-        reference = max(m.reference[eq.group_body[g]], LOWEST_SPEED)
-        unit = eq.group_unit[g]
+        reference = max(m.reference[eq.group.body[g]], LOWEST_SPEED)
+        unit = eq.group.unit[g]
         if unit >= 0:
-            force = m.air[unit]
+            force = m.unit.air_brake_force[unit]
         else:
-            planned = m.held[om.HELD_EXPECTED] * m.brake_rise[0]
-            force = planned * eq.group_weight[g] * (1.0 + eq.group_inertia[g])
-        numerator, offset, constant = eq.group_friction[g]
+            planned = m.train.expected[0] * m.lead.brake_rise[0]
+            force = planned * eq.group.weight[g] * (1.0 + eq.group.inertia[g])
+        numerator, offset, constant = eq.group.friction[g]
         friction = hyperbolic_speed_law(reference, numerator, offset, constant)
-        pressure[g, 0] = min(force / (eq.group_gain[g] * friction), eq.group_pressure[g])
+        pressure[g, 0] = min(force / (eq.group.gain[g] * friction), eq.group.pressure[g])

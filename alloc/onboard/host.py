@@ -113,6 +113,20 @@ class TrainControllerFactory(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class HostedController:
+    """A readhesion controller in Python, as the collection knows it."""
+
+    name: str
+    meaning: str
+    """One line."""
+    factory: TrainControllerFactory
+    colour: str = "#882255"
+    """Hexadecimal; the same in every figure."""
+    marker: str = "h"
+    """In figures, as Matplotlib names it."""
+
+
 class EachUnit:
     """Controllers of single units side by side; a `TrainController`."""
 
@@ -168,6 +182,7 @@ __all__ = [
     "EachUnit",
     "HostController",
     "HostControllerFactory",
+    "HostedController",
     "TorqueDecision",
     "TrainController",
     "TrainControllerFactory",

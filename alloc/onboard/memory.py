@@ -1,224 +1,170 @@
-"""What differs between runs (`Settings`) and what the train's computers remember (`Memory`); nothing is allocated later."""
+"""What the train's computers remember in a run; nothing is allocated later."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.onboard import readhesion
-from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
-from alloc.onboard.observer import observer_gains
-from alloc.onboard.parameters import Onboard
-from alloc.onboard.readhesion.torque_table import table_constants
-from alloc.onboard.slide_protection.state import (
-    SlideMemory,
-    SlideSettings,
-    slide_memory,
-    slide_settings,
-)
+from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 
 Floats = NDArray[np.float64]
-
-ALLOCATE_ON_SLIP, ALLOCATE_PERIODICALLY = 0, 1
-"""When a rule acts: at each detection by B1, or with every telegram."""
-
-# Counters of a run
-DETECTIONS, TELEGRAMS, LOST, FALLBACKS, RULE_CALLS, UNIT_DETECTIONS, BLINDED = range(7)
-LOCKS, TIME_OUTS, COUNTERS = 7, 8, 9
+Counter = NDArray[np.int64]
 
 SLOTS = 16
 """Telegrams that can be on their way to one unit."""
 
 
-class Settings(NamedTuple):
-    """Parameters of the on-board functions for one run."""
+class UnitMemory(NamedTuple):
+    """What is recorded of every unit, (units,) each; a field is a name in `alloc.recorded_variables.VARIABLES`."""
 
-    rule: int  # compiled identifier; -1: the rule is called through the host
-    when: int
-    needs_truth: bool  # the rule reads the truth; who knows the rail need not wait for slip
-    controller: int
-    period: float
-    detector: Floats  # on, off, pole, gain, speed_on
-    observer: Floats  # pole, keep, old, new
-    control: (
-        Floats  # parameters of the readhesion controller, as `alloc.onboard.control` takes them
-    )
-    telegram: Floats  # latency, jitter, silence
-    telegram_ticks: int
-    hold_time: float
-    rise_time: float
-    rule_parameters: Floats
-    speed_quantum: float
-    dropout: Floats  # (dropouts, 3): axle, begin, until
-    blind_share: float
-    speed_pole: float  # of the speed estimate without sensors [1/s]; 0: sensors
-    brake_inertia: float  # 1: the estimate (18) counts the wheelsets' deceleration; 0: as printed
-    blend_time: float
-    release_speed: float
-    reference: Floats  # whether estimated forces bound the reference speed, and the margin [m/s2]
-    slide: SlideSettings
+    torque_command: Floats
+    torque_target: Floats
+    limit: Floats
+    coefficient_estimate: Floats
+    slipping: Floats
+    fallen_back: Floats
+    axles_seen: Floats
+    torque_factor: Floats
+    computed_acceleration: Floats
+    air_brake_force: Floats
+
+
+class TrainMemory(NamedTuple):
+    """What is recorded of the train, (1,) each; a field is a name in `alloc.recorded_variables.VARIABLES`."""
+
+    driver_command: Floats
+    expected: Floats
+    reference_speed: Floats
+    case: Floats
+    level: Floats
+
+
+class LeadMemory(NamedTuple):
+    """What the foremost unit that works holds for the train, (1,) each."""
+
+    unit: NDArray[np.int64]  # its number
+    estimate: Floats  # coefficient at its last detection
+    detected: Floats  # time of that
+    slipped: Floats  # time of the last slip of any unit
+    allocate: NDArray[np.bool_]  # whether something changed that needs a new allocation
+    acceleration: Floats  # that the train must have under the estimated rail forces [m/s2]
+    least: Floats  # bounds of the acceleration that the train may have now [m/s2]
+    greatest: Floats
+    brake_rise: Floats  # share of the plan that the trailers' brakes have risen to
+
+
+class Counters(NamedTuple):
+    """What is counted in a run, (1,) each; a field is an attribute of the recorded run."""
+
+    detections: Counter
+    unit_detections: Counter
+    telegrams_sent: Counter
+    telegrams_lost: Counter
+    fallbacks: Counter
+    blinded: Counter
+    locks: Counter
+    time_outs: Counter
+    rule_calls: Counter
 
 
 class Memory(NamedTuple):
     """What the computers remember; (units,) unless said otherwise."""
 
+    unit: UnitMemory
+    unit_block: Floats  # (fields, units): the same numbers, to be recorded by one copy
+    train: TrainMemory
+    train_block: Floats  # (fields, 1)
+    lead: LeadMemory
+    counter: Counters
+    slide: SlideMemory
+    law: LawMemory
     reference: Floats  # (bodies,) reference speed
     candidate: Floats  # (bodies,) speed of its slowest axle driving, fastest braking, in the direction of the demand
-    differentiator: Floats
-    acceleration: Floats
-    observer: Floats
-    observer_input: Floats
-    estimate: Floats
-    slipping: NDArray[np.bool_]
-    torque: Floats  # as the inverters know it
-    air: Floats  # air brake force commanded per axle, at the rim [N]
-    motion: (
-        Floats  # (1,) acceleration that the train must have under the estimated rail forces [m/s2]
-    )
-    brake_rise: Floats  # (1,) share of the plan that the trailers' brakes have risen to
-    slide: SlideMemory
+    axle_omega: Floats  # (axles,) as measured
+    axle_seen: NDArray[np.bool_]  # (axles,)
     mean_speed: Floats  # mean rim speed of the unit's axles as read
     speed: Floats  # mean rim speed as the unit knows it
     worst_slip: Floats  # largest slip of the unit's axles against the reference speed, in the direction of the demand
-    axle_omega: Floats  # (axles,) as measured
-    cap: Floats
-    limit_wanted: Floats  # what B1 wants
-    received: Floats  # last limit received; inf: none, the plan stands
-    limit: Floats  # in force in each unit
-    delivered: Floats  # snapshot sent with the last telegram
-    held: Floats  # (HELD,) what B1 holds, see the HELD_ indices
-    last_heard: Floats
-    mail_time: Floats  # (units, SLOTS) arrival; inf: empty
-    mail_limit: Floats  # (units, SLOTS)
-    target: Floats  # torque target per motor, signed
-    rise: Floats  # slew-limited magnitude of the expected torque
-    control: Floats  # (units, readhesion.MEMORY) what the readhesion controller remembers; nan: nothing yet
-    factor: Floats  # share of its target that the readhesion controller leaves a unit
-    seen: Floats  # axles of the unit whose speed is known
-    axle_seen: NDArray[np.bool_]  # (axles,)
-    command: Floats  # torque command per motor, signed
+    differentiator: Floats
+    observer: Floats
+    observer_input: Floats
+    torque: Floats  # as the inverters know it
     drive_limit: Floats
     brake_limit: Floats
     limit_max: Floats
-    truth: Floats  # filled for the oracle only
     in_service: NDArray[np.bool_]
-    fallen_back: NDArray[np.bool_]
-    counter: NDArray[np.int64]  # (COUNTERS,)
+    rise: Floats  # slew-limited magnitude of the expected torque
+    cap: Floats
+    limit_wanted: Floats  # what the foremost unit wants
+    delivered: Floats  # snapshot sent with the last telegram
+    truth: Floats  # filled for the oracle only
+    received: Floats  # last limit received; inf: none, the plan stands
+    last_heard: Floats
+    mail_time: Floats  # (units, SLOTS) arrival; inf: empty
+    mail_limit: Floats  # (units, SLOTS)
 
 
-# What B1 holds: coefficient at its last detection, time of that, time of the last slip of any unit, expected coefficient,
-# level and case of the last allocation, number of the unit that is B1, whether something changed that needs a new allocation
-HELD_ESTIMATE, HELD_TIME, HELD_ANY_TIME, HELD_EXPECTED, HELD_LEVEL, HELD_CASE = range(6)
-HELD_FIRST, HELD_ALLOCATE, HELD = 6, 7, 8
+def _block(kind: Any, size: int) -> tuple[Any, Floats]:
+    """A record of zeros whose fields are the rows of a block, and the block."""
+    values = np.zeros((len(kind._fields), size))
+    return kind(*values), values
 
 
-def settings(
-    onboard: Onboard,
-    rule: int,
-    when: int,
-    needs_truth: bool,
-    controller: int,
-    rule_parameters: Floats,
-) -> Settings:
-    """Settings of a run from the on-board parameters."""
-    d, o, t = onboard.detector, onboard.observer, onboard.telegrams
-    dropouts = [(d.axle, d.begin, d.until) for d in onboard.sensors.dropouts]
-    keep, old, new = observer_gains(o.pole, onboard.period)
-    gain = differentiator_gain(d.pole, onboard.period)
-    return Settings(
-        rule=rule,
-        when=when,
-        needs_truth=needs_truth,
-        controller=controller,
-        period=onboard.period,
-        detector=np.array([d.on, d.off, d.pole, gain, d.speed_on]),
-        observer=np.array([o.pole, keep, old, new]),
-        control=_control_parameters(onboard, controller),
-        telegram=np.array([t.latency, t.jitter, t.silence]),
-        telegram_ticks=max(1, round(t.period / onboard.period)),
-        hold_time=onboard.hold_time,
-        rise_time=onboard.rise_time,
-        rule_parameters=rule_parameters,
-        speed_quantum=onboard.sensors.speed_quantum,
-        dropout=np.array(dropouts, dtype=float).reshape(-1, 3),
-        blind_share=onboard.sensors.blind_share,
-        speed_pole=onboard.sensors.sensorless_pole or 0.0,
-        brake_inertia=float(onboard.braking.inertia_in_estimate),
-        blend_time=onboard.braking.blend_time,
-        release_speed=onboard.braking.release_speed,
-        reference=np.array([float(onboard.reference.bound == "forces"), onboard.reference.margin]),
-        slide=slide_settings(onboard.braking.slide_protection, onboard.period),
-    )
-
-
-def _control_parameters(onboard: Onboard, controller: int) -> Floats:
-    """What the law of a built-in controller needs; of a hosted one, what cut-and-ramp needs in its stead."""
-    creep = (onboard.creep.proportional, onboard.creep.integral, onboard.creep.reference)
-    if controller == readhesion.TABLE:
-        return np.array(table_constants(onboard.table, onboard.period))
-    if controller == readhesion.PI_CREEP:
-        return np.array(creep)
-    if controller == readhesion.PERTURB_OBSERVE:
-        p = onboard.perturb_observe
-        return np.array([*creep, p.interval, p.lowest, p.highest, p.step])
-    if controller == readhesion.STEEPEST_GRADIENT:
-        g = onboard.steepest_gradient
-        return np.array([*creep, g.interval, g.lowest, g.highest, g.gain, g.least, g.largest])
-    r = onboard.cut_and_ramp
-    return np.array([r.cut, r.recover, r.hold, r.ramp])
+def _singles(kind: Any) -> Any:
+    """A record of single zeros, of the types that its fields state."""
+    dtypes = [get_args(get_args(array)[1])[0] for array in kind.__annotations__.values()]
+    return kind(*(np.zeros(1, dtype) for dtype in dtypes))
 
 
 def memory(eq: Equipment, speed: float, expected: float) -> Memory:
     """Memory at the start of a run, the train rolling at `speed` [m/s]."""
-    n = eq.axles.size
-    held = np.zeros(HELD)
-    held[HELD_TIME] = held[HELD_ANY_TIME] = -np.inf
-    held[HELD_EXPECTED] = expected
-    held[HELD_LEVEL] = np.nan
+    n, bodies = eq.axles.size, int(eq.axle_body.max()) + 1
+    unit, unit_block = _block(UnitMemory, n)
+    unit.limit[:] = expected
+    unit.axles_seen[:] = eq.axles
+    unit.torque_factor[:] = 1.0
+    train, train_block = _block(TrainMemory, 1)
+    train.expected[:] = expected
+    train.level[:] = np.nan
+    lead = _singles(LeadMemory)
+    lead.detected[:] = lead.slipped[:] = -np.inf
 
     def zeros() -> Floats:
         return np.zeros(n)
 
     return Memory(
-        reference=np.full(eq.axle_body.max() + 1, speed),
-        candidate=np.zeros(eq.axle_body.max() + 1),
-        differentiator=np.full(n, speed),
-        acceleration=zeros(),
-        observer=np.full(n, np.nan),
-        observer_input=zeros(),
-        estimate=zeros(),
-        slipping=np.zeros(n, dtype=np.bool_),
-        torque=zeros(),
-        air=zeros(),
-        motion=np.zeros(1),
-        brake_rise=np.zeros(1),
-        slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group_unit.size, speed),
+        unit=unit,
+        unit_block=unit_block,
+        train=train,
+        train_block=train_block,
+        lead=lead,
+        counter=_singles(Counters),
+        slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group.unit.size, speed),
+        law=law_memory(n),
+        reference=np.full(bodies, speed),
+        candidate=np.zeros(bodies),
+        axle_omega=speed / eq.axle_radius,
+        axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         worst_slip=zeros(),
-        axle_omega=speed / eq.axle_radius,
-        cap=np.full(n, expected),
-        limit_wanted=np.full(n, expected),
-        received=np.full(n, np.inf),
-        limit=np.full(n, expected),
-        delivered=np.full(n, expected),
-        held=held,
-        last_heard=zeros(),
-        mail_time=np.full((n, SLOTS), np.inf),
-        mail_limit=np.zeros((n, SLOTS)),
-        target=zeros(),
-        rise=zeros(),
-        control=np.full((n, readhesion.MEMORY), np.nan),
-        factor=np.ones(n),
-        seen=eq.axles.copy(),
-        axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
-        command=zeros(),
+        differentiator=np.full(n, speed),
+        observer=np.full(n, np.nan),
+        observer_input=zeros(),
+        torque=zeros(),
         drive_limit=zeros(),
         brake_limit=zeros(),
         limit_max=np.full(n, np.inf),
-        truth=zeros(),
         in_service=np.ones(n, dtype=np.bool_),
-        fallen_back=np.zeros(n, dtype=np.bool_),
-        counter=np.zeros(COUNTERS, dtype=np.int64),
+        rise=zeros(),
+        cap=np.full(n, expected),
+        limit_wanted=np.full(n, expected),
+        delivered=np.full(n, expected),
+        truth=zeros(),
+        received=np.full(n, np.inf),
+        last_heard=zeros(),
+        mail_time=np.full((n, SLOTS), np.inf),
+        mail_limit=np.zeros((n, SLOTS)),
     )

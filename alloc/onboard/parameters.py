@@ -1,17 +1,12 @@
 """Parameters of what runs on board; what the train believes is kept apart from what is true."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field
 from typing import Literal
 
-from alloc.onboard.errors import OnboardError, check_numbers
-from alloc.onboard.readhesion import (
-    CreepControl,
-    CutAndRamp,
-    PerturbObserve,
-    SteepestGradient,
-    TorqueTable,
-)
+from alloc.errors import OnboardError, check_numbers
+from alloc.onboard.controllers.collection import BuiltInControllers
+from alloc.onboard.quantity import NOT_IN_FILES, quantity
 from alloc.onboard.slide_protection import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
@@ -27,10 +22,10 @@ class Detector:
     off again below half of it.
     """
 
-    on: float = 1.8
-    off: float = 0.9
-    pole: float = 40.0
-    speed_on: float = 0.6
+    on: float = quantity(1.8, "km/h/s")
+    off: float = quantity(0.9, "km/h/s")
+    pole: float = quantity(40.0, "1/s")
+    speed_on: float = quantity(0.6, "km/h")
 
     def __post_init__(self) -> None:
         check_numbers("detector", self, positive=("on", "pole", "speed_on"))
@@ -42,7 +37,7 @@ class Detector:
 class Observer:
     """Minimal-order disturbance observer, JP5484215 (3); `pole` a [1/s]."""
 
-    pole: float = 25.0
+    pole: float = quantity(25.0, "1/s")
 
     def __post_init__(self) -> None:
         check_numbers("observer", self, positive=("pole",))
@@ -55,11 +50,11 @@ class Telegrams:
     A unit that has heard nothing for `silence` falls back to its planned limit.
     """
 
-    period: float = 0.1
-    latency: float = 0.05
-    jitter: float = 0.0
-    loss: float = 0.0
-    silence: float = 1.0
+    period: float = quantity(0.1, "s")
+    latency: float = quantity(0.05, "s")
+    jitter: float = quantity(0.0, "s")
+    loss: float = quantity(0.0, "1")
+    silence: float = quantity(1.0, "s")
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -74,8 +69,8 @@ class Dropout:
     """Loss of the speed signal of `axle` (0 = foremost) from `begin` to `until` [s]; the computers notice it."""
 
     axle: int
-    begin: float
-    until: float = math.inf
+    begin: float = quantity(MISSING, "s")
+    until: float = quantity(math.inf, "s")
 
     def __post_init__(self) -> None:
         if not isinstance(self.axle, int) or self.axle < 0:
@@ -98,13 +93,13 @@ class Sensors:
     reference speed for its own, knows no slip, and pulls with `blind_share` of its target (assumed).
     """
 
-    speed_noise: float = 0.0
-    speed_quantum: float = 0.0
-    load_error: float = 0.0
-    seed: int = 0
-    sensorless_pole: float | None = None
+    speed_noise: float = quantity(0.0, "km/h")
+    speed_quantum: float = quantity(0.0, "km/h")
+    load_error: float = quantity(0.0, "1")
+    seed: int = field(default=0, metadata=NOT_IN_FILES)
+    sensorless_pole: float | None = quantity(None, "1/s")
     dropouts: tuple[Dropout, ...] = ()
-    blind_share: float = 0.5
+    blind_share: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
         check_numbers("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
@@ -133,10 +128,10 @@ class Braking:
     """
 
     blended: bool = True
-    blend_time: float = 4.0
+    blend_time: float = quantity(4.0, "s")
     inertia_in_estimate: bool = True
     slide_protection: SlideProtection = field(default_factory=SlideProtection)
-    release_speed: float = 0.5
+    release_speed: float = quantity(0.5, "km/h")
 
     def __post_init__(self) -> None:
         check_numbers("braking", self, positive=("blend_time",), nonnegative=("release_speed",))
@@ -152,7 +147,7 @@ class ReferenceSpeed:
     """
 
     bound: Literal["command", "forces"] = "command"
-    margin: float | None = None
+    margin: float | None = quantity(None, "km/h/s")
 
     def __post_init__(self) -> None:
         if self.bound not in ("command", "forces"):
@@ -188,8 +183,8 @@ class Belief:
 
 
 @dataclass(frozen=True)
-class Onboard:
-    """Equipment of a train.
+class Onboard(BuiltInControllers):
+    """Equipment of a train, the readhesion controllers' parameters included.
 
     `hold_time` [s]: time without slip after which limits return to the plan. `rise_time` [s]: time in which
     a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
@@ -200,20 +195,15 @@ class Onboard:
 
     detector: Detector = field(default_factory=Detector)
     observer: Observer = field(default_factory=Observer)
-    cut_and_ramp: CutAndRamp = field(default_factory=CutAndRamp)
-    table: TorqueTable = field(default_factory=TorqueTable)
-    creep: CreepControl = field(default_factory=CreepControl)
-    perturb_observe: PerturbObserve = field(default_factory=PerturbObserve)
-    steepest_gradient: SteepestGradient = field(default_factory=SteepestGradient)
     telegrams: Telegrams = field(default_factory=Telegrams)
     sensors: Sensors = field(default_factory=Sensors)
-    belief: Belief = field(default_factory=Belief)
+    belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
     braking: Braking = field(default_factory=Braking)
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
-    hold_time: float = 5.0
-    rise_time: float = 1.0
-    period: float = 0.01
-    limit_rate: float | None = None
+    hold_time: float = quantity(5.0, "s")
+    rise_time: float = quantity(1.0, "s")
+    period: float = quantity(0.01, "s")
+    limit_rate: float | None = quantity(None, "1")
     inertia_in_limit: bool = True
 
     def __post_init__(self) -> None:

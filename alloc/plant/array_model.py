@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.plant.adhesion import tangential_coefficient
+from alloc.plant.adhesion_laws import tangential_coefficient
 from alloc.plant.equations import (
     axle_load,
     car_drag,

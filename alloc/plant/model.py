@@ -61,7 +61,7 @@ class Environment(NamedTuple):
     """What the train meets, per lane: rail, line, receptivity, failures."""
 
     curve_kind: int
-    curve: Floats  # (6,)
+    curve: Floats  # parameters of the adhesion curve
     law: Floats  # (3, axles, lanes)
     increment: Floats  # (axles, lanes)
     patch: Floats  # (patches, 7, lanes): factor, start, end, edge, begin, until, fade

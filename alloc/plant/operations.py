@@ -15,6 +15,7 @@ from numba import types
 from numba.extending import intrinsic, overload
 
 from alloc.compilation import INLINED, equation
+from alloc.errors import PlantError
 
 
 def _casadi(*operands: Any) -> Any:
@@ -74,6 +75,17 @@ def sine(x: Any) -> Any:
     """Elementwise sine."""
     casadi = _casadi(x)
     return casadi.sin(x) if casadi else np.sin(x)
+
+
+def interpolate(table: Any, share: Any) -> Any:
+    """Linear interpolation in `table` (n,), whose first entry is no value, at `share` 0 to 1 of its length; no CasADi."""
+    if _casadi(share):
+        raise PlantError(
+            "a curve that is known by its values has no formula for the MPC to believe in; name another"
+        )
+    x = np.minimum(share * (len(table) - 2), len(table) - 2 - 1e-9)
+    k = np.floor(x).astype(int)
+    return table[k + 1] + (x - k) * (table[k + 2] - table[k + 1])
 
 
 # --- Numba ---------------------------------------------------------------------------------------
@@ -243,3 +255,13 @@ def _sine(x):
         return _sine_polynomial(x + 0.0)
 
     return polynomial_sine
+
+
+@overload(interpolate, jit_options=INLINED)
+def _interpolate(table, share):
+    def look_up(table, share):
+        x = min(share * (table.size - 2), table.size - 2 - 1e-9)
+        k = int(x)
+        return table[k + 1] + (x - k) * (table[k + 2] - table[k + 1])
+
+    return look_up

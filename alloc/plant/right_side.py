@@ -7,7 +7,13 @@ table look-ups, which it cannot, stand in loops of their own. No function here a
 import numpy as np
 
 from alloc.compilation import inlined_jit
-from alloc.plant.adhesion import PIECEWISE, POLACH, SLIP_RATIO, tangential_coefficient
+from alloc.plant.adhesion_laws import (
+    PIECEWISE,
+    POLACH,
+    SLIP_RATIO,
+    TABULATED,
+    tangential_coefficient,
+)
 from alloc.plant.equations import (
     axle_load,
     car_drag,
@@ -95,10 +101,14 @@ def _coefficients(s, e, layout, state, peak, mu):
             for b in range(lanes):
                 rim, v = r * state[first + i, b], state[body, b]
                 mu[i, b] = tangential_coefficient(POLACH, q, rim - v, v, rim, peak[i, b])
-        else:
+        elif e.curve_kind == SLIP_RATIO:
             for b in range(lanes):
                 rim, v = r * state[first + i, b], state[body, b]
                 mu[i, b] = tangential_coefficient(SLIP_RATIO, q, rim - v, v, rim, peak[i, b])
+        else:
+            for b in range(lanes):
+                rim, v = r * state[first + i, b], state[body, b]
+                mu[i, b] = tangential_coefficient(TABULATED, q, rim - v, v, rim, peak[i, b])
 
 
 @inlined_jit

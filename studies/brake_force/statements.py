@@ -12,16 +12,8 @@ import numpy as np
 import pandas as pd
 
 from studies.brake_force.faulty_car_statements import faulty_car, smallest_shortfall
-from studies.core.statement import (
-    CONDITIONS,
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    Statement,
-    mean_interval,
-    share_interval,
-)
-from studies.core.verdict import LEAST_EVENTS, Bound, judged
+from studies.core.statement import Statement, share_interval
+from studies.core.verdict import LEAST_EVENTS, Bound, decided, judged
 
 FULL_FORCE = 60.0
 """The report's estimate of the locomotive's brake force [kN]."""
@@ -220,26 +212,25 @@ def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
     """Intervals that hold the truth too often are on the safe side, but not what they say."""
     rows = pd.concat(tests.values())
     covered = share_interval(rows["covered"].astype(bool))
-    wide, narrow = covered.low > 0.95, covered.high < 0.95
     why = (
         "wider than need be: the error of the wagons' sum is a change of relative speed, whose mean over a stop "
         "vanishes faster than batches of it can tell"
     )
-    return Statement(
+    return decided(
         "stated uncertainty",
         "the 95 % interval of the averaged estimate holds the true mean in 95 % of the tests",
-        TOO_FEW if len(rows) < LEAST_EVENTS else FAILS if narrow else CONDITIONS if wide else HOLDS,
+        {"": not covered.high < 0.95},
         {
             "share of intervals that hold it": covered,
-            "magnitude of the mean's error over its stated deviation": mean_interval(
-                (rows["mean"] - rows["true_mean"]).abs() / rows["whole_deviation"]
-            ),
-            "deviation of the smoother's error over the stated one": mean_interval(
-                rows["smooth_ratio"]
-            ),
+            "magnitude of the mean's error over its stated deviation": (
+                rows["mean"] - rows["true_mean"]
+            ).abs()
+            / rows["whole_deviation"],
+            "deviation of the smoother's error over the stated one": rows["smooth_ratio"],
         },
-        (why,) if wide else (),
         "batch means about a parabola and calibration errors; Wilson's interval of the share",
+        {why: not covered.low > 0.95},
+        enough=len(rows) >= LEAST_EVENTS,
     )
 
 

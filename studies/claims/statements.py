@@ -1,12 +1,15 @@
 """Claims (a) to (e) of JP5484215 as tests with thresholds, and the statements that a table of events yields."""
 
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+
 import pandas as pd
 
 from studies.claims.events import QUANTITIES
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.parts import PARTS
-from studies.core.statement import Interval, Statement, mean_interval, share_interval
-from studies.core.verdict import LEAST_EVENTS, Part, Test, judge
+from studies.core.statement import Interval, Statement
+from studies.core.verdict import Numbers, Part, Test, compared
 
 REFERENCE = "greedy"
 """Rule of which the patent's claims are claims."""
@@ -22,6 +25,8 @@ PRESET_WRONG = 0.05
 """Share of units and time with a limit above the adhesion from which on the preset pattern does not fit the rail."""
 
 INTERVALS = "means and paired differences: Student's t; shares: Wilson; 95 % for the whole, Bonferroni among its parts"
+EFFORT, JERK, SLIP = "effort over plan", "jerk rms [m/s3]", "slip [axle s]"
+"""What statements call the numbers that several of them have."""
 
 
 def paired(events: pd.DataFrame) -> pd.DataFrame:
@@ -48,6 +53,13 @@ def within_reach(pairs: pd.DataFrame) -> "pd.Series[bool]":
 def out_of_reach(pairs: pd.DataFrame) -> "pd.Series[bool]":
     """Events in which it allows the plan hardly ever: case A."""
     return pairs["reach_high@oracle"] < 1.0
+
+
+REACH_PARTS: dict[str, Part] = {
+    "the plan within reach (case B)": within_reach,
+    "the plan out of reach (case A)": out_of_reach,
+}
+"""Parts by what the adhesion of the whole allows."""
 
 
 def claim_population(pairs: pd.DataFrame, claim: str) -> pd.DataFrame:
@@ -99,157 +111,114 @@ def plain(interval: Interval) -> str:
 def claim_statements(events: pd.DataFrame) -> list[Statement]:
     """One statement per claim from rows of `studies.claims.study` in which every rule succeeded."""
     pairs = paired(events)
-    return [_reaches(pairs), _at_bound(pairs), _about_95(pairs), _ride(pairs), _preset(pairs)]
+    claims = {"a": _reaches, "b": _at_bound, "c": _about_95, "d": _ride, "e": _preset}
+    return [claim(claim_population(pairs, name)) for name, claim in claims.items()]
 
 
-def _reaches(pairs: pd.DataFrame) -> Statement:
-    events = claim_population(pairs, "a")
-    rules = ("alone", REFERENCE, "exact", "oracle")
-    test = reached_test()
-    gain = difference("held_effort", REFERENCE, "alone")
-    found = judge(events, test, PARTS, points, [("effort over alone", gain)])
-    return Statement(
-        "a",
-        "redistribution reaches the planned effort where adhesion on the whole allows it and alone does not",
-        found.verdict,
+def _statement(
+    name: str, claim: str, events: pd.DataFrame, test: Test, numbers: Numbers, method: str,
+    others: Sequence[tuple[str, Test]] = (),
+    show: Callable[[Interval], str] = points,
+    parts: Mapping[str, Part] = PARTS,
+) -> Statement:  # fmt: skip
+    method = f"{method}; {INTERVALS}"
+    return compared(name, claim, events, test, parts, show, numbers, method, others)
+
+
+def _less(events: pd.DataFrame, other: str, rule: str = REFERENCE, **words: str) -> Numbers:
+    """Paired differences of numbers by name, `rule` less `other`; `words`: what a statement calls them."""
+    return {
+        f"{text}, {rule} less {other}": difference(name, rule, other).quantity(events)
+        for name, text in words.items()
+    }
+
+
+def _reaches(events: pd.DataFrame) -> Statement:
+    test, at_most = reached_test(), f"{EFFORT}, greedy (at most 1)"
+    reached = {
+        rule: events[f"held_effort@{rule}"] >= REACHED
+        for rule in ("alone", REFERENCE, "exact", "oracle")
+    }
+    return _statement(
+        "a", "redistribution reaches the planned effort where adhesion on the whole allows it and alone does not",
+        events, test,
         {
-            "effort over plan, greedy (at most 1)": found.whole,
-            "effort over plan, greedy less alone": gain.interval(events),
-            "effort over plan, exact less alone": difference(
-                "held_effort", "exact", "alone"
-            ).interval(events),
-            "effort over plan, greedy (at most 1), where the oracle reaches it": test.interval(
-                events[events["held_effort@oracle"] >= REACHED]
-            ),
-            **{
-                f"share of events that reach the plan, {rule}": share_interval(
-                    events[f"held_effort@{rule}"] >= REACHED
-                )
-                for rule in rules
-            },
+            at_most: test.quantity(events),
+            **_less(events, "alone", held_effort=EFFORT),
+            **_less(events, "alone", "exact", held_effort=EFFORT),
+            f"{at_most}, where the oracle reaches it": test.quantity(events[reached["oracle"]]),
+            **{f"share of events that reach the plan, {rule}": met for rule, met in reached.items()},
         },
-        found.conditions,
         f"events whose whole adhesion is at or above the plan 95 % of the time, and alone below {REACHED:.0%} of it; "
-        f"holds if the mean effort is {REACHED:.0%} of the plan; {INTERVALS}",
-    )
+        f"holds if the mean effort is {REACHED:.0%} of the plan",
+        [("effort over alone", difference("held_effort", REFERENCE, "alone"))],
+    )  # fmt: skip
 
 
-def _at_bound(pairs: pd.DataFrame) -> Statement:
-    events = claim_population(pairs, "b")
-    test = bound_test()
-    found = judge(events, test, PARTS, points)
-    return Statement(
-        "b",
-        "in case A every unit works at about its bound",
-        found.verdict,
+def _at_bound(events: pd.DataFrame) -> Statement:
+    test, least = bound_test(), "adhesion used by the unit that uses least"
+    return _statement(
+        "b", "in case A every unit works at about its bound", events, test,
         {
-            "adhesion used by the unit that uses least, greedy": found.whole,
-            "adhesion used, mean of the units, greedy": mean_interval(
-                events[f"unit_use_mean@{REFERENCE}"]
-            ),
-            "adhesion used by the unit that uses least, greedy less alone": difference(
-                "unit_use_low", REFERENCE, "alone"
-            ).interval(events),
-            "adhesion used by the unit that uses least, oracle": mean_interval(
-                events["unit_use_low@oracle"]
-            ),
-            f"share of events with every unit above {ABOUT_BOUND:.0%}": share_interval(
-                events[f"unit_use_low@{REFERENCE}"] >= ABOUT_BOUND
-            ),
+            f"{least}, greedy": test.quantity(events),
+            "adhesion used, mean of the units, greedy": events[f"unit_use_mean@{REFERENCE}"],
+            **_less(events, "alone", unit_use_low=least),
+            f"{least}, oracle": events["unit_use_low@oracle"],
+            f"share of events with every unit above {ABOUT_BOUND:.0%}": test.quantity(events) >= ABOUT_BOUND,
         },
-        found.conditions,
-        f"events whose whole adhesion is below the plan 95 % of the time; holds if the unit that uses least uses "
-        f"{ABOUT_BOUND:.0%} on the mean; {INTERVALS}",
-    )
+        "events whose whole adhesion is below the plan 95 % of the time; holds if the unit that uses least uses "
+        f"{ABOUT_BOUND:.0%} on the mean",
+    )  # fmt: skip
 
 
-def _about_95(pairs: pd.DataFrame) -> Statement:
-    events = claim_population(pairs, "c")
+def _about_95(events: pd.DataFrame) -> Statement:
     test = over_test()
-    found = judge(events, test, PARTS, points)
-    classes = {
-        f"adhesion used, limit {EXCESS_EDGES[k]:.0%} to {EXCESS_EDGES[k + 1]:.0%} too high": mean_interval(
-            events[f"{excess_column(k)}@{REFERENCE}"]
-        )
-        for k in range(len(EXCESS_EDGES) - 1)
-    }
-    return Statement(
-        "c",
-        "about 95 % of the adhesion is used under readhesion control when a cap is somewhat too high",
-        found.verdict,
-        {"adhesion used, limit up to 15 % too high": found.whole, **classes},
-        found.conditions,
+    return _statement(
+        "c", "about 95 % of the adhesion is used under readhesion control when a cap is somewhat too high",
+        events, test,
+        {
+            "adhesion used, limit up to 15 % too high": test.quantity(events),
+            **{f"adhesion used, limit {low:.0%} to {high:.0%} too high": events[f"{excess_column(k)}@{REFERENCE}"]
+               for k, (low, high) in enumerate(pairwise(EXCESS_EDGES))},
+        },
         f"events with {LEAST_OVER_TIME:g} unit second or more under a limit of greedy above the true adhesion; holds if "
-        f"{ABOUT_95:.0%} is used on the mean; {INTERVALS}",
+        f"{ABOUT_95:.0%} is used on the mean",
+    )  # fmt: skip
+
+
+def _ride(events: pd.DataFrame) -> Statement:
+    own, other, peak = (
+        events[f"jerk_rms@{REFERENCE}"],
+        events["jerk_rms@sharing"],
+        "jerk peak [m/s3]",
     )
-
-
-def _ride(pairs: pd.DataFrame) -> Statement:
-    events = claim_population(pairs, "d")
-    test = difference("jerk_rms", REFERENCE, "sharing", -1.0)
-    peak = difference("jerk_peak", REFERENCE, "sharing", -1.0)
-    found = judge(events, test, PARTS, plain, [("jerk peak [m/s3]", peak)])
-    return Statement(
-        "d",
-        "better ride (jerk) than dynamic sharing",
-        found.verdict,
+    return _statement(
+        "d", "better ride (jerk) than dynamic sharing",
+        events, difference("jerk_rms", REFERENCE, "sharing", -1.0),
         {
-            "jerk rms [m/s3], greedy less sharing": found.whole,
-            "jerk rms [m/s3], sharing": mean_interval(events["jerk_rms@sharing"]),
-            "jerk peak [m/s3], greedy less sharing": peak.interval(events),
-            "jerk peak [m/s3], sharing": mean_interval(events["jerk_peak@sharing"]),
-            "way of the limits over plan, greedy less sharing": difference(
-                "limit_travel", REFERENCE, "sharing", -1.0
-            ).interval(events),
-            "effort over plan, greedy less sharing": difference(
-                "held_effort", REFERENCE, "sharing"
-            ).interval(events),
-            "slip [axle s], greedy less sharing": difference(
-                "slip_time", REFERENCE, "sharing", -1.0
-            ).interval(events),
-            "share of events with less jerk": share_interval(
-                events[f"jerk_rms@{REFERENCE}"] < events["jerk_rms@sharing"]
-            ),
+            **_less(events, "sharing", jerk_rms=JERK),
+            f"{JERK}, sharing": other,
+            **_less(events, "sharing", jerk_peak=peak),
+            f"{peak}, sharing": events["jerk_peak@sharing"],
+            **_less(events, "sharing", limit_travel="way of the limits over plan", held_effort=EFFORT, slip_time=SLIP),
+            "share of events with less jerk": own < other,
         },
-        found.conditions,
-        f"events in which a unit slips under alone; holds if the jerk is lower on the mean, rms and peak; {INTERVALS}",
-    )
+        "events in which a unit slips under alone; holds if the jerk is lower on the mean, rms and peak",
+        [(peak, difference("jerk_peak", REFERENCE, "sharing", -1.0))], plain,
+    )  # fmt: skip
 
 
-def _preset(pairs: pd.DataFrame) -> Statement:
-    events = claim_population(pairs, "e")
-    test = difference("held_effort", REFERENCE, "preset")
-    slip = difference("slip_time", REFERENCE, "preset", -1.0)
-    found = judge(events, test, {**PARTS, **REACH_PARTS}, points, [("slip [axle s]", slip)])
-    seasons = {
-        f"effort over plan, greedy less preset, {name}": test.interval(events[PARTS[name](events)])
-        for name in ("summer", "winter")
-    }
-    return Statement(
-        "e",
-        "better than a preset pattern when adhesion differs from what the preset assumed, summer and winter",
-        found.verdict,
+def _preset(events: pd.DataFrame) -> Statement:
+    test, less = difference("held_effort", REFERENCE, "preset"), f"{EFFORT}, greedy less preset"
+    return _statement(
+        "e", "better than a preset pattern when adhesion differs from what the preset assumed, summer and winter",
+        events, test,
         {
-            "effort over plan, greedy less preset": found.whole,
-            **seasons,
-            "slip [axle s], greedy less preset": slip.interval(events),
-            "wheel damage [kJ], greedy less preset": difference(
-                "damage", REFERENCE, "preset", -1.0
-            ).interval(events),
-            "jerk rms [m/s3], greedy less preset": difference(
-                "jerk_rms", REFERENCE, "preset", -1.0
-            ).interval(events),
+            less: test.quantity(events),
+            **{f"{less}, {season}": test.quantity(events[PARTS[season](events)]) for season in ("summer", "winter")},
+            **_less(events, "preset", slip_time=SLIP, damage="wheel damage [kJ]", jerk_rms=JERK),
         },
-        found.conditions,
         f"events in which a limit of the preset exceeds the adhesion in {PRESET_WRONG:.0%} of units and time; holds if the "
-        f"effort is higher on the mean; {INTERVALS}",
-    )
-
-
-REACH_PARTS: dict[str, Part] = {
-    "the plan within reach (case B)": within_reach,
-    "the plan out of reach (case A)": out_of_reach,
-}
-"""Parts by what the adhesion of the whole allows."""
-
-__all__ = ["LEAST_EVENTS", "REACH_PARTS", "claim_population", "claim_statements", "paired"]
+        "effort is higher on the mean",
+        [(SLIP, difference("slip_time", REFERENCE, "preset", -1.0))], parts=PARTS | REACH_PARTS,
+    )  # fmt: skip

@@ -3,26 +3,13 @@
 import sys
 
 from alloc.metrics import METRICS
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import all_studies
-from studies.core.controllers import controller_names
 from studies.core.figures import gallery
 from studies.logs.columns import column_names
 from studies.scenario.loading import SCENARIOS, load_scenario
-
-CONTROLLER_MEANINGS = {
-    "none": "torque follows the limit whatever the wheels do",
-    "table": "torque factor by the deviation of acceleration (readhesion paper, section 2.3)",
-    "cut-and-ramp": "cut on slip to what the observer says the rail carries, hold, ramp back",
-    "pi-creep": "a fixed slip velocity is held by PI control",
-    "perturb-observe": "creep control whose reference climbs by fixed steps",
-    "steepest-gradient": "creep control whose reference climbs along the estimated slope",
-    "mpc": "model predictive control of each unit (CasADi)",
-    "mpc-car": "MPC, the units of a car as one problem with load transfer",
-    "mpc-train": "MPC, allocation and readhesion as one problem over all units, by telegrams",
-    "mpc-train-ideal": "as mpc-train every control period and without delay: what no train has",
-}
 
 
 def catalogue() -> dict[str, dict[str, str]]:
@@ -31,7 +18,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     return {
         "scenarios": {name: item.title for name, item in scenarios.items()},
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},
-        "controllers": {name: CONTROLLER_MEANINGS.get(name, "") for name in controller_names()},
+        "controllers": {name: found.meaning for name, found in CONTROLLERS.items()},
         "trains": {name: _train(name) for name in SETS},
         "sweeps": {name: study.question for name, study in all_studies().items()},
         "figures": dict(gallery().descriptions()),
@@ -47,7 +34,7 @@ def _train(name: str) -> str:
     """Meaning of a train set: what its module says, and its size."""
     train = find_set(name)
     cars = len(train.cars)
-    module = sys.modules[SETS[name].__module__]
+    module = sys.modules[SETS.origin(name)]
     return f"{_first_line(module)} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
-from studies.core.controllers import host_factories
+from studies.core.controllers import check_controller
 from studies.core.runner import check_rules
 from studies.core.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
@@ -40,7 +40,7 @@ def check_names(rules: Sequence[str], controllers: Sequence[str]) -> None:
             raise unknown("rule", rule, RULES)
     check_rules(rules)
     for controller in controllers:
-        host_factories(controller)
+        check_controller(controller)
 
 
 def make_grid(
@@ -67,7 +67,7 @@ def make_grid(
             if scenario.name == name and rule in chosen
         )
     if extra:
-        host_factories("mpc")
+        check_controller("mpc")
     return Grid(tuple(scenarios), chosen, built_in, tuple(range(seeds)), extra)
 
 

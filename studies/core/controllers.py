@@ -1,69 +1,33 @@
-"""Readhesion controllers by name: those built into the simulation, and those hosted in Python."""
-
-from collections.abc import Callable
+"""What a study asks of readhesion controllers: whether they can be had, and that they lie compiled in the cache."""
 
 import numpy as np
 
-from alloc.onboard.host import TrainControllerFactory, UnitContext, UnitSense
+from alloc.onboard import OnboardError
+from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import HostedController, UnitContext, UnitSense
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import GRAVITY
-from alloc.simulation import CONTROLLERS
-from studies.core.study_error import StudyError, unknown
+from studies.core.study_error import StudyError
 from studies.scenario.scenario import Scenario
 
 
-def _mpc() -> TrainControllerFactory:
-    from mpc.factories import unit_factory
-
-    return unit_factory
-
-
-def _mpc_car() -> TrainControllerFactory:
-    from mpc.factories import car_factory
-
-    return car_factory
-
-
-def _mpc_train() -> TrainControllerFactory:
-    from mpc.factories import train_factory
-
-    return train_factory
-
-
-def _mpc_train_ideal() -> TrainControllerFactory:
-    from mpc.factories import ideal_train_factory
-
-    return ideal_train_factory
-
-
-HOSTED: dict[str, Callable[[], TrainControllerFactory]] = {
-    "mpc": _mpc,
-    "mpc-car": _mpc_car,
-    "mpc-train": _mpc_train,
-    "mpc-train-ideal": _mpc_train_ideal,
-}
-"""Name -> function that imports the controller's package and gives its factory; imported when it is asked for."""
-
-
-def controller_names() -> list[str]:
-    """All controllers, built-in ones first."""
-    return [*CONTROLLERS, *HOSTED]
-
-
-def host_factories(controller: str) -> dict[str, TrainControllerFactory]:
-    """Factory of a hosted controller under its name; empty for a built-in one. Raises `StudyError` if it cannot be had."""
-    if controller in CONTROLLERS:
-        return {}
-    if controller not in HOSTED:
-        raise unknown("controller", controller, controller_names())
+def check_controller(name: str) -> None:
+    """Raise `StudyError` where there is no controller of this name, or it needs what is not installed."""
     try:
-        return {controller: HOSTED[controller]()}
+        CONTROLLERS.find(name)
+    except OnboardError as error:
+        raise StudyError(str(error)) from None
     except (ImportError, AttributeError) as error:
         raise StudyError(
-            f"controller {controller!r} needs something that is not installed ({error}); "
+            f"controller {name!r} needs something that is not installed ({error}); "
             "run `make setup`, or leave it out with --controllers"
         ) from None
+
+
+def is_hosted(name: str) -> bool:
+    """Whether a controller runs in Python, which is slow."""
+    return isinstance(CONTROLLERS.get(name), HostedController)
 
 
 def rehearse_plant(scenario: Scenario) -> None:
@@ -91,8 +55,9 @@ def rehearse(controller: str) -> None:
         curve=PiecewiseCurve(),
         period=period,
     )
-    for factory in host_factories(controller).values():
-        host = factory([context])
+    hosted = CONTROLLERS.find(controller)
+    if isinstance(hosted, HostedController):
+        host = hosted.factory([context])
         for k in range(3):
             sense = UnitSense(
                 time=k * period,

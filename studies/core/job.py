@@ -7,9 +7,8 @@ from typing import Any
 import xarray as xr
 
 from alloc.metrics import evaluate
-from alloc.simulation import simulate
+from alloc.simulation import CONTROLLERS, simulate
 from studies.core.cell import Yield
-from studies.core.controllers import host_factories
 from studies.scenario.scenario import Scenario
 
 Measure = Callable[[xr.Dataset], dict[str, float]]
@@ -44,9 +43,9 @@ class Job:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What simulates, and what measures."""
+        """What simulates, the controller wherever it comes from, and what measures."""
         own = () if self.measure is None else (self.measure.__module__,)
-        return (__name__, *own)
+        return (__name__, CONTROLLERS.origin(self.controller), *own)
 
     def work(self) -> Yield:
         """Simulate and evaluate."""
@@ -60,7 +59,5 @@ class Job:
 
 def simulate_job(job: Job) -> xr.Dataset:
     """The recorded run of a job; errors are raised."""
-    run = simulate(
-        job.scenario.event(job.seed), job.rule, job.controller, host_factories(job.controller)
-    )
+    run = simulate(job.scenario.event(job.seed), job.rule, job.controller)
     return run.assign_attrs(scenario=job.scenario.name, scenario_hash=job.scenario.hash())

@@ -15,7 +15,7 @@ from joblib.externals.loky.process_executor import ProcessPoolExecutor, Terminat
 
 from alloc.rules import AllocationProblem, find_rule
 from studies.core.cell import Cell, Key, OnRow, Outcome, Row, key_of, run_cell
-from studies.core.controllers import HOSTED, rehearse, rehearse_plant
+from studies.core.controllers import is_hosted, rehearse, rehearse_plant
 from studies.core.job import Job
 from studies.core.store import Store
 from studies.core.study_error import StudyError
@@ -90,7 +90,7 @@ def _missing(
         if key.digest not in present or unrecorded:
             work.append((cell, key, kept))
     return sorted(
-        work, key=lambda one: not (isinstance(one[0], Job) and one[0].controller in HOSTED)
+        work, key=lambda one: not (isinstance(one[0], Job) and is_hosted(one[0].controller))
     )
 
 
@@ -136,7 +136,7 @@ def warm_up(cells: Sequence[Cell]) -> None:
     jobs = [cell for cell in cells if isinstance(cell, Job)]
     if not jobs:
         return
-    hosted = [name for name in dict.fromkeys(job.controller for job in jobs) if name in HOSTED]
+    hosted = [name for name in dict.fromkeys(job.controller for job in jobs) if is_hosted(name)]
     # not the pool that runs the cells: that one belongs to joblib
     executor = ProcessPoolExecutor(1, initializer=_ignore_interrupt)
     interrupted = True

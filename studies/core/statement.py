@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import pandas as pd
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -51,6 +52,15 @@ class Statement:
             for key, value in numbers.items():
                 numbers[key] = value if math.isfinite(value) else None
         return content
+
+
+def interval_of(number: "Interval | float | pd.Series[Any]") -> Interval:
+    """The interval of a number: of the share where a series of events holds truths, of the mean where it holds numbers."""
+    if isinstance(number, Interval):
+        return number
+    if isinstance(number, pd.Series):
+        return share_interval(number) if number.dtype == bool else mean_interval(number)
+    return single(number)
 
 
 def single(value: float) -> Interval:

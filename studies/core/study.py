@@ -14,8 +14,8 @@ from studies.core.store import Store
 from studies.core.study_error import StudyError
 
 Cells = Callable[..., Sequence[Cell]]
-"""Cells of a study: called with seed, number of events and the study's settings by name. More events add cells and change
-none."""
+"""Cells of a study: called with seed, number of events and the study's settings by name. More events, by the study's
+`step`, add cells and change none."""
 Stage = Callable[..., Sequence[Cell]]
 """Cells that depend on what came before: called as `Cells`, with the rows so far as third argument."""
 
@@ -38,6 +38,8 @@ class Study:
     """Further stages, in their order."""
     whole: bool = False
     """Whether statements need every cell."""
+    step: int = 1
+    """Events in the least number that adds cells to those of fewer and changes none."""
 
     def run(
         self,
@@ -70,22 +72,37 @@ class Study:
             )
         return self.judge(table)
 
-    def held(self, folder: str | Path, seed: int = 0) -> int:
-        """Number of events, counted from the first, that `folder` holds in full under the present code."""
-        done = Store(folder).cells(failed_too=True)
+    def held(self, folder: str | Path, seed: int = 0, **settings: object) -> int:
+        """Number of events, counted from the first, that `folder` holds in full under the present code and `settings`.
 
-        def holds(events: int) -> bool:
-            return all(key_of(cell).digest in done for cell in self.cells(seed, events))
+        It is a multiple of `step`; events that add no cell do not count.
+        """
+        store = Store(folder)
+        done = store.cells(failed_too=True)
+        first = self.cells(seed, self.step, **settings)
+
+        def holds(steps: int) -> bool:
+            events = steps * self.step
+            cells = self.cells(seed, events, **settings)
+            if steps > 1 and len(cells) == len(first):
+                return False
+            for stage in (*self.later, None):
+                keys = [key_of(cell) for cell in cells]
+                if not done.issuperset(key.digest for key in keys):
+                    return False
+                if stage is not None:
+                    cells = [*cells, *stage(seed, events, store.rows_of(keys), **settings)]
+            return True
 
         if not done or not holds(1):
             return 0
-        low, high = 1, self.default_events + 1
+        low, high = 1, 2
         while holds(high):
             low, high = high, 2 * high
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (middle, high) if holds(middle) else (low, middle)
-        return low
+        return low * self.step
 
 
 def each_event(cells: Callable[..., Sequence[Cell]]) -> Cells:

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 import pandas as pd
 
@@ -14,12 +15,15 @@ from studies.core.statement import (
     TOO_FEW,
     Interval,
     Statement,
+    interval_of,
     mean_interval,
 )
 
 LEAST_EVENTS = 10
 """A whole or a part of fewer events says nothing."""
 
+Numbers = Mapping[str, "Interval | float | pd.Series[Any]"]
+"""Quantity, with its unit where it has one, and what `interval_of` makes its interval from."""
 Part = Callable[[pd.DataFrame], "pd.Series[bool]"]
 """Which events belong to a part."""
 
@@ -39,6 +43,51 @@ def decide(
     if all(essential):
         return HOLDS if all(further) else CONDITIONS
     return CONDITIONS if partly else FAILS
+
+
+def intervals_of(numbers: Numbers) -> dict[str, Interval]:
+    """The intervals of a statement's numbers."""
+    return {quantity: interval_of(number) for quantity, number in numbers.items()}
+
+
+def decided(
+    name: str,
+    claim: str,
+    essential: Mapping[str, bool],
+    numbers: Numbers,
+    method: str = "",
+    further: Mapping[str, bool] = MappingProxyType({}),
+    partly: bool = False,
+    enough: bool = True,
+) -> Statement:
+    """A statement over what is met or not, as `decide` has it: the words of what is not met are its conditions."""
+    return Statement(
+        name,
+        claim,
+        decide(essential.values(), further.values(), partly, enough),
+        intervals_of(numbers),
+        tuple(words for words, met in (*essential.items(), *further.items()) if words and not met),
+        method,
+    )
+
+
+def over_cases(
+    name: str,
+    claim: str,
+    met: Mapping[str, bool],
+    numbers: Numbers,
+    method: str = "",
+) -> Statement:
+    """A statement over cases that count alike: with conditions where some are met, which are those not met in words."""
+    return decided(name, claim, met, numbers, method, partly=any(met.values()))
+
+
+def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
+    """Conditions in words: with which cases it holds, and then with which it does not."""
+    return (
+        *(f"with {case}" for case, holds in met.items() if holds),
+        *(f"not with {case}" for case, holds in met.items() if not holds),
+    )
 
 
 class Bound(NamedTuple):
@@ -120,31 +169,48 @@ def judge(
     parts: Mapping[str, Part],
     show: Callable[[Interval], str],
     others: Sequence[tuple[str, Test]] = (),
+    every: bool = False,
 ) -> Judgement:
     """Judge a claim over `events` (one row each).
 
     The whole must pass `test`; parts that fail it and `others` that fail (what the claim implies besides) are conditions.
     Where the whole does not pass, it holds with conditions if a part does. Intervals of parts are widened after Bonferroni:
-    (1 - CONFIDENCE) is shared among them. `show` puts an interval of `test` into words.
+    (1 - CONFIDENCE) is shared among them. `show` puts an interval of `test` into words. `every`: parts that show neither
+    are conditions too.
     """
     whole = test.interval(events)
     if whole.count < LEAST_EVENTS:
         return Judgement(decide((), enough=False), whole, ())
     confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(parts), 1)
-    passed: list[str] = []
-    failed: list[str] = []
+    found: dict[int, list[str]] = {1: [], 0: [], -1: []}
     for name, part in parts.items():
         interval = test.interval(events[part(events)], confidence)
-        sign = test.sign(interval)
-        if sign:
-            (passed if sign > 0 else failed).append(f"with {name}: {show(interval)}")
+        found[test.sign(interval)].append(f"with {name}: {show(interval)}")
     broken = [
         f"otherwise with {name}: {interval.value:.3g} [{interval.low:.3g}, {interval.high:.3g}]"
         for name, other in others
         for interval in (other.interval(events),)
         if other.sign(interval) < 0
     ]
-    unmet = [*(f"not {text}" for text in failed), *broken]
+    unmet = [*(f"not {text}" for text in found[-1]), *broken]
+    unmet += [f"not shown {text}" for text in found[0]] if every else []
     holds = test.sign(whole) > 0
-    verdict = decide([holds], [not unmet], partly=bool(passed))
-    return Judgement(verdict, whole, tuple(unmet if holds else [*passed, *unmet]))
+    verdict = decide([holds], [not unmet], partly=bool(found[1]))
+    return Judgement(verdict, whole, tuple(unmet if holds else [*found[1], *unmet]))
+
+
+def compared(
+    name: str,
+    claim: str,
+    events: pd.DataFrame,
+    test: Test,
+    parts: Mapping[str, Part],
+    show: Callable[[Interval], str],
+    numbers: Numbers,
+    method: str,
+    others: Sequence[tuple[str, Test]] = (),
+    every: bool = False,
+) -> Statement:
+    """The statement of `judge`, with `numbers`."""
+    found = judge(events, test, parts, show, others, every)
+    return Statement(name, claim, found.verdict, intervals_of(numbers), found.conditions, method)

@@ -5,16 +5,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
-from studies.core.statement import (
-    CONDITIONS,
-    CONFIDENCE,
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    Interval,
-    Statement,
-)
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import CONFIDENCE, Interval, Statement
+from studies.core.verdict import LEAST_EVENTS, decided
 
 CURVES: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},
@@ -75,25 +67,14 @@ def sign(interval: Interval) -> int:
 def _statement(table: pd.DataFrame, pair: Pair, metric: str) -> Statement:
     found = {curve: paired_difference(table, curve, pair, metric) for curve in CURVES}
     signs = {curve: sign(interval) for curve, interval in found.items()}
-    direction = {1: "more", -1: "less", 0: "neither more nor less"}
-    against = [c for c in CURVES if signs[c] * signs[BASE] < 0]
-    undecided = [c for c in CURVES if c != BASE and signs[c] != signs[BASE] and c not in against]
-    if min(interval.count for interval in found.values()) < LEAST_EVENTS:
-        verdict = TOO_FEW
-    elif against:
-        verdict = FAILS
-    else:
-        verdict = CONDITIONS if undecided else HOLDS
-    said = direction[signs[BASE]]
-    return Statement(
+    base, direction = signs[BASE], {1: "more", -1: "less", 0: "neither more nor less"}
+    return decided(
         f"{pair.name}: {METRICS[metric]}",
-        f"{said} {METRICS[metric]}, as on the piecewise curve, under every curve",
-        verdict,
-        dict(found),
-        (
-            *(f"the other way round with {curve}" for curve in against),
-            *(f"{direction[signs[curve]]} with {curve}" for curve in undecided),
-        ),
+        f"{direction[base]} {METRICS[metric]}, as on the piecewise curve, under every curve",
+        {f"the other way round with {curve}": s * base >= 0 for curve, s in signs.items()},
+        found,
         "mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one is "
         f"opposite; Student's t, {CONFIDENCE:.0%}",
+        {f"{direction[s]} with {curve}": s == base or s * base < 0 for curve, s in signs.items()},
+        enough=min(interval.count for interval in found.values()) >= LEAST_EVENTS,
     )

@@ -2,17 +2,8 @@
 
 import pandas as pd
 
-from studies.core.statement import (
-    CONDITIONS,
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    Interval,
-    Statement,
-    mean_interval,
-    share_interval,
-)
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import Interval, Statement, mean_interval, share_interval
+from studies.core.verdict import LEAST_EVENTS, decide, decided, with_and_without
 
 MATTERS = 0.01
 """Difference of effort, as a share of the plan, from which on it matters: what a driver could notice in a timetable."""
@@ -56,84 +47,71 @@ def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
     rows = problems[chosen]
     short, over = (share_interval(rows[name] > MATTERS) for name in ("short", "over"))
     said = f"short by {MATTERS:.0%} of the plan in {short.value:.1%} of the problems, over by it in {over.value:.1%}"
-    if len(rows) < LEAST_EVENTS or short.low <= RARE < short.high:
-        verdict = TOO_FEW
-    elif short.low > RARE:
-        verdict = FAILS
-    else:
-        verdict = HOLDS if over.high <= RARE else CONDITIONS
-    return Statement(
+    enough = len(rows) >= LEAST_EVENTS and not short.low <= RARE < short.high
+    seldom = [share.high <= RARE for share in (short, over)]
+    return decided(
         f"greedy: {kind}",
         f"greedy delivers what the exact level does, {kind}",
-        verdict,
+        {"": seldom[0]},
         {
             f"share of problems short by {MATTERS:.0%} of the plan": short,
             f"share of problems over by {MATTERS:.0%} of the plan": over,
-            "shortfall over plan": mean_interval(rows["short"]),
+            "shortfall over plan": rows["short"],
             "largest shortfall over plan": _largest(rows["short"]),
-            "excess over plan": mean_interval(rows["over"]),
+            "excess over plan": rows["over"],
             "largest excess over plan": _largest(rows["over"]),
-            "largest distance of limits over plan, mean": mean_interval(rows["apart"]),
-            "limit beyond what bounds allow, over plan": mean_interval(rows["beyond"]),
-            **{
-                f"closed loop: {text}, greedy less exact": closed_loop(events, kind, name, "greedy")
-                for name, text in METRICS.items()
-            },
+            "largest distance of limits over plan, mean": rows["apart"],
+            "limit beyond what bounds allow, over plan": rows["beyond"],
+            **{f"closed loop: {text}, greedy less exact": closed_loop(events, kind, name, "greedy")
+               for name, text in METRICS.items()},
         },
-        (said,) if verdict in (CONDITIONS, FAILS) else (),
         f"problems within reach of all bounds; holds if differences of {MATTERS:.0%} of the plan are rarer than "
         f"{RARE:.0%}, with conditions if greedy only exceeds; Wilson, Student's t on pairs, 95 %",
-    )
+        {said: all(seldom) or not enough},
+        enough=enough,
+    )  # fmt: skip
 
 
 def _quadratic(problems: pd.DataFrame) -> Statement:
     rows = problems[problems["rule"] == "qp"]
     equal = share_interval(rows["apart"] <= EQUAL)
-    verdict = HOLDS if len(rows) and equal.value == 1.0 else FAILS
-    return Statement(
+    return decided(
         "qp",
         "the quadratic program gives the exact level, with all bounds",
-        verdict if len(rows) >= LEAST_EVENTS else TOO_FEW,
+        {"": equal.value == 1.0},
         {
             f"share of problems within {EQUAL:g} of the plan": equal,
             "largest distance of limits over plan": _largest(rows["apart"]),
         },
-        method="holds if it does in every problem; Wilson, 95 %",
+        "holds if it does in every problem; Wilson, 95 %",
+        enough=len(rows) >= LEAST_EVENTS,
     )
 
 
 def _claim_reading(problems: pd.DataFrame, kinds: list[str]) -> Statement:
     unbounded = problems[problems["kind"].isin(UNBOUNDED) & (problems["case"] == "B")]
     shares = {
-        (rule, kind): share_interval(
-            unbounded["unmet"][(unbounded["rule"] == rule) & (unbounded["kind"] == kind)].astype(
-                bool
-            )
-        )
+        (rule, kind): share_interval(rows["unmet"].astype(bool))
         for rule in ("greedy-claim", "greedy")
         for kind in kinds
         if kind in UNBOUNDED
+        for rows in [unbounded[(unbounded["rule"] == rule) & (unbounded["kind"] == kind)]]
     }
     claimed = {kind: share for (rule, kind), share in shares.items() if rule == "greedy-claim"}
-    short = [kind for kind, share in claimed.items() if share.value > 0.0]
-    never = [kind for kind, share in claimed.items() if share.value == 0.0]
-    if sum(share.count for share in claimed.values()) < LEAST_EVENTS:
-        verdict = TOO_FEW
-    elif not short:
-        verdict = HOLDS
-    else:
-        verdict = CONDITIONS if never else FAILS
+    met = {kind: share.value == 0.0 for kind, share in claimed.items() if share.count}
     return Statement(
         "claim 1",
         "the reading of claim 1 meets the plan in case B",
-        verdict,
+        decide(
+            met.values(),
+            partly=any(met.values()),
+            enough=sum(share.count for share in claimed.values()) >= LEAST_EVENTS,
+        ),
         {
-            f"share of case B that it falls short, {rule}, {kind}": s
-            for (rule, kind), s in shares.items()
+            f"share of case B that it falls short, {rule}, {kind}": share
+            for (rule, kind), share in shares.items()
         },
-        (*(f"with {kind}" for kind in never), *(f"not with {kind}" for kind in short))
-        if short
-        else (),
+        () if all(met.values()) else with_and_without(met),
         "sum of the limits below that of the plan though the mean cap exceeds it; holds if it never happens; Wilson, 95 %",
     )
 

@@ -60,6 +60,7 @@ DIFFERENCES = Study(
     name="differences",
     question="where greedy, exact level and QP differ, by how much, and when it matters",
     default_events=1000,  # problems of each kind
+    step=PROBLEMS_PER_EVENT,
     cells=cells,
     finish=labelled,
     judge=difference_statements,

@@ -3,8 +3,8 @@
 import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
-from studies.core.statement import CONDITIONS, CONFIDENCE, FAILS, HOLDS, TOO_FEW, Statement
-from studies.core.verdict import LEAST_EVENTS
+from studies.core.statement import CONFIDENCE, Statement
+from studies.core.verdict import LEAST_EVENTS, decided
 from studies.curves.statements import METRICS
 
 OPTIMUM = Arm("alone", "mpc-train-ideal")
@@ -33,20 +33,15 @@ def _statement(table: pd.DataFrame, arm: Arm) -> Statement:
         for metric, text in METRICS.items()
     }
     effort = arm_difference(table, arm, OPTIMUM, "held_effort")
-    if effort.count < LEAST_EVENTS:
-        verdict = TOO_FEW
-    elif effort.low > -NEAR:
-        verdict = HOLDS
-    else:
-        verdict = FAILS if effort.high < -NEAR else CONDITIONS
-    return Statement(
+    enough = effort.count >= LEAST_EVENTS
+    above, below = effort.low > -NEAR, effort.high < -NEAR
+    return decided(
         f"{arm.rule} under {arm.controller}",
         "reaches the effort of the joint optimum to within a point",
-        verdict,
+        {"": not below},
         found,
-        ("the interval holds the bound: more events would decide",)
-        if verdict == CONDITIONS
-        else (),
         f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below; Student's t, "
         f"{CONFIDENCE:.0%}",
+        {"the interval holds the bound: more events would decide": above or below or not enough},
+        enough=enough,
     )

@@ -1,11 +1,12 @@
 """What the ladder says: published yardsticks, each rung against the one below, and the weaknesses ascribed to searching."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import pandas as pd
 
-from studies.core.statement import CONFIDENCE, Interval, Statement, mean_interval
-from studies.core.verdict import Part, Test, judge
+from studies.core.statement import CONFIDENCE, Interval, Statement
+from studies.core.verdict import Numbers, Part, Test, compared
 
 LADDER = (
     "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",
@@ -23,6 +24,7 @@ YARDSTICKS = {
 """Share of adhesion used, and whose it is."""
 NOTICED = 0.01
 """Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
+STUDENT = f"Student's t, {CONFIDENCE:.0%}"
 
 METRICS = {
     "utilisation_short": "adhesion used where short",
@@ -75,83 +77,61 @@ def difference(events: pd.DataFrame, metric: str, name: str, other: str) -> "pd.
     return values.astype(float)
 
 
-def _percent(interval: Interval) -> str:
-    return (
-        f"{100 * interval.value:.1f} % [{100 * interval.low:.1f}, {100 * interval.high:.1f}]"
-        f" (n = {interval.count})"
-    )
+def _less(events: pd.DataFrame, metric: str, name: str, others: Sequence[str]) -> Numbers:
+    return {
+        f"{METRICS[metric]}, less {other}": difference(events, metric, name, other)
+        for other in others
+    }
 
 
-def _seconds(interval: Interval) -> str:
-    return (
-        f"{interval.value:.2f} s [{interval.low:.2f}, {interval.high:.2f}] (n = {interval.count})"
-    )
+def _percent(i: Interval) -> str:
+    return f"{100 * i.value:.1f} % [{100 * i.low:.1f}, {100 * i.high:.1f}] (n = {i.count})"
+
+
+def _seconds(i: Interval) -> str:
+    return f"{i.value:.2f} s [{i.low:.2f}, {i.high:.2f}] (n = {i.count})"
 
 
 def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
-    test = Test(lambda e: e[f"utilisation_short@{name}"], bar)
-    verdict, _, conditions = judge(events, test, PARTS, _percent)
-    return Statement(
+    return compared(
         f"{bar:.0%}: {name}",
         f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
-        verdict,
-        {text: mean_interval(events[f"{metric}@{name}"]) for metric, text in METRICS.items()},
-        conditions,
-        f"mean over events above {bar:.0%}; Student's t, {CONFIDENCE:.0%}, parts after Bonferroni",
-    )
+        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), PARTS, _percent,
+        {text: events[f"{metric}@{name}"] for metric, text in METRICS.items()},
+        f"mean over events above {bar:.0%}; {STUDENT}, parts after Bonferroni",
+    )  # fmt: skip
 
 
 def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
-    test = Test(lambda e: difference(e, "utilisation_short", name, below))
-    verdict, _, conditions = judge(events, test, PARTS, _percent)
-    return Statement(
+    return compared(
         f"rung: {name}",
         f"{name} uses more of the adhesion where a unit is short of it than {below}",
-        verdict,
-        {
-            f"{text}, less {below}": mean_interval(difference(events, metric, name, below))
-            for metric, text in METRICS.items()
-        },
-        conditions,
-        f"mean of paired differences above 0; Student's t, {CONFIDENCE:.0%}, parts after Bonferroni",
-    )
+        events, Test(lambda e: difference(e, "utilisation_short", name, below)), PARTS, _percent,
+        {f"{text}, less {below}": difference(events, metric, name, below) for metric, text in METRICS.items()},
+        f"mean of paired differences above 0; {STUDENT}, parts after Bonferroni",
+    )  # fmt: skip
 
 
 def _slow(events: pd.DataFrame, name: str) -> Statement:
-    test = Test(lambda e: difference(e, "search_time", name, "mpc"))
-    verdict, _, conditions = judge(events, test, PARTS, _seconds)
-    return Statement(
+    return compared(
         f"slow: {name}",
         f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
-        verdict,
-        {
-            f"search time [s], less {other}": mean_interval(
-                difference(events, "search_time", name, other)
-            )
-            for other in ("mpc", "pi-creep", "cut-and-ramp")
-        },
-        conditions,
-        f"mean of paired differences above 0; Student's t, {CONFIDENCE:.0%}; unfinished searches count until they end",
-    )
+        events, Test(lambda e: difference(e, "search_time", name, "mpc")), PARTS, _seconds,
+        _less(events, "search_time", name, ("mpc", "pi-creep", "cut-and-ramp")),
+        f"mean of paired differences above 0; {STUDENT}; unfinished searches count until they end",
+    )  # fmt: skip
 
 
 def _restless(events: pd.DataFrame, name: str) -> Statement:
     test = Test(lambda e: difference(e, "torque_fluctuation", name, "pi-creep"), NOTICED)
-    verdict, _, conditions = judge(events, test, PARTS, _percent)
-    return Statement(
+    return compared(
         f"restless: {name}",
         f"{name} lets the torque fluctuate about the peak (arXiv 2406.13650)",
-        verdict,
-        {
-            f"torque fluctuation over plan, less {other}": mean_interval(
-                difference(events, "torque_fluctuation", name, other)
-            )
-            for other in ("pi-creep", "cut-and-ramp", "mpc")
-        },
-        conditions,
+        events, test, PARTS, _percent,
+        _less(events, "torque_fluctuation", name, ("pi-creep", "cut-and-ramp", "mpc")),
         f"rms about the 1 s mean, more than pi-creep's, the same loop without search, by {NOTICED:.0%} of the plan's "
-        f"torque; Student's t, {CONFIDENCE:.0%}",
-    )
+        f"torque; {STUDENT}",
+    )  # fmt: skip
 
 
 def _misled(events: pd.DataFrame, name: str) -> Statement:
@@ -159,18 +139,15 @@ def _misled(events: pd.DataFrame, name: str) -> Statement:
     test = Test(lambda e: (e[changing] - e[still]).astype(float))
     # without a free axle slip is not known, and no step can be called an answer to another
     free = events[events["train"] != LOCOMOTIVE]
-    verdict, whole, conditions = judge(free, test, PARTS, _percent)
-    return Statement(
+    return compared(
         f"misled: {name}",
         f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
-        verdict,
+        free, test, PARTS, _percent,
         {
-            "share of steps away from the peak, rail changing": mean_interval(free[changing]),
-            "share of steps away from the peak, rail still": mean_interval(free[still]),
-            "difference": whole,
+            "share of steps away from the peak, rail changing": free[changing],
+            "share of steps away from the peak, rail still": free[still],
+            "difference": test.quantity(free),
         },
-        conditions,
         "steps of the mean slip over 0.3 s, of units off the peak by 30 %; the rail changes by 1 % or more; trains "
-        "with a free axle; "
-        f"paired by event, Student's t, {CONFIDENCE:.0%}",
-    )
+        f"with a free axle; paired by event, {STUDENT}",
+    )  # fmt: skip

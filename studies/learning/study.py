@@ -25,6 +25,7 @@ LEARNING = Study(
     name="learning",
     question="how fast wrong increments are learnt, what learning gains, what the robust rule costs",
     default_events=240,
+    step=len(DIRECTIONS) * STATIONS,  # a whole train
     cells=cells,
     judge=learning_statements,
 )

@@ -1,17 +1,11 @@
 """What the study `calibration` says: whether a set does as the paper says, how narrow each parameter is, and the unit."""
 
-import numpy as np
+from typing import Any
+
 import pandas as pd
 
-from studies.core.statement import (
-    CONDITIONS,
-    FAILS,
-    HOLDS,
-    Interval,
-    Statement,
-    share_interval,
-    single,
-)
+from studies.core.statement import Interval, Statement
+from studies.core.verdict import decide, decided, intervals_of
 from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, best, fulfilling
 from studies.readhesion_paper.findings import CLAIMS
 
@@ -42,43 +36,39 @@ def calibration_statements(table: pd.DataFrame) -> list[Statement]:
 
 
 def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> Statement:
-    missing = [name for name in CLAIMS if not chosen[f"met: {name}"]]
-    met = len(CLAIMS) - len(missing)
-    return Statement(
+    met = {f"not met: {claim}": bool(chosen[f"met: {name}"]) for name, claim in CLAIMS.items()}
+    wide = table[table["stage"] == "wide"].index
+    return decided(
         "a set exists",
         "some values of what is not printed make the controller do all that the paper says",
-        HOLDS if not missing else (CONDITIONS if len(good) else FAILS),
+        met,
         {
-            f"findings met by the best set, of {len(CLAIMS)}": single(met),
-            "its objective": single(chosen["objective"]),
-            "objective of the values assumed": single(
-                table.loc[table["stage"] == "assumed", "objective"].head(1).min()
-            ),
-            "share of wide samples that fulfil all but the half-slip": share_interval(
-                table.index[table["stage"] == "wide"].isin(good.index)
-            ),
+            f"findings met by the best set, of {len(CLAIMS)}": sum(met.values()),
+            "its objective": chosen["objective"],
+            "objective of the values assumed": table.loc[table["stage"] == "assumed", "objective"].head(1).min(),
+            "share of wide samples that fulfil all but the half-slip": pd.Series(wide.isin(good.index)),
         },
-        tuple(f"not met: {CLAIMS[name]}" for name in missing),
         f"Latin hypercube and simplex method; fulfils: all findings but {', '.join(NOT_ASKED_OF_ALL)}",
-    )
+        partly=len(good) > 0,
+    )  # fmt: skip
+
+
+def _range(value: float, rows: pd.DataFrame, name: str) -> Interval:
+    """A value with the range of a column; not of confidence."""
+    return Interval(float(value), float(rows[name].min()), float(rows[name].max()), len(rows))
 
 
 def _narrow(name: str, chosen: pd.Series, good: pd.DataFrame, near: pd.DataFrame) -> Statement:
-    low, high = float(good[name].min()), float(good[name].max())
-    narrow = len(good) > 1 and high <= NARROW * low
-    return Statement(
+    fulfil = _range(chosen[name], good, name)
+    return decided(
         f"narrow: {name}",
         f"the paper's findings determine {WORDS[name]} to within a factor of {NARROW:g}",
-        HOLDS if narrow else FAILS,
+        {"": fulfil.count > 1 and fulfil.high <= NARROW * fulfil.low},
         {
-            f"{WORDS[name]}: best; range of the sets that fulfil": Interval(
-                float(chosen[name]), low, high, len(good)
-            ),
-            f"{WORDS[name]}: best; range near the best objective": Interval(
-                float(chosen[name]), float(near[name].min()), float(near[name].max()), len(near)
-            ),
+            f"{WORDS[name]}: best; range of the sets that fulfil": fulfil,
+            f"{WORDS[name]}: best; range near the best objective": _range(chosen[name], near, name),
         },
-        method=f"limits are ranges, not confidence; near: the same unit, objective up to {NEAR_BEST:g} times the best one's",
+        f"limits are ranges, not confidence; near: the same unit, objective up to {NEAR_BEST:g} times the best one's",
     )
 
 
@@ -87,48 +77,45 @@ def _unit(
 ) -> Statement:
     """`near`: sets in the other unit that come near the best objective."""
     others = table[table["unit"] != chosen["unit"]]
-    numbers = {"sets near the best objective in the other unit": single(len(near))}
-    missing: tuple[str, ...] = ()
+    numbers: dict[str, Any] = {"sets near the best objective in the other unit": len(near)}
+    missing: dict[str, bool] = {}
     if len(others):
         rival = others.sort_values("objective", kind="stable").iloc[0]
-        missing = tuple(
-            f"not met in {rival['unit']}: {CLAIMS[name]}"
-            for name in CLAIMS
-            if not rival[f"met: {name}"]
-        )
+        missing = {
+            f"not met in {rival['unit']}: {claim}": bool(rival[f"met: {name}"])
+            for name, claim in CLAIMS.items()
+        }
         numbers |= {
-            f"objective of the best set in {row['unit']}": single(row["objective"])
+            f"objective of the best set in {row['unit']}": row["objective"]
             for row in (chosen, rival)
         }
         numbers |= {
-            f"{words} of the best set in {rival['unit']}; range of those near": Interval(
-                float(rival[name]), float(near[name].min()), float(near[name].max()), len(near)
+            f"{words} of the best set in {rival['unit']}; range of those near": _range(
+                rival[name], near, name
             )
             for name, words in WORDS.items()
         }
     return Statement(
         "unit",
         f"a_0 and a_w are meant in {chosen['unit']}: in the other unit no set comes near",
-        HOLDS if len(good) and near.empty else FAILS,
-        numbers,
-        missing,
+        decide([len(good) > 0, near.empty]),
+        intervals_of(numbers),
+        tuple(words for words, met in missing.items() if not met),
         f"near: objective up to {NEAR_BEST:g} times that of the best set that fulfils most",
     )
 
 
 def _all_at_once(table: pd.DataFrame) -> Statement:
     """The half-slip stands apart: by how much other findings must give way to it."""
-    half = table[table[[f"met: {name}" for name in NOT_ASKED_OF_ALL]].all(axis=1)]
-    some = table[table[[f"met: {name}" for name in NOT_ASKED_OF_ALL]].any(axis=1)]
-    return Statement(
+    shown = table[[f"met: {name}" for name in NOT_ASKED_OF_ALL]]
+    both, one = table["met"][shown.all(axis=1)], table["met"][shown.any(axis=1)]
+    return decided(
         "half-slip",
         "the half-slip at mu_lim 0.16 goes together with the other findings",
-        HOLDS if len(half) and half["met"].max() == len(CLAIMS) else FAILS,
+        {"": bool(both.max() == len(CLAIMS))},
         {
-            "sets with both its findings": single(len(half)),
-            "most findings met with both": single(half["met"].max() if len(half) else np.nan),
-            "most findings met with one of them": single(
-                some["met"].max() if len(some) else np.nan
-            ),
+            "sets with both its findings": len(both),
+            "most findings met with both": both.max(),
+            "most findings met with one of them": one.max(),
         },
     )

@@ -16,6 +16,7 @@ CALIBRATION = Study(
     name="calibration",
     question="what the readhesion paper does not print, calibrated on what it does, and how narrowly",
     default_events=DEFAULT_SAMPLES,  # sets drawn
+    step=DEFAULT_SAMPLES,  # a Latin hypercube of more sets has none of these
     cells=first_cells,
     later=(*(partial(near_cells, k) for k in range(len(NEARNESS))), refining_cells),
     finish=lambda table, seed, samples: table.assign(seed=seed, samples=samples),

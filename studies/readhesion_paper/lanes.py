@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.event import DriverCommand, SimulationError
+from alloc.onboard.controllers.torque_table import TorqueTable, asymmetric_lag, torque_factor
 from alloc.onboard.detector import differentiate
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.readhesion import TorqueTable
-from alloc.onboard.readhesion.torque_table import asymmetric_lag, table_constants, torque_factor
 from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.lanes import select_lanes
@@ -61,7 +60,7 @@ def _run(
     s, e, layout, state, inputs, w, table, memory, target, commanded, radius,
     period, step, steps, ticks, first_tick, record_ticks, states, peaks, commands, factors,
 ):  # fmt: skip
-    """`table` (6, lanes): constants of each lane's table, see `table_constants`."""
+    """`table` (6, lanes): constants of each lane's table, see `TorqueTable.constants`."""
     omega = 2 * layout.bodies
     lanes = state.shape[1]
     for k in range(ticks):
@@ -130,7 +129,7 @@ def simulate_tables(
     target = commanded * eq.planned_share * to_torque
     steps = model.substeps(period)
     lanes = len(rails)
-    constants = np.array([table_constants(table, period) for table in tables]).T
+    constants = np.array([table.constants(period) for table in tables]).T
     states = np.zeros((records, n.rows, lanes))
     peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
     for start in range(0, lanes, LANES_TOGETHER):

@@ -19,10 +19,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from alloc.metrics.readhesion import PROMINENCE
+from alloc.onboard.controllers.torque_table import TorqueTable, torque_factor
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.readhesion import TorqueTable
-from alloc.onboard.readhesion.torque_table import torque_factor
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import motor_torque_rate, wheel_acceleration
 from alloc.plant.model import build

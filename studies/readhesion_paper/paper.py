@@ -19,7 +19,7 @@ from alloc.metrics.readhesion import (
     used_coefficient,
     utilisation,
 )
-from alloc.onboard.readhesion import TorqueTable
+from alloc.onboard.controllers.torque_table import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import one_axle

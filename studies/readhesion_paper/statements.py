@@ -4,7 +4,8 @@ import math
 
 import pandas as pd
 
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, Statement, single
+from studies.core.statement import Statement
+from studies.core.verdict import decided, over_cases
 from studies.readhesion_paper.findings import CLAIMS, Finding, grid_findings
 
 SETTLED_BELOW = 0.01
@@ -54,21 +55,21 @@ def _cases(rows: pd.DataFrame) -> dict[str, Finding]:
 
 
 def _statement(name: str, finding: Finding) -> Statement:
-    numbers = {quantity: single(value) for quantity, value in finding.numbers.items()}
-    return Statement(name, CLAIMS[name], HOLDS if finding.met else FAILS, numbers, method=METHOD)
+    return decided(name, CLAIMS[name], {"": finding.met}, finding.numbers, METHOD)
 
 
 def _limit_exists(limits: pd.DataFrame) -> Statement:
     """Section 3.2 takes for granted that what readheres at one coefficient does so at every greater one."""
     some = limits[limits["limit_coefficient"].notna()]
-    broken = some[~some["monotone"].astype(bool)]
-    verdict = HOLDS if broken.empty else (CONDITIONS if len(broken) < len(some) else FAILS)
-    return Statement(
+    met = {
+        f"not with a_0 {row.margin:g}, a_w {row.width:g}": bool(row.monotone)
+        for row in some.itertuples()
+    }
+    return over_cases(
         "limit exists",
         "what readheres at one adhesion coefficient does so at every greater one",
-        verdict,
-        {"controllers with a limit": single(len(some)), "of them not so": single(len(broken))},
-        tuple(f"not with a_0 {row.margin:g}, a_w {row.width:g}" for row in broken.itertuples()),
+        met,
+        {"controllers with a limit": len(some), "of them not so": list(met.values()).count(False)},
         METHOD,
     )
 
@@ -88,21 +89,16 @@ def _parabola(
     both = limits.merge(limits_narrow, on=["margin", "width"], suffixes=("", "_narrow"))
     shift = (both["limit_coefficient_narrow"] - both["limit_coefficient"]).abs()
     largest = float(shift.max()) if shift.notna().any() else math.nan
-    open_case = not below and not largest > SETTLED_BELOW
-    verdict = FAILS if not open_case else CONDITIONS if above else HOLDS
-    return Statement(
+    return decided(
         "parabola",
         "the findings do not depend on how the parabola is narrowed where C = 40 makes no curve "
         f"(mu_max < {EXISTS_FROM:.3f})",
-        verdict,
+        {"": not largest > SETTLED_BELOW} | {f"narrow there, changes: {name}": False for name in below},
         {
-            "findings that change with a narrow parabola there": single(len(below)),
-            "findings that change with a narrow parabola at every mu_max": single(len(above)),
-            "largest shift of a limit adhesion coefficient": single(largest),
+            "findings that change with a narrow parabola there": len(below),
+            "findings that change with a narrow parabola at every mu_max": len(above),
+            "largest shift of a limit adhesion coefficient": largest,
         },
-        (
-            *(f"narrow there, changes: {name}" for name in below),
-            *(f"narrow at every mu_max, changes: {name}" for name in above if name not in below),
-        ),
         f"narrow enough for mu_max 0.02 against as wide as can be; bound of the shift {SETTLED_BELOW:g}; {METHOD}",
-    )
+        {f"narrow at every mu_max, changes: {name}": False for name in above if name not in below},
+    )  # fmt: skip

@@ -12,8 +12,14 @@ from alloc.estimation.running_resistance import (
     LeastSquaresLearner,
     NormalisedGradientLearner,
 )
-from alloc.metrics import jerk
-from alloc.onboard.speed_control import Feedback, LearnThenUse, SpeedControl, Traction
+from alloc.metrics.motion import jerk
+from alloc.onboard.speed_control import (
+    Feedback,
+    Learning,
+    LearnThenUse,
+    SpeedControl,
+    Traction,
+)
 from studies.core.study_error import unknown
 from studies.resistance.routes import Route
 
@@ -135,11 +141,13 @@ def _run(
         else "compensation",
         route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, reading)),
         None if case == FEEDBACK else weights,
-        learner if case in (LEARNED, USED) else None,
-        switch=switch if case == USED else None,
+        Learning(
+            learner if case in (LEARNED, USED) else None,
+            switch=switch if case == USED else None,
+            filter_time=FILTER_TIME,
+            train_length=route.length,
+        ),
         rotating_mass=route.train.rotating_mass,
-        filter_time=FILTER_TIME,
-        train_length=route.length,
         speed_noise=speed_noise,
         seed=seed,
     )  # fmt: skip

@@ -1,11 +1,14 @@
 """What a scenario file says about rail and line."""
 
-from typing import Literal
+from dataclasses import fields
+from typing import Any, Literal
 
-from pydantic import model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 
-from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve, PolachCurve, SlipRatioCurve
+from alloc.errors import number_fault
+from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import Line, Patch, Rail, Receptivity, logarithmic_increments
+from studies.core.study_error import nearest
 from studies.scenario.strict import Strict
 from studies.scenario.units import si
 
@@ -49,40 +52,33 @@ class IncrementKeys(Strict):
         return tuple(logarithmic_increments(axles, self.slope, self.offset).tolist())
 
 
-class CurveKeys(Strict):
-    """Adhesion curve by kind, with the parameters that differ from its default."""
+class CurveKeys(BaseModel):
+    """Adhesion curve by kind, a name in `alloc.plant.adhesion.CURVES`, with the parameters that differ from its default."""
 
-    kind: Literal["piecewise", "polach", "slip-ratio"] = "piecewise"
-    micro_slope: float | None = None
-    top_curvature: float | None = None
-    macro_slope: float | None = None
-    residual_ratio: float | None = None
-    ratio_at_infinity: float | None = None
-    decay: float | None = None
-    adhesion_factor: float | None = None
-    slip_factor: float | None = None
-    creep_stiffness: float | None = None
-    peak_slip_ratio: float | None = None
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: str = "piecewise"
 
     @model_validator(mode="after")
     def _fits(self) -> "CurveKeys":
-        allowed = _CURVES[self.kind].__dataclass_fields__
-        for key in si(self):
-            if key != "kind" and key not in allowed:
-                raise ValueError(f"{key} does not belong to the {self.kind} curve")
+        allowed = [item.name for item in fields(CURVES.find(self.kind))]
+        for key, value in self._given.items():
+            if key not in allowed:
+                near = nearest(key, allowed)
+                hint = f"; did you mean {near!r}?" if near else ""
+                raise ValueError(f"{key} does not belong to the {self.kind} curve{hint}")
+            fault = number_fault(value, negative=True)
+            if fault is not None:
+                raise ValueError(f"{key} = {value!r} {fault}")
         return self
+
+    @property
+    def _given(self) -> dict[str, Any]:
+        return {key: value for key, value in (self.model_extra or {}).items() if value is not None}
 
     def curve(self) -> AdhesionCurve:
         """The plant's curve."""
-        given = {key: value for key, value in si(self).items() if key != "kind"}
-        return _CURVES[self.kind](**given)
-
-
-_CURVES: dict[str, type[PiecewiseCurve] | type[PolachCurve] | type[SlipRatioCurve]] = {
-    "piecewise": PiecewiseCurve,
-    "polach": PolachCurve,
-    "slip-ratio": SlipRatioCurve,
-}
+        return CURVES[self.kind](**self._given)
 
 
 class RailKeys(Strict):

@@ -22,6 +22,18 @@ SUFFIXES: dict[str, float] = {
 }
 """Ending of a key and the factor to SI; longer endings first."""
 
+ENDINGS: dict[str, str] = {
+    "1": "",
+    "s": "_s",
+    "1/s": "_per_s",
+    "1/m": "_per_m",
+    "s/m": "_s_per_m",
+    "m2/s2": "_m2_per_s2",
+    "km/h": "_kmh",
+    "km/h/s": "_kmhs",
+}
+"""Ending of a key by the unit that `alloc.onboard.quantity` states."""
+
 
 def si(record: BaseModel) -> dict[str, Any]:
     """Plain values of a record that were given, as SI values under names without the unit; nested records stay out."""

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, Interval, Statement, single
+from studies.core.statement import Interval, Statement, single
+from studies.core.verdict import decide, decided, over_cases
 from studies.slides.electric import electric_statement
 from studies.slides.front import front
 from studies.slides.jp4209318 import BOUNDS, CALIBRATED, RIVALS, parameters
@@ -70,21 +71,14 @@ def slide_statements(table: pd.DataFrame) -> list[Statement]:
 
 
 def _targets(name: str, claim: str, found: dict[str, float], targets: list[str]) -> Statement:
-    missed = [target for target in targets if not reached(target, found[target])]
-    return Statement(
+    return over_cases(
         name,
         claim,
-        HOLDS if not missed else (FAILS if len(missed) == len(targets) else CONDITIONS),
-        {
-            f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": single(
-                found[t]
-            )
-            for t in targets
-        },
-        tuple(f"not reached: {target}" for target in missed),
+        {f"not reached: {target}": reached(target, found[target]) for target in targets},
+        {f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": found[t] for t in targets},
         "parameters calibrated on these very tables; tolerances: "
         + ", ".join(f"{target} {TARGETS[target].tolerance:.3g}" for target in targets),
-    )
+    )  # fmt: skip
 
 
 def _held_out(table: pd.DataFrame) -> Statement:
@@ -92,26 +86,25 @@ def _held_out(table: pd.DataFrame) -> Statement:
     predicted = float(row[HOLD_OUT])
     error = predicted - TABLE_3[2]
     rest = [name for name in unreached(_numbers(row)) if name != HOLD_OUT]
-    met = abs(error) <= HOLD_OUT_TOLERANCE
-    return Statement(
+    return decided(
         "held out",
         "fitted to one and three cars only, the distance of two cars comes out within 1 %",
-        FAILS if not met else (CONDITIONS if rest else HOLDS),
+        {"": abs(error) <= HOLD_OUT_TOLERANCE},
         {
-            "predicted distance of 2 cars [m]; source 414": single(predicted),
-            "error [%]": single(100.0 * error / TABLE_3[2]),
+            "predicted distance of 2 cars [m]; source 414": predicted,
+            "error [%]": 100.0 * error / TABLE_3[2],
         },
-        tuple(f"this fit does not reach: {name}" for name in rest),
+        further={f"this fit does not reach: {name}": False for name in rest},
     )
 
 
 def _short_trains(found: dict[str, float]) -> Statement:
     distances = [found[f"distance {cars}"] for cars in (1, 2, 3)]
-    return Statement(
+    return decided(
         "short trains",
         "short trains brake longer in rain",
-        HOLDS if np.all(np.diff(distances) < 0.0) else FAILS,
-        {f"distance of {k + 1} cars [m]": single(value) for k, value in enumerate(distances)},
+        {"": bool(np.all(np.diff(distances) < 0.0))},
+        {f"distance of {k + 1} cars [m]": value for k, value in enumerate(distances)},
     )
 
 
@@ -133,18 +126,13 @@ def _slips(table: pd.DataFrame) -> list[Statement]:
         ),
     }
     return [
-        Statement(
+        decided(
             name,
             claim,
-            HOLDS
-            if all(test(s) for s in slip.values())
-            else (CONDITIONS if test(slip["medium"]) else FAILS),
-            {
-                f"mean slip of axle {i + 1}, medium [%]": single(slip["medium"][i])
-                for i in range(12)
-            },
-            tuple(f"not at {setting} sensitivity" for setting, s in slip.items() if not test(s)),
+            {f"not at {setting} sensitivity": test(values) for setting, values in slip.items()},
+            {f"mean slip of axle {i + 1}, medium [%]": slip["medium"][i] for i in range(12)},
             "mean slip ratio while the train runs above 5 km/h",
+            partly=test(slip["medium"]),
         )
         for name, (claim, test) in claims.items()
     ]
@@ -153,12 +141,11 @@ def _slips(table: pd.DataFrame) -> list[Statement]:
 def _no_lock(table: pd.DataFrame) -> Statement:
     own = table[table["part"].isin(["tables", "halved", "pareto"])]
     without = table[table["part"] == "none"].iloc[0]
+    free, tried = own["locked_time"] == 0.0, own["part"] == "pareto"
     return Statement(
         "no lock",
         "no wheel locks above 5 km/h under fuzzy slide protection, at any sensitivity",
-        HOLDS
-        if (own["locked_time"] == 0.0).all()
-        else (CONDITIONS if (own[own["part"] != "pareto"]["locked_time"] == 0.0).all() else FAILS),
+        decide(free[~tried], free[tried]),
         {
             "longest time at a stand, over the axles [s]": single(own["locked_time"].max()),
             "without slide protection [s]": single(without["locked_time"]),
@@ -172,58 +159,44 @@ def _no_lock(table: pd.DataFrame) -> Statement:
 
 def _trade(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "pareto"].sort_values("sensitivity")
-    own = front(rows)
     settings = table[(table["part"] == "tables") & (table["cars"] == 3)].set_index("setting")
     beaten = {
         name: int(((rows["distance"] < row["distance"]) & (rows["damage"] < row["damage"])).sum())
         for name, row in settings.iterrows()
     }
-    rank = rows["sensitivity"].corr(rows["damage"], method="spearman")
-    return Statement(
+    share = len(front(rows)) / len(rows)
+    return over_cases(
         "trade",
         "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
-        HOLDS if not any(beaten.values()) else (CONDITIONS if min(beaten.values()) == 0 else FAILS),
+        {f"{name} is beaten in both": not count for name, count in beaten.items()},
         {
-            "rank correlation of sensitivity and Q": single(rank),
-            "sensitivities on the front, of those tried": Interval(
-                len(own) / len(rows), math.nan, math.nan, len(rows)
-            ),
-            **{
-                f"sensitivities that beat {name} in both": single(count)
-                for name, count in beaten.items()
-            },
+            "rank correlation of sensitivity and Q": rows["sensitivity"].corr(rows["damage"], method="spearman"),
+            "sensitivities on the front, of those tried": Interval(share, math.nan, math.nan, len(rows)),
+            **{f"sensitivities that beat {name} in both": count for name, count in beaten.items()},
         },
-        tuple(f"{name} is beaten in both" for name, count in beaten.items() if count),
-    )
+    )  # fmt: skip
 
 
 def _rivals(table: pd.DataFrame) -> Statement:
     own = front(table[table["part"] == "pareto"])
     plain = table[table["part"] == "threshold"]
     reach = np.interp(plain["damage"], own["damage"][::-1], own["distance"][::-1])
-    longer = plain["distance"].to_numpy() - reach
+    longer = {
+        f"hold {row.hold:g}, release {row.release:g}": (row.distance - most, row.damage)
+        for row, most in zip(plain.itertuples(), reach, strict=True)
+    }
     without = table[table["part"] == "none"].iloc[0]
-    return Statement(
+    return over_cases(
         "threshold",
         "at the same Q the fuzzy slide protection brakes shorter than plain thresholds",
-        HOLDS if (longer > 0.0).all() else (CONDITIONS if (longer > 0.0).any() else FAILS),
+        {f"not with {law}": metres > 0.0 for law, (metres, _) in longer.items()},
         {
-            **{
-                f"hold {row.hold:g}, release {row.release:g}: longer by [m], Q [kJ] {row.damage:.0f}": single(
-                    value
-                )
-                for row, value in zip(plain.itertuples(), longer, strict=True)
-            },
-            "without slide protection: distance [m]": single(without["distance"]),
-            "without slide protection: Q [kJ]": single(without["damage"]),
+            **{f"{law}: longer by [m], Q [kJ] {q:.0f}": metres for law, (metres, q) in longer.items()},
+            "without slide protection: distance [m]": without["distance"],
+            "without slide protection: Q [kJ]": without["damage"],
         },
-        tuple(
-            f"not with hold {row.hold:g}, release {row.release:g}"
-            for row, value in zip(plain.itertuples(), longer, strict=True)
-            if value <= 0.0
-        ),
         "distance at the same Q interpolated on the front; curve flat beyond its peak, so long slides cost no adhesion here",
-    )
+    )  # fmt: skip
 
 
 def _step(table: pd.DataFrame) -> Statement:
@@ -233,31 +206,27 @@ def _step(table: pd.DataFrame) -> Statement:
     distance = (rows[1]["distance"] - rows[0]["distance"]).abs()
     q = (rows[1]["damage"] / rows[0]["damage"] - 1.0).abs()
     met = (distance <= STEP_DISTANCE) & (q <= STEP_DAMAGE)
-    return Statement(
+    return over_cases(
         "step",
         "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
-        HOLDS if met.all() else (CONDITIONS if met.any() else FAILS),
         {
-            "largest change of a distance [m]": single(distance.max()),
-            "largest change of Q [%]": single(100.0 * q.max()),
+            f"not with {run[0]} cars, {run[1]}: {distance.loc[run]:.3f} m, {100 * q.loc[run]:.2f} %": bool(good)
+            for run, good in zip(met.index.tolist(), met, strict=True)
         },
-        tuple(
-            f"not with {cars} cars, {setting}: {distance.loc[cars, setting]:.3f} m, {100 * q.loc[cars, setting]:.2f} %"
-            for cars, setting in met[~met].index
-        ),
-    )
+        {
+            "largest change of a distance [m]": distance.max(),
+            "largest change of Q [%]": 100.0 * q.max(),
+        },
+    )  # fmt: skip
 
 
 def _jitter(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "jitter"]
-    names = [f"distance {cars}" for cars in TABLE_3]
     spread = rows[list(TARGETS)].std()
-    met = spread[names] <= JITTER_DISTANCE
-    kept = {name: float(np.mean([reached(name, v) for v in rows[name]])) for name in TARGETS}
-    return Statement(
+    return over_cases(
         "jitter",
         "noise of 1e-4 on every parameter moves distances by at most 0.05 m (standard deviation)",
-        HOLDS if met.all() else (CONDITIONS if met.any() else FAILS),
+        {f"not of {name}": spread[name] <= JITTER_DISTANCE for name in (f"distance {cars}" for cars in TABLE_3)},
         {
             **{
                 f"{name} [{TARGETS[name].unit}]: mean, least and greatest; deviation {spread[name]:.2g}": Interval(
@@ -265,11 +234,13 @@ def _jitter(table: pd.DataFrame) -> Statement:
                 )
                 for name in TARGETS
             },
-            **{f"share of draws that reach {name}": single(share) for name, share in kept.items()},
+            **{
+                f"share of draws that reach {name}": float(np.mean([reached(name, v) for v in rows[name]]))
+                for name in TARGETS
+            },
         },
-        tuple(f"not of {name}" for name in met[~met].index),
         "limits are ranges, not confidence",
-    )
+    )  # fmt: skip
 
 
 def _not_unique(table: pd.DataFrame) -> Statement:
@@ -281,12 +252,12 @@ def _not_unique(table: pd.DataFrame) -> Statement:
     ]
     sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
     ranges = {name: [values[name] for values in sets] for name in BOUNDS}
-    return Statement(
+    return decided(
         "not unique",
         "the tables determine the undisclosed curves and rules",
-        FAILS if good else CONDITIONS,
+        {"": not good},
         {
-            "other sets that reach every target": single(len(good)),
+            "other sets that reach every target": len(good),
             **{
                 f"{name}: calibrated; range of the sets": Interval(
                     values[0], min(values), max(values), len(values)
@@ -294,18 +265,18 @@ def _not_unique(table: pd.DataFrame) -> Statement:
                 for name, values in ranges.items()
             },
         },
-        () if good else ("no second set was found that reaches all",),
         "limits are ranges of the sets found, not confidence",
+        {} if good else {"no second set was found that reaches all": False},
     )
 
 
 def _computing(table: pd.DataFrame) -> Statement:
     rows = table[(table["part"] == "tables") & (table["cars"] == 3)]
     value = float(rows["computing"].min())
-    return Statement(
+    return decided(
         "computing",
         "a simulated second of twelve axles at 1 ms takes at most 10 ms of computing",
-        HOLDS if value <= COMPUTING else FAILS,
-        {"least of the runs of three cars [ms per simulated s]": single(value)},
-        method="of the machine that made the table; the least, for others may have disturbed it",
+        {"": value <= COMPUTING},
+        {"least of the runs of three cars [ms per simulated s]": value},
+        "of the machine that made the table; the least, for others may have disturbed it",
     )

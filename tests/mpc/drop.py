@@ -3,7 +3,7 @@
 import numpy as np
 
 from alloc.onboard import Belief, Braking, Onboard, Sensors
-from alloc.onboard.host import each_unit
+from alloc.onboard.host import HostedController, each_unit
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
@@ -42,7 +42,7 @@ def run_mpc(event, settings=None, controller=MpcController):
         made.append(controller(context, settings))
         return made[-1]
 
-    return simulate(event, "alone", "mpc", {"mpc": each_unit(make)}), made
+    return simulate(event, "alone", HostedController("mpc", "as told", each_unit(make))), made
 
 
 def between(run, start, end):

@@ -7,9 +7,9 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard import Sensors
-from alloc.onboard.host import each_unit
+from alloc.onboard.host import HostedController, each_unit
 from alloc.simulation import simulate
-from mpc.factories import factory
+from mpc.hosted import MPC
 from mpc.settings import MpcSettings
 from mpc.unit_controller import MpcController
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
@@ -58,8 +58,8 @@ def test_bounds_hold_all_the_way(drop_run):
 def test_on_a_good_rail_it_gives_what_is_asked():
     event = drop_event(level=0.3, drop=1.0, duration=4.0)
     mpc, none = (
-        evaluate(simulate(event, "alone", name, {"mpc": each_unit(factory)}))["effort_ratio"]
-        for name in ("mpc", "none")
+        evaluate(simulate(event, "alone", controller))["effort_ratio"]
+        for controller in (MPC, "none")
     )
     assert mpc == pytest.approx(none, rel=1e-2)
 
@@ -103,7 +103,7 @@ def test_failures_now_and_then_are_counted_and_survived(drop_run):
             return super().decide(sense)
 
     event = replace(drop_event(), name="faulty")
-    run = simulate(event, "alone", "mpc", {"mpc": each_unit(Faulty)})
+    run = simulate(event, "alone", HostedController("mpc", "fails at times", each_unit(Faulty)))
     assert run.attrs["controller_failures"] == 4 * 50
     settled = between(run, DROP + 1.2, BACK)
     slip = run["slip_velocity"].values[settled][:, driven(run)]

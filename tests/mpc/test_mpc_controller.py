@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpc.factories import factory
 from mpc.settings import MpcSettings, PeakBelief
 from mpc.unit_controller import MpcController
 
@@ -13,7 +12,7 @@ READINGS = ("speed", "torque", "target", "drive_limit", "omega")
 
 
 def test_without_slip_it_follows_the_target(context, make_sense):
-    controller = factory(context)
+    controller = MpcController(context)
     torque = 0.0
     for _ in range(100):
         torque = controller.decide(make_sense(slip=0.004, torque=torque, target=200.0)).torque
@@ -39,7 +38,7 @@ def test_with_slip_it_reduces_the_torque_and_the_more_the_lower_the_believed_pea
     ("limit", "bound"), [({"target": 150.0}, 150.0), ({"drive_limit": 120.0}, 120.0)]
 )
 def test_target_and_motor_bound_the_torque(context, make_sense, limit, bound):
-    controller = factory(context)
+    controller = MpcController(context)
     for _ in range(50):
         torque = controller.decide(make_sense(slip=0.0, torque=bound, **limit)).torque
         assert 0.0 <= torque <= bound
@@ -57,7 +56,7 @@ def test_believed_peak_and_headroom_bound_the_torque(context, make_sense):
 
 
 def test_braking_mirrors_driving(context, make_sense):
-    driving, braking = factory(context), factory(context)
+    driving, braking = MpcController(context), MpcController(context)
     for k in range(40):
         sense = make_sense(slip=0.01 * k, torque=400.0)
         mirrored = sense._replace(
@@ -68,7 +67,7 @@ def test_braking_mirrors_driving(context, make_sense):
 
 def test_braking_forwards_is_driving_with_the_opposite_slip(context, make_sense):
     # the piecewise curve does not know the speed
-    driving, braking = factory(context), factory(context)
+    driving, braking = MpcController(context), MpcController(context)
     for _ in range(20):
         torque = driving.decide(make_sense(slip=0.1, torque=500.0)).torque
         mirrored = make_sense(slip=-0.1, torque=-500.0, target=-900.0)
@@ -76,7 +75,7 @@ def test_braking_forwards_is_driving_with_the_opposite_slip(context, make_sense)
 
 
 def test_no_demand_means_no_torque(context, make_sense):
-    controller = factory(context)
+    controller = MpcController(context)
     controller.decide(make_sense())
     decision = controller.decide(make_sense(target=0.0))
     assert decision.ok
@@ -85,7 +84,7 @@ def test_no_demand_means_no_torque(context, make_sense):
 
 @pytest.mark.parametrize("reading", READINGS)
 def test_reading_that_is_no_number_fails_and_is_forgotten(context, make_sense, reading):
-    controller = factory(context)
+    controller = MpcController(context)
     good = controller.decide(make_sense())
     bad = np.full(4, np.nan) if reading == "omega" else np.nan
     decision = controller.decide(make_sense()._replace(**{reading: bad}))
@@ -123,7 +122,7 @@ class _Raising:
     ("solver", "status"), [(_Failing, "QP flag -1"), (_Raising, "RuntimeError: broken")]
 )
 def test_solver_failure_fails_and_does_not_stick(context, make_sense, solver, status):
-    controller = factory(context)
+    controller = MpcController(context)
     sound = controller._solver._solver
     assert controller.decide(make_sense()).ok
     controller._solver._solver = solver()
@@ -136,14 +135,14 @@ def test_solver_failure_fails_and_does_not_stick(context, make_sense, solver, st
 
 
 def test_wrong_number_of_axles_fails_instead_of_raising(context, make_sense):
-    decision = factory(context).decide(make_sense(axles=3))
+    decision = MpcController(context).decide(make_sense(axles=3))
     assert not decision.ok
     assert "ValueError" in decision.status
 
 
 def test_units_of_other_sizes_and_curves(make_context, make_sense):
     for axles, curve in ((1, "piecewise"), (4, "polach"), (4, "slip-ratio")):
-        controller = factory(make_context(curve, axles=axles))
+        controller = MpcController(make_context(curve, axles=axles))
         for slip in (0.0, 0.1, 1.0):
             assert controller.decide(make_sense(slip=slip, axles=axles)).ok
 

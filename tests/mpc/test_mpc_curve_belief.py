@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.plant.adhesion import tangential_coefficient
+from alloc.plant.adhesion_laws import tangential_coefficient
 from mpc.belief import CurveObserver
 from mpc.curve_belief import StretchEstimator, micro_slip, stretched
 from mpc.settings import CurveBelief, PeakBelief

@@ -7,25 +7,20 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard import Belief, Braking, Onboard, Telegrams
-from alloc.onboard.host import UnitSense, each_unit
+from alloc.onboard.host import UnitSense
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
-from mpc.factories import car_factory, factory, ideal_train_factory, train_factory
-from mpc.group_controller import CarControllers
+from mpc.group_controller import CarControllers, GroupController
+from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import Report, UnitForecast
 from mpc.train_controller import Order, TrainMpc, ordered_target
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.mpc.groups import train_of
 
-FACTORIES = {
-    "mpc": each_unit(factory),
-    "mpc-car": car_factory,
-    "mpc-train": train_factory,
-    "mpc-train-ideal": ideal_train_factory,
-}
+HOSTED = {one.name: one for one in (MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL)}
 BAD = 0.07
 """Peak coefficient under the foremost motor car; the plan needs 0.17, and elsewhere the rail carries 0.3."""
 
@@ -47,7 +42,7 @@ def _event(telegrams=None, train=None, inverters="1C4M", **values):
 
 
 def _run(controller, **values):
-    return simulate(_event(**values), "alone", controller, FACTORIES)
+    return simulate(_event(**values), "alone", HOSTED.get(controller, controller))
 
 
 def _settled_effort(run):
@@ -59,7 +54,7 @@ def _settled_effort(run):
 
 @pytest.fixture(scope="module")
 def runs():
-    return {name: _run(name) for name in FACTORIES}
+    return {name: _run(name) for name in HOSTED}
 
 
 def test_the_others_make_up_for_a_unit_on_bad_rail(runs):
@@ -183,7 +178,7 @@ def test_an_order_scales_with_the_driver_and_ends_with_him():
 
 
 def test_an_answer_comes_whatever_is_read():
-    for build_controller in (CarControllers, TrainMpc, ideal_train_factory):
+    for build_controller in (CarControllers, TrainMpc, GroupController):
         controller = build_controller(train_of(2))
         for value in (0.0, np.nan, 5.0):
             senses = [_sense(value), _sense(0.0)._replace(speed=value)]

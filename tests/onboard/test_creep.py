@@ -8,14 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.onboard import Onboard, OnboardError, PerturbObserve, SteepestGradient
-from alloc.onboard import memory as om
-from alloc.onboard.control import REFERENCE, control
+from alloc.onboard.controllers.dispatch import control
+from alloc.onboard.controllers.perturb_observe import perturbed_step
+from alloc.onboard.controllers.pi_creep import hold_slip
+from alloc.onboard.controllers.steepest_gradient import gradient_step
 from alloc.onboard.equipment import equipment
-from alloc.onboard.readhesion import CONTROLLERS, MEMORY
-from alloc.onboard.readhesion.creep import gradient_step, hold_slip, perturbed_step
+from alloc.onboard.memory import memory
+from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
+from tests.compiled_part import from_python
 
 P, I, PERIOD = 0.4, 8.0, 0.01  # noqa: E741 (the controller's own letters)
 COEFFICIENT = st.floats(0, 0.4)
@@ -112,22 +115,24 @@ def test_the_gradient_climbs_and_stays_within_a_least_step_of_the_peak(start):
 def obedient():
     """Course of the reference of a unit that slips as its reference says, on a curve `coefficient(slip)`."""
 
+    controlled = from_python(control)
+
     def run(name, onboard, coefficient, time=30.0):
         eq = equipment(build(find_set("one-axle"), Rail(0.12)), onboard)
-        settings = om.settings(onboard, 0, 0, False, CONTROLLERS[name], np.zeros(1))
-        memory = om.memory(eq, 5.0, 0.17)
+        st = settings(onboard, RuleSettings(0, False, False, np.zeros(1)), name)
+        m = memory(eq, 5.0, 0.17)
+        search = getattr(m.law, name.replace("-", "_"), None)
         to_torque = eq.axle_load[0] * eq.radius[0] / eq.gear[0]
-        memory.target[0] = 0.17 * to_torque
-        memory.worst_slip[0] = onboard.creep.reference + 0.2  # the slip that brings it to bear
+        m.unit.torque_target[0] = 0.17 * to_torque
+        m.worst_slip[0] = onboard.creep.reference + 0.2  # the slip that brings it to bear
         course = []
         for _ in range(round(time / onboard.period)):
-            memory.estimate[0] = coefficient(memory.worst_slip[0])
-            control(eq, settings, memory, 0.8)
+            m.unit.coefficient_estimate[0] = coefficient(m.worst_slip[0])
+            controlled(eq, st, m, 0.8)
             # limited by the rail, as long as it is searched for
-            memory.factor[0] = 0.7
-            memory.worst_slip[0] = memory.control[0, REFERENCE]
-            course.append(memory.worst_slip[0])
-        assert memory.control.shape == (1, MEMORY)
+            m.unit.torque_factor[0] = 0.7
+            m.worst_slip[0] = st.law.creep.reference if search is None else search.reference[0]
+            course.append(m.worst_slip[0])
         return np.array(course)
 
     return run

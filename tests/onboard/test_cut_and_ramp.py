@@ -4,16 +4,18 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard.readhesion.cut_and_ramp import (
+from alloc.onboard.controllers.cut_and_ramp import (
     CUT,
     FOLLOW,
     HOLD,
     RAMP,
     RECOVERY_TIMEOUT,
+    CutAndRamp,
     cut_and_ramp,
 )
 
-PERIOD, CUT_TO, RECOVER, HOLD_TIME, RATE = 0.01, 0.5, 0.9, 0.1, 400.0
+PERIOD, CUT_TO, RECOVER, RATE = 0.01, 0.5, 0.9, 400.0
+LAW = CutAndRamp(CUT_TO, RECOVER, hold=0.1)
 
 
 def _run(signals, target=1000.0, rail=800.0):
@@ -21,18 +23,7 @@ def _run(signals, target=1000.0, rail=800.0):
     course = []
     for slipping in signals:
         phase, clock, base, torque = cut_and_ramp(
-            phase,
-            clock,
-            base,
-            torque,
-            target,
-            slipping,
-            rail,
-            CUT_TO,
-            RECOVER,
-            HOLD_TIME,
-            RATE,
-            PERIOD,
+            phase, clock, base, torque, target, slipping, rail, LAW, RATE, PERIOD
         )
         course.append((phase, torque))
     return course

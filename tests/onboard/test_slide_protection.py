@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
-from alloc.onboard import memory as om
 from alloc.onboard.equipment import equipment
-from alloc.onboard.readhesion import NONE
+from alloc.onboard.memory import memory
+from alloc.onboard.settings import RuleSettings, settings
 from alloc.onboard.slide_protection.protect import protect
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import jp4209318_3car
+from tests.compiled_part import from_python
 
 SPEED, CYCLE = 20.0, 0.02
 SUPPLY, HOLD, RELEASE = 0, 1, 2
@@ -20,6 +21,7 @@ FUZZY = SlideProtection(
     law="fuzzy", period=CYCLE, reference="car", deceleration=1.0, time_out=1.0, refill=0.1,
     fuzzy=Fuzzy(slip=(0.0, 0.05, 0.15), rate=(-1.0, 0.0, 1.0)),
 )  # fmt: skip
+decide = from_python(protect)
 MODEL = build(jp4209318_3car.train(2), Rail(0.1))
 
 
@@ -29,8 +31,8 @@ class Cars:
     def __init__(self, protection: SlideProtection, period: float = CYCLE) -> None:
         onboard = Onboard(period=period, braking=Braking(slide_protection=protection))
         self.eq = equipment(MODEL, onboard)
-        self.settings = om.settings(onboard, 0, om.ALLOCATE_ON_SLIP, False, NONE, np.zeros(0))
-        self.memory = om.memory(self.eq, SPEED, 0.1)
+        self.settings = settings(onboard, RuleSettings(0, False, False, np.zeros(0)), "none")
+        self.memory = memory(self.eq, SPEED, 0.1)
         self.valve = np.full((4, 1), np.nan)
         self.tick = 0
 
@@ -41,7 +43,7 @@ class Cars:
             rim[axle] = speed * (1.0 - ratio)
         self.memory.axle_omega[:] = rim / self.eq.axle_radius
         self.memory.reference[:] = speed
-        protect(self.eq, self.settings, self.memory, self.tick, braking, self.valve)
+        decide(self.eq, self.settings, self.memory, self.tick, braking, self.valve)
         self.tick += 1
         return self.valve[:, 0].astype(int).tolist()
 
@@ -125,7 +127,7 @@ def test_a_valve_that_never_supplies_is_made_to():
     assert (actions[supplied[0] : supplied[0] + 5] == SUPPLY).all()  # for the 0.1 s of its refill
     assert actions[supplied[0] + 5] == RELEASE
     # again and again, and the bogies that roll are not concerned
-    assert cars.memory.counter[om.TIME_OUTS] == 3
+    assert cars.memory.counter.time_outs[0] == 3
 
 
 @pytest.mark.parametrize(("law", "action"), [("none", SUPPLY), ("fuzzy", RELEASE)])
@@ -134,10 +136,10 @@ def test_a_standing_axle_is_counted_once_and_released(law, action):
     for _ in range(5):
         valves = cars.decide({5: 1.0})
     assert valves[2] == action
-    assert cars.memory.counter[om.LOCKS] == 1
+    assert cars.memory.counter.locks[0] == 1
     cars.decide()
     cars.decide({5: 1.0})
-    assert cars.memory.counter[om.LOCKS] == 2
+    assert cars.memory.counter.locks[0] == 2
 
 
 def test_between_two_decisions_valves_stay():

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard import Detector
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
@@ -35,6 +36,7 @@ from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
+from paper_figs.palette import RULE_COLOURS, RULE_MARKERS
 from paper_figs.readhesion_paper import (
     CASES,
     HALF_SLIP,
@@ -47,7 +49,7 @@ from paper_figs.readhesion_paper import (
     torque_table,
 )
 from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
-from paper_figs.registry import all_figures
+from paper_figs.registry import FIGURES
 from paper_figs.resistance import (
     air_resistance,
     gradient_change,
@@ -61,19 +63,10 @@ from paper_figs.slides import (
     slide_pareto,
     slide_tables,
 )
-from paper_figs.style import (
-    CONTROLLER_COLOURS,
-    CONTROLLER_FILL,
-    CONTROLLER_MARKERS,
-    RULE_COLOURS,
-    RULE_MARKERS,
-    STYLE_FILE,
-    rule_colour,
-)
+from paper_figs.style import CONTROLLER_FILL, STYLE_FILE, rule_colour
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
-from studies.core.controllers import controller_names
 from studies.core.job import Job, simulate_job
 from studies.core.study_error import StudyError
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
@@ -96,7 +89,6 @@ from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
-FIGURES = all_figures()
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
@@ -269,10 +261,10 @@ def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, 
 def test_every_rule_and_controller_has_a_look_of_its_own():
     assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
     assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
-    assert set(CONTROLLER_COLOURS) == set(CONTROLLER_MARKERS) >= set(controller_names())
-    assert len(set(CONTROLLER_COLOURS.values())) == len(CONTROLLER_COLOURS)
-    assert len(set(CONTROLLER_MARKERS.values())) == len(CONTROLLER_MARKERS)
-    assert set(CONTROLLER_FILL) < set(controller_names())
+    controllers = CONTROLLERS.values()
+    assert len({one.colour for one in controllers}) == len(CONTROLLERS)
+    assert len({one.marker for one in controllers}) == len(CONTROLLERS)
+    assert set(CONTROLLER_FILL) < set(CONTROLLERS)
     assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 
 

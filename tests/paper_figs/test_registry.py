@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import studies.core.figures as loader
-from paper_figs.registry import FIGURES, all_figures, figure
+from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source, comparison, made
 from paper_figs.style import new_panels
 from studies.core.figures import GROUP, Gallery, gallery
@@ -33,8 +33,8 @@ def plugged(numbers):
 @pytest.fixture(autouse=True)
 def own_register(monkeypatch):
     """Figures that a test registers are gone after it."""
-    all_figures()
-    monkeypatch.setattr(FIGURES, "_parts", dict(FIGURES._parts))
+    parts = {name: FIGURES[name] for name in FIGURES}  # loads all of them first
+    monkeypatch.setattr(FIGURES, "_parts", parts)
     monkeypatch.setattr(FIGURES, "_origins", dict(FIGURES._origins))
 
 

@@ -5,13 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.plant.adhesion import (
+from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, PolachCurve, SlipRatioCurve
+from alloc.plant.adhesion_laws import (
     CREEPAGE_SPEED_FLOOR,
-    POLACH_DRY,
-    POLACH_WET,
-    PiecewiseCurve,
-    PolachCurve,
-    SlipRatioCurve,
     parabola_curvature,
     tangential_coefficient,
 )

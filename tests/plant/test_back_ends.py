@@ -10,7 +10,10 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
 from alloc.plant.sets import SETS
+from tests.compiled_part import from_python
 from tests.plant.numpy_plant import environment_at
+
+derivative = from_python(compiled.derivative)
 
 LANES = 3
 TIME = 1.7
@@ -85,7 +88,7 @@ def test_numpy_and_numba_agree(name, curve, law):
         state, inputs = _random(model, seed)
         local = environment_at(model, TIME, state, inputs.cleaning, arrays)
         slope = np.full((n.rows, LANES), np.nan)
-        compiled.derivative(
+        derivative(
             model.structure, model.environment, compiled.rows(n), TIME, state,
             inputs.torque_command, inputs.pressure_target, inputs.valve, inputs.cleaning, w, slope,
         )  # fmt: skip

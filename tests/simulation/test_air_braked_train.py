@@ -9,6 +9,7 @@ import pytest
 from alloc.metrics import METRICS, evaluate
 from alloc.metrics.slide import ATMOSPHERE
 from alloc.onboard import Braking, Fuzzy, Onboard, OnboardError, SlideProtection
+from alloc.onboard.host import HostedController
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
@@ -64,7 +65,7 @@ def test_a_controller_in_python_is_not_asked(sliding):
     def refuse(contexts):
         raise AssertionError("asked for a controller of no units")
 
-    run = simulate(stop(0.09), "alone", "mine", host_factories={"mine": refuse})
+    run = simulate(stop(0.09), "alone", HostedController("mine", "refuses", refuse))
     np.testing.assert_array_equal(run["speed"].values, sliding["speed"].values)
 
 

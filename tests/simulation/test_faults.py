@@ -8,7 +8,7 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard import Dropout, Onboard, OnboardError, Sensors, Telegrams
-from alloc.onboard.host import TorqueDecision, each_unit
+from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.rules import find_rule
@@ -187,9 +187,11 @@ FAILURES = {
 
 @pytest.mark.parametrize("kind", FAILURES)
 def test_where_a_controller_fails_its_unit_cuts_and_ramps(make_event, kind):
-    factories = {"failing": each_unit(lambda context: FailingController(FAILURES[kind]))}
+    failing = HostedController(
+        "failing", "fails", each_unit(lambda context: FailingController(FAILURES[kind]))
+    )
     event = make_event(0.11)
-    run = simulate(event, "alone", "failing", factories)
+    run = simulate(event, "alone", failing)
     steps = round((FailingController.UNTIL - FailingController.BEGIN) / event.onboard.period)
     assert run.attrs["controller_failures"] == steps * run.sizes["unit"]
     status = FAILURES[kind].status
@@ -210,7 +212,7 @@ def test_a_controller_that_fails_throughout_is_cut_and_ramp(make_event):
 
     event = make_event(0.11)
     dead = each_unit(lambda context: Dead(FAILURES["solver"]))
-    run = simulate(event, "alone", "dead", {"dead": dead})
+    run = simulate(event, "alone", HostedController("dead", "never answers", dead))
     reserve = simulate(event, "alone", "cut-and-ramp")
     for name in ("torque_command", "slip_velocity"):
         np.testing.assert_array_equal(run[name], reserve[name])

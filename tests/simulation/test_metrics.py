@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from alloc.metrics import METRICS, evaluate, jerk
+from alloc.metrics import METRICS, evaluate
+from alloc.metrics.motion import jerk
 from alloc.simulation import simulate
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.onboard import Braking, CreepControl, Onboard
-from alloc.onboard.readhesion import CONTROLLERS
+from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -57,7 +57,7 @@ def test_a_search_leads_to_a_wide_peak_from_both_sides(train, controller, refere
     assert abs(worst_slip(end).mean() - peak) < left * abs(reference - peak)
 
 
-@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("controller", BUILT_IN)
 def test_braking_is_driving_mirrored(train, controller):
     # a rigid train without resistance and air brakes, on rail whose adhesion knows neither speed nor place
     strong = TorqueLimit(2000.0, 2e6)  # whose bound falls with the wheels' speed must not act

@@ -13,9 +13,9 @@ import pytest
 
 import alloc.rules.qp
 from alloc.metrics import METRICS
+from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.recording import load
 from alloc.rules import RULES
-from studies.core.controllers import controller_names
 from studies.core.store import Store
 from studies.scenario.loading import shipped_scenarios
 
@@ -74,7 +74,7 @@ def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
 
 def test_a_second_call_runs_nothing(call, small, monkeypatch):
     first = call("compare", *small, "--no-figures", "--json")
-    monkeypatch.setattr("studies.core.runner.run_job", None)
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
     assert call("compare", *small, "--no-figures", "--json")[1] == first[1]
 
 
@@ -126,7 +126,7 @@ def test_everything_that_can_be_chosen_is_listed(call):
     assert code == 0
     assert list(content["scenarios"]) == shipped_scenarios()
     assert list(content["rules"]) == list(RULES)
-    assert list(content["controllers"]) == controller_names()
+    assert list(content["controllers"]) == list(CONTROLLERS)
     assert "[kJ]" in content["metrics"]["damage"]
     assert all(meaning for kind in content.values() for meaning in kind.values())
     _, printed, _ = call("list")

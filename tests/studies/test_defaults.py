@@ -26,14 +26,14 @@ def test_the_mpc_joins_in_where_it_is_meant_to():
 
 
 def test_every_pattern_of_runs_to_keep_matches_a_cell():
-    labels = [job.key.label for job in default_grid().jobs()]
+    labels = [job.label for job in default_grid().jobs()]
     for pattern in KEPT_RUNS:
         assert any(fnmatchcase(label, pattern) for label in labels)
 
 
 def test_named_controllers_are_all_that_is_run():
     grid = make_grid([load_scenario("wet-start")], ["exact", "exact"], ["none"], 2)
-    assert [job.key.label for job in grid.jobs()] == [
+    assert [job.label for job in grid.jobs()] == [
         "wet-start/exact/none/0",
         "wet-start/exact/none/1",
     ]

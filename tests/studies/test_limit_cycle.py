@@ -19,6 +19,7 @@ from studies.readhesion_paper.limit_cycle import (
     growth,
     reduced_model,
 )
+from tests.compiled_part import from_python
 
 ACCELERATION = 3.0 / 3.6
 NARROW, WIDE = TorqueTable(width=0.2 / 3.6), TorqueTable(width=0.8 / 3.6)
@@ -52,7 +53,7 @@ def test_slip_accelerates_as_in_the_plant(train, slip):
     state[n.omega], state[n.torque] = (speed + slip) / s.radius[0], torque
     inputs, w = plant.zero_inputs(), compiled.workspace(plant, 1e-3)
     slope = np.zeros_like(state)
-    compiled.derivative(
+    from_python(compiled.derivative)(
         s, plant.environment, compiled.rows(n), 0.0, state, inputs.torque_command, w.target,
         w.valve, inputs.cleaning, w, slope,
     )  # fmt: skip

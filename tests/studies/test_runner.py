@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-import studies.core.job
 import studies.core.runner
 from alloc.metrics import METRICS
-from alloc.onboard.host import each_unit
+from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import HostedController, each_unit
 from alloc.recording import load
-from studies.core.controllers import HOSTED
-from studies.core.job import Job, run_job, simulate_job
-from studies.core.runner import Grid, run_grid
+from studies.comparison.grid import Grid
+from studies.core.cell import key_of, run_cell
+from studies.core.job import Job, simulate_job
+from studies.core.runner import run_cells
 from studies.core.store import Store
 from studies.core.study_error import StudyError
 
@@ -28,11 +29,11 @@ def runs(monkeypatch):
     """Labels of the cells that are run in this process."""
     labels: list[str] = []
 
-    def counted(job, *rest):
-        labels.append(job.key.label)
-        return run_job(job, *rest)
+    def counted(cell, *rest):
+        labels.append(cell.label)
+        return run_cell(cell, *rest)
 
-    monkeypatch.setattr(studies.core.runner, "run_job", counted)
+    monkeypatch.setattr(studies.core.runner, "run_cell", counted)
     return labels
 
 
@@ -45,8 +46,8 @@ def numbers(table):
 
 
 def test_in_parallel_the_numbers_are_the_same(grid, tmp_path):
-    serial = run_grid(grid, Store(tmp_path / "serial"), jobs=1)
-    parallel = run_grid(grid, Store(tmp_path / "parallel"), jobs=2)
+    serial = run_cells(grid.jobs(), Store(tmp_path / "serial"), jobs=1)
+    parallel = run_cells(grid.jobs(), Store(tmp_path / "parallel"), jobs=2)
     assert (serial["status"] == "ok").all()
     assert serial[["rule", "controller", "seed"]].equals(parallel[["rule", "controller", "seed"]])
     np.testing.assert_array_equal(numbers(serial), numbers(parallel))
@@ -54,10 +55,10 @@ def test_in_parallel_the_numbers_are_the_same(grid, tmp_path):
 
 def test_what_differs_in_rule_or_controller_alone_meets_the_same_event(short):
     hashes = {
-        simulate_job(Job(short, rule, controller, 1), {}).attrs["event_hash"]
+        simulate_job(Job(short, rule, controller, 1)).attrs["event_hash"]
         for rule, controller in (("alone", "none"), ("exact", "cut-and-ramp"))
     }
-    other = simulate_job(Job(short, "alone", "none", 2), {}).attrs["event_hash"]
+    other = simulate_job(Job(short, "alone", "none", 2)).attrs["event_hash"]
     assert len(hashes) == 1
     assert other not in hashes
 
@@ -65,7 +66,7 @@ def test_what_differs_in_rule_or_controller_alone_meets_the_same_event(short):
 def test_every_cell_runs_once_in_the_order_of_the_grid(short):
     other = short.changed(name="other")
     grid = Grid((short, other), ("exact", "alone"), ("none",), (0, 1), ((short, "exact", "mpc"),))
-    labels = [job.key.label for job in grid.jobs()]
+    labels = [job.label for job in grid.jobs()]
     assert labels == [
         "short/exact/none/0", "short/exact/none/1", "short/exact/mpc/0", "short/exact/mpc/1",
         "short/alone/none/0", "short/alone/none/1",
@@ -79,35 +80,36 @@ def test_two_scenarios_of_one_name_are_refused(short):
 
 
 def test_rows_that_exist_are_not_run_again(grid, tmp_path, runs):
-    first = run_grid(grid, Store(tmp_path))
+    first = run_cells(grid.jobs(), Store(tmp_path))
     assert len(runs) == 8
-    second = run_grid(grid, Store(tmp_path))
+    second = run_cells(grid.jobs(), Store(tmp_path))
     assert len(runs) == 8
     np.testing.assert_array_equal(numbers(first), numbers(second))
 
 
 def test_only_what_is_new_is_run(short, tmp_path, runs):
-    run_grid(Grid((short,), ("alone",), ("none",), (0,)), Store(tmp_path))
-    run_grid(Grid((short,), ("alone", "exact"), ("none",), (0,)), Store(tmp_path))
+    run_cells(Grid((short,), ("alone",), ("none",), (0,)).jobs(), Store(tmp_path))
+    run_cells(Grid((short,), ("alone", "exact"), ("none",), (0,)).jobs(), Store(tmp_path))
     changed = short.changed(duration_s=1.0)
-    run_grid(Grid((changed,), ("alone",), ("none",), (0,)), Store(tmp_path))
+    run_cells(Grid((changed,), ("alone",), ("none",), (0,)).jobs(), Store(tmp_path))
     assert runs == ["short/alone/none/0", "short/exact/none/0", "short/alone/none/0"]
 
 
 def test_rows_of_other_code_do_not_count(short, tmp_path, runs, monkeypatch):
     grid = Grid((short,), ("alone",), ("none",), (0,))
-    run_grid(grid, Store(tmp_path))
-    monkeypatch.setattr(studies.core.job, "code_hash", lambda: "other code")
-    assert len(run_grid(grid, Store(tmp_path))) == 1
+    run_cells(grid.jobs(), Store(tmp_path))
+    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
+    assert len(run_cells(grid.jobs(), Store(tmp_path))) == 1
     assert len(runs) == 2
     assert len(Store(tmp_path).read()) == 2
 
 
 def test_a_worker_with_other_code_refuses(short):
-    outcome = run_job(Job(short, "alone", "none", 0), code="older code")
-    assert outcome.row["status"] == "failed"
-    assert "the sources changed while the study ran" in outcome.row["reason"]
-    assert outcome.key.code_hash == "older code"
+    job = Job(short, "alone", "none", 0)
+    (row,) = run_cell(job, key_of(job)._replace(code="older code")).rows
+    assert row["status"] == "failed"
+    assert "the sources changed while the study ran" in row["reason"]
+    assert row["code_hash"] == "older code"
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -117,10 +119,10 @@ def test_an_interrupt_keeps_what_is_finished(grid, tmp_path, jobs):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_grid(grid, Store(tmp_path), jobs=jobs, on_row=interrupt)
-    assert len(Store(tmp_path).keys()) == 3
+        run_cells(grid.jobs(), Store(tmp_path), jobs=jobs, on_row=interrupt)
+    assert len(Store(tmp_path).cells()) == 3
     steps = []
-    table = run_grid(grid, Store(tmp_path), on_row=lambda *step: steps.append(step[1:]))
+    table = run_cells(grid.jobs(), Store(tmp_path), on_row=lambda *step: steps.append(step[1:]))
     assert steps == [(3, 8), (4, 8), (5, 8), (6, 8), (7, 8), (8, 8)]
     assert (table["status"] == "ok").all()
 
@@ -128,15 +130,18 @@ def test_an_interrupt_keeps_what_is_finished(grid, tmp_path, jobs):
 def test_a_failed_cell_becomes_a_row_with_its_reason_and_the_rest_goes_on(
     short, tmp_path, runs, monkeypatch
 ):
-    monkeypatch.setitem(HOSTED, "mpc", lambda: broken_controller)
+    monkeypatch.setitem(
+        CONTROLLERS._parts, "mpc", HostedController("mpc", "breaks", broken_controller)
+    )
     grid = Grid((short,), ("alone",), ("mpc", "none"), (0,))
-    table = run_grid(grid, Store(tmp_path), keep=["*"])
+    table = run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert table["status"].tolist() == ["failed", "ok"]
     assert table.loc[0, "reason"] == "RuntimeError at broken_controller: no battery"
-    run_grid(grid, Store(tmp_path), keep=["*"])
+    run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert len(runs) == 2
-    monkeypatch.setitem(HOSTED, "mpc", lambda: each_unit(lambda context: AlwaysIdle()))
-    mended = run_grid(grid, Store(tmp_path), retry_failed=True)
+    idle = each_unit(lambda context: AlwaysIdle())
+    monkeypatch.setitem(CONTROLLERS._parts, "mpc", HostedController("mpc", "idles", idle))
+    mended = run_cells(grid.jobs(), Store(tmp_path), retry_failed=True)
     assert mended["status"].tolist() == ["ok", "ok"]
     assert len(runs) == 3
 
@@ -151,11 +156,9 @@ class AlwaysIdle:
 def test_runs_that_are_to_be_kept_are_recorded_even_if_their_row_exists(short, tmp_path):
     grid = Grid((short,), ("alone", "exact"), ("none",), (0,))
     store = Store(tmp_path)
-    run_grid(grid, store)
-    run_grid(grid, store, keep=["short/exact/*/0"])
-    kept = [job for job in grid.jobs() if store.run_path(job.key).exists()]
+    run_cells(grid.jobs(), store)
+    run_cells(grid.jobs(), store, keep=["short/exact/*/0"])
+    kept = [job for job in grid.jobs() if store.run_path(key_of(job)).exists()]
     assert [job.rule for job in kept] == ["exact"]
-    run = load(store.run_path(kept[0].key))
-    assert run.identical(
-        simulate_job(kept[0], {}).assign_attrs(wall_time_s=run.attrs["wall_time_s"])
-    )
+    run = load(store.run_path(key_of(kept[0])))
+    assert run.identical(simulate_job(kept[0]).assign_attrs(wall_time_s=run.attrs["wall_time_s"]))

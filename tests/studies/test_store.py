@@ -5,18 +5,14 @@ from concurrent.futures import ThreadPoolExecutor
 import pandas as pd
 import pytest
 
-from studies.core.job import KEY, Key
-from studies.core.store import Store, select
+from studies.core.cell import Key
+from studies.core.store import Store
 from studies.core.study_error import StudyError
 
 
 def row(seed: int, status: str = "ok", **values) -> dict:
-    key = Key("event", "5ce0", "exact", "none", seed, "c0de")
-    return key._asdict() | {"status": status, "reason": ""} | values
-
-
-def key_of(one: dict) -> Key:
-    return Key(*(one[name] for name in KEY))
+    cell = {"cell": f"cell {seed}", "code_hash": "c0de", "seed": seed}
+    return cell | {"status": status, "reason": ""} | values
 
 
 @pytest.fixture
@@ -26,13 +22,13 @@ def store(tmp_path):
 
 def test_an_empty_folder_has_no_rows(store):
     assert store.read().empty
-    assert store.keys(failed_too=True) == set()
+    assert store.cells(failed_too=True) == set()
 
 
 def test_rows_are_found_again_by_another_store(store):
     store.add([row(0, damage=1.5), row(1, damage=2.5)])
     again = Store(store.folder)
-    assert again.keys() == {key_of(row(0)), key_of(row(1))}
+    assert again.cells() == {"cell 0", "cell 1"}
     assert again.read()["damage"].tolist() == [1.5, 2.5]
 
 
@@ -47,8 +43,8 @@ def test_a_row_replaces_the_one_of_the_same_identity(store):
 
 def test_a_failed_row_is_kept_with_its_reason_but_is_not_done(store):
     store.add([row(0, "failed", reason="the wheels came off")])
-    assert store.keys() == set()
-    assert store.keys(failed_too=True) == {key_of(row(0))}
+    assert store.cells() == set()
+    assert store.cells(failed_too=True) == {"cell 0"}
     assert store.read().loc[0, "reason"] == "the wheels came off"
 
 
@@ -64,24 +60,39 @@ def test_an_interrupted_write_leaves_the_old_table_and_no_litter(store, monkeypa
         patch.setattr(pd.DataFrame, "to_parquet", interrupted)
         with pytest.raises(KeyboardInterrupt):
             store.add([row(1)])
-    assert store.keys() == {key_of(row(0))}
+    assert store.cells() == {"cell 0"}
     assert not list(store.folder.glob("*.part"))
 
 
 def test_writers_at_the_same_time_lose_nothing(store):
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda seed: Store(store.folder).add([row(seed)]), range(12)))
-    assert store.keys() == {key_of(row(seed)) for seed in range(12)}
+    assert store.cells() == {f"cell {seed}" for seed in range(12)}
 
 
 def test_rows_come_back_in_the_order_asked_for(store):
     store.add([row(0), row(1), row(2)])
-    assert select(store.read(), [key_of(row(2)), key_of(row(0))])["seed"].tolist() == [2, 0]
+    keys = [Key("event", f"cell {seed}", "c0de") for seed in (2, 0)]
+    assert store.rows_of(keys)["seed"].tolist() == [2, 0]
+
+
+def test_rows_of_one_cell_stay_together_in_their_order_and_are_replaced_as_one(store):
+    store.add([row(0, place=2), row(1, place=0), row(0, place=1)])
+    keys = [Key("event", f"cell {seed}", "c0de") for seed in (1, 0)]
+    assert store.rows_of(keys)["place"].tolist() == [0, 2, 1]
+    store.add([row(0, place=3)])
+    assert store.rows_of(keys)["place"].tolist() == [0, 3]
 
 
 def test_a_table_that_is_none_is_refused_with_its_name(store):
     store.path.write_text("not parquet")
     with pytest.raises(StudyError, match=r"table '.*runs\.parquet' cannot be read"):
+        store.read()
+
+
+def test_a_table_of_another_version_is_refused(store):
+    pd.DataFrame({"scenario": ["x"], "seed": [0]}).to_parquet(store.path)
+    with pytest.raises(StudyError, match="another version of this program wrote it"):
         store.read()
 
 

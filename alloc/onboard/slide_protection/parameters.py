@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError, check_numbers
+from alloc.onboard.quantity import quantity
 
 SENSITIVITIES: dict[str, float] = {"low": 0.853, "medium": 1.0, "high": 4.2}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
@@ -22,8 +23,8 @@ def _check_growing(name: str, knots: tuple[float, float, float]) -> None:
 class Threshold:
     """Plain switching points: slip ratios above which a bogie's pressure is released, and held (assumed)."""
 
-    release: float = 0.15
-    hold: float = 0.08
+    release: float = quantity(0.15, "1")
+    hold: float = quantity(0.08, "1")
 
     def __post_init__(self) -> None:
         check_numbers("threshold slide protection", self, positive=("release", "hold"))
@@ -43,10 +44,10 @@ class Fuzzy:
     with which `studies.slides.jp4209318` reaches its tables, one of several.
     """
 
-    sensitivity: float = SENSITIVITIES["medium"]
-    slip: tuple[float, float, float] = (0.0, 0.077716, 0.17027)
-    rate: tuple[float, float, float] = (-3.5912, 0.0, 3.5912)
-    pole: float = 6.6789
+    sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)
+    slip: tuple[float, float, float] = quantity((0.0, 0.077716, 0.17027), "1")
+    rate: tuple[float, float, float] = quantity((-3.5912, 0.0, 3.5912), "km/h/s")
+    pole: float = quantity(6.6789, "1/s")
 
     def __post_init__(self) -> None:
         check_numbers("fuzzy slide protection", self, positive=("sensitivity", "pole"))
@@ -73,13 +74,13 @@ class SlideProtection:
     law: Literal["none", "threshold", "fuzzy"] = "threshold"
     threshold: Threshold = field(default_factory=Threshold)
     fuzzy: Fuzzy = field(default_factory=Fuzzy)
-    period: float = 0.01
+    period: float = quantity(0.01, "s")
     reference: Literal["train", "car"] = "train"
-    deceleration: float = 1.5
-    sounding: float = 1.0
-    cut_out_speed: float = 5.0 / 3.6
-    time_out: float = 10.0
-    refill: float = 0.5
+    deceleration: float = quantity(1.5, "km/h/s")
+    sounding: float = quantity(1.0, "s")
+    cut_out_speed: float = quantity(5.0 / 3.6, "km/h")
+    time_out: float = quantity(10.0, "s")
+    refill: float = quantity(0.5, "s")
 
     def __post_init__(self) -> None:
         check_numbers(

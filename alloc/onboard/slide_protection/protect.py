@@ -1,7 +1,6 @@
 """The decisions of the cars' slide protection: reference speeds, the law on every axle, safeguards, the valves."""
 
 from alloc.compilation import inlined_jit
-from alloc.onboard import memory as om
 from alloc.onboard import slide_protection
 from alloc.onboard.detector import differentiate
 from alloc.onboard.slide_protection.fuzzy import HOLD, RELEASE, SUPPLY, infer, valve_action
@@ -41,11 +40,11 @@ def _follow_cars(eq, p, m):
 def _severity(p, ratio, rate):
     """What the law asks for at one axle: `SUPPLY` to `RELEASE`."""
     if p.law == slide_protection.FUZZY:
-        return infer(ratio, rate, p.sensitivity, p.slip_knots, p.rate_knots)
+        return infer(ratio, rate, p.fuzzy.sensitivity, p.fuzzy.slip, p.fuzzy.rate)
     if p.law == slide_protection.THRESHOLD:
-        if ratio > p.threshold[0]:
+        if ratio > p.threshold.release:
             return RELEASE
-        return HOLD if ratio > p.threshold[1] else SUPPLY
+        return HOLD if ratio > p.threshold.hold else SUPPLY
     return SUPPLY
 
 
@@ -62,11 +61,11 @@ def _ask_axles(eq, p, m):
         reference = k.reference[eq.axle_car[i]]
         rim = eq.axle_radius[i] * m.axle_omega[i]
         slip = max(reference - rim, 0.0)
-        k.filtered[i], rate = differentiate(k.filtered[i], slip, p.pole, p.gain)
+        k.filtered[i], rate = differentiate(k.filtered[i], slip, p.fuzzy.pole, p.fuzzy.gain)
         asked = _severity(p, slip / max(reference, LOWEST_SPEED), rate)
         stands = rim < STANDING_SPEED and reference > p.cut_out_speed
         if stands and not k.locked[i]:
-            m.counter[om.LOCKS] += 1
+            m.counter.locks[0] += 1
         k.locked[i] = stands
         if stands and p.law != slide_protection.NONE:
             asked = RELEASE
@@ -76,16 +75,16 @@ def _ask_axles(eq, p, m):
 @inlined_jit
 def _decide(eq, p, m, g):
     """Action of the valves of group `g` until the next decision."""
-    k, car = m.slide, eq.group_car[g]
+    k, car = m.slide, eq.group.car[g]
     action = valve_action(k.severity[g])
-    rearmost = g + 1 == k.action.size or eq.group_car[g + 1] != car
+    rearmost = g + 1 == k.action.size or eq.group.car[g + 1] != car
     if rearmost and k.lost[car] > p.sounding and p.law != slide_protection.NONE:
         action = RELEASE
     if k.reference[car] < p.cut_out_speed:
         action = SUPPLY
     k.away[g] = 0.0 if action == SUPPLY else k.away[g] + p.period
     if k.away[g] > p.time_out:
-        m.counter[om.TIME_OUTS] += 1
+        m.counter.time_outs[0] += 1
         k.refill[g], k.away[g] = p.refill, 0.0
     if k.refill[g] > 0.0:
         k.refill[g] -= p.period
@@ -103,7 +102,7 @@ def protect(eq, st, m, tick, braking, valve):
             k.reference[eq.axle_car[i]] = m.reference[eq.axle_body[i]]
             k.filtered[i], k.locked[i] = 0.0, False
         for g in range(k.action.size):
-            k.action[g] = k.away[g] = k.refill[g] = k.lost[eq.group_car[g]] = 0.0
+            k.action[g] = k.away[g] = k.refill[g] = k.lost[eq.group.car[g]] = 0.0
     elif tick % p.every == 0:
         _follow_cars(eq, p, m)
         _ask_axles(eq, p, m)

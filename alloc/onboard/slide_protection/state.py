@@ -12,6 +12,23 @@ from alloc.onboard.slide_protection.parameters import SlideProtection
 Floats = NDArray[np.float64]
 
 
+class ThresholdSettings(NamedTuple):
+    """As `Threshold`."""
+
+    release: float
+    hold: float
+
+
+class FuzzySettings(NamedTuple):
+    """As `Fuzzy`, with the gain of its differentiator."""
+
+    sensitivity: float
+    slip: Floats  # (3,)
+    rate: Floats  # (3,)
+    pole: float
+    gain: float
+
+
 class SlideSettings(NamedTuple):
     """Parameters for one run."""
 
@@ -24,12 +41,8 @@ class SlideSettings(NamedTuple):
     cut_out_speed: float
     time_out: float
     refill: float
-    threshold: Floats  # release, hold
-    sensitivity: float
-    slip_knots: Floats  # (3,)
-    rate_knots: Floats  # (3,)
-    pole: float
-    gain: float
+    threshold: ThresholdSettings
+    fuzzy: FuzzySettings
 
 
 class SlideMemory(NamedTuple):
@@ -60,12 +73,14 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
         cut_out_speed=protection.cut_out_speed,
         time_out=protection.time_out,
         refill=protection.refill,
-        threshold=np.array([threshold.release, threshold.hold]),
-        sensitivity=float(fuzzy.sensitivity),
-        slip_knots=np.array(fuzzy.slip, dtype=float),
-        rate_knots=np.array(fuzzy.rate, dtype=float),
-        pole=fuzzy.pole,
-        gain=differentiator_gain(fuzzy.pole, every * period),
+        threshold=ThresholdSettings(threshold.release, threshold.hold),
+        fuzzy=FuzzySettings(
+            fuzzy.sensitivity,
+            np.array(fuzzy.slip, dtype=float),
+            np.array(fuzzy.rate, dtype=float),
+            fuzzy.pole,
+            differentiator_gain(fuzzy.pole, every * period),
+        ),
     )
 
 

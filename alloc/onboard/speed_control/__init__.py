@@ -1,7 +1,7 @@
 """Speed control with compensation of running resistance by position, and with learning of it (JP H07-322414)."""
 
 from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.controller import MODES, SpeedControl
+from alloc.onboard.speed_control.controller import MODES, Learning, SpeedControl
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
 from alloc.onboard.speed_control.resistance import (
@@ -22,6 +22,7 @@ __all__ = [
     "WEIGHTS",
     "Feedback",
     "LearnThenUse",
+    "Learning",
     "LineMemory",
     "Motion",
     "Regression",

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
 
 Floats = NDArray[np.float64]
 

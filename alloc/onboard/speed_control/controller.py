@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError, check_numbers
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
@@ -56,14 +57,34 @@ class Learner(Protocol):
         """Learn from one sample: `regressor` Z (weights,), `error` [N], and a [m/s2], printed as Z3."""
 
 
+@dataclass(frozen=True)
+class Learning:
+    """How a speed control learns the weights.
+
+    `error`: what is learnt on, "feedback" (I_FB, claims 4, 6) or "model" (what the weights leave of the force supplied, with
+    measured V and a; claims 5, 7). `switch`: of claim 5. `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no
+    learning while section or gradient change under the train (not in the source); 0: learn there too.
+    """
+
+    learner: Learner | None = None
+    error: Literal["feedback", "model"] = "feedback"
+    switch: LearnThenUse | None = None
+    filter_time: float = 0.0
+    train_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_numbers("speed control", self, nonnegative=("train_length",))
+        if self.error not in ("feedback", "model"):
+            raise OnboardError(
+                f"speed control: error = {self.error!r} must be 'feedback' or 'model'"
+            )
+
+
 class SpeedControl:
     """Drives the train by current I = I_FB + I_FF; call it once per control period `period` [s], as `drive` does.
 
-    `weights` (3,) or (5,) are used where no `learner` is given. `error`: what is learnt on, "feedback" (I_FB, claims 4, 6)
-    or "model" (what the weights leave of the force supplied, with measured V and a; claims 5, 7). `rotating_mass` M_r [kg]
-    as in `resistance`; `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no learning while section or gradient
-    change under the train (not in the source); 0: learn there too. `speed_noise` [m/s]: standard deviation of the measured
-    speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
+    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `speed_noise`
+    [m/s]: standard deviation of the measured speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
     """
 
     def __init__(
@@ -75,29 +96,24 @@ class SpeedControl:
         mode: Mode = "feedback",
         memory: LineMemory | None = None,
         weights: Floats | None = None,
-        learner: Learner | None = None,
-        error: Literal["feedback", "model"] = "feedback",
-        switch: LearnThenUse | None = None,
+        learning: Learning | None = None,
         rotating_mass: float = 0.0,
-        filter_time: float = 0.0,
-        train_length: float = 0.0,
         speed_noise: float = 0.0,
         seed: int = 0,
     ) -> None:
         self.command, self.feedback, self.traction = command, feedback, traction
-        self.period, self.mode, self.error = period, mode, error
-        self.memory = memory or LineMemory()
-        self.learner, self.switch = learner, switch
-        self.rotating_mass, self.train_length = rotating_mass, train_length
-        self.speed_noise = speed_noise
+        self.period, self.mode = period, mode
+        self.memory, self.learning = memory or LineMemory(), learning or Learning()
+        self.rotating_mass, self.speed_noise = rotating_mass, speed_noise
+        learner, switch = self.learning.learner, self.learning.switch
         check_numbers(
-            "speed control", self, positive=("period",),
-            nonnegative=("rotating_mass", "train_length", "speed_noise"),
-        )  # fmt: skip
+            "speed control",
+            self,
+            positive=("period",),
+            nonnegative=("rotating_mass", "speed_noise"),
+        )
         if mode not in MODES:
             raise OnboardError(f"speed control: mode = {mode!r} must be one of {', '.join(MODES)}")
-        if error not in ("feedback", "model"):
-            raise OnboardError(f"speed control: error = {error!r} must be 'feedback' or 'model'")
         if weights is None and learner is None and mode != "feedback":
             raise OnboardError(f"speed control: mode {mode!r} needs weights or a learner")
         if (switch is None or learner is None) and mode == "learn-then-use":
@@ -105,7 +121,7 @@ class SpeedControl:
         self._weights = np.zeros(3) if weights is None else np.array(weights, dtype=float)
         if self.weights.shape not in ((3,), (5,)) or not np.all(np.isfinite(self.weights)):
             raise OnboardError(f"speed control: weights = {self.weights} must be 3 or 5 numbers")
-        self._filter = RegressionFilter(filter_time, period)
+        self._filter = RegressionFilter(self.learning.filter_time, period)
         self._noise = np.random.default_rng(seed)
         self._last: tuple[float, float, float, float, bool] | None = None
         self._rows: list[list[float]] = []
@@ -115,17 +131,17 @@ class SpeedControl:
     @property
     def weights(self) -> Floats:
         """Weights in use, (3,) or (5,)."""
-        return self._weights if self.learner is None else self.learner.weights
+        learner = self.learning.learner
+        return self._weights if learner is None else learner.weights
 
     @property
     def _using(self) -> bool:
-        return self.mode != "learn-then-use" or (
-            self.switch is not None and self.switch.signal == USE
-        )
+        switch = self.learning.switch
+        return self.mode != "learn-then-use" or (switch is not None and switch.signal == USE)
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set the torques of all units for the coming control period."""
-        speed = sense.speed
+        speed, switch = sense.speed, self.learning.switch
         if self.speed_noise > 0.0:
             speed += self.speed_noise * float(self._noise.standard_normal())
         wanted, rate = (float(value) for value in self.command.at(sense.time))
@@ -135,17 +151,17 @@ class SpeedControl:
         ahead = self._feedforward(
             Motion(speed, 0.0, slope, tunnel), Motion(wanted, rate, slope, tunnel)
         )
-        if self.switch is not None and error is not None and self.switch.update(error, self.period):
+        if switch is not None and error is not None and switch.update(error, self.period):
             # what the feedforward gives from now on the integrator need no longer give, and the other way round
             self.feedback.shift(ahead if self._using else -ahead)
             self._filter.restart()
         back = self.feedback.current(difference)
         current = back + ahead
         if self.mode == "learn-then-use":
-            assert self.switch is not None
+            assert switch is not None
             if not self._using:
                 current = back
-            elif not self.switch.feedback:
+            elif not switch.feedback:
                 current = ahead
         torques, supplied = self.traction.torques(current, speed)
         controls.torque[:] = torques
@@ -157,7 +173,7 @@ class SpeedControl:
         self._rows.append(
             [wanted, rate, speed, sense.position, back, ahead_used, supplied,
              supplied / self.traction.current_per_force,
-             np.nan if self.switch is None else self.switch.signal]
+             np.nan if switch is None else switch.signal]
         )  # fmt: skip
         self._history.append(self.weights.copy())
         return True
@@ -182,9 +198,8 @@ class SpeedControl:
         acceleration = (speed - before) / self.period
         motion = Motion(0.5 * (speed + before), acceleration, slope, tunnel)
         per_force = self.traction.current_per_force
-        if bounded or (
-            self.train_length > 0.0 and bool(self.memory.straddled(middle, self.train_length))
-        ):
+        length = self.learning.train_length
+        if bounded or (length > 0.0 and bool(self.memory.straddled(middle, length))):
             self._filter.restart()
             return None
         sample = self._filter.add(
@@ -201,10 +216,10 @@ class SpeedControl:
         model = sample.target - float(self.weights @ sample.regressor)
         if self.mode == "learn-then-use" and self._using:
             return sample.feedback
-        if self.learner is not None:
+        if self.learning.learner is not None:
             # learning on the feedback that drives alone is claim 5's: its error is against the model
-            on_model = self.error == "model" or self.mode == "learn-then-use"
-            self.learner.update(
+            on_model = self.learning.error == "model" or self.mode == "learn-then-use"
+            self.learning.learner.update(
                 sample.regressor, model if on_model else sample.feedback, sample.acceleration
             )
         return model

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from alloc.onboard.errors import check_numbers
+from alloc.errors import check_numbers
 
 
 @dataclass

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
 from alloc.plant.equations import gradient_force
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.onboard.errors import OnboardError
+from alloc.errors import OnboardError
 
 Floats = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError, check_numbers
 
 LEARN, USE = 1, 2
 """The switch command's signals."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.onboard.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError, check_numbers
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
 
 Floats = NDArray[np.float64]

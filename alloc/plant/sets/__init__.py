@@ -1,33 +1,24 @@
-"""Named parameter sets of trains: one module each, every value with its source.
+"""Named parameter sets of trains: one module each, which registers its trains; every value with its source.
 
 A value that no source gives is marked "assumed" with the reason why it is plausible.
 """
 
 from collections.abc import Callable
-from difflib import get_close_matches
 
 from alloc.errors import PlantError
-from alloc.plant.sets import commuter_8car, freight, high_speed_16car, jp4209318_3car, one_axle
 from alloc.plant.train import Train
+from alloc.registry import Registry
 
-SETS: dict[str, Callable[[], Train]] = {
-    "one-axle": one_axle.train,
-    "jp4209318-3car": jp4209318_3car.train,
-    "commuter-8car": commuter_8car.train,
-    "high-speed-16car": high_speed_16car.train,
-    "freight-5": freight.train_of_5,
-    "freight-17": freight.train_of_17,
-}
-"""Name of a parameter set and the function that builds its train."""
+SETS: Registry[Callable[[], Train]] = Registry(
+    "train", "readhesion.trains", PlantError, "alloc.plant.sets",
+    ("one-axle", "jp4209318-3car", "commuter-8car", "high-speed-16car", "freight-5", "freight-17"),
+)  # fmt: skip
+"""Name of a parameter set and the function that builds its train; from short trains to long ones."""
 
 
 def find_set(name: str) -> Train:
     """The train of the set `name`; raises `PlantError` with the nearest known name if there is none."""
-    if name not in SETS:
-        near = get_close_matches(name, SETS, 1, 0.4)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise PlantError(f"train: unknown parameter set {name!r}; {hint}Known: {', '.join(SETS)}")
-    return SETS[name]()
+    return SETS.find(name)()
 
 
 __all__ = ["SETS", "find_set"]

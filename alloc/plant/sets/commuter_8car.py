@@ -1,6 +1,7 @@
 """Eight-car commuter electric multiple unit, four motor cars and four trailers, with trailers at both ends."""
 
 from alloc.plant.equations import GRAVITY
+from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
 
 FORMATION = "TMMTTMMT"
@@ -86,3 +87,6 @@ def train() -> Train:
         source="composed; see sources",
         sources=SOURCES,
     )
+
+
+SETS.register("commuter-8car", train)

@@ -3,6 +3,7 @@
 import math
 
 from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
 
 SOURCES = {
@@ -131,3 +132,7 @@ def train_of_5() -> Train:
 def train_of_17() -> Train:
     """Locomotive and 17 wagons."""
     return train(17)
+
+
+SETS.register("freight-5", train_of_5)
+SETS.register("freight-17", train_of_17)

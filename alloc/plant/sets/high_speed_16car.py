@@ -4,6 +4,7 @@ import numpy as np
 
 from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS, Rail, logarithmic_increments
+from alloc.plant.sets import SETS
 from alloc.plant.train import (
     EFFORT_SPEED_STEP,
     EFFORT_TABLE_LENGTH,
@@ -132,3 +133,6 @@ def rail(seed: int = 0) -> Rail:
         scatter=0.012,
         seed=seed,
     )
+
+
+SETS.register("high-speed-16car", train)

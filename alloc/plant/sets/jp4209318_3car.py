@@ -3,6 +3,7 @@
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.equations import GRAVITY
 from alloc.plant.rail import Rail
+from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Train
 
 SOURCES = {
@@ -76,3 +77,6 @@ def rail() -> Rail:
         conditioning_slip=0.1017,
         curve=SlipRatioCurve(peak_slip_ratio=0.012879, residual_ratio=1.0),
     )
+
+
+SETS.register("jp4209318-3car", train)

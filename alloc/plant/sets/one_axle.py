@@ -1,6 +1,7 @@
 """One driven axle with its share of a train: readhesion paper (Univ. of Tokyo, Mitsubishi Electric), Tables 1, 2."""
 
 from alloc.plant.rail import Patch, Rail
+from alloc.plant.sets import SETS
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
 
 SOURCES = {
@@ -50,3 +51,6 @@ def train() -> Train:
 def rail(limit: float = 0.12) -> Rail:
     """Table 2: coefficient 0.18, `limit` (mu_lim) from 6 s to 14 s after the command at 0 s."""
     return Rail(0.18, patches=(Patch(limit / 0.18, begin=6.0, until=14.0, fade=PATCH_FADE),))
+
+
+SETS.register("one-axle", train)

@@ -4,17 +4,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.collection import SWEEPS
+from studies.core.collection import find_study
 from studies.core.statement import FAILS, HOLDS, TOO_FEW, VERDICTS
-from studies.resistance import study as resistance
+from studies.resistance import study
 from studies.resistance.driven_cases import EXACT, LEARNED, RIGHT, WRONGLY
 from studies.resistance.events import WRONG_BY, column, draw, drawn_route
 from studies.resistance.statements import MOUTH
+from studies.resistance.study import RESISTANCE
 from tests.studies.resistance_tables import resistance_table
 
 
 def verdicts(table):
-    return {statement.name: statement.verdict for statement in resistance.statements(table)}
+    return {statement.name: statement.verdict for statement in RESISTANCE.statements(table)}
 
 
 def test_an_event_follows_from_its_number_alone_and_keeps_within_its_bounds():
@@ -36,7 +37,7 @@ def test_an_event_follows_from_its_number_alone_and_keeps_within_its_bounds():
 
 def test_a_table_as_the_source_would_have_it_holds():
     assert set(verdicts(resistance_table()).values()) == {HOLDS}
-    assert SWEEPS["resistance"] is resistance
+    assert find_study("resistance") is RESISTANCE
 
 
 @pytest.mark.parametrize(
@@ -64,7 +65,7 @@ def test_a_claim_that_does_not_hold_is_said_not_to(changed, value, broken):
 
 
 def test_few_events_have_no_verdict():
-    found = resistance.statements(resistance_table().head(4))
+    found = RESISTANCE.statements(resistance_table().head(4))
     assert {statement.verdict for statement in found} == {TOO_FEW}
     assert {TOO_FEW, HOLDS, FAILS} < set(VERDICTS)
 
@@ -76,18 +77,19 @@ def test_events_are_kept_and_not_run_again(tmp_path, monkeypatch):
         ran.append((seed, event))
         return {"event": event, "value": 10.0 * seed + event}
 
-    monkeypatch.setattr(resistance, "event_row", row)
-    assert resistance.stored(tmp_path) is None
-    first = resistance.run(tmp_path, 2, 0, 1)
+    monkeypatch.setattr(study, "event_row", row)
+    assert RESISTANCE.held(tmp_path) == 0
+    first = RESISTANCE.run(tmp_path, 2)
     assert first["value"].tolist() == [0.0, 1.0]
     told = []
-    more = resistance.run(tmp_path, 3, 0, 1, lambda *one: told.append(one))
-    other = resistance.run(tmp_path, 1, 4, 1)
+    more = RESISTANCE.run(tmp_path, 3, on_row=lambda *one: told.append(one))
+    other = RESISTANCE.run(tmp_path, 1, 4)
     assert ran == [(0, 0), (0, 1), (0, 2), (4, 0)]
-    assert told == [("event 2", 0, 1)]
+    assert told[1:] == [("0/2", 3, 3)]
     assert more["value"].tolist() == [0.0, 1.0, 2.0]
     assert other["value"].tolist() == [40.0]
-    pd.testing.assert_frame_equal(resistance.run(tmp_path, 3, 0, 1), more)
+    pd.testing.assert_frame_equal(RESISTANCE.run(tmp_path, 3), more)
     assert len(ran) == 4
-    monkeypatch.setattr(resistance, "_hash", lambda: "other code")
-    assert resistance.stored(tmp_path) is None
+    assert (RESISTANCE.held(tmp_path), RESISTANCE.held(tmp_path, 4)) == (3, 1)
+    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
+    assert RESISTANCE.held(tmp_path) == 0

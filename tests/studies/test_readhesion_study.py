@@ -4,10 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.collection import SWEEPS
+from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
-from studies.readhesion_paper import study as readhesion
+from studies.readhesion_paper import study
 from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.study import NARROW, PRINTED, READHESION
 from tests.studies.readhesion_tables import limit_of, sweep_table
 
 COARSE = 5e-4
@@ -16,14 +17,14 @@ COARSE = 5e-4
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("readhesion")
-    return readhesion.run(folder, 1, 0, 1, margins=(0.4,), widths=(0.2, 0.8), step=COARSE)
+    return READHESION.run(folder, 1, margins=(0.4,), widths=(0.2, 0.8), step=COARSE)
 
 
 def test_every_parabola_meets_every_controller(swept):
     limits = swept[swept["part"] == "limit"]
     assert limits.groupby("parabola").size().to_dict() == {
-        readhesion.PRINTED: 2,
-        readhesion.NARROW: 2,
+        PRINTED: 2,
+        NARROW: 2,
     }
     runs = swept[swept["part"] == "indices"]
     assert (runs.groupby(["parabola", "width"]).size() >= 15).all()
@@ -42,51 +43,51 @@ def test_the_limit_separates_what_readheres(swept):
             assert (good == (runs["limit"] >= limit - 1e-9)).all() == limits.loc[key, "monotone"]
 
 
-def test_only_the_whole_sweep_is_kept(tmp_path, monkeypatch):
-    table = sweep_table()
-    monkeypatch.setattr(readhesion, "_searched", lambda *_: table.iloc[:10])
-    monkeypatch.setattr(readhesion, "run_cases", lambda *_, **__: None)
-    monkeypatch.setattr(readhesion, "case_findings", lambda _: {})
-    readhesion.run(tmp_path, 1, 0, 1, widths=(0.2,))
-    assert readhesion.stored(tmp_path) is None
+def test_what_a_folder_holds_is_not_run_again(tmp_path, monkeypatch):
+    rows = sweep_table().iloc[:10].drop(columns="parabola").to_dict("records")
+    asked = []
+    monkeypatch.setattr(study, "searched_rows", lambda *how: asked.append(how) or rows)
+    monkeypatch.setattr(study, "case_rows", lambda *_: [{"finding": "A readheres", "met": True}])
+    READHESION.run(tmp_path, 1, widths=(0.2,))
+    assert READHESION.held(tmp_path) == 0
     told = []
-    whole = readhesion.run(tmp_path, 1, 0, 1, lambda *row: told.append(row))
-    assert len(told) == 3
-    pd.testing.assert_frame_equal(readhesion.stored(tmp_path), whole, check_dtype=False)
-    monkeypatch.setattr(readhesion, "_searched", None)
-    assert len(readhesion.run(tmp_path, 1, 0, 1)) == len(whole)
-    monkeypatch.setattr(readhesion, "_hash", lambda: "other code")
-    assert readhesion.stored(tmp_path) is None
+    whole = READHESION.run(tmp_path, 1, on_row=lambda *row: told.append(row))
+    assert told[1:] == [(PRINTED, 2, 3), (NARROW, 3, 3)]  # the cases know no widths
+    assert READHESION.held(tmp_path) == 1
+    pd.testing.assert_frame_equal(READHESION.run(tmp_path, 1), whole)
+    assert len(asked) == 4
+    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
+    assert READHESION.held(tmp_path) == 0
 
 
 def test_every_finding_has_its_statement(swept):
-    found = {statement.name: statement for statement in readhesion.statements(swept)}
+    found = {statement.name: statement for statement in READHESION.statements(swept)}
     assert set(CLAIMS) | {"limit exists", "parabola"} == set(found)
     assert {statement.verdict for statement in found.values()} <= set(VERDICTS)
-    assert SWEEPS["readhesion"] is readhesion
+    assert find_study("readhesion") is READHESION
 
 
 def test_a_table_as_the_paper_found_it_holds():
-    found = readhesion.statements(sweep_table())
+    found = READHESION.statements(sweep_table())
     assert {statement.verdict for statement in found} == {HOLDS}
 
 
 def test_a_case_that_fails_is_said_to():
     table = sweep_table()
     table.loc[table["finding"] == "A period", "met"] = False
-    verdicts = {statement.name: statement.verdict for statement in readhesion.statements(table)}
+    verdicts = {statement.name: statement.verdict for statement in READHESION.statements(table)}
     assert [name for name, verdict in verdicts.items() if verdict != HOLDS] == ["A period"]
 
 
 def test_a_limit_that_is_none_is_said_to_be():
-    found = {s.name: s for s in readhesion.statements(sweep_table(monotone=False))}
+    found = {s.name: s for s in READHESION.statements(sweep_table(monotone=False))}
     assert found["limit exists"].verdict == CONDITIONS
     assert found["limit exists"].conditions == ("not with a_0 0, a_w 0.2",)
 
 
 def test_a_parabola_that_matters_is_said_to():
     def parabola(narrow_limit):
-        found = readhesion.statements(sweep_table(narrow_limit))
+        found = READHESION.statements(sweep_table(narrow_limit))
         return next(statement for statement in found if statement.name == "parabola")
 
     assert parabola(lambda m, w: limit_of(m, w) - 0.012).verdict == FAILS

@@ -1,15 +1,18 @@
 """The sweep `learning`: same rails for every arm, memory across stations, and statements that follow from the table."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from alloc.estimation.learning import DIRECTIONS, load_learning
-from studies.core.collection import SWEEPS
+from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
-from studies.learning import study as learning
+from studies.learning import starts, study
 from studies.learning.arms import ARMS
 from studies.learning.series import PARTS, TOLERANCE, per_series
+from studies.learning.study import LEARNING
 from tests.studies.learning_tables import falling, synthetic
 
 SHORT = 2.0
@@ -19,27 +22,27 @@ SHORT = 2.0
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("learning")
-    return folder, learning.run(folder, 4, 0, 1, duration=SHORT)
+    return folder, LEARNING.run(folder, 4, duration=SHORT)
 
 
 def named(table):
-    return {statement.name: statement for statement in learning.statements(table)}
+    return {statement.name: statement for statement in LEARNING.statements(table)}
 
 
-def test_the_sweep_is_registered():
-    assert SWEEPS["learning"] is learning
-    assert len(learning.DESCRIPTION) > 20
+def test_the_study_is_known_by_name():
+    assert find_study("learning") is LEARNING
+    assert len(LEARNING.question) > 20
 
 
 def test_every_arm_meets_the_same_rails_and_others_meet_others(swept):
     _, table = swept
-    assert len(table) == 4 * len(learning.RAILS) * len(learning.STORED) * len(ARMS)
+    assert len(table) == 4 * len(starts.RAILS) * len(starts.STORED) * len(ARMS)
     keys = ["rail", "stored", "train", "direction", "station"]
     for _, rows in table.groupby(keys):
         assert rows["arm"].tolist() == list(ARMS)
         assert rows["seed"].nunique() == rows["level"].nunique() == 1
     assert table["seed"].nunique() == len(table) / len(ARMS)
-    assert table["level"].sub(learning.LEVEL).abs().max() <= learning.HALF_WIDTH
+    assert table["level"].sub(starts.LEVEL).abs().max() <= starts.HALF_WIDTH
 
 
 def test_before_anything_is_learnt_learners_do_what_no_learning_does(swept):
@@ -59,10 +62,11 @@ def test_arms_that_do_not_learn_keep_what_they_believe(swept):
     assert kept.first().min() > 0.02
 
 
-def test_memory_is_kept_per_direction_in_the_trains_file(swept):
-    folder, table = swept
-    (file,) = (folder / "series").glob("even_too-high_Gaussian_0_*.json")
-    known = load_learning(file, "commuter-8car")
+def test_memory_is_kept_per_direction_in_the_trains_file(swept, tmp_path, monkeypatch):
+    _, table = swept
+    monkeypatch.setattr(starts.tempfile, "TemporaryDirectory", lambda: nullcontext(str(tmp_path)))
+    starts.series_rows(starts.Series("even", "too high", "Gaussian", 0, 2, 0, SHORT))
+    known = load_learning(tmp_path / "learning.json", "commuter-8car")
     assert set(known) == set(DIRECTIONS)
     rows = table[
         (table["arm"] == "Gaussian") & (table["rail"] == "even") & (table["stored"] == "too high")
@@ -75,14 +79,20 @@ def test_memory_is_kept_per_direction_in_the_trains_file(swept):
 
 def test_what_a_folder_holds_is_not_run_again(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr(learning, "run_series", None)
-    pd.testing.assert_frame_equal(learning.run(folder, 4, 0, 1, duration=SHORT), table)
-    assert learning.stored(folder) == 0  # no series of all stations
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    pd.testing.assert_frame_equal(LEARNING.run(folder, 4, duration=SHORT), table)
+    assert LEARNING.held(folder, duration=SHORT) == 0  # no series of all stations
+
+
+def test_whole_trains_are_held(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "series_rows", lambda series: {"train": series.train})
+    LEARNING.run(tmp_path, 2 * LEARNING.step)
+    assert LEARNING.held(tmp_path) == 2 * LEARNING.step
 
 
 def test_few_series_give_no_verdict(swept):
     _, table = swept
-    assert {statement.verdict for statement in learning.statements(table)} <= {*VERDICTS}
+    assert {statement.verdict for statement in LEARNING.statements(table)} <= {*VERDICTS}
     assert named(table)["learnt-patent"].verdict == TOO_FEW
 
 

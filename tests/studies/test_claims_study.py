@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.claims import study as claims
 from studies.claims.events import QUANTITIES, draw, drawn_table, scenario
 from studies.claims.measures import EXCESS_EDGES, excess_column, measure
-from studies.core.collection import SWEEPS, find_sweep, sweep_folder
+from studies.claims.study import CLAIMS
+from studies.claims.study import RULES as CLAIM_RULES
+from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.job import Job, simulate_job
 from studies.core.statement import VERDICTS, Interval, Statement
 from studies.core.study_error import StudyError
@@ -24,15 +25,15 @@ SHORT = 3.0
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("claims")
-    return folder, claims.run(folder, 2, 0, 1, duration=SHORT)
+    return folder, CLAIMS.run(folder, 2, duration=SHORT)
 
 
 def test_every_rule_meets_every_event(swept):
     _, table = swept
     assert (table["status"] == "ok").all(), table["reason"].tolist()
-    assert len(table) == 2 * len(claims.RULES)
+    assert len(table) == 2 * len(CLAIM_RULES)
     for _, event in table.groupby("scenario"):
-        assert event["rule"].tolist() == list(claims.RULES)
+        assert event["rule"].tolist() == list(CLAIM_RULES)
         assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
     assert table.groupby("scenario")["seed"].first().tolist() == [0, 1]
 
@@ -47,30 +48,31 @@ def test_rows_have_what_was_drawn_and_what_was_measured(swept):
 
 def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_job", None)
-    pd.testing.assert_frame_equal(claims.run(folder, 2, 0, 1, duration=SHORT), table)
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    pd.testing.assert_frame_equal(CLAIMS.run(folder, 2, duration=SHORT), table)
     asked = []
 
-    def noted(job, *_, **__):
-        asked.append(job.scenario.name)
+    def noted(cell, *_):
+        asked.append(cell.scenario.name)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("studies.core.runner.run_job", noted)
+    monkeypatch.setattr("studies.core.runner.run_cell", noted)
     with pytest.raises(KeyboardInterrupt):
-        claims.run(folder, 3, 0, 1, duration=SHORT)
+        CLAIMS.run(folder, 3, duration=SHORT)
     assert asked == ["random-0-0002"]
 
 
 def test_what_a_folder_holds_is_counted_by_whole_events(swept, tmp_path):
     folder, _ = swept
-    assert claims.stored(folder) == 2
-    assert claims.stored(folder, seed=1) == 0
-    assert claims.stored(tmp_path) == 0
+    assert CLAIMS.held(folder, duration=SHORT) == 2
+    assert CLAIMS.held(folder, 1, duration=SHORT) == 0
+    assert CLAIMS.held(tmp_path, duration=SHORT) == 0
+    assert CLAIMS.held(folder) == 0  # events of their whole length
 
 
 def test_a_few_events_give_statements_without_a_verdict_of_their_own(swept):
     _, table = swept
-    found = claims.statements(table)
+    found = CLAIMS.statements(table)
     assert [s.name for s in found] == list("abcde")
     assert {s.verdict for s in found} <= set(VERDICTS)
 
@@ -100,7 +102,7 @@ def test_drawn_events_can_be_run(k):
 
 
 def test_measures_are_shares_of_what_there_is():
-    run_ = simulate_job(Job(scenario(0, 0, 5.0), "greedy", "cut-and-ramp", 0), {})
+    run_ = simulate_job(Job(scenario(0, 0, 5.0), "greedy", "cut-and-ramp", 0))
     found = measure(run_)
     assert 0.0 < found["unit_use_low"] <= found["unit_use_mean"] < 1.0
     assert found["reach_low"] <= found["reach_high"]
@@ -126,17 +128,17 @@ def test_measures_are_shares_of_what_there_is():
 
 def test_without_slip_the_plan_is_delivered_in_full():
     dry = scenario(0, 0, 5.0).changed(rail={"level": 0.4}, line={}, belief={})
-    found = measure(simulate_job(Job(dry, "alone", "cut-and-ramp", 0), {}))
+    found = measure(simulate_job(Job(dry, "alone", "cut-and-ramp", 0)))
     assert found["held_effort"] == pytest.approx(1.0, abs=0.01)
     assert found["over_share"] == 0.0
 
 
 @pytest.fixture
 def stub(monkeypatch):
-    """A sweep that takes no time, in the place of `claims`; gives the calls that it met."""
+    """A study that takes no time, in the place of `claims`; gives the calls that it met."""
     calls = []
 
-    def sweep_run(folder, events, seed, jobs, on_row=None):
+    def study_run(folder, events, seed, jobs, on_row=None):
         calls.append((folder, events, seed, jobs))
         return pd.DataFrame({"status": ["ok"] * events})
 
@@ -147,13 +149,8 @@ def stub(monkeypatch):
         {"wetness [-]": Interval(1.0, 0.9, float("nan"), 3)},
         ("on rails",),
     )
-    module = SimpleNamespace(
-        DESCRIPTION="is water wet",
-        DEFAULT_EVENTS=7,
-        run=sweep_run,
-        statements=lambda _: [statement],
-    )
-    monkeypatch.setitem(SWEEPS, "claims", module)
+    study = SimpleNamespace(default_events=7, run=study_run, statements=lambda _: [statement])
+    monkeypatch.setitem(all_studies(), "claims", study)
     return calls
 
 
@@ -204,15 +201,15 @@ def test_bad_input_is_one_clear_line(call, tmp_path, monkeypatch, arguments, wor
     assert not list(tmp_path.iterdir())
 
 
-def test_every_sweep_of_the_register_is_one():
-    for name in SWEEPS:
-        found = find_sweep(name)
-        assert found.DESCRIPTION
+def test_every_study_of_the_collection_is_one():
+    for name, study in all_studies().items():
+        assert find_study(name) is study
+        assert study.name == name
+        assert study.question
         # the readhesion paper's scenario has nothing random in it
-        assert (1 if name == "readhesion" else LEAST_EVENTS) <= found.DEFAULT_EVENTS
-        assert callable(found.run)
-        assert callable(found.statements)
-    assert set(claims.RULES) <= set(RULES)
+        assert (1 if name == "readhesion" else LEAST_EVENTS) <= study.default_events
+        assert study.default_events % study.step == 0
+    assert set(CLAIM_RULES) <= set(RULES)
     with pytest.raises(StudyError, match="unknown sweep"):
-        find_sweep("nothing")
-    assert sweep_folder("out", "claims").parts == ("out", "sweeps", "claims")
+        find_study("nothing")
+    assert study_folder("out", "claims").parts == ("out", "sweeps", "claims")

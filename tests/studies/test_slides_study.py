@@ -5,12 +5,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from studies.core.collection import SWEEPS
+from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
-from studies.slides import study as slide_protection
+from studies.slides import runs
 from studies.slides.front import front
 from studies.slides.jp4209318 import RIVALS
 from studies.slides.statements import slide_statements, tables
+from studies.slides.study import SLIDE_PROTECTION
 from studies.slides.targets import TABLE_3, TABLE_4, TARGETS
 from tests.studies.slide_tables import slide_table
 
@@ -25,7 +26,7 @@ def verdicts(table):
 
 
 def test_the_sweep_is_known_by_name():
-    assert SWEEPS["slide-protection"] is slide_protection
+    assert find_study("slide-protection") is SLIDE_PROTECTION
 
 
 def test_what_is_as_printed_holds(table):
@@ -96,19 +97,30 @@ def test_thresholds_are_judged_at_equal_q(table):
     assert statement.conditions == ("not with hold 0.01, release 0.02",)
 
 
-def test_a_table_is_made_once(tmp_path, monkeypatch):
-    few = list(islice(slide_protection.tasks(), 2))
-    monkeypatch.setattr(slide_protection, "tasks", lambda: iter(few))
-    monkeypatch.setattr(
-        slide_protection, "electric_tasks", lambda: iter([("1C4M", "cut-and-ramp")])
-    )
+def test_a_table_is_made_once_and_an_interrupted_one_goes_on(tmp_path, monkeypatch):
+    few = list(islice(runs.stops(), 2))
+    monkeypatch.setattr(runs, "stops", lambda: iter(few))
+    monkeypatch.setattr(runs, "electric_tasks", lambda: iter([("1C4M", "cut-and-ramp")]))
+    cells = 5 + len(RIVALS)
     seen = []
-    made = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
-    assert seen == [("electric", 1, 3), ("tables", 2, 3), ("tables", 3, 3)]
+
+    def told(*row):
+        seen.append(row)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        SLIDE_PROTECTION.run(tmp_path, 1, on_row=told)
+    assert SLIDE_PROTECTION.held(tmp_path) == 0
+    made = SLIDE_PROTECTION.run(tmp_path, 1, on_row=told)
+    assert seen[1:4] == [
+        ("electric/1C4M/cut-and-ramp", 1, cells), ("tables/1/medium", 2, cells), ("tables/2/medium", 3, cells),
+    ]  # fmt: skip
+    assert [row[1] for row in seen[4:]] == list(range(3, cells + 1))
     assert made["part"].tolist() == [
         "electric", "tables", "tables", "jitter", *["rival"] * len(RIVALS), "held out",
     ]  # fmt: skip
-    again = slide_protection.run(tmp_path, 1, 0, 1, lambda *row: seen.append(row))
-    assert len(seen) == 3
+    again = SLIDE_PROTECTION.run(tmp_path, 1, on_row=told)
+    assert seen[-1] == ("", cells, cells)
     assert again.equals(made)
-    assert slide_protection.stored(tmp_path).equals(made)
+    assert SLIDE_PROTECTION.held(tmp_path) == 1

@@ -2,9 +2,11 @@
 
 import pytest
 
-from studies.brake_force import study as brake_force
+from studies.brake_force import study
+from studies.brake_force.running_tests import TESTS
 from studies.brake_force.statements import brake_force_statements
-from studies.core.collection import SWEEPS
+from studies.brake_force.study import BRAKE_FORCE
+from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from tests.studies.brake_tables import brake_table
 
@@ -72,26 +74,35 @@ def test_slope_per_wagon_is_that_of_the_table():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """A sweep whose days take no time."""
+    """Days that take no time; gives the cells that were run."""
     table = brake_table(days=3)
     asked = []
 
-    def day(seed, k, tests, shortfalls):
-        asked.append((seed, k))
-        return table[table["event"] == k]
+    def rows(part, day, **own):
+        asked.append((day, part, *own.values()))
+        chosen = table[(table["part"] == part) & (table["event"] == day)]
+        for name, value in own.items():
+            chosen = chosen[chosen[name] == value]
+        return chosen.dropna(axis=1, how="all").to_dict("records")
 
-    monkeypatch.setattr(brake_force, "_day", day)
+    monkeypatch.setattr(study, "running_test_row", lambda name, day: rows("test", day, test=name))
+    monkeypatch.setattr(study, "allocated_rows", lambda day: rows("allocated", day))
+    monkeypatch.setattr(study, "driven_rows", lambda day, shortfalls: rows("driven", day))
     return asked
+
+
+CELLS_PER_DAY = len(TESTS) + 2
 
 
 def test_days_that_are_stored_are_not_run_again(tmp_path, quick):
     told = []
-    one = brake_force.run(tmp_path, 2, 0, 1, lambda *row: told.append(row))
-    assert quick == [(0, 0), (0, 1)]
-    assert [row[1:] for row in told] == [(0, 2), (1, 2), (2, 2)]
-    assert (brake_force.stored(tmp_path), brake_force.stored(tmp_path, 1)) == (2, 0)
-    more = brake_force.run(tmp_path, 3, 0, 1)
-    assert quick == [(0, 0), (0, 1), (0, 2)]
+    one = BRAKE_FORCE.run(tmp_path, 2, on_row=lambda *row: told.append(row))
+    assert [row[1:] for row in told] == [
+        (k, 2 * CELLS_PER_DAY) for k in range(2 * CELLS_PER_DAY + 1)
+    ]
+    assert (BRAKE_FORCE.held(tmp_path), BRAKE_FORCE.held(tmp_path, 1)) == (2, 0)
+    more = BRAKE_FORCE.run(tmp_path, 3)
+    assert [day for day, *_ in quick] == [k for k in range(3) for _ in range(CELLS_PER_DAY)]
     for column in ("mean", "found", "missing"):
         assert (
             more[more["event"] < 2][column].fillna(-1.0).tolist()
@@ -99,15 +110,26 @@ def test_days_that_are_stored_are_not_run_again(tmp_path, quick):
         )
 
 
-def test_only_whole_days_are_kept(tmp_path, quick):
-    brake_force.run(tmp_path, 1, 0, 1, tests=("all",))
-    assert brake_force.stored(tmp_path) == 0
+def test_only_whole_days_count_and_an_interrupted_one_goes_on(tmp_path, quick):
+    BRAKE_FORCE.run(tmp_path, 1, tests=("all",))
+    assert BRAKE_FORCE.held(tmp_path) == 0
+
+    def interrupt(label, done, total):
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        BRAKE_FORCE.run(tmp_path, 1, on_row=interrupt)
+    assert len(quick) == 5
+    BRAKE_FORCE.run(tmp_path, 1)
+    assert BRAKE_FORCE.held(tmp_path) == 1
+    assert len(quick) == len(set(quick)) == CELLS_PER_DAY
 
 
 def test_a_day_has_all_its_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr(brake_force, "allocated_rows", lambda seed: [{"part": "allocated"}])
-    table = brake_force.run(tmp_path, 1, 3, 1, tests=("all",), shortfalls=(0.2,))
+    monkeypatch.setattr(study, "allocated_rows", lambda seed: [{"part": "allocated"}])
+    table = BRAKE_FORCE.run(tmp_path, 1, 3, tests=("all",), shortfalls=(0.2,))
     assert table["part"].tolist() == ["test", "allocated", "driven"]
-    found = brake_force.statements(table[table["part"] != "allocated"])
+    found = BRAKE_FORCE.statements(table[table["part"] != "allocated"])
     assert {one.verdict for one in found} == {TOO_FEW}
-    assert SWEEPS["brake-force"] is brake_force
+    assert find_study("brake-force") is BRAKE_FORCE

@@ -6,7 +6,8 @@ import pytest
 
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.curves.statements import METRICS
-from studies.joint import study as joint
+from studies.joint.statements import ARMS, OPTIMUM
+from studies.joint.study import JOINT
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""
@@ -18,8 +19,8 @@ def table(short: float, events: int = 20, spread: float = 0.002) -> pd.DataFrame
     rows = []
     for k in range(events):
         level = 0.7 + 0.2 * noise.random()
-        for arm in (*joint.ARMS, joint.OPTIMUM):
-            missed = 0.0 if arm == joint.OPTIMUM else short + spread * noise.standard_normal()
+        for arm in (*ARMS, OPTIMUM):
+            missed = 0.0 if arm == OPTIMUM else short + spread * noise.standard_normal()
             values = dict.fromkeys(METRICS, 1.0) | {"held_effort": level - missed}
             rows.append({"event": k, "status": "ok", **arm._asdict(), **values})
     return pd.DataFrame(rows)
@@ -30,25 +31,25 @@ def table(short: float, events: int = 20, spread: float = 0.002) -> pd.DataFrame
     [(0.0, 0.002, HOLDS), (0.05, 0.002, FAILS), (0.01, 0.01, CONDITIONS)],
 )
 def test_the_verdict_follows_the_effort_missed(short, spread, verdict):
-    found = joint.statements(table(short, spread=spread))
-    assert len(found) == len(joint.ARMS)
+    found = JOINT.statements(table(short, spread=spread))
+    assert len(found) == len(ARMS)
     assert {statement.verdict for statement in found} == {verdict}
 
 
 def test_few_events_and_failed_ones_say_nothing():
-    assert {s.verdict for s in joint.statements(table(0.0, events=5))} == {TOO_FEW}
+    assert {s.verdict for s in JOINT.statements(table(0.0, events=5))} == {TOO_FEW}
     failed = table(0.0)
     failed.loc[(failed["controller"] == "mpc-train-ideal") & (failed["event"] > 4), "status"] = (
         "failed"
     )
-    assert {s.verdict for s in joint.statements(failed)} == {TOO_FEW}
+    assert {s.verdict for s in JOINT.statements(failed)} == {TOO_FEW}
 
 
 def test_every_arm_meets_the_same_event(tmp_path):
-    swept = joint.run(tmp_path, 1, 0, 1, duration=SHORT)
+    swept = JOINT.run(tmp_path, 1, duration=SHORT)
     assert (swept["status"] == "ok").all(), swept["reason"].tolist()
-    assert len(swept) == len(joint.ARMS) + 1
+    assert len(swept) == len(ARMS) + 1
     assert swept["scenario_hash"].nunique() == 1
     assert (swept["controller_failures"] == 0).all()
-    again = joint.run(tmp_path, 1, 0, 1, duration=SHORT)
+    again = JOINT.run(tmp_path, 1, duration=SHORT)
     pd.testing.assert_frame_equal(again, swept)

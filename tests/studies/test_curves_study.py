@@ -6,7 +6,7 @@ import pytest
 from studies.claims.events import REFERENCE_SPEED, draw
 from studies.claims.events import scenario as claim_event
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
-from studies.curves import study as curves
+from studies.curves.events import informed, scenario
 from studies.curves.statements import (
     BASE,
     CURVES,
@@ -17,6 +17,7 @@ from studies.curves.statements import (
     curve_statements,
     paired_difference,
 )
+from studies.curves.study import CURVE_STUDY
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5
@@ -25,7 +26,7 @@ SHORT = 2.5
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("curves")
-    return folder, curves.run(folder, 1, 0, 1, duration=SHORT)
+    return folder, CURVE_STUDY.run(folder, 1, duration=SHORT)
 
 
 def verdict(table, name):
@@ -45,16 +46,16 @@ def test_every_arm_meets_every_curve(swept):
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_job", None)
-    pd.testing.assert_frame_equal(curves.run(folder, 1, 0, 1, duration=SHORT), table)
-    assert curves.stored(folder) == 1
-    assert curves.stored(folder, seed=2) == 0
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    pd.testing.assert_frame_equal(CURVE_STUDY.run(folder, 1, duration=SHORT), table)
+    assert CURVE_STUDY.held(folder, duration=SHORT) == 1
+    assert CURVE_STUDY.held(folder, seed=2, duration=SHORT) == 0
 
 
 @pytest.mark.parametrize("k", range(4))
 @pytest.mark.parametrize("curve", CURVES)
 def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
-    base, other = claim_event(0, k), curves.scenario(0, k, curve)
+    base, other = claim_event(0, k), scenario(0, k, curve)
     (rail,), (same,) = other.event(k).model.rails, base.event(k).model.rails
     assert (rail.scatter, rail.seed, rail.increments) == (same.scatter, same.seed, same.increments)
     assert rail.patches == same.patches
@@ -67,8 +68,8 @@ def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_an_informed_train_differs_in_what_it_believes_alone(curve):
-    event = curves.scenario(0, 1, curve)
-    known = curves.informed(event)
+    event = scenario(0, 1, curve)
+    known = informed(event)
     assert known.event(1).onboard.belief.curve == known.event(1).model.rails[0].curve
     assert known.event(1).model.rails == event.event(1).model.rails
     assert known.changed(belief=event.belief.model_dump()).hash() == event.hash()
@@ -76,7 +77,7 @@ def test_an_informed_train_differs_in_what_it_believes_alone(curve):
 
 @pytest.mark.parametrize("curve", [c for c in CURVES if "flat" in c])
 def test_a_flat_curve_hardly_falls_beyond_its_peak(curve):
-    (rail,) = curves.scenario(0, 0, curve).event(0).model.rails
+    (rail,) = scenario(0, 0, curve).event(0).model.rails
     top, slip = (float(v) for v in rail.curve.limit(0.13, 5.0))
     beyond = float(rail.curve.coefficient(slip + 2.0, 0.13, 5.0))
     assert beyond > 0.98 * top

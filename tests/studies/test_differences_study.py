@@ -5,10 +5,13 @@ import pandas as pd
 import pytest
 
 from alloc.rules import AllocationProblem
+from studies.core.cell import key_of
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
-from studies.differences import study as differences
+from studies.core.store import Store
+from studies.differences.answers import RULES, answer_rows
 from studies.differences.kinds import EVENTS, KINDS, event, problem
 from studies.differences.statements import UNBOUNDED, difference_statements
+from studies.differences.study import DIFFERENCES, PROBLEMS_PER_EVENT
 from tests.studies.sweep_tables import difference_table
 
 
@@ -16,7 +19,7 @@ from tests.studies.sweep_tables import difference_table
 def swept(tmp_path_factory):
     """Twelve problems of each kind and two events of each, short."""
     folder = tmp_path_factory.mktemp("differences")
-    return folder, differences.run(folder, 12, 0, 1, duration=2.5)
+    return folder, DIFFERENCES.run(folder, 12, duration=2.5)
 
 
 def test_every_rule_answers_every_problem_and_event(swept):
@@ -28,20 +31,41 @@ def test_every_rule_answers_every_problem_and_event(swept):
     assert set(count.loc["event"].index) == set(EVENTS) < set(KINDS)
 
 
-def test_a_second_sweep_runs_no_event_again(swept, monkeypatch):
+def test_a_second_sweep_runs_nothing_and_a_longer_one_only_the_rest(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_job", None)
-    again = differences.run(folder, 12, 0, 1, duration=2.5)
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    again = DIFFERENCES.run(folder, 12, duration=2.5)
     pd.testing.assert_frame_equal(again, table)
-    stored = differences.stored(folder)
-    assert stored is not None
-    assert len(stored) == len(table)
+    asked = []
+
+    def noted(cell, *_):
+        asked.append(cell.label)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("studies.core.runner.run_cell", noted)
+    with pytest.raises(KeyboardInterrupt):
+        DIFFERENCES.run(folder, 3 * PROBLEMS_PER_EVENT, duration=2.5)
+    assert asked == ["plain/0/0"]
 
 
-def test_a_table_of_other_code_is_not_taken(swept, monkeypatch, tmp_path):
-    monkeypatch.setattr(differences, "code_hash", lambda: "other")
-    assert differences.stored(swept[0]) is None
-    assert differences.stored(tmp_path) is None
+def test_an_interrupt_keeps_the_blocks_and_events_that_are_finished(tmp_path):
+    def interrupt(label, done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        DIFFERENCES.run(tmp_path, 2 * PROBLEMS_PER_EVENT, on_row=interrupt)
+    kept = Store(tmp_path).read()
+    assert kept["cell"].nunique() == 3
+    assert len(kept) == 3 * PROBLEMS_PER_EVENT * len(RULES)
+
+
+def test_a_table_of_other_code_is_not_taken(swept, monkeypatch):
+    present = Store(swept[0]).cells()
+    own = DIFFERENCES.cells(0, 12, duration=2.5)
+    assert {key_of(cell).digest for cell in own} == present
+    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other")
+    assert {key_of(cell).digest for cell in own}.isdisjoint(present)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -59,7 +83,7 @@ def test_events_of_each_kind_can_be_run(kind):
 def test_what_is_said_of_an_answer_is_relative_to_the_plan():
     # front short by 0.02, the rear offers 0.02 and 0.04: greedy takes the first, exact stops between
     asked = AllocationProblem(cap=[0.14, 0.18, 0.20], expected=0.16)
-    rows = {row["rule"]: row for row in differences.answer_rows(asked)}
+    rows = {row["rule"]: row for row in answer_rows(asked)}
     assert rows["greedy"]["over"] == pytest.approx((0.14 + 0.18 + 0.18) / 0.48 - 1.0)
     assert rows["exact"]["over"] == pytest.approx(0.0)
     assert rows["greedy"]["apart"] == pytest.approx(0.01 / 0.16)
@@ -69,7 +93,7 @@ def test_what_is_said_of_an_answer_is_relative_to_the_plan():
 def test_the_reading_of_claim_1_can_fall_short():
     # the sum of what unit 2 and unit 3 have beyond the plan covers the 0.01 of unit 1, but unit 3 alone sets the level
     asked = AllocationProblem(cap=[0.150, 0.169, 0.161, 0.170], expected=0.16)
-    rows = {row["rule"]: row for row in differences.answer_rows(asked)}
+    rows = {row["rule"]: row for row in answer_rows(asked)}
     assert rows["greedy-claim"]["case"] == "B"
     assert rows["greedy-claim"]["unmet"]
     assert not rows["greedy"]["unmet"]

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from scipy.stats import bootstrap, ttest_rel
 
-from studies.claims import study as claims
 from studies.claims.parts import PARTS
+from studies.claims.study import CLAIMS, complete
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -24,7 +24,7 @@ from tests.studies.sweep_tables import claim_table
 
 
 def verdicts(change=lambda row: row, events=120):
-    return {s.name: s for s in claims.statements(claim_table(events, change))}
+    return {s.name: s for s in CLAIMS.statements(claim_table(events, change))}
 
 
 def only(rule, condition=lambda row: True, **values):
@@ -96,7 +96,7 @@ def test_an_event_that_failed_under_one_rule_is_left_out_for_all():
     table.loc[
         (table["scenario"] == table["scenario"][0]) & (table["rule"] == "exact"), "status"
     ] = "failed"
-    assert claims.complete(table)["scenario"].nunique() == 19
+    assert complete(table)["scenario"].nunique() == 19
 
 
 def test_statements_are_plain_values():

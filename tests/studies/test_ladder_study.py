@@ -5,10 +5,8 @@ import pandas as pd
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET
-from alloc.simulation import simulate
-from studies.core.controllers import controller_names
+from alloc.simulation import CONTROLLERS, simulate
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
-from studies.ladder import study as ladder
 from studies.ladder.events import (
     QUANTITIES,
     REFERENCE_SPEED,
@@ -19,6 +17,7 @@ from studies.ladder.events import (
 )
 from studies.ladder.measures import INTERVAL, measure
 from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
+from studies.ladder.study import BLOCK, LADDER_STUDY, RULE, complete, controllers_of
 from tests.studies.ladder_tables import ladder_table
 
 SHORT = 1.5
@@ -27,44 +26,44 @@ SHORT = 1.5
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ladder")
-    return folder, ladder.run(folder, 2, 0, 1, duration=SHORT)
+    return folder, LADDER_STUDY.run(folder, 2, duration=SHORT)
 
 
 def verdict(table, name):
-    return next(s for s in ladder_statements(ladder.complete(table)) if s.name == name)
+    return next(s for s in ladder_statements(complete(table)) if s.name == name)
 
 
 def test_the_ladder_has_every_controller_of_a_single_unit():
     together = {"mpc-car", "mpc-train", "mpc-train-ideal"}
-    assert list(LADDER) == [name for name in controller_names() if name not in together]
+    assert list(LADDER) == [name for name in CONTROLLERS if name not in together]
 
 
 def test_controllers_meet_the_same_events(swept):
     _, table = swept
     assert (table["status"] == "ok").all(), table["reason"].tolist()
     for k, (_, event) in enumerate(table.groupby("scenario")):
-        assert tuple(event["controller"]) == ladder.controllers_of(k)
+        assert event["controller"].tolist() == controllers_of(k)
         assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
     assert set(QUANTITIES) | {"search_time", "torque_fluctuation", "steps_still"} <= set(table)
-    assert set(table["rule"]) == {ladder.RULE}
+    assert set(table["rule"]) == {RULE}
 
 
 def test_a_second_sweep_runs_nothing(swept, monkeypatch):
     folder, table = swept
-    monkeypatch.setattr("studies.core.runner.run_job", None)
-    pd.testing.assert_frame_equal(ladder.run(folder, 2, 0, 1, duration=SHORT), table)
-    assert ladder.stored(folder) == 2
-    assert ladder.stored(folder, seed=1) == 0
+    monkeypatch.setattr("studies.core.runner.run_cell", None)
+    pd.testing.assert_frame_equal(LADDER_STUDY.run(folder, 2, duration=SHORT), table)
+    assert LADDER_STUDY.held(folder, duration=SHORT) == 2
+    assert LADDER_STUDY.held(folder, seed=1, duration=SHORT) == 0
 
 
 def test_an_event_follows_from_its_number_and_trains_and_curves_take_turns():
     assert draw(0, 5) == draw(0, 5)
     assert draw(0, 5) != draw(1, 5)
     for block in range(3):
-        drawn = [draw(0, ladder.BLOCK * block + k) for k in range(ladder.BLOCK)]
+        drawn = [draw(0, BLOCK * block + k) for k in range(BLOCK)]
         met = {(d["train"], d["curve"]) for d in drawn}
         assert met == {(train, curve) for train in TRAINS for curve in ("piecewise", "polach")}
-        with_mpc = {"mpc" in ladder.controllers_of(ladder.BLOCK * block + k) for k in range(6)}
+        with_mpc = {"mpc" in controllers_of(BLOCK * block + k) for k in range(6)}
         assert with_mpc == {block % 2 == 0}
 
 
@@ -161,5 +160,5 @@ def test_few_events_give_no_verdict_and_failed_ones_are_left_out():
     table = ladder_table(events=20)
     table.loc[table.index[3], "status"] = "failed"
     name = table.loc[table.index[3], "scenario"]
-    assert name not in set(ladder.complete(table)["scenario"])
-    assert ladder.complete(table)["scenario"].nunique() == 19
+    assert name not in set(complete(table)["scenario"])
+    assert complete(table)["scenario"].nunique() == 19

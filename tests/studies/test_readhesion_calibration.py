@@ -8,20 +8,18 @@ from hypothesis import strategies as st
 
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.readhesion_paper import calibration
-from studies.readhesion_paper import calibration_study as sweep
 from studies.readhesion_paper.calibration import (
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
     best_of_units,
-    calibrate,
     draw,
     draw_near,
     from_unit_cube,
     fulfilling,
-    main,
     to_unit_cube,
 )
+from studies.readhesion_paper.calibration_study import CALIBRATION
 from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from tests.studies.readhesion_tables import calibration_table
@@ -92,22 +90,23 @@ def test_samples_near_the_best_are_near_and_inside():
         assert away.max() < 4.0 * calibration.NEARNESS[1]
 
 
-def test_every_stage_comes_nearer_to_the_best(stub):
-    table = calibrate(60, 0, 1, refinements=15)
+def test_every_stage_comes_nearer_to_the_best(stub, tmp_path):
+    table = CALIBRATION.run(tmp_path / "one", 60, refinements=15)
     least = table.groupby("stage")["objective"].min()
     assert least["refined"] < least["near"] < least["wide"]
     counts = table["stage"].value_counts()
     assert counts["assumed"] == 2
     assert counts["wide"] + counts["near"] == 60
     assert counts["refined"] <= len(UNITS) * 15
-    pd.testing.assert_frame_equal(table, calibrate(60, 0, 1, refinements=15))
+    again = CALIBRATION.run(tmp_path / "two", 60, refinements=15)
+    pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
 
 
-def test_progress_is_told(stub):
+def test_progress_is_told(stub, tmp_path):
     told = []
-    calibrate(10, 0, 1, lambda *row: told.append(row), refinements=5)
-    assert [row[:2] for row in told[:2]] == [("assumed", 1), ("assumed", 2)]
-    assert told[-1][1] == 12
+    CALIBRATION.run(tmp_path, 10, on_row=lambda *row: told.append(row), refinements=5)
+    assert [row[:2] for row in told[1:3]] == [("assumed/0", 1), ("assumed/1", 2)]
+    assert told[-1] == ("refined/m/s2", 14, 14)
 
 
 def test_each_unit_keeps_its_best():
@@ -140,26 +139,25 @@ def test_what_the_cases_already_refute_is_not_asked_further(monkeypatch):
     assert not row["met: wide never"]
 
 
-def test_the_command_writes_every_set(stub, tmp_path, capsys):
-    out = tmp_path / "sets.parquet"
-    assert main(["--samples", "8", "--jobs", "1", "--out", str(out)]) == 0
-    assert len(pd.read_parquet(out)) >= 10
-    assert "tau" not in capsys.readouterr().err
-
-
-def test_the_sweep_keeps_its_table(stub, tmp_path, monkeypatch):
-    table = sweep.run(tmp_path, 8, 0, 1, refinements=5)
-    monkeypatch.setattr(sweep, "calibrate", None)
-    pd.testing.assert_frame_equal(sweep.run(tmp_path, 8, 0, 1), table)
-    with pytest.raises(TypeError):
-        sweep.run(tmp_path, 8, 1, 1)  # another seed is another table
-    monkeypatch.setattr(sweep, "_hash", lambda: "other code")
-    assert sweep.stored(tmp_path) is None
+def test_the_study_keeps_every_set(stub, tmp_path, monkeypatch):
+    asked = []
+    row_of = calibration.row_of
+    monkeypatch.setattr(calibration, "row_of", lambda one: asked.append(one) or row_of(one))
+    table = CALIBRATION.run(tmp_path, CALIBRATION.step, refinements=5)
+    count = len(asked)
+    again = CALIBRATION.run(tmp_path, CALIBRATION.step, refinements=5)
+    pd.testing.assert_frame_equal(again, table)
+    assert len(asked) == count
+    assert CALIBRATION.held(tmp_path, refinements=5) == CALIBRATION.step
+    # without the later stages, of another seed, or of other code it is another table
+    assert CALIBRATION.held(tmp_path) == CALIBRATION.held(tmp_path, 1, refinements=5) == 0
+    monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
+    assert CALIBRATION.held(tmp_path, refinements=5) == 0
 
 
 def test_statements_say_how_narrow_the_good_sets_are():
     table = calibration_table()
-    found = {statement.name: statement for statement in sweep.statements(table)}
+    found = {statement.name: statement for statement in CALIBRATION.statements(table)}
     good = fulfilling(table)
     assert found["a set exists"].verdict == CONDITIONS
     assert len(found["a set exists"].conditions) == len(NOT_ASKED_OF_ALL)
@@ -170,26 +168,15 @@ def test_statements_say_how_narrow_the_good_sets_are():
     assert found["half-slip"].verdict == FAILS
     rivals = table["unit"] == "m/s2"
     table.loc[table[rivals].index[:2], "objective"] = 2.5
-    undecided = {statement.name: statement for statement in sweep.statements(table)}["unit"]
+    undecided = {statement.name: statement for statement in CALIBRATION.statements(table)}["unit"]
     assert undecided.verdict == FAILS
     assert len(undecided.conditions) == len(CLAIMS)
     close = table[~table.index.isin(good.index) | (table["rise"] > 1.2)]
-    again = {statement.name: statement for statement in sweep.statements(close)}
+    again = {statement.name: statement for statement in CALIBRATION.statements(close)}
     assert again["narrow: rise"].verdict == HOLDS
 
 
 def test_without_any_good_set_nothing_is_narrow():
     table = calibration_table().assign(**{"met: A readheres": False})
-    found = {statement.name: statement.verdict for statement in sweep.statements(table)}
+    found = {statement.name: statement.verdict for statement in CALIBRATION.statements(table)}
     assert found["a set exists"] == found["narrow: rise"] == found["unit"] == FAILS
-
-
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [("--samples", "0"), ("--seed", "-1"), ("--jobs", "0"), ("--out", "/no/such/file")],
-)
-def test_bad_options_end_with_one_line_and_exit_code_2(option, value, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main([option, value])
-    assert ended.value.code == 2
-    assert value in capsys.readouterr().err.splitlines()[-1]

@@ -1,0 +1,289 @@
+"""The closed loop: a plant that runs control period by control period, and who is asked on the way.
+
+The loop is compiled. It returns to Python only where something lives there (a driver, a rule with a QP solver, an MPC),
+says what it needs, and goes on with the answer; so compiled and hosted parts see exactly the same run.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import equation, inlined_jit, jit
+from alloc.onboard.brakes import brake_receiver, set_brake_targets
+from alloc.onboard.controllers.dispatch import control
+from alloc.onboard.distribution import distribute, prepare_allocation
+from alloc.onboard.equipment import Equipment
+from alloc.onboard.memory import Memory
+from alloc.onboard.sensing import sense
+from alloc.onboard.settings import Settings
+from alloc.onboard.torque import restrain_blind_units, set_targets
+from alloc.plant import compiled
+from alloc.plant.adhesion_laws import adhesion_limit
+from alloc.plant.model import Environment, Inputs, Model, Structure
+from alloc.rules.kernels import allocate_compiled
+
+Floats = NDArray[np.float64]
+
+REPORT_DELAY = 0.1
+"""Time [s] after which the train knows that a unit has failed."""
+
+STABLE_SHARE = 0.97
+"""Share of the true adhesion that the oracle's units may use. At the very peak a torque is not held: any change of the
+rail between two telegrams carries the slip over it."""
+
+NOTHING, ALLOCATION, CONTROL, DRIVER = range(4)
+"""What the loop needs of Python."""
+
+SENSE, DISTRIBUTE, ADVANCE = range(3)
+"""Phases of a control period."""
+
+Part = Callable[[int], bool]
+"""Something in Python that answers the loop at a tick; False ends the run with this tick."""
+
+
+class Plant(NamedTuple):
+    """The plant of a run."""
+
+    structure: Structure
+    environment: Environment
+    rows: compiled.Rows
+    state: Floats
+    inputs: Inputs
+    workspace: compiled.Workspace
+
+
+class Computers(NamedTuple):
+    """The train's computers in a run."""
+
+    equipment: Equipment
+    settings: Settings
+    memory: Memory
+
+
+class Timing(NamedTuple):
+    """Control period and integration step [s], steps per period, periods between two records."""
+
+    period: float
+    step: float
+    steps: int
+    record_ticks: int
+
+
+class Progress(NamedTuple):
+    """Control periods done, and the phase of the present one; (1,) each."""
+
+    tick: NDArray[np.int64]
+    phase: NDArray[np.int64]
+
+
+class Given(NamedTuple):
+    """What comes from outside, drawn or commanded before the run."""
+
+    commanded: Floats  # (ticks,) acceleration
+    noise: Floats  # (ticks, or 1 without noise, axles) of the speed sensors [m/s at the rim]
+    delay: Floats  # (telegrams, units) draws of the telegrams' jitter
+    fate: Floats  # (telegrams, units) and of their loss
+
+
+@inlined_jit
+def _true_limits(plant, eq, time, truth):
+    """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
+    s, e, rows, state, w = (
+        plant.structure, plant.environment, plant.rows, plant.state, plant.workspace
+    )  # fmt: skip
+    compiled.peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
+    for j in range(truth.size):
+        truth[j] = np.inf
+    for i in range(rows.axles):
+        j = eq.axle_unit[i]
+        if j >= 0:
+            v = state[rows.bodies + s.axle_body[i], 0]
+            limit, _ = adhesion_limit(e.curve_kind, e.curve, w.peak[i, 0], v)
+            truth[j] = min(truth[j], STABLE_SHARE * limit)
+
+
+@inlined_jit
+def _copy(values, k, record):
+    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
+    for f in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            record[k, f, j] = values[f, j]
+
+
+@inlined_jit
+def _record_computers(plant, eq, m, commanded, k, record):
+    m.train.driver_command[0] = commanded
+    body = eq.unit_body[m.lead.unit[0]] if eq.axles.size > 0 else 0
+    m.train.reference_speed[0] = m.reference[body]
+    _copy(m.unit_block, k, record.unit)
+    _copy(m.train_block, k, record.train)
+    for g in range(plant.rows.groups):
+        record.valve[k, g] = plant.inputs.valve[g, 0]
+    for c in range(plant.rows.cars):
+        record.slide_reference[k, c] = m.slide.reference[c]
+
+
+@equation
+def _record_plant(plant, time, k, record):
+    compiled.note(
+        plant.structure, plant.environment, plant.rows, time, plant.state, plant.inputs,
+        plant.workspace, k, record.state, record.peak, record.body_acceleration,
+    )  # fmt: skip
+    record.time[k] = time
+
+
+@equation
+def _advance_plant(plant, time, timing):
+    compiled.advance(
+        plant.structure, plant.environment, plant.rows, time, timing.step, timing.steps,
+        plant.state, plant.inputs, plant.workspace,
+    )  # fmt: skip
+
+
+@jit
+def run_with_computers(plant, computers, timing, given, progress, record, stop):
+    """Run to tick `stop`, or until something in Python must answer; returns what is needed."""
+    eq, st, m = computers.equipment, computers.settings, computers.memory
+    units, rows = eq.axles.size, plant.rows
+    while progress.tick[0] < stop:
+        tick = progress.tick[0]
+        time = tick * timing.period
+        a = given.commanded[tick]
+        if a < 0.0 and m.reference[0] < st.brakes.release_speed:
+            a = 0.0
+        if progress.phase[0] == SENSE:
+            for j in range(units):
+                m.in_service[j] = time < plant.environment.failure_time[j, 0] + REPORT_DELAY
+            first = 2 * rows.bodies
+            torque = first + rows.axles
+            sense(
+                eq, st, m, time, a,
+                plant.state[first : first + rows.axles, 0], plant.state[torque : torque + units, 0],
+                given.noise[tick if st.sensors.noisy else 0],
+            )  # fmt: skip
+            needed = prepare_allocation(eq, st, m, time, tick, a)
+            if needed and st.rule.needs_truth:
+                _true_limits(plant, eq, time, m.truth)
+            progress.phase[0] = DISTRIBUTE
+            if needed:
+                m.counter.rule_calls[0] += 1
+                if st.rule.compiled < 0:
+                    return ALLOCATION
+                m.train.level[0], m.train.case[0] = allocate_compiled(
+                    st.rule.compiled, m.cap, m.train.expected[0], eq.mass, m.limit_max,
+                    m.limit_wanted, m.delivered, m.truth, st.rule.parameters, m.limit_wanted,
+                )  # fmt: skip
+        braking = eq.blended and a < 0.0
+        if progress.phase[0] == DISTRIBUTE:
+            row = (tick // st.telegrams.ticks) % given.delay.shape[0]
+            distribute(eq, st, m, time, tick, given.delay[row], given.fate[row])
+            if braking:
+                set_brake_targets(eq, st, m)
+            else:
+                set_targets(eq, st, m, a)
+            restrain_blind_units(st, m)
+            control(eq, st, m, a)
+            progress.phase[0] = ADVANCE
+            if st.hosted:
+                return CONTROL
+        for j in range(units):
+            plant.inputs.torque_command[j, 0] = m.unit.torque_command[j]
+        brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)
+        if tick % timing.record_ticks == 0:
+            k = tick // timing.record_ticks
+            _record_plant(plant, time, k, record.plant)
+            _record_computers(plant, eq, m, a, k, record)
+        _advance_plant(plant, time, timing)
+        progress.tick[0] += 1
+        progress.phase[0] = SENSE
+    return NOTHING
+
+
+def run_with_driver(plant, timing, progress, record, stop):
+    """As `run_with_computers`, for a train whose inputs a driver sets in every period; compiled are the steps alone."""
+    while progress.tick[0] < stop:
+        tick = int(progress.tick[0])
+        time = tick * timing.period
+        if progress.phase[0] == SENSE:
+            progress.phase[0] = ADVANCE
+            return DRIVER
+        if tick % timing.record_ticks == 0:
+            _record_plant(plant, time, tick // timing.record_ticks, record)
+        _advance_plant(plant, time, timing)
+        progress.tick[0] += 1
+        progress.phase[0] = SENSE
+    return NOTHING
+
+
+class ClosedLoop:
+    """A plant on its way through `ticks` control periods: its stepping, and what is recorded of it."""
+
+    def __init__(
+        self,
+        model: Model,
+        ticks: int,
+        period: float,
+        step: float,
+        record_period: float,
+        speed: float,
+        position: float,
+    ) -> None:
+        """Start at `speed` [m/s] and `position` [m]; `step` [s] is divided further where the plant needs it."""
+        steps = round(period / step)
+        steps *= model.substeps(period / steps)
+        record_ticks = max(1, round(record_period / period))
+        self.ticks = ticks
+        self.timing = Timing(float(period), period / steps, steps, record_ticks)
+        self.plant = Plant(
+            model.structure,
+            model.environment,
+            compiled.rows(model.layout),
+            model.initial_state(speed, position),
+            model.zero_inputs(),
+            compiled.workspace(model, period / steps),
+        )
+        self.progress = Progress(np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+        self._end = ticks
+
+    @property
+    def records(self) -> int:
+        """Instants recorded from the start to the end of the run."""
+        return -(-self._end // self.timing.record_ticks)
+
+    def run(
+        self,
+        go: Callable[[int], int],
+        parts: Mapping[int, Part],
+        on_progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Run to the end: `go(stop)` runs to tick `stop`, or returns what one of `parts` must answer.
+
+        `on_progress` is told the share done, 0 to 1.
+        """
+        chunk = self.ticks if on_progress is None else max(1, self.ticks // 50)
+        tick, stop = self.progress.tick, 0
+        while stop < self._end:
+            stop = min(self._end, stop + chunk)
+            while (need := go(stop)) != NOTHING:
+                if not parts[need](int(tick[0])):
+                    stop = self._end = int(tick[0]) + 1
+            if on_progress is not None:
+                on_progress(stop / self.ticks)
+
+
+__all__ = [
+    "ALLOCATION",
+    "CONTROL",
+    "DRIVER",
+    "ClosedLoop",
+    "Computers",
+    "Given",
+    "Part",
+    "Plant",
+    "Progress",
+    "Timing",
+    "run_with_computers",
+    "run_with_driver",
+]

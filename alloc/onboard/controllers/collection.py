@@ -1,0 +1,50 @@
+"""The readhesion controllers that are built in: to add one, import it here and give it a field."""
+
+from collections import namedtuple
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+from alloc.onboard.controllers.controller import BuiltInController
+from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
+from alloc.onboard.controllers.none import NoControl
+from alloc.onboard.controllers.perturb_observe import PerturbObserve
+from alloc.onboard.controllers.pi_creep import CreepControl
+from alloc.onboard.controllers.steepest_gradient import SteepestGradient
+from alloc.onboard.controllers.torque_table import TorqueTable
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+@dataclass(frozen=True)
+class BuiltInControllers:
+    """Parameters of every controller, from the simplest on; a field is a table `[onboard.<field>]` of a scenario file."""
+
+    none: NoControl = field(default_factory=NoControl)
+    table: TorqueTable = field(default_factory=TorqueTable)
+    cut_and_ramp: CutAndRamp = field(default_factory=CutAndRamp)
+    creep: CreepControl = field(default_factory=CreepControl)
+    perturb_observe: PerturbObserve = field(default_factory=PerturbObserve)
+    steepest_gradient: SteepestGradient = field(default_factory=SteepestGradient)
+
+
+_FIELDS: dict[str, Any] = {item.name: item.type for item in fields(BuiltInControllers)}
+
+BUILT_IN: dict[str, type[BuiltInController]] = {kind.name: kind for kind in _FIELDS.values()}
+"""Built-in controllers by name, from the simplest on; in compiled code a controller is its place here."""
+
+LawSettings = namedtuple("LawSettings", _FIELDS)  # type: ignore[misc]
+"""Settings of every law, under the controller's field."""
+
+LawMemory = namedtuple("LawMemory", _FIELDS)  # type: ignore[misc]
+"""Memory of every law, under the controller's field."""
+
+
+def law_settings(onboard: "Onboard") -> LawSettings:
+    """Settings of all laws for one run."""
+    return LawSettings(*(getattr(onboard, name).settings(onboard) for name in _FIELDS))
+
+
+def law_memory(units: int) -> LawMemory:
+    """Memory of all laws at the start of a run."""
+    return LawMemory(*(kind.memory(units) for kind in _FIELDS.values()))

@@ -1,0 +1,59 @@
+"""What a readhesion controller that is compiled with the loop consists of."""
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from alloc.compilation import equation
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+class BuiltInController:
+    """A readhesion controller; a subclass is a frozen dataclass of its parameters.
+
+    `law(eq, st, m, p, k, j, commanded)` is compiled. It fills the torque command of unit `j` and returns the share of the
+    target that it leaves the unit. `p` is what `settings` gives, `k` what `memory` gives; `eq`, `st`, `m` are equipment,
+    settings and memory of the whole train. Everything counts positive in the direction of the demand.
+    """
+
+    name: ClassVar[str]
+    meaning: ClassVar[str]
+    """One line."""
+    colour: ClassVar[str]
+    """Hexadecimal; the same in every figure."""
+    marker: ClassVar[str]
+    """In figures, as Matplotlib names it."""
+    law: ClassVar[Any]
+
+    def __init_subclass__(cls) -> None:
+        missing = [part for part in BuiltInController.__annotations__ if not hasattr(cls, part)]
+        if missing:
+            raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
+
+    def settings(self, onboard: "Onboard") -> Any:
+        """Named tuple of numbers that the law takes as `p`; None if it needs none."""
+        return None
+
+    @staticmethod
+    def memory(units: int) -> Any:
+        """Named tuple of arrays (units,) that the law keeps in `k`, as at the start of a run; None if it keeps none."""
+        return None
+
+
+@equation
+def share_of_target(m, j):
+    """Share of its target that the command of unit `j` is."""
+    target = m.unit.torque_target[j]
+    return m.unit.torque_command[j] / target if target != 0.0 else 1.0
+
+
+@equation
+def direction(commanded):
+    """1 driving, -1 braking."""
+    return 1.0 if commanded >= 0.0 else -1.0
+
+
+@equation
+def torque_per_coefficient(eq, j):
+    """Torque [N m] of each motor of unit `j` that holds a coefficient of 1 at its axles."""
+    return eq.axle_load[j] * eq.radius[j] / eq.gear[j]

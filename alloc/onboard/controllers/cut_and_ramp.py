@@ -1,0 +1,128 @@
+"""Readhesion control of one unit: cut the torque on slip, hold, ramp back; driven by the observer's estimate."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import equation
+from alloc.errors import OnboardError, check_numbers
+from alloc.onboard.controllers.controller import (
+    BuiltInController,
+    direction,
+    share_of_target,
+    torque_per_coefficient,
+)
+from alloc.onboard.quantity import quantity
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+Floats = NDArray[np.float64]
+
+FOLLOW, CUT, HOLD, RAMP = 0, 1, 2, 3
+"""Phases of the controller."""
+
+RECOVERY_TIMEOUT = 3.0
+"""Time [s] after which an unsuccessful cut goes to zero torque: the estimate was too high to readhere."""
+
+
+class CutAndRampSettings(NamedTuple):
+    """As `CutAndRamp`."""
+
+    cut: float
+    recover: float
+    hold: float
+    ramp: float
+
+
+class CutAndRampMemory(NamedTuple):
+    """Phase, time in it [s], and the torque [N m] that the rail carried at detection, (units,) each."""
+
+    phase: NDArray[np.int64]
+    clock: Floats
+    base: Floats
+
+
+@equation
+def cut_and_ramp(phase, clock, base, torque, target, slipping, rail_torque, p, ramp_rate, period):
+    """One control period under the settings `p`; torques as magnitudes in the direction of the demand [N m].
+
+    `rail_torque` is what the observer says the rail carries, `base` its value held at detection. Returns phase,
+    clock [s], base, torque command. A slip signal in any later phase starts anew with the new estimate.
+    """
+    clock = clock + period
+    if slipping and phase != CUT:
+        phase, clock = CUT, 0.0
+        base = min(max(rail_torque, 0.0), target)
+    elif phase == CUT and not slipping:
+        phase, clock = HOLD, 0.0
+    elif phase == HOLD and clock >= p.hold:
+        phase = RAMP
+    elif phase == RAMP and torque >= target:
+        phase = FOLLOW
+    if phase == CUT:
+        torque = p.cut * base if clock < RECOVERY_TIMEOUT else 0.0
+    elif phase == HOLD:
+        torque = p.recover * base
+    elif phase == RAMP:
+        torque = torque + ramp_rate * period
+    else:
+        torque = target
+    return phase, clock, base, min(torque, target)
+
+
+@equation
+def cut_and_ramp_unit(eq, st, m, p, k, j, commanded):
+    """Command of unit `j`."""
+    sign = direction(commanded)
+    to_torque = torque_per_coefficient(eq, j)
+    rate = m.train.expected[0] * to_torque / p.ramp
+    # what the air brake takes of the rail's force is not the motors' to have
+    air = m.unit.air_brake_force[j] * eq.radius[j] / eq.gear[j]
+    k.phase[j], k.clock[j], k.base[j], torque = cut_and_ramp(
+        k.phase[j], k.clock[j], k.base[j],
+        sign * m.unit.torque_command[j], sign * m.unit.torque_target[j], m.unit.slipping[j] > 0.0,
+        m.unit.coefficient_estimate[j] * to_torque - air, p, rate, st.period,
+    )  # fmt: skip
+    m.unit.torque_command[j] = sign * torque
+    return share_of_target(m, j)
+
+
+@dataclass(frozen=True)
+class CutAndRamp(BuiltInController):
+    """Readhesion control on the observer's estimate, after Kadowaki and Ohishi.
+
+    On detection the torque is cut to `cut` times the torque that the estimate says the rail can carry; once the wheels
+    have readhered it is held at `recover` times that torque for `hold` [s], then raised to the target in `ramp` [s]
+    per unit of expected torque. Values assumed (the sources print none), typical of published controllers.
+    """
+
+    name = "cut-and-ramp"
+    meaning = "cut on slip to what the observer says the rail carries, hold, ramp back"
+    colour = "#d55e00"
+    marker = "s"
+    law = cut_and_ramp_unit
+
+    cut: float = quantity(0.5, "1")
+    recover: float = quantity(0.9, "1")
+    hold: float = quantity(0.1, "s")
+    ramp: float = quantity(3.0, "s")
+
+    def __post_init__(self) -> None:
+        check_numbers("cut-and-ramp", self, ("ramp",), ("cut", "recover", "hold"))
+        if not self.cut <= self.recover <= 1.0:
+            raise OnboardError(
+                f"cut-and-ramp: needs cut <= recover <= 1, got {self.cut!r} and {self.recover!r}"
+            )
+
+    def settings(self, onboard: "Onboard") -> CutAndRampSettings:
+        """Numbers of the law."""
+        return CutAndRampSettings(self.cut, self.recover, self.hold, self.ramp)
+
+    @staticmethod
+    def memory(units: int) -> CutAndRampMemory:
+        """Every unit follows its target."""
+        phase = np.full(units, FOLLOW, dtype=np.int64)
+        return CutAndRampMemory(phase, np.zeros(units), np.zeros(units))

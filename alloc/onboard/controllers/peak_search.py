@@ -1,0 +1,67 @@
+"""What searches for the peak of the adhesion curve share: means over intervals, and a reference that moves."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import equation
+
+Floats = NDArray[np.float64]
+
+LIMITING = 0.999
+"""Share of its target below which a unit counts as limited by its readhesion controller, and a search goes on."""
+
+
+class SearchMemory(NamedTuple):
+    """What a searching creep controller remembers, (units,) each."""
+
+    allowed: Floats  # integral of creep control; nan: nothing yet
+    reference: Floats  # slip velocity that is held [m/s]
+    step: Floats  # last one of the reference [m/s]
+    clock: Floats  # time in this interval [s]
+    coefficient_sum: Floats
+    slip_sum: Floats
+    samples: Floats
+    last_coefficient: Floats  # mean of the last interval; nan: none
+    last_slip: Floats
+
+
+def search_memory(units: int) -> SearchMemory:
+    """Nothing yet."""
+    memory = SearchMemory(*(np.zeros(units) for _ in SearchMemory._fields))
+    memory.allowed[:] = memory.last_coefficient[:] = np.nan
+    return memory
+
+
+@equation
+def _start_interval(k, j):
+    k.clock[j] = k.coefficient_sum[j] = k.slip_sum[j] = k.samples[j] = 0.0
+
+
+@equation
+def interval_is_over(st, m, p, k, j):
+    """Add what unit `j` senses to its means; whether an interval is over. Only while the controller limits the torque."""
+    if math.isnan(k.allowed[j]):
+        k.reference[j] = p.creep.reference
+    if m.unit.torque_factor[j] >= LIMITING:  # adhesion suffices: nothing to be learnt of the peak
+        _start_interval(k, j)
+        k.last_coefficient[j] = math.nan
+        return False
+    k.clock[j] += st.period
+    if k.clock[j] > 0.5 * p.interval:  # the first half is for the slip to settle at its reference
+        k.coefficient_sum[j] += m.unit.coefficient_estimate[j]
+        k.slip_sum[j] += m.worst_slip[j]
+        k.samples[j] += 1.0
+    return k.clock[j] >= p.interval
+
+
+@equation
+def move_reference(p, k, j, step, coefficient, slip):
+    """Move the reference of unit `j` by `step` [m/s] within its bounds, and start an interval; both means are the last's."""
+    wanted = k.reference[j] + step
+    k.step[j] = -step if wanted < p.lowest or wanted > p.highest else step
+    k.reference[j] = min(max(wanted, p.lowest), p.highest)
+    k.last_coefficient[j], k.last_slip[j] = coefficient, slip
+    _start_interval(k, j)

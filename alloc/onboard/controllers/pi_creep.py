@@ -1,0 +1,102 @@
+"""Creep control: a slip velocity is held by PI control of the coefficient that the torque asks for."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import equation
+from alloc.errors import check_numbers
+from alloc.onboard.controllers.controller import (
+    BuiltInController,
+    direction,
+    share_of_target,
+    torque_per_coefficient,
+)
+from alloc.onboard.quantity import quantity
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+class CreepSettings(NamedTuple):
+    """As `CreepControl`."""
+
+    reference: float
+    proportional: float
+    integral: float
+
+
+class CreepMemory(NamedTuple):
+    """The integral: coefficient that is allowed, (units,); nan: nothing yet."""
+
+    allowed: NDArray[np.float64]
+
+
+@equation
+def hold_slip(allowed, slip, reference, ceiling, proportional, integral, period):
+    """One period of the PI controller of slip: returns the integral's new value and the coefficient to pull with.
+
+    `allowed` is the integral, `ceiling` the coefficient that the target asks for; slip and reference [m/s] count positive in
+    the direction of the demand. The integral stays within what can be commanded, so it does not wind up in adhesion.
+    """
+    error = reference - slip
+    allowed = min(max(allowed + integral * error * period, 0.0), ceiling)
+    return allowed, min(max(allowed + proportional * error, 0.0), ceiling)
+
+
+@equation
+def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
+    """Command of unit `j` that holds `reference` [m/s] with the gains of `p`; `allowed` (units,) is its integral."""
+    sign = direction(commanded)
+    to_torque = torque_per_coefficient(eq, j)
+    ceiling = sign * m.unit.torque_target[j] / to_torque
+    if math.isnan(allowed[j]):
+        allowed[j] = ceiling
+    allowed[j], coefficient = hold_slip(
+        allowed[j], m.worst_slip[j], reference, ceiling, p.proportional, p.integral, st.period
+    )
+    m.unit.torque_command[j] = sign * coefficient * to_torque
+    return share_of_target(m, j)
+
+
+@equation
+def creep_unit(eq, st, m, p, k, j, commanded):
+    """Command of unit `j`."""
+    return hold_slip_of_unit(eq, st, m, p, k.allowed, p.reference, j, commanded)
+
+
+@dataclass(frozen=True)
+class CreepControl(BuiltInController):
+    """Creep control: the torque is what a PI controller of the slip velocity allows.
+
+    `reference` [m/s] is the slip of the unit's worst axle that is held; `proportional` [s/m] and `integral` [1/m] are gains
+    from slip to coefficient. Assumed: the poles of a wheelset on a flat curve are then at 40 1/s with damping 0.7. The
+    searching controllers move the reference and use the same gains. The reference is a compromise: over the probe events
+    of `PerturbObserve` 0.10 uses 97 % of the adhesion under a narrow peak and 93 % under Polach's wide one, 0.30 uses
+    92 and 99 %.
+    """
+
+    name = "pi-creep"
+    meaning = "a fixed slip velocity is held by PI control"
+    colour = "#b0a000"
+    marker = "^"
+    law = creep_unit
+
+    reference: float = quantity(0.10, "km/h")
+    proportional: float = quantity(0.4, "s/m")
+    integral: float = quantity(8.0, "1/m")
+
+    def __post_init__(self) -> None:
+        check_numbers("creep", self, ("reference", "proportional", "integral"))
+
+    def settings(self, onboard: "Onboard") -> CreepSettings:
+        """Numbers of the law."""
+        return CreepSettings(self.reference, self.proportional, self.integral)
+
+    @staticmethod
+    def memory(units: int) -> CreepMemory:
+        """Nothing yet."""
+        return CreepMemory(np.full(units, np.nan))

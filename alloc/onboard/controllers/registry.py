@@ -1,0 +1,15 @@
+"""All readhesion controllers by name: those that are built in, those of installed packages, those registered at run time."""
+
+from alloc.errors import OnboardError
+from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.controllers.controller import BuiltInController
+from alloc.onboard.host import HostedController
+from alloc.registry import Registry
+
+CONTROLLERS: Registry[type[BuiltInController] | HostedController] = Registry(
+    "controller", "readhesion.controllers", OnboardError
+)
+"""Built-in controllers first, from the simplest on; those registered or offered by entry points are `HostedController`s."""
+
+for _name, _controller in BUILT_IN.items():
+    CONTROLLERS.register(_name, _controller)

@@ -1,0 +1,109 @@
+"""Maximum adhesion tracking by steepest gradient: creep control whose reference climbs along the estimated slope."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from alloc.compilation import equation
+from alloc.errors import OnboardError, check_numbers
+from alloc.onboard.controllers.controller import BuiltInController
+from alloc.onboard.controllers.peak_search import (
+    SearchMemory,
+    interval_is_over,
+    move_reference,
+    search_memory,
+)
+from alloc.onboard.controllers.pi_creep import CreepSettings, hold_slip_of_unit
+from alloc.onboard.quantity import quantity
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+class SteepestGradientSettings(NamedTuple):
+    """As `SteepestGradient`, with the gains of creep control."""
+
+    creep: CreepSettings
+    interval: float
+    gain: float
+    least: float
+    largest: float
+    lowest: float
+    highest: float
+
+
+@equation
+def gradient_step(last_step, coefficient_change, slip_change, gain, least, largest):
+    """Next step of the reference [m/s] along the slope of the curve between the last two intervals.
+
+    Where the slip has hardly changed the quotient says nothing: the last direction is probed with the least step.
+    """
+    if abs(slip_change) < 0.3 * least:
+        return math.copysign(least, last_step)
+    wanted = gain * coefficient_change / slip_change
+    return math.copysign(min(max(abs(wanted), least), largest), wanted)
+
+
+@equation
+def steepest_gradient_unit(eq, st, m, p, k, j, commanded):
+    """Command of unit `j`."""
+    if interval_is_over(st, m, p, k, j):
+        coefficient, slip = k.coefficient_sum[j] / k.samples[j], k.slip_sum[j] / k.samples[j]
+        if math.isnan(k.last_coefficient[j]):
+            step = math.copysign(p.least, k.step[j])
+        else:
+            step = gradient_step(
+                k.step[j], coefficient - k.last_coefficient[j], slip - k.last_slip[j],
+                p.gain, p.least, p.largest,
+            )  # fmt: skip
+        move_reference(p, k, j, step, coefficient, slip)
+    return hold_slip_of_unit(eq, st, m, p.creep, k.allowed, k.reference[j], j, commanded)
+
+
+@dataclass(frozen=True)
+class SteepestGradient(BuiltInController):
+    """Steepest gradient: as `PerturbObserve`, but the step is `gain` [m2/s2] times the slope d mu / d slip.
+
+    The slope is the quotient of both changes between intervals. Steps are bounded by `least` and `largest` [m/s]: without
+    the least one nothing is learnt at the peak, without the largest a small change of slip makes a wild step. Bounds and
+    interval assumed. Of five triples of gain, least and largest this one used most adhesion over the probe events of
+    `PerturbObserve`, with the shortest search of equals: 97.0 % where short in 0.04 s, against 95.9 % in 0.18 s with 0.04,
+    0.003 and 0.03. arXiv 2406.13650 names the weaknesses: the quotient is noisy, and small where the curve falls slowly.
+    """
+
+    name = "steepest-gradient"
+    meaning = "creep control whose reference climbs along the estimated slope"
+    colour = "#56b4e9"
+    marker = "X"
+    law = steepest_gradient_unit
+
+    interval: float = quantity(0.3, "s")
+    gain: float = quantity(0.15, "m2/s2")
+    least: float = quantity(0.01, "km/h")
+    largest: float = quantity(0.06, "km/h")
+    lowest: float = quantity(0.02, "km/h")
+    highest: float = quantity(0.5, "km/h")
+
+    def __post_init__(self) -> None:
+        names = ("interval", "gain", "least", "largest", "lowest", "highest")
+        check_numbers("steepest-gradient", self, names)
+        if not self.lowest < self.highest:
+            raise OnboardError(
+                f"steepest-gradient: lowest = {self.lowest!r} must be below highest = {self.highest!r}"
+            )
+        if not self.least <= self.largest:
+            raise OnboardError(
+                f"steepest-gradient: least = {self.least!r} must not exceed largest = {self.largest!r}"
+            )
+
+    def settings(self, onboard: "Onboard") -> SteepestGradientSettings:
+        """Numbers of the law."""
+        return SteepestGradientSettings(
+            onboard.creep.settings(onboard), self.interval, self.gain, self.least, self.largest,
+            self.lowest, self.highest,
+        )  # fmt: skip
+
+    @staticmethod
+    def memory(units: int) -> SearchMemory:
+        """Nothing yet."""
+        return search_memory(units)

@@ -1,0 +1,117 @@
+"""Torque by a static table of the deviation of acceleration: readhesion paper, section 2.3."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.compilation import equation
+from alloc.errors import check_numbers
+from alloc.onboard.controllers.controller import BuiltInController, direction
+from alloc.onboard.detector import differentiate, differentiator_gain
+from alloc.onboard.quantity import quantity
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+Floats = NDArray[np.float64]
+
+
+class TorqueTableSettings(NamedTuple):
+    """Numbers of the law per control period."""
+
+    margin: float
+    width: float
+    pole: float
+    gain: float
+    rise_share: float
+    fall_share: float
+
+
+class TorqueTableMemory(NamedTuple):
+    """Rim speed behind the differentiator's filter [m/s] and torque behind the table's [N m], (units,); nan: nothing yet."""
+
+    speed: Floats
+    torque: Floats
+
+
+def lag_share(time_constant: float, period: float) -> float:
+    """Share of the way to its input that a first-order lag goes in one `period` [s]."""
+    return -math.expm1(-period / time_constant)
+
+
+@equation
+def torque_factor(deviation, margin, width):
+    """Factor Adl of Fig. 5: 1 up to `margin`, 0 from `margin` + `width` on, linear between; all [m/s2]."""
+    return min(max(1.0 - (deviation - margin) / width, 0.0), 1.0)
+
+
+@equation
+def asymmetric_lag(value, wanted, rise_share, fall_share):
+    """One period of the filter behind the table: its time constant differs between rising and falling."""
+    return value + (rise_share if wanted > value else fall_share) * (wanted - value)
+
+
+@equation
+def table_unit(eq, st, m, p, k, j, commanded):
+    """Command of unit `j`; the share that counts is that before the filter."""
+    sign = direction(commanded)
+    if math.isnan(k.speed[j]):
+        k.speed[j], k.torque[j] = m.speed[j], sign * m.unit.torque_command[j]
+    k.speed[j], acceleration = differentiate(k.speed[j], m.speed[j], p.pole, p.gain)
+    factor = torque_factor(sign * acceleration - abs(commanded), p.margin, p.width)
+    k.torque[j] = asymmetric_lag(
+        k.torque[j], factor * sign * m.unit.torque_target[j], p.rise_share, p.fall_share
+    )
+    m.unit.torque_command[j] = sign * k.torque[j]
+    return factor
+
+
+@dataclass(frozen=True)
+class TorqueTable(BuiltInController):
+    """Static table of the readhesion paper, section 2.3 and Fig. 5: torque factor over the deviation of acceleration.
+
+    The deviation is the rim's acceleration, by a pseudo-differentiator of `time_constant` tau [s], less the commanded one.
+    Factor 1 up to `margin` a_0 [m/s2], 0 from `margin` + `width` a_w [m/s2] on, linear between. Factor times target
+    passes a filter that rises with `rise` T_u [s] and falls with `fall` T_d [s]. a_0 and a_w are those of the paper's case
+    A, read as km/h/s; T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its
+    half-slip, as does the best set of `studies.readhesion_paper.calibration`.
+    """
+
+    name = "table"
+    meaning = "torque factor by the deviation of acceleration (readhesion paper, section 2.3)"
+    colour = "#e69f00"
+    marker = "v"
+    law = table_unit
+
+    margin: float = quantity(0.4 / 3.6, "km/h/s")
+    width: float = quantity(0.2 / 3.6, "km/h/s")
+    rise: float = quantity(1.8, "s")
+    fall: float = quantity(0.25, "s")
+    time_constant: float = quantity(0.18, "s")
+
+    def __post_init__(self) -> None:
+        check_numbers("table", self, ("width", "rise", "fall", "time_constant"), ("margin",))
+
+    def constants(self, period: float) -> TorqueTableSettings:
+        """Numbers of the law for a control `period` [s]."""
+        pole = 1.0 / self.time_constant
+        return TorqueTableSettings(
+            self.margin,
+            self.width,
+            pole,
+            differentiator_gain(pole, period),
+            lag_share(self.rise, period),
+            lag_share(self.fall, period),
+        )
+
+    def settings(self, onboard: "Onboard") -> TorqueTableSettings:
+        """Numbers of the law."""
+        return self.constants(onboard.period)
+
+    @staticmethod
+    def memory(units: int) -> TorqueTableMemory:
+        """Nothing yet."""
+        return TorqueTableMemory(np.full(units, np.nan), np.full(units, np.nan))

@@ -1,0 +1,164 @@
+"""Laws of the adhesion curves: the tangential force coefficient over the slip velocity, and its maximum.
+
+Every law is odd in the slip velocity and takes the local `peak` from the adhesion field. For Polach's it is the friction
+coefficient, whose maximum over the slip velocity lies below it; for the others it is the adhesion coefficient, that maximum.
+"""
+
+import math
+
+from alloc.compilation import equation
+from alloc.plant.operations import absolute, atan, exp, interpolate, maximum, where
+
+PIECEWISE, POLACH, SLIP_RATIO, TABULATED = 0, 1, 2, 3
+
+CREEPAGE_SPEED_FLOOR = 1.0
+"""Speed [m/s] below which creepage-based curves see a constant reference speed.
+
+Creepage divides by the speed and is singular at standstill; the floor bounds the stiffness, and with it
+the number of substeps. A numerical device, not a property of the rail.
+"""
+
+
+@equation
+def parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio):
+    """Curvature C of the parabola, raised where the source's would not make a curve.
+
+    The source needs C >= g1^2 / (4 peak), else its first break point is negative and the curve jumps at the
+    origin; and B > 0, that is C > g2^2 / (4 (peak - mu_inf)), else its tail grows without bound. The
+    smallest C is taken that satisfies the first and leaves the tail half of the fall from the peak: the initial
+    slope stays, and the curve keeps its first derivative.
+    """
+    for_line = 0.25 * micro_slope * micro_slope
+    for_tail = 0.5 * macro_slope * macro_slope / (1.0 - residual_ratio)
+    return maximum(top_curvature, maximum(for_line, for_tail) / peak)
+
+
+@equation
+def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, residual_ratio):
+    """Line, parabola, exponential: readhesion paper (1)-(6).
+
+    On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
+    """
+    curvature = parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
+    magnitude = absolute(slip)
+    half_width = micro_slope / (4.0 * curvature)
+    line_end = peak / micro_slope - half_width  # (3)
+    top = peak / micro_slope + half_width  # (4)
+    tail_start = top + macro_slope / (2.0 * curvature)  # (5)
+    residual = residual_ratio * peak
+    drop = peak - macro_slope * macro_slope / (4.0 * curvature) - residual  # (6), B of the source
+    line = micro_slope * magnitude
+    parabola = peak - curvature * (magnitude - top) * (magnitude - top)
+    beyond = maximum(magnitude - tail_start, 0.0)
+    tail = residual + drop * exp(-beyond * macro_slope / drop)
+    value = where(magnitude <= line_end, line, where(magnitude < tail_start, parabola, tail))
+    return where(slip < 0.0, -value, value)
+
+
+@equation
+def reference_speed(speed, rim_speed):
+    """Speed that slip is divided by: the larger of car and rim speed, kept away from zero."""
+    return maximum(maximum(absolute(speed), absolute(rim_speed)), CREEPAGE_SPEED_FLOOR)
+
+
+@equation
+def polach_coefficient(
+    slip, reference, peak, ratio_at_infinity, decay, adhesion_factor, slip_factor, creep_stiffness
+):
+    """Polach's creep force law in pure longitudinal creep (Wear 258 (2005) 992-1000, eqs. 1-9).
+
+    Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest.
+    """
+    magnitude = absolute(slip)
+    friction = peak * ((1.0 - ratio_at_infinity) * exp(-decay * magnitude) + ratio_at_infinity)
+    gradient = creep_stiffness * magnitude / (reference * friction)
+    adhesion = adhesion_factor * gradient
+    value = (
+        (2.0 / math.pi)
+        * friction
+        * (adhesion / (1.0 + adhesion * adhesion) + atan(slip_factor * gradient))
+    )
+    return where(slip < 0.0, -value, value)
+
+
+@equation
+def slip_ratio_coefficient(slip, reference, peak, peak_slip_ratio, residual_ratio):
+    """Rise 2x/(1 + x^2) to the peak at x = slip ratio / `peak_slip_ratio` = 1, then towards a residual.
+
+    With `residual_ratio` = 1 it is flat beyond the peak, as in work on wheel slide protection.
+    """
+    x = absolute(slip) / (reference * peak_slip_ratio)
+    rise = 2.0 * x / (1.0 + x * x)
+    beyond = residual_ratio + (1.0 - residual_ratio) * rise
+    value = peak * where(x <= 1.0, rise, beyond)
+    return where(slip < 0.0, -value, value)
+
+
+@equation
+def tabulated_coefficient(slip, peak, table):
+    """Shape of the curve from `table`: slip velocity of the peak, then values over slip / (slip + that of the peak)."""
+    magnitude = absolute(slip)
+    value = peak * interpolate(table, magnitude / (magnitude + table[0]))
+    return where(slip < 0.0, -value, value)
+
+
+@equation
+def tangential_coefficient(kind, q, slip, speed, rim_speed, peak):
+    """Coefficient of the curve `kind` with its parameters `q`; elementwise in the other arguments."""
+    if kind == PIECEWISE:
+        return piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3])
+    elif kind == POLACH:
+        reference = reference_speed(speed, rim_speed)
+        return polach_coefficient(slip, reference, peak, q[0], q[1], q[2], q[3], q[4])
+    elif kind == SLIP_RATIO:
+        reference = reference_speed(speed, rim_speed)
+        return slip_ratio_coefficient(slip, reference, peak, q[0], q[1])
+    else:
+        return tabulated_coefficient(slip, peak, q)
+
+
+@equation
+def polach_driving(slip, speed, peak, q):
+    """Polach coefficient of an axle that drives: the rim speed is what slip is divided by."""
+    reference = reference_speed(speed, speed + slip)
+    return polach_coefficient(slip, reference, peak, q[0], q[1], q[2], q[3], q[4])
+
+
+@equation
+def polach_peak(peak, speed, q):
+    """Largest Polach coefficient over the slip velocity, and where it lies (golden section search).
+
+    The curve rises from zero to its maximum and falls; where creepage still grows far beyond, it recovers a little.
+    The bracket (0, one tenth of the speed plus 2 m/s) holds the maximum of every published set and ends before that.
+    """
+    golden = 0.6180339887498949
+    low = 0.0 * (peak + speed)
+    high = low + 0.1 * absolute(speed) + 2.0
+    inner_low, inner_high = high - golden * (high - low), low + golden * (high - low)
+    for _ in range(60):
+        left = polach_driving(inner_low, speed, peak, q) > polach_driving(
+            inner_high, speed, peak, q
+        )
+        low = where(left, low, inner_low)
+        high = where(left, inner_high, high)
+        inner_low = high - golden * (high - low)
+        inner_high = low + golden * (high - low)
+    top = 0.5 * (low + high)
+    return polach_driving(top, speed, peak, q), top
+
+
+@equation
+def adhesion_limit(kind, q, peak, speed):
+    """Adhesion coefficient of a driving axle (maximum over the slip velocity), and the slip velocity [m/s] there."""
+    if kind == PIECEWISE:
+        curvature = parabola_curvature(peak, q[0], q[1], q[2], q[3])
+        return peak * 1.0, peak / q[0] + q[0] / (4.0 * curvature)
+    elif kind == POLACH:
+        return polach_peak(peak, speed, q)
+    elif kind == TABULATED:
+        return peak * 1.0, q[0] + 0.0 * peak
+    else:
+        # slip / reference = x: the reference is v + slip when driving, or its floor at low speed
+        ratio = q[0]
+        slip = maximum(ratio * CREEPAGE_SPEED_FLOOR, absolute(speed) * ratio / (1.0 - ratio))
+        return peak * 1.0, slip + 0.0 * peak

@@ -1,0 +1,81 @@
+"""What decides a result is every file behind it, and nothing in them that is not run."""
+
+import pytest
+
+from studies.core import code_version
+from studies.core.code_version import code_hash
+
+FILES = {
+    "pack/__init__.py": '"""A package."""\n\nVERSION = 1\n',
+    "pack/top.py": '"""Top."""\n\nfrom pack.part import leaf\n\n\ndef top():\n    """Do."""\n    return leaf() + 1\n',
+    "pack/part/__init__.py": '"""A part."""\n',
+    "pack/part/leaf.py": "def leaf():\n    from pack import lazy\n\n    return lazy.VALUE\n",
+    "pack/lazy.py": "VALUE = 1.0  # first\n",
+    "pack/other.py": "VALUE = 2.0\n",
+}
+CLOSURE = [name for name in FILES if name != "pack/other.py"]
+
+
+def forget():
+    for cached in (code_hash, code_version._path, code_version._tree, code_version._syntax):
+        cached.cache_clear()
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Hash of the module `pack.top` of a small package, and what edits one of its files."""
+    monkeypatch.setattr(code_version, "ROOT", tmp_path)
+    monkeypatch.setattr(code_version, "PACKAGES", ("pack",))
+    for name, text in FILES.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+    def edited(name, *replacements, end=""):
+        path = tmp_path / name
+        text = FILES[name]
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new)
+        path.write_text(text + end)
+        forget()
+        found = code_hash("pack.top")
+        path.write_text(FILES[name])
+        forget()
+        return found
+
+    forget()
+    yield edited
+    forget()
+
+
+@pytest.mark.parametrize("name", CLOSURE)
+def test_an_edit_of_any_file_behind_a_module_changes_its_hash(package, name):
+    before = code_hash("pack.top")
+    assert package(name, end="\nMORE = 1\n") != before
+    assert code_hash("pack.top") == before
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_comments_and_layout_do_not_count(package, name):
+    assert package(name, end="\n\n# a word\n") == code_hash("pack.top")
+
+
+def test_docstrings_do_not_count_but_values_do(package):
+    before = code_hash("pack.top")
+    words = package("pack/top.py", ('"""Top."""', '"""Peak."""'), ('"""Do."""', '"""Do it."""'))
+    assert words == before
+    assert package("pack/lazy.py", ("# first", "# second")) == before
+    assert package("pack/lazy.py", ("1.0", "1.5")) != before
+    assert package("pack/top.py", ("+ 1", "+ 2")) != before
+
+
+def test_what_is_not_imported_does_not_count(package):
+    before = code_hash("pack.top")
+    assert package("pack/other.py", ("2.0", "3.0")) == before
+    assert package("pack/top.py", ("import leaf", "import leaf  # and no more")) == before
+    assert code_hash("pack.top", "pack.other") != before
+
+
+def test_a_module_of_another_package_does_not_count(package):
+    assert code_hash("pack.top", "numpy.linalg") == code_hash("pack.top")
