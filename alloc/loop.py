@@ -22,7 +22,8 @@ from alloc.onboard.torque import restrain_blind_units, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.model import Environment, Inputs, Model, Structure
-from alloc.rules.kernels import allocate_compiled
+from alloc.rules.dispatch import allocate_compiled
+from alloc.rules.rule import Units
 
 Floats = NDArray[np.float64]
 
@@ -171,10 +172,10 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 m.counter.rule_calls[0] += 1
                 if st.rule.compiled < 0:
                     return ALLOCATION
+                asked = Units(m.cap, eq.mass, m.limit_max, m.limit_wanted, m.delivered, m.truth)
                 m.train.level[0], m.train.case[0] = allocate_compiled(
-                    st.rule.compiled, m.cap, m.train.expected[0], eq.mass, m.limit_max,
-                    m.limit_wanted, m.delivered, m.truth, st.rule.parameters, m.limit_wanted,
-                )  # fmt: skip
+                    st.rule.compiled, asked, m.train.expected[0], m.limit_wanted
+                )
         braking = eq.blended and a < 0.0
         if progress.phase[0] == DISTRIBUTE:
             row = (tick // st.telegrams.ticks) % given.delay.shape[0]

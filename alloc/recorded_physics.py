@@ -72,14 +72,7 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "axle_unit": s.axle_unit,
         "axle_car": s.axle_car,
         "axle_group": s.axle_group,
-        "group_volume": np.array(
-            [
-                car.air_brake.cylinder_volume
-                for car in model.train.cars
-                if car.air_brake is not None
-                for _ in range(max(car.bogie_of_axle) + 1)
-            ]
-        ),
+        "group_volume": np.array([brake.cylinder_volume for brake in model.train.brake_groups]),
         "unit_static_load": unit_load,
         "unit_gear": s.unit_gear,
         "unit_radius": unit_radius / np.maximum(s.unit_axles, 1.0),

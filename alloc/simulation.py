@@ -20,6 +20,7 @@ from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
+from alloc.rules.dispatch import compiled_index
 
 
 @dataclass(frozen=True)
@@ -149,13 +150,8 @@ def simulate(
 
 
 def _rule_settings(rule: Rule, onboard: Onboard) -> RuleSettings:
-    compiled = rule.compiled_id if onboard.limit_rate is None else None
-    return RuleSettings(
-        -1 if compiled is None else compiled,
-        rule.periodic,
-        rule.needs_truth,
-        np.asarray(rule.parameters, dtype=float),
-    )
+    compiled = compiled_index(rule) if onboard.limit_rate is None else -1
+    return RuleSettings(compiled, rule.periodic, rule.needs_truth)
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:

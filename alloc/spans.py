@@ -1,5 +1,7 @@
 """Stretches of a series in which something holds."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,3 +10,16 @@ def spans(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     """First instant and first one after it of every stretch in which `flags` (instants,) are true, (spans, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return edges.reshape(-1, 2)
+
+
+def bridged_spans(
+    flags: NDArray[np.bool_], near: Callable[[int, int], bool]
+) -> list[tuple[int, int]]:
+    """The same, with those as one of which `near` (end of one, begin of the next) says that they are close."""
+    merged: list[tuple[int, int]] = []
+    for begin, end in spans(flags).tolist():
+        if merged and near(merged[-1][1], begin):
+            merged[-1] = (merged[-1][0], end)
+        else:
+            merged.append((begin, end))
+    return merged

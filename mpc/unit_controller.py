@@ -7,10 +7,10 @@ import numpy as np
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from mpc.belief import CurveObserver
 from mpc.controller import Floats, PredictiveController
-from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
+from mpc.stretched_curve import stretched
 from mpc.unit_model import parameters, torque_per_coefficient
 
 STIFFNESS_MARGIN = 0.8

@@ -73,22 +73,6 @@ class UnitModel:
         """Number of states."""
         return self.axles + 1 + self.units
 
-    def right_side(self) -> cs.Function:
-        """CasADi function (state, torque, parameters) -> derivative of the state."""
-        return cs.Function("right_side", [self.state, self.torque, self.parameters], [self.rate])
-
-    def step_function(self, step: float, substeps: int) -> cs.Function:
-        """CasADi function (state, torque, parameters) -> state after `step` [s], classical Runge-Kutta."""
-        f, h = self.right_side(), step / substeps
-        x, u, p = self.state, self.torque, self.parameters
-        for _ in range(substeps):
-            k1 = f(x, u, p)
-            k2 = f(x + 0.5 * h * k1, u, p)
-            k3 = f(x + 0.5 * h * k2, u, p)
-            k4 = f(x + h * k3, u, p)
-            x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return cs.Function("step", [self.state, u, p], [x])
-
 
 def _car(group: tuple[UnitContext, ...]) -> Car:
     """A car that holds the units `group`; per-unit values are set afterwards."""

@@ -15,7 +15,8 @@ from matplotlib.ticker import Locator, NullLocator
 from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
-from paper_figs.palette import DARK, OTHER_COLOUR, RULE_COLOURS, RULE_MARKERS
+from alloc.rules import RULES
+from paper_figs.palette import DARK
 from studies.core.statement import Interval
 
 Look = dict[str, Any]
@@ -57,12 +58,12 @@ def new_panels(
 
 def rule_colour(rule: str) -> str:
     """The rule's colour, the same in every figure."""
-    return RULE_COLOURS.get(rule, OTHER_COLOUR)
+    return RULES[rule].colour
 
 
 def rule_marker(rule: str) -> str:
     """The rule's marker, so that colour is never the only sign."""
-    return RULE_MARKERS.get(rule, "h")
+    return RULES[rule].marker
 
 
 def rule_look(rule: str) -> Look:

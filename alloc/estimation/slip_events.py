@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
-from alloc.spans import spans
+from alloc.spans import bridged_spans
 
 Floats = NDArray[np.float64]
 
@@ -71,17 +71,6 @@ class SlipEvent(NamedTuple):
         return "slip" if self.largest_slip > 0.0 else "slide"
 
 
-def _bridged(flags: NDArray[np.bool_], time: Floats) -> list[tuple[int, int]]:
-    """Stretches in which `flags` are true, those less than `BRIDGED` apart as one."""
-    merged: list[tuple[int, int]] = []
-    for begin, end in spans(flags).tolist():
-        if merged and time[begin] - time[merged[-1][1] - 1] < BRIDGED:
-            merged[-1] = (merged[-1][0], end)
-        else:
-            merged.append((begin, end))
-    return merged
-
-
 def find_slips(
     axle: int,
     time: Floats,
@@ -92,11 +81,15 @@ def find_slips(
     criterion: SlipCriterion,
 ) -> list[SlipEvent]:
     """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known."""
+
+    def near(end: int, begin: int) -> bool:
+        return bool(time[begin] - time[end - 1] < BRIDGED)
+
     slip = rim_speed - speed
     bound = criterion.bound(speed, rim_speed)
     events = []
     for sign in (1.0, -1.0):
-        for begin, end in _bridged(sign * slip > 0.5 * bound, time):
+        for begin, end in bridged_spans(sign * slip > 0.5 * bound, near):
             inside = slice(begin, end)
             beyond = np.flatnonzero(sign * slip[inside] > bound[inside])
             if beyond.size == 0:

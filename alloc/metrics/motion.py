@@ -8,6 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 from alloc.metrics.registry import (
     SLIP_FACTOR,
     acting_axles,
+    adhesion_used,
     direction,
     mean_or_nan,
     metric,
@@ -62,14 +63,7 @@ def effort_ratio(run: xr.Dataset) -> float:
 )
 def utilisation(run: xr.Dataset) -> float:
     """Sum of the acting axles' rail force over the sum of their available force, under demand."""
-    return _adhesion_used(run, acting_axles(run) & under_demand(run)[:, None])
-
-
-def _adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
-    """Rail force over available force where `counted` (time, axle)."""
-    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
-    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
-    return float(used / available) if available else float("nan")
+    return adhesion_used(run, acting_axles(run) & under_demand(run)[:, None])
 
 
 @metric("utilisation_slipping", "1", "adhesion used while any driven axle slips", +1)
@@ -79,7 +73,7 @@ def utilisation_slipping(run: xr.Dataset) -> float:
     if run.sizes["unit"] == 0:
         return float("nan")
     slipping = run["slipping"].values.astype(bool)[:, unit] & (unit >= 0)
-    return _adhesion_used(run, slipping & under_demand(run)[:, None])
+    return adhesion_used(run, slipping & under_demand(run)[:, None])
 
 
 @metric("slip_time", "s", "time spent slipping, summed over axles", -1)

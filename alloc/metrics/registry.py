@@ -67,6 +67,13 @@ def acting_axles(run: xr.Dataset) -> NDArray[np.bool_]:
     return np.asarray(driven[None, :] | all_brake[:, None])
 
 
+def adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
+    """Rail force over available force where `counted` (time, axle)."""
+    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
+    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
+    return float(used / available) if available else float("nan")
+
+
 def mean_or_nan(values: NDArray[np.float64]) -> float:
     """Mean; nan of nothing."""
     return float(values.mean()) if values.size else float("nan")

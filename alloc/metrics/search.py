@@ -13,8 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from alloc.metrics.registry import direction, metric, record_period, under_demand
-from alloc.spans import spans
+from alloc.metrics.registry import adhesion_used, direction, metric, record_period, under_demand
+from alloc.spans import bridged_spans
 
 FOUND = 0.9
 """Share of what is available from which on adhesion counts as used, and its peak as found."""
@@ -82,21 +82,11 @@ def episodes(run: xr.Dataset) -> Iterator[Episode]:
         fallen = np.zeros(short.shape[0], dtype=bool)
         fallen[stay:] = available[stay:, unit] < (1.0 - DROP) * available[:-stay, unit]
         onsets = np.flatnonzero(np.diff(fallen.astype(np.int8)) == 1) + 1
-        for start, stop in _bridged(short[:, unit], stay):
+        for start, stop in bridged_spans(short[:, unit], lambda stop, start: start - stop < stay):
             cuts = [start, *onsets[(onsets > start) & (onsets < stop)].tolist(), stop]
             for k in range(len(cuts) - 1):
                 if cuts[k + 1] - cuts[k] >= least:
                     yield Episode(unit, cuts[k], cuts[k + 1])
-
-
-def _bridged(flags: Flags, gap: int) -> list[tuple[int, int]]:
-    bridged: list[tuple[int, int]] = []
-    for start, stop in spans(flags).tolist():
-        if bridged and start - bridged[-1][1] < gap:
-            bridged[-1] = (bridged[-1][0], stop)
-        else:
-            bridged.append((start, stop))
-    return bridged
 
 
 def searches(run: xr.Dataset) -> list[Search]:
@@ -146,10 +136,7 @@ def utilisation_short(run: xr.Dataset) -> float:
     unit = run["axle_unit"].values
     if run.sizes["unit"] == 0:
         return float("nan")
-    counted = shortage(run)[:, unit] & (unit >= 0)
-    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
-    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
-    return float(used / available) if counted.any() else float("nan")
+    return adhesion_used(run, shortage(run)[:, unit] & (unit >= 0))
 
 
 @metric(

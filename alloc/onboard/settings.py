@@ -26,7 +26,6 @@ class RuleSettings(NamedTuple):
     """Whether it acts with every telegram, else at each detection by the foremost unit."""
     needs_truth: bool
     """Whether it reads the truth; who knows the rail need not wait for slip."""
-    parameters: Floats
 
 
 class DetectorSettings(NamedTuple):

@@ -70,12 +70,6 @@ class ArrayModel:
         """A parameter (rows,) shaped to act elementwise on `like`."""
         return values[:, None] if getattr(like, "ndim", 1) == 2 else values
 
-    def unit_rim_speed(self, omega: Array) -> Array:
-        """Mean rim speed of each unit's axles [m/s], (units,)."""
-        s = self.structure
-        total = self.unit_of_axle.T @ (self._column(s.radius, omega) * omega)
-        return total / self._column(s.unit_axles, omega)
-
     def forces(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
         """Slip velocity [m/s], coefficient and rail force [N] of every axle."""
         s, n = self.structure, self.layout

@@ -14,6 +14,7 @@ from alloc.plant.adhesion_laws import (
     TABULATED,
     tangential_coefficient,
 )
+from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import (
     axle_load,
     car_drag,
@@ -28,7 +29,6 @@ from alloc.plant.equations import (
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.operations import maximum, minimum, sine
 from alloc.plant.rail import NOISE_KNOTS
-from alloc.plant.train import EFFORT_SPEED_STEP
 
 
 @inlined_jit

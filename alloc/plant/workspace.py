@@ -35,13 +35,9 @@ def workspace(model: Model, step: float) -> Workspace:
     n, lanes = model.layout, model.lanes
     length = sum(car.length for car in model.train.cars)
     cells = int(length / model.environment.cleaning_spacing) + 256
-    dead_times = [
-        car.air_brake.dead_time
-        for car in model.train.cars
-        if car.air_brake is not None
-        for _ in range(max(car.bogie_of_axle) + 1)
-    ]
-    steps = np.array([round(t / step) for t in dead_times], dtype=np.int64)
+    steps = np.array(
+        [round(brake.dead_time / step) for brake in model.train.brake_groups], dtype=np.int64
+    )
     slots = int(steps.max(initial=0)) + 1
     return Workspace(
         peak=np.zeros((n.axles, lanes)),

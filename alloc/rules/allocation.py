@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from alloc.rules.greedy import ROUNDING
 from alloc.rules.problem import AllocationProblem, Floats
+from alloc.rules.reach import ROUNDING
 
 CASE_NONE, CASE_A, CASE_B = 0, 1, 2
 CASES = ("none", "A", "B")

@@ -5,10 +5,15 @@ sum m (x - Mu_z)^2. Weighted with the mass, every unit inside its bounds stands 
 mass: x = min(max(L, lower), upper). L is the root of a monotone, piecewise linear function.
 """
 
+import time
+
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.rules.greedy import ROUNDING, highest_cap
+from alloc.rules.allocation import CASE_A, CASE_B, Allocation, allocation
+from alloc.rules.problem import AllocationProblem, Floats
+from alloc.rules.reach import ROUNDING, highest_cap
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -112,3 +117,37 @@ def box_limits(lower, upper, mass, expected, limit_out):
     for j in range(upper.size):
         limit_out[j] = min(max(level, lower[j]), upper[j])
     return level, reached
+
+
+@jit
+def exact_law(units, expected, limit_out):
+    """Limits at the exact level of the caps."""
+    return exact_limits(units.cap, expected, units.mass, units.limit_max, limit_out)
+
+
+def exact_in_box(problem: AllocationProblem, limit_out: Floats) -> tuple[float, int]:
+    """Fill `limit_out` with the exact limits under rates of change as well; returns level and case."""
+    lower, upper = problem.box
+    level, reached = box_limits(lower, upper, problem.weight, problem.expected, limit_out)
+    return level, CASE_B if reached else CASE_A
+
+
+def answer_exact(problem: AllocationProblem) -> Allocation:
+    """The exact limits, whether they may change at a rate only or at once."""
+    started = time.perf_counter()
+    limit = np.empty(problem.n)
+    if problem.rate is None:
+        level, reached = exact_limits(
+            problem.cap, problem.expected, problem.weight, problem.torque_limit, limit
+        )
+        case = CASE_B if reached else CASE_A
+    else:
+        level, case = exact_in_box(problem, limit)
+    return allocation(problem, limit, level, case, time.perf_counter() - started)
+
+
+EXACT = Rule(
+    "exact", "the exact level of JP5484215 par. 0050, weighted with mass", answer_exact, exact_law,
+    colour="#0072b2", marker="P",
+)  # fmt: skip
+RULES.register("exact", EXACT)

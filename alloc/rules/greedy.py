@@ -1,22 +1,12 @@
 """The rule of JP5484215: the foremost unit's slip bounds all, the rear takes over what the front lost.
 
-Both readings of its step S210: the description's, and the running sum of claim 1. Like the patent they count
-units, not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
+This is the description's reading of its step S210; `alloc.rules.greedy_claim` is that of claim 1. Like the patent both
+count units, not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
 """
 
 from alloc.compilation import jit
-
-ROUNDING = 1e-12
-"""Relative slack of comparisons between sums, so that a tie in exact arithmetic is one in floating point."""
-
-
-@jit
-def within_reach(cap, expected):
-    """Step S207: whether the mean cap (7) exceeds the plan, which is case B."""
-    total = 0.0
-    for j in range(cap.size):
-        total += cap[j]
-    return total > cap.size * expected * (1.0 + ROUNDING)
+from alloc.rules.reach import ROUNDING, highest_cap, within_reach
+from alloc.rules.rule import RULES, Rule
 
 
 @jit
@@ -47,19 +37,6 @@ def description_level(cap, expected):
 
 
 @jit
-def claim_level(cap, expected):
-    """Level by claim 1: units are added until the running sum covers the deficit; case B only."""
-    front, small = deficit_of_front(cap, expected)
-    enough = small - ROUNDING * cap.size * expected
-    large = 0.0
-    for m in range(front, cap.size):
-        large += cap[m] - expected
-        if large >= enough:
-            return cap[m]
-    return cap[cap.size - 1]
-
-
-@jit
 def limits_under(level, cap, limit_max, limit_out):
     """Cases C and D, (10) and (11): min(cap, level); then each unit's torque limit, as the unit itself applies it."""
     for j in range(cap.size):
@@ -67,9 +44,16 @@ def limits_under(level, cap, limit_max, limit_out):
 
 
 @jit
-def highest_cap(cap):
-    """The level of case A, where every unit works at its cap."""
-    highest = cap[0]
-    for j in range(1, cap.size):
-        highest = max(highest, cap[j])
-    return highest
+def greedy_law(units, expected, limit_out):
+    """Limits by the description."""
+    reached = within_reach(units.cap, expected)
+    level = description_level(units.cap, expected) if reached else highest_cap(units.cap)
+    limits_under(level, units.cap, units.limit_max, limit_out)
+    return level, reached
+
+
+GREEDY = Rule(
+    "greedy", "the reference: rear caps bound at the next unit's cap (JP5484215 par. 0041, 0049)",
+    law=greedy_law, colour="#d55e00", marker="s",
+)  # fmt: skip
+RULES.register("greedy", GREEDY)

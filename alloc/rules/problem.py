@@ -1,6 +1,6 @@
 """What a rule is asked: adhesion caps along the train, the plan, and what else bounds the limits."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import AllocationError
-from alloc.rules.greedy import ROUNDING
+from alloc.rules.reach import ROUNDING
 
 Floats = NDArray[np.float64]
 
@@ -142,19 +142,7 @@ class AllocationProblem:
 
     def changed(self, **values: Any) -> "AllocationProblem":
         """A copy with other values of these fields."""
-        fields = (
-            "cap",
-            "expected",
-            "mass",
-            "slip",
-            "limit_max",
-            "previous",
-            "rate",
-            "delivered",
-            "truth",
-            "deviation",
-        )
-        return AllocationProblem(**({name: getattr(self, name) for name in fields} | values))
+        return replace(self, **values)
 
     @cached_property
     def attainable(self) -> float:

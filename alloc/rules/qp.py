@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from alloc.rules.allocation import CASE_A, CASE_B, Allocation, allocation
-from alloc.rules.optimality import fitted_level
+from alloc.rules.exact import exact_in_box
+from alloc.rules.optimality_check import fitted_level
 from alloc.rules.problem import AllocationProblem, Floats, import_solver
-from alloc.rules.rule import Rule, exact_in_box
+from alloc.rules.rule import RULES, Rule
 
 SETTINGS = {
     "eps_abs": 1e-10,
@@ -97,13 +98,13 @@ def workspace(n: int) -> Workspace:
     return Workspace(n)
 
 
-def answer_qp(rule: Rule, problem: AllocationProblem) -> Allocation:
-    """Limits by OSQP; where it fails, the exact ones, and the status says so."""
+def answer_qp(problem: AllocationProblem, name: str = "qp") -> Allocation:
+    """Limits by OSQP; where it fails, the exact ones, and the status says so under the rule's `name`."""
     work = workspace(problem.n)
     started = time.perf_counter()
     weight, lower, upper, total = scaled(problem)
     z, status = work.solve(weight, lower, upper, total)
-    return finished(rule, problem, z, status, started)
+    return finished(name, problem, z, status, started)
 
 
 def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
@@ -119,7 +120,7 @@ def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
 
 
 def finished(
-    rule: Rule, problem: AllocationProblem, z: Floats, status: str, started: float
+    name: str, problem: AllocationProblem, z: Floats, status: str, started: float
 ) -> Allocation:
     """The answer with the limits `z` times the plan, or with the exact ones unless `status` is "ok"."""
     limit = z * problem.expected
@@ -127,6 +128,12 @@ def finished(
         case = CASE_B if problem.within_reach else CASE_A
         level = fitted_level(limit, problem, FEASIBLE)
     else:
-        status = f"{rule.name} failed ({status}): exact level used"
-        level, case = exact_in_box(problem, False, limit)
+        status = f"{name} failed ({status}): exact level used"
+        level, case = exact_in_box(problem, limit)
     return allocation(problem, limit, level, case, time.perf_counter() - started, status)
+
+
+QP = Rule(
+    "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, colour="#56b4e9", marker="X"
+)  # fmt: skip
+RULES.register("qp", QP)

@@ -9,7 +9,7 @@ import numpy as np
 from alloc.rules.allocation import Allocation
 from alloc.rules.problem import AllocationProblem, import_solver
 from alloc.rules.qp import checked, finished, scaled
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 SOLVER = "CLARABEL"
 """An interior-point solver: another method than `qp`'s, so that the two check each other."""
@@ -42,7 +42,7 @@ def formulation(n: int) -> Formulation:
     return Formulation(n)
 
 
-def answer_qp_cvxpy(rule: Rule, problem: AllocationProblem) -> Allocation:
+def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:
     """Limits by cvxpy; where its solver fails, the exact ones, and the status says so."""
     stated = formulation(problem.n)
     started = time.perf_counter()
@@ -61,4 +61,11 @@ def answer_qp_cvxpy(rule: Rule, problem: AllocationProblem) -> Allocation:
         status = str(stated.problem.status)
     elif status == "ok":
         z, status = checked(stated.z.value, weight, lower, upper, total)
-    return finished(rule, problem, z, status, started)
+    return finished("qp-cvxpy", problem, z, status, started)
+
+
+QP_CVXPY = Rule(
+    "qp-cvxpy", "the same program stated in cvxpy: readable reference, slow", answer_qp_cvxpy,
+    colour="#009e73", marker="<",
+)  # fmt: skip
+RULES.register("qp-cvxpy", QP_CVXPY)

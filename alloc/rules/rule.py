@@ -1,52 +1,77 @@
-"""What a rule is, and the rules that are compiled."""
+"""What an allocation rule is, and the registry of all."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from alloc.errors import AllocationError
+from alloc.registry import Registry
 from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE, Allocation, allocation
-from alloc.rules.exact import box_limits
-from alloc.rules.kernels import EXACT, ORACLE, allocate_compiled
 from alloc.rules.problem import AllocationProblem, Floats
 
-PRESET_MOVED = 0.1
-"""Part of the plan that the preset pattern moves between the train's ends. Its source names none; a tenth is what the
-increments (15) add along 8 motor cars, so the pattern is right for the rail that it was preset for."""
-SHARING_GAIN = 0.5
-"""Share of the shortfall handed on per telegram by dynamic sharing; its source names none."""
-SHARING_TOLERANCE = 0.02
-"""Shortfall, as a share of the plan, that dynamic sharing takes for none."""
 
-Answer = Callable[["Rule", AllocationProblem], Allocation]
+class Units(NamedTuple):
+    """What a compiled law reads of the units, float64 (n,) each and unchecked, as in `AllocationProblem`."""
+
+    cap: Floats
+    mass: Floats
+    limit_max: Floats
+    previous: Floats
+    delivered: Floats
+    truth: Floats
 
 
 @dataclass(frozen=True)
 class Rule:
     """An allocation rule: call it with an `AllocationProblem` to get an `Allocation`.
 
-    Raises `AllocationError` where a library that the rule needs is not installed.
+    A rule has an `answer` in Python or a compiled `law`; both where the law leaves out rates of change. Raises
+    `AllocationError` where a library that the rule needs is not installed.
     """
 
     name: str
     description: str
-    answer: Answer = field(repr=False)
+    answer: Callable[[AllocationProblem], Allocation] | None = field(default=None, repr=False)
     """What is called under slip; without slip every rule answers with the plan."""
-    compiled_id: int | None = None
-    """Identifier for `alloc.rules.kernels.allocate_compiled`; None if the rule needs Python."""
+    law: Any = field(default=None, repr=False)
+    """Compiled: fills an array of limits from `Units` and the plan; returns level and whether the plan is within reach. The
+    array may be that of the previous limits. None if the rule needs Python."""
     periodic: bool = False
     """Whether it is asked with every telegram, instead of once per detection of slip."""
     needs_truth: bool = False
     """Whether it reads what nobody on board can know."""
-    parameters: tuple[float, ...] = (PRESET_MOVED, SHARING_GAIN, SHARING_TOLERANCE)
-    """Numbers of the rule: `rule_parameters` of `allocate_compiled` where it is compiled, else as its module says."""
+    colour: str = "#882255"
+    """Hexadecimal; the same in every figure."""
+    marker: str = "h"
+    """In figures, as Matplotlib names it."""
 
     def __call__(self, problem: AllocationProblem) -> Allocation:
         """The rule's answer to `problem`."""
         if not problem.slip:
             return plan(problem)
-        return self.answer(self, problem)
+        return self.answer(problem) if self.answer is not None else self._by_law(problem)
+
+    def _by_law(self, problem: AllocationProblem) -> Allocation:
+        """Answer of the law; where limits may change at a rate only, it is cut to what they can reach."""
+        started = time.perf_counter()
+        limit = np.empty(problem.n)
+        level, reached = self.law(units_of(problem), problem.expected, limit)
+        if problem.rate is not None:
+            lower, upper = problem.rate_box if np.isnan(level) else problem.box
+            np.clip(limit, lower, upper, out=limit)
+        case = CASE_B if reached else CASE_A
+        return allocation(problem, limit, level, case, time.perf_counter() - started)
+
+
+def units_of(problem: AllocationProblem) -> Units:
+    """What compiled laws read of `problem`."""
+    cap = np.asarray(problem.cap, dtype=float)
+    return Units(
+        cap, problem.weight, problem.torque_limit, problem.in_force, problem.obtained, problem.available
+    )  # fmt: skip
 
 
 def plan(problem: AllocationProblem) -> Allocation:
@@ -55,31 +80,13 @@ def plan(problem: AllocationProblem) -> Allocation:
     return allocation(problem, limit, np.nan, CASE_NONE, 0.0)
 
 
-def answer_compiled(rule: Rule, problem: AllocationProblem) -> Allocation:
-    """Answer of a compiled rule. A bound on the rate of change is part of the exact levels; others are cut to it."""
-    started = time.perf_counter()
-    limit = np.empty(problem.n)
-    if problem.rate is not None and rule.compiled_id in (EXACT, ORACLE):
-        level, case = exact_in_box(problem, rule.compiled_id == ORACLE, limit)
-    else:
-        assert rule.compiled_id is not None
-        level, case = allocate_compiled(
-            rule.compiled_id, problem.cap, problem.expected, problem.weight, problem.torque_limit,
-            problem.in_force, problem.obtained, problem.available, np.asarray(rule.parameters), limit,
-        )  # fmt: skip
-        if problem.rate is not None:
-            knows_caps = not np.isnan(level)
-            lower, upper = problem.box if knows_caps else problem.rate_box
-            np.clip(limit, lower, upper, out=limit)
-    return allocation(problem, limit, level, case, time.perf_counter() - started)
+RULES: Registry[Rule] = Registry(
+    "rule", "readhesion.rules", AllocationError, "alloc.rules",
+    ("alone", "preset", "sharing", "greedy", "greedy-claim", "exact", "qp", "qp-cvxpy", "qp-robust", "oracle"),
+)  # fmt: skip
+"""Every rule by name: what there was before, the patent's, exact ones, and the one that knows the truth."""
 
 
-def exact_in_box(
-    problem: AllocationProblem, knows_truth: bool, limit_out: Floats
-) -> tuple[float, int]:
-    """Fill `limit_out` with the exact limits under rates of change as well; returns level and case."""
-    if knows_truth:
-        problem = problem.changed(cap=problem.available)
-    lower, upper = problem.box
-    level, reached = box_limits(lower, upper, problem.weight, problem.expected, limit_out)
-    return level, CASE_B if reached else CASE_A
+def find_rule(name: str) -> Rule:
+    """The rule called `name`; raises `AllocationError` with the nearest name for one that does not exist."""
+    return RULES.find(name)

@@ -63,6 +63,3 @@ def smallest_shortfall(dry: pd.DataFrame) -> Statement:
         ],
         "dry stops; 10 measurements of each; shares of force that the car's shoes lack, beside 2 % of scatter",
     )
-
-
-__all__ = ["faulty_car", "smallest_shortfall"]

@@ -6,7 +6,6 @@ wide are a condition, and not a failure, was decided on seeing them.
 """
 
 import math
-from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -30,16 +29,13 @@ def brake_force_statements(table: pd.DataFrame) -> list[Statement]:
     tests = {str(name): rows.set_index("event") for name, rows in table.groupby("test")}
     stops = table[table["part"] == "allocated"]
     dry = table[table["part"] == "driven"]
-    makers: Sequence[tuple[set[str], Callable[[], list[Statement]]]] = (
-        ({"locomotive"}, lambda: _locomotive_only(tests["locomotive"])),
-        ({"locomotive", "all"}, lambda: _all_braked(tests["locomotive"], tests["all"])),
-        (set(CUT_OUT), lambda: [_cut_out(tests)]),
-        ({"emergency", "all"}, lambda: _emergency(tests["emergency"], tests["all"])),
-        ({"emergency"}, lambda: [_remedies(tests), _uncertainty(tests)]),
-    )
-    found = [one for needed, make in makers if needed <= set(tests) for one in make()]
+    known = set(tests)
     return [
-        *found,
+        *(_locomotive_only(tests["locomotive"]) if "locomotive" in known else []),
+        *(_all_braked(tests["locomotive"], tests["all"]) if {"locomotive", "all"} <= known else []),
+        *([_cut_out(tests)] if set(CUT_OUT) <= known else []),
+        *(_emergency(tests["emergency"], tests["all"]) if {"emergency", "all"} <= known else []),
+        *([_remedies(tests), _uncertainty(tests)] if "emergency" in known else []),
         *([faulty_car(stops)] if len(stops) else []),
         *([smallest_shortfall(dry)] if len(dry) else []),
     ]
@@ -89,10 +85,10 @@ def _locomotive_only(rows: pd.DataFrame) -> list[Statement]:
 
 def _all_braked(alone: pd.DataFrame, rows: pd.DataFrame) -> list[Statement]:
     both = pd.concat([alone["locomotive"], rows["locomotive"]], axis=1).mean(axis=1)
+    about_full = (1 - ABOUT) * FULL_FORCE, (1 + ABOUT) * FULL_FORCE
     return [
         judged(
-            "couplers free when all brake",
-            "braked on all cars, the coupler carries almost nothing but some spikes",
+            "couplers free when all brake", "braked on all cars, the coupler carries almost nothing but some spikes",
             [
                 Bound("median of its magnitude, over the compression by the locomotive alone",
                       rows["coupler_median"] / alone["compression"], most=ABOUT),
@@ -109,10 +105,8 @@ def _all_braked(alone: pd.DataFrame, rows: pd.DataFrame) -> list[Statement]:
             [
                 Bound("difference over their mean", (rows["locomotive"] - alone["locomotive"]) / both,
                       -CLOSE, CLOSE),
-                Bound("locomotive alone [kN]", alone["locomotive"],
-                      (1 - ABOUT) * FULL_FORCE, (1 + ABOUT) * FULL_FORCE),
-                Bound("all braked [kN]", rows["locomotive"],
-                      (1 - ABOUT) * FULL_FORCE, (1 + ABOUT) * FULL_FORCE),
+                Bound("locomotive alone [kN]", alone["locomotive"], *about_full),
+                Bound("all braked [kN]", rows["locomotive"], *about_full),
             ],
             "means while the pressure is above 95 % of its steady value",
         ),
@@ -175,8 +169,7 @@ def _emergency(rows: pd.DataFrame, service: pd.DataFrame) -> list[Statement]:
         for name, words in swings.items()
     ]  # fmt: skip
     larger = judged(
-        "oscillation grows with the train",
-        "the 18 cars' sum oscillates more than that of 6 cars in a service stop",
+        "oscillation grows with the train", "the 18 cars' sum oscillates more than that of 6 cars in a service stop",
         [
             Bound("error at an instant [kN], over that in the service stop",
                   rows["error_first"] / service["error_first"], least=1.0),
@@ -212,6 +205,7 @@ def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
     """Intervals that hold the truth too often are on the safe side, but not what they say."""
     rows = pd.concat(tests.values())
     covered = share_interval(rows["covered"].astype(bool))
+    error = (rows["mean"] - rows["true_mean"]).abs() / rows["whole_deviation"]
     why = (
         "wider than need be: the error of the wagons' sum is a change of relative speed, whose mean over a stop "
         "vanishes faster than batches of it can tell"
@@ -222,16 +216,10 @@ def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
         {"": not covered.high < 0.95},
         {
             "share of intervals that hold it": covered,
-            "magnitude of the mean's error over its stated deviation": (
-                rows["mean"] - rows["true_mean"]
-            ).abs()
-            / rows["whole_deviation"],
+            "magnitude of the mean's error over its stated deviation": error,
             "deviation of the smoother's error over the stated one": rows["smooth_ratio"],
         },
         "batch means about a parabola and calibration errors; Wilson's interval of the share",
         {why: not covered.low > 0.95},
         enough=len(rows) >= LEAST_EVENTS,
     )
-
-
-__all__ = ["CUT_OUT", "brake_force_statements"]

@@ -8,7 +8,7 @@ import pandas as pd
 from studies.claims.events import QUANTITIES
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.parts import PARTS
-from studies.core.statement import Interval, Statement
+from studies.core.statement import Interval, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 
 REFERENCE = "greedy"
@@ -27,6 +27,8 @@ PRESET_WRONG = 0.05
 INTERVALS = "means and paired differences: Student's t; shares: Wilson; 95 % for the whole, Bonferroni among its parts"
 EFFORT, JERK, SLIP = "effort over plan", "jerk rms [m/s3]", "slip [axle s]"
 """What statements call the numbers that several of them have."""
+POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] %, n = {}", 100)
+"""A share in per cent, or a difference of shares in points."""
 
 
 def paired(events: pd.DataFrame) -> pd.DataFrame:
@@ -98,16 +100,6 @@ def over_test() -> Test:
     return Test(lambda e: e[f"use_over@{REFERENCE}"], ABOUT_95)
 
 
-def points(interval: Interval) -> str:
-    """A share in per cent, or a difference of shares in points, with its interval."""
-    return f"{100 * interval.value:+.2f} [{100 * interval.low:+.2f}, {100 * interval.high:+.2f}] %, n = {interval.count}"
-
-
-def plain(interval: Interval) -> str:
-    """A number with its interval."""
-    return f"{interval.value:.3g} [{interval.low:.3g}, {interval.high:.3g}], n = {interval.count}"
-
-
 def claim_statements(events: pd.DataFrame) -> list[Statement]:
     """One statement per claim from rows of `studies.claims.study` in which every rule succeeded."""
     pairs = paired(events)
@@ -118,7 +110,7 @@ def claim_statements(events: pd.DataFrame) -> list[Statement]:
 def _statement(
     name: str, claim: str, events: pd.DataFrame, test: Test, numbers: Numbers, method: str,
     others: Sequence[tuple[str, Test]] = (),
-    show: Callable[[Interval], str] = points,
+    show: Callable[[Interval], str] = POINTS,
     parts: Mapping[str, Part] = PARTS,
 ) -> Statement:  # fmt: skip
     method = f"{method}; {INTERVALS}"
@@ -204,7 +196,8 @@ def _ride(events: pd.DataFrame) -> Statement:
             "share of events with less jerk": own < other,
         },
         "events in which a unit slips under alone; holds if the jerk is lower on the mean, rms and peak",
-        [(peak, difference("jerk_peak", REFERENCE, "sharing", -1.0))], plain,
+        [(peak, difference("jerk_peak", REFERENCE, "sharing", -1.0))],
+        in_words("{:.3g} [{:.3g}, {:.3g}], n = {}"),
     )  # fmt: skip
 
 

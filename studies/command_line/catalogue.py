@@ -4,6 +4,7 @@ import sys
 
 from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import all_studies
@@ -19,6 +20,7 @@ def catalogue() -> dict[str, dict[str, str]]:
         "scenarios": {name: item.title for name, item in scenarios.items()},
         "rules": {name: _first_line(rule) for name, rule in RULES.items()},
         "controllers": {name: found.meaning for name, found in CONTROLLERS.items()},
+        "adhesion curves": {name: _first_line(curve) for name, curve in CURVES.items()},
         "trains": {name: _train(name) for name in SETS},
         "sweeps": {name: study.question for name, study in all_studies().items()},
         "figures": dict(gallery().descriptions()),

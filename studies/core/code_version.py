@@ -56,7 +56,8 @@ def _path(module: str) -> Path | None:
 def _tree(module: str) -> ast.Module:
     path = _path(module)
     assert path is not None
-    return ast.parse(path.read_bytes())
+    source = path.read_bytes()
+    return ast.parse(source if path.suffix == ".py" else repr(source))
 
 
 def _imports(module: str) -> list[str]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import xarray as xr
 
-from alloc.metrics import evaluate
+from alloc.metrics import METRICS, evaluate
+from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.cell import Yield
 from studies.scenario.scenario import Scenario
@@ -43,9 +44,11 @@ class Job:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What simulates, the controller wherever it comes from, and what measures."""
-        own = () if self.measure is None else (self.measure.__module__,)
-        return (__name__, CONTROLLERS.origin(self.controller), *own)
+        """What simulates, what measures, and the parts of the run, wherever they come from."""
+        measures = () if self.measure is None else (self.measure.__module__,)
+        parts = (RULES.origin(self.rule), CONTROLLERS.origin(self.controller))
+        metrics = {METRICS.origin(name) for name in METRICS}
+        return (__name__, *parts, *self.scenario.sources, *sorted(metrics), *measures)
 
     def work(self) -> Yield:
         """Simulate and evaluate."""

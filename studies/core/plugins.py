@@ -1,14 +1,19 @@
-"""Plug-ins: Python files that register parts of their own, given by `--plugin`, and known to every process of a study."""
+"""Plug-ins: files that register parts of their own, given by `--plugin`, and known to every process of a study.
+
+A Python file registers what it likes; a TOML file is a train.
+"""
 
 import hashlib
-import importlib.util
 import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
+from alloc.plant.sets import SETS
 from studies.core.code_version import PLUGIN_PREFIX
 from studies.core.study_error import StudyError
+from studies.scenario.train_file import read_train_file
 
 VARIABLE = "READHESION_PLUGINS"
 """Environment variable that holds the files, so that worker processes load them too."""
@@ -36,19 +41,24 @@ def module_name(file: str) -> str:
 
 
 def _load(file: str) -> None:
-    name = module_name(file)
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None or not Path(file).is_file():
+    if not Path(file).is_file() or Path(file).suffix not in (".py", ".toml"):
         raise StudyError(
-            f"plug-in {file!r} is no Python file; give the path of one, such as rule.py"
+            f"plug-in {file!r} is no file; give the path of a Python file, or of a train as TOML"
         )
-    module = importlib.util.module_from_spec(spec)
+    name = module_name(file)
+    module = ModuleType(name)
+    module.__file__ = file
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        if file.endswith(".toml"):
+            train = read_train_file(file)
+            SETS.register(train.name, lambda: train, name)
+            module.__doc__ = "Train of a file of one's own."
+        else:
+            source = Path(file).read_bytes()
+            exec(compile(source, file, "exec"), vars(module))
     except Exception as error:
         del sys.modules[name]
         reason = " ".join(str(error).split())
-        raise StudyError(
-            f"plug-in {file!r} cannot be loaded: {type(error).__name__}: {reason}"
-        ) from None
+        said = "" if isinstance(error, StudyError) else f"{type(error).__name__}: "
+        raise StudyError(f"plug-in {file!r} cannot be loaded: {said}{reason}") from None

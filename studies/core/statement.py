@@ -1,6 +1,7 @@
 """A plain statement: a claim, whether it holds, under which conditions, and the numbers behind it."""
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -66,6 +67,11 @@ def interval_of(number: "Interval | float | pd.Series[Any]") -> Interval:
 def single(value: float) -> Interval:
     """A number that has no interval."""
     return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
+
+
+def in_words(form: str, scale: float = 1.0) -> Callable[[Interval], str]:
+    """What puts an interval into words: `form` has places for value, low, high, all times `scale`, and the events."""
+    return lambda i: form.format(scale * i.value, scale * i.low, scale * i.high, i.count)
 
 
 def mean_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:

@@ -17,8 +17,6 @@ CURVES: dict[str, dict[str, Any]] = {
 """Name -> keys of `[rail.curve]`: that of every other study first, the others with a wide peak or no fall beyond it."""
 BASE = "piecewise"
 RULES = ("alone", "greedy", "exact")
-
-
 INFORMED = "informed mpc"
 """The MPC on a train that believes in the rail's own curve; all others believe in the piecewise one."""
 

@@ -1,5 +1,7 @@
 """What the study of differences says: thresholds, verdicts and numbers."""
 
+import math
+
 import pandas as pd
 
 from studies.core.statement import Interval, Statement, mean_interval, share_interval
@@ -50,8 +52,7 @@ def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
     enough = len(rows) >= LEAST_EVENTS and not short.low <= RARE < short.high
     seldom = [share.high <= RARE for share in (short, over)]
     return decided(
-        f"greedy: {kind}",
-        f"greedy delivers what the exact level does, {kind}",
+        f"greedy: {kind}", f"greedy delivers what the exact level does, {kind}",
         {"": seldom[0]},
         {
             f"share of problems short by {MATTERS:.0%} of the plan": short,
@@ -76,16 +77,13 @@ def _quadratic(problems: pd.DataFrame) -> Statement:
     rows = problems[problems["rule"] == "qp"]
     equal = share_interval(rows["apart"] <= EQUAL)
     return decided(
-        "qp",
-        "the quadratic program gives the exact level, with all bounds",
-        {"": equal.value == 1.0},
+        "qp", "the quadratic program gives the exact level, with all bounds", {"": equal.value == 1.0},
         {
             f"share of problems within {EQUAL:g} of the plan": equal,
             "largest distance of limits over plan": _largest(rows["apart"]),
         },
-        "holds if it does in every problem; Wilson, 95 %",
-        enough=len(rows) >= LEAST_EVENTS,
-    )
+        "holds if it does in every problem; Wilson, 95 %", enough=len(rows) >= LEAST_EVENTS,
+    )  # fmt: skip
 
 
 def _claim_reading(problems: pd.DataFrame, kinds: list[str]) -> Statement:
@@ -99,24 +97,16 @@ def _claim_reading(problems: pd.DataFrame, kinds: list[str]) -> Statement:
     }
     claimed = {kind: share for (rule, kind), share in shares.items() if rule == "greedy-claim"}
     met = {kind: share.value == 0.0 for kind, share in claimed.items() if share.count}
+    enough = sum(share.count for share in claimed.values()) >= LEAST_EVENTS
     return Statement(
-        "claim 1",
-        "the reading of claim 1 meets the plan in case B",
-        decide(
-            met.values(),
-            partly=any(met.values()),
-            enough=sum(share.count for share in claimed.values()) >= LEAST_EVENTS,
-        ),
-        {
-            f"share of case B that it falls short, {rule}, {kind}": share
-            for (rule, kind), share in shares.items()
-        },
+        "claim 1", "the reading of claim 1 meets the plan in case B",
+        decide(met.values(), partly=any(met.values()), enough=enough),
+        {f"share of case B that it falls short, {rule}, {kind}": share for (rule, kind), share in shares.items()},
         () if all(met.values()) else with_and_without(met),
         "sum of the limits below that of the plan though the mean cap exceeds it; holds if it never happens; Wilson, 95 %",
-    )
+    )  # fmt: skip
 
 
 def _largest(values: "pd.Series[float]") -> Interval:
     """The largest value; it has no interval."""
-    nan = float("nan")
-    return Interval(float(values.max()) if len(values) else nan, nan, nan, len(values))
+    return Interval(float(values.max()), math.nan, math.nan, len(values))

@@ -36,12 +36,10 @@ def _statement(table: pd.DataFrame, arm: Arm) -> Statement:
     enough = effort.count >= LEAST_EVENTS
     above, below = effort.low > -NEAR, effort.high < -NEAR
     return decided(
-        f"{arm.rule} under {arm.controller}",
-        "reaches the effort of the joint optimum to within a point",
-        {"": not below},
-        found,
+        f"{arm.rule} under {arm.controller}", "reaches the effort of the joint optimum to within a point",
+        {"": not below}, found,
         f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below; Student's t, "
         f"{CONFIDENCE:.0%}",
         {"the interval holds the bound: more events would decide": above or below or not enough},
         enough=enough,
-    )
+    )  # fmt: skip

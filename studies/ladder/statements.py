@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pandas as pd
 
-from studies.core.statement import CONFIDENCE, Interval, Statement
+from studies.core.statement import CONFIDENCE, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 
 LADDER = (
@@ -25,6 +25,8 @@ YARDSTICKS = {
 NOTICED = 0.01
 """Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
 STUDENT = f"Student's t, {CONFIDENCE:.0%}"
+PERCENT = in_words("{:.1f} % [{:.1f}, {:.1f}] (n = {})", 100)
+SECONDS = in_words("{:.2f} s [{:.2f}, {:.2f}] (n = {})")
 
 METRICS = {
     "utilisation_short": "adhesion used where short",
@@ -84,19 +86,10 @@ def _less(events: pd.DataFrame, metric: str, name: str, others: Sequence[str]) -
     }
 
 
-def _percent(i: Interval) -> str:
-    return f"{100 * i.value:.1f} % [{100 * i.low:.1f}, {100 * i.high:.1f}] (n = {i.count})"
-
-
-def _seconds(i: Interval) -> str:
-    return f"{i.value:.2f} s [{i.low:.2f}, {i.high:.2f}] (n = {i.count})"
-
-
 def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
     return compared(
-        f"{bar:.0%}: {name}",
-        f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
-        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), PARTS, _percent,
+        f"{bar:.0%}: {name}", f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
+        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), PARTS, PERCENT,
         {text: events[f"{metric}@{name}"] for metric, text in METRICS.items()},
         f"mean over events above {bar:.0%}; {STUDENT}, parts after Bonferroni",
     )  # fmt: skip
@@ -104,9 +97,8 @@ def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
 
 def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
     return compared(
-        f"rung: {name}",
-        f"{name} uses more of the adhesion where a unit is short of it than {below}",
-        events, Test(lambda e: difference(e, "utilisation_short", name, below)), PARTS, _percent,
+        f"rung: {name}", f"{name} uses more of the adhesion where a unit is short of it than {below}",
+        events, Test(lambda e: difference(e, "utilisation_short", name, below)), PARTS, PERCENT,
         {f"{text}, less {below}": difference(events, metric, name, below) for metric, text in METRICS.items()},
         f"mean of paired differences above 0; {STUDENT}, parts after Bonferroni",
     )  # fmt: skip
@@ -114,9 +106,8 @@ def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
 
 def _slow(events: pd.DataFrame, name: str) -> Statement:
     return compared(
-        f"slow: {name}",
-        f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
-        events, Test(lambda e: difference(e, "search_time", name, "mpc")), PARTS, _seconds,
+        f"slow: {name}", f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
+        events, Test(lambda e: difference(e, "search_time", name, "mpc")), PARTS, SECONDS,
         _less(events, "search_time", name, ("mpc", "pi-creep", "cut-and-ramp")),
         f"mean of paired differences above 0; {STUDENT}; unfinished searches count until they end",
     )  # fmt: skip
@@ -125,9 +116,8 @@ def _slow(events: pd.DataFrame, name: str) -> Statement:
 def _restless(events: pd.DataFrame, name: str) -> Statement:
     test = Test(lambda e: difference(e, "torque_fluctuation", name, "pi-creep"), NOTICED)
     return compared(
-        f"restless: {name}",
-        f"{name} lets the torque fluctuate about the peak (arXiv 2406.13650)",
-        events, test, PARTS, _percent,
+        f"restless: {name}", f"{name} lets the torque fluctuate about the peak (arXiv 2406.13650)",
+        events, test, PARTS, PERCENT,
         _less(events, "torque_fluctuation", name, ("pi-creep", "cut-and-ramp", "mpc")),
         f"rms about the 1 s mean, more than pi-creep's, the same loop without search, by {NOTICED:.0%} of the plan's "
         f"torque; {STUDENT}",
@@ -140,9 +130,8 @@ def _misled(events: pd.DataFrame, name: str) -> Statement:
     # without a free axle slip is not known, and no step can be called an answer to another
     free = events[events["train"] != LOCOMOTIVE]
     return compared(
-        f"misled: {name}",
-        f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
-        free, test, PARTS, _percent,
+        f"misled: {name}", f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
+        free, test, PARTS, PERCENT,
         {
             "share of steps away from the peak, rail changing": free[changing],
             "share of steps away from the peak, rail still": free[still],

@@ -5,7 +5,7 @@ from typing import get_args
 import pandas as pd
 
 from alloc.estimation.increment_data import Reference
-from studies.core.statement import Interval, mean_interval
+from studies.core.statement import Interval, in_words, mean_interval
 from studies.core.verdict import Part
 
 TOLERANCE = 0.002
@@ -14,6 +14,12 @@ COARSE = 0.005
 """A second, coarser tolerance, reported beside it."""
 LITTLE_EFFORT = 0.01
 """Loss of effort, as a share of the plan, that counts as little."""
+COEFFICIENT = in_words("{:+.4f} ({:+.4f} to {:+.4f})")
+PERCENT = in_words("{:+.2f} % ({:+.2f} to {:+.2f})", 100.0)
+AXLE_SECONDS = in_words("{:+.2f} axle s ({:+.2f} to {:+.2f})")
+KILOJOULES = in_words("{:+.1f} kJ ({:+.1f} to {:+.1f})")
+SHARE = in_words("{:.1%} ({:.1%} to {:.1%})")
+"""What puts intervals into words."""
 SERIES = ["rail", "stored", "train", "direction"]
 
 
@@ -79,29 +85,3 @@ def by_part(series: pd.DataFrame, column: str, words: str) -> dict[str, Interval
         f"{words}, {name}": mean_interval(series[part(series)][column])
         for name, part in PARTS.items()
     }
-
-
-def coefficient(interval: Interval) -> str:
-    """A coefficient and its interval in words."""
-    return f"{interval.value:+.4f} ({interval.low:+.4f} to {interval.high:+.4f})"
-
-
-def percent(interval: Interval) -> str:
-    """A share and its interval in words, in percent."""
-    low, value, high = (100.0 * x for x in (interval.low, interval.value, interval.high))
-    return f"{value:+.2f} % ({low:+.2f} to {high:+.2f})"
-
-
-def seconds(interval: Interval) -> str:
-    """Axle seconds and their interval in words."""
-    return f"{interval.value:+.2f} axle s ({interval.low:+.2f} to {interval.high:+.2f})"
-
-
-def kilojoules(interval: Interval) -> str:
-    """Work and its interval in words."""
-    return f"{interval.value:+.1f} kJ ({interval.low:+.1f} to {interval.high:+.1f})"
-
-
-def share(interval: Interval) -> str:
-    """A share of a whole and its interval in words."""
-    return f"{interval.value:.1%} ({interval.low:.1%} to {interval.high:.1%})"

@@ -26,7 +26,7 @@ from alloc.estimation.learning import (
 )
 from alloc.event import Event
 from alloc.metrics import METRICS
-from alloc.rules.robust import PROBABILITY
+from alloc.rules.qp_robust import PROBABILITY
 from alloc.simulation import simulate
 from studies.learning.arms import ARMS, believed_increments, first_learning
 from studies.scenario.loading import load_scenario

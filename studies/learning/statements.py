@@ -17,18 +17,18 @@ from studies.core.verdict import (
     with_and_without,
 )
 from studies.learning.series import (
+    AXLE_SECONDS,
     COARSE,
+    COEFFICIENT,
+    KILOJOULES,
     LITTLE_EFFORT,
     PARTS,
+    PERCENT,
+    SHARE,
     TOLERANCE,
     by_part,
-    coefficient,
     difference,
-    kilojoules,
     per_series,
-    percent,
-    seconds,
-    share,
 )
 
 METHOD = (
@@ -47,9 +47,9 @@ def learning_statements(table: pd.DataFrame) -> list[Statement]:
     return [
         *(_learnt(series, arm) for arm in LEARNERS),
         *(_closer(series, arm) for arm in LEARNERS),
-        _gain(series, "effort", "effort_ratio", 1, "more effort", percent),
-        _gain(series, "slip", "slip_time", -1, "less slip", seconds),
-        _gain(series, "damage", "damage", -1, "less wheel damage", kilojoules),
+        _gain(series, "effort", "effort_ratio", 1, "more effort", PERCENT),
+        _gain(series, "slip", "slip_time", -1, "less slip", AXLE_SECONDS),
+        _gain(series, "damage", "damage", -1, "less wheel damage", KILOJOULES),
         *(_as_good_as_truth(series, arm) for arm in LEARNERS),
         _unbiased(series),
         _held_is_better(series),
@@ -103,12 +103,10 @@ def _learnt(series: pd.DataFrame, arm: str) -> Statement:
     return Statement(
         f"learnt-{LEARNERS[arm]}",
         f"the learner {arm!r} brings the increments of all units within {TOLERANCE:g} of the truth",
-        decide(met.values(), partly=any(met.values()), enough=bool(met)),
-        intervals_of(numbers),
-        with_and_without(met),
+        decide(met.values(), partly=any(met.values()), enough=bool(met)), intervals_of(numbers), with_and_without(met),
         f"a kind of series learns where Wilson's interval of the share that stays within {TOLERANCE:g} from some "
         "station on lies above one half; stations until then are those of the series that get there",
-    )
+    )  # fmt: skip
 
 
 def _closer(series: pd.DataFrame, arm: str) -> Statement:
@@ -116,7 +114,7 @@ def _closer(series: pd.DataFrame, arm: str) -> Statement:
     return _compared(
         series, f"closer-{LEARNERS[arm]}",
         f"after all stations the increments of the learner {arm!r} are closer to the truth than the stored ones",
-        test, coefficient,
+        test, COEFFICIENT,
         {
             "largest error taken away": test.quantity(series),
             **by_part(series, f"error, {arm}", "largest error at the end"),
@@ -145,7 +143,7 @@ def _as_good_as_truth(series: pd.DataFrame, arm: str) -> Statement:
         f"with the increments of the learner {arm!r} the train loses less than {LITTLE_EFFORT:.0%} of the plan's effort "
         "against true ones",
         Test(lambda e: difference(e, "effort_ratio", arm, "truth"), -LITTLE_EFFORT),
-        percent,
+        PERCENT,
         _minus(series, ("effort_ratio", "slip_time", "damage"), arm, "truth")
         | _minus_by_part(series, ["effort_ratio"], arm, "truth"),
         LATE,
@@ -163,7 +161,7 @@ def _unbiased(series: pd.DataFrame) -> Statement:
             numbers[f"excess over the truth with true increments stored, {words}"] = interval
             if interval.count >= LEAST_EVENTS:
                 inside = interval.low > -TOLERANCE and interval.high < TOLERANCE
-                met[f"{words}: {coefficient(interval)}"] = inside
+                met[f"{words}: {COEFFICIENT(interval)}"] = inside
         for name, part in PARTS.items():
             rows, never = series[part(series)], f"{reference} reference, never corrected, {name}"
             for text, quantity in (
@@ -174,11 +172,8 @@ def _unbiased(series: pd.DataFrame) -> Statement:
                     rows[f"{quantity} {reference}, no learning"]
                 )
     return Statement(
-        "unbiased",
-        "the data of slips lie about the truth where the stored increments are right",
-        decide(met.values(), partly=any(met.values()), enough=bool(met)),
-        numbers,
-        with_and_without(met),
+        "unbiased", "the data of slips lie about the truth where the stored increments are right",
+        decide(met.values(), partly=any(met.values()), enough=bool(met)), numbers, with_and_without(met),
         f"holds where the whole interval of the mean excess lies within ±{TOLERANCE:g}",
     )  # fmt: skip
 
@@ -188,7 +183,7 @@ def _held_is_better(series: pd.DataFrame) -> Statement:
     return _compared(
         series, "held-reference",
         "B1's estimate at its own last slip is the better reference than the one at the telegram's receipt (par. 0064)",
-        test, coefficient,
+        test, COEFFICIENT,
         {
             "largest error at the end, held minus received": test.quantity(series),
             **by_part(series, "bias, running mean, held", "mean error at the end, held"),
@@ -203,7 +198,7 @@ def _robust(series: pd.DataFrame) -> Statement:
     return _compared(
         series, "robust",
         f"the chance-constrained rule saves slip and costs less than {LITTLE_EFFORT:.0%} of the plan's effort",
-        test, seconds,
+        test, AXLE_SECONDS,
         {
             "slip_time [axle s], robust minus plain": test.quantity(series),
             **_minus(series, ("effort_ratio", "damage", "rear_detections", "error", "data held"), *arms),
@@ -219,7 +214,7 @@ def _covered(series: pd.DataFrame) -> Statement:
     return _compared(
         series, "coverage",
         "the increments that the robust rule allows lie below the true ones as often as it says, in 90 %",
-        test, share,
+        test, SHARE,
         {
             "share of units and stations": test.quantity(series),
             **by_part(series, "covered, Gaussian, robust", "share"),

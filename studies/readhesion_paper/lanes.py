@@ -18,7 +18,6 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.lanes import select_lanes
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train
@@ -134,7 +133,7 @@ def simulate_tables(
     peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
     for start in range(0, lanes, LANES_TOGETHER):
         part = slice(start, min(start + LANES_TOGETHER, lanes))
-        own = select_lanes(model, part)
+        own = model.select_lanes(part)
         width = own.lanes
         kept = [np.zeros((records, n.rows, width)), *(np.zeros((records, width)) for _ in range(3))]
         _run(

@@ -30,10 +30,8 @@ def readhesion_statements(table: pd.DataFrame, printed: str, narrow: str) -> lis
     return [
         *(_statement(name, {**cases, **findings[printed]}[name]) for name in CLAIMS),
         _limit_exists(limits[printed]),
-        _parabola(
-            findings[printed], narrow_below, findings[narrow], limits[printed], limits[narrow]
-        ),
-    ]
+        _parabola(findings[printed], narrow_below, findings[narrow], limits[printed], limits[narrow]),
+    ]  # fmt: skip
 
 
 def _by_parabola(table: pd.DataFrame, part: str) -> dict[str, pd.DataFrame]:
@@ -66,21 +64,15 @@ def _limit_exists(limits: pd.DataFrame) -> Statement:
         for row in some.itertuples()
     }
     return over_cases(
-        "limit exists",
-        "what readheres at one adhesion coefficient does so at every greater one",
-        met,
-        {"controllers with a limit": len(some), "of them not so": list(met.values()).count(False)},
-        METHOD,
-    )
+        "limit exists", "what readheres at one adhesion coefficient does so at every greater one", met,
+        {"controllers with a limit": len(some), "of them not so": list(met.values()).count(False)}, METHOD,
+    )  # fmt: skip
 
 
 def _parabola(
-    printed: dict[str, Finding],
-    narrow_below: dict[str, Finding],
-    narrow: dict[str, Finding],
-    limits: pd.DataFrame,
-    limits_narrow: pd.DataFrame,
-) -> Statement:
+    printed: dict[str, Finding], narrow_below: dict[str, Finding], narrow: dict[str, Finding],
+    limits: pd.DataFrame, limits_narrow: pd.DataFrame,
+) -> Statement:  # fmt: skip
     """The plant's way of narrowing the parabola where C = 40 makes no curve must not matter to the findings."""
     below, above = (
         [name for name in printed if printed[name].met != other[name].met]

@@ -6,7 +6,7 @@ from typing import Literal
 import pandas as pd
 
 from alloc.estimation.excitation import LARGEST_DEVIATION
-from studies.core.statement import Statement, share_interval
+from studies.core.statement import Statement, in_words, share_interval
 from studies.core.verdict import Part, Test, compared
 from studies.resistance.driven_cases import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY
 from studies.resistance.events import FALSE_BY, ONE_CAR, column
@@ -38,23 +38,14 @@ Quantity = Callable[[pd.DataFrame], "pd.Series[float]"]
 def resistance_statements(table: pd.DataFrame) -> list[Statement]:
     """All statements on a table with one row per event."""
     kinds = ((MOUTH, "mouth"), (SLOPE, "gradient"))
-    quantities = {
-        "speed_peak": "speed, peak",
-        "acceleration_rms": "acceleration, rms",
-        "acceleration_peak": "acceleration, peak",
-        "jerk_peak": "jerk, peak",
-    }
+    quantities = ("speed_peak", "acceleration_rms", "acceleration_peak", "jerk_peak")
     return [
-        *(
-            _compensation(table, kind, word, quantity, what)
-            for kind, word in kinds
-            for quantity, what in quantities.items()
-        ),
+        *(_compensation(table, kind, word, quantity) for kind, word in kinds for quantity in quantities),
         *(one for kind, word in kinds for one in _coefficients(table, kind, word)),
         *_weights(table),
         *_switch(table),
         *_load(table),
-    ]
+    ]  # fmt: skip
 
 
 def _values(name: str) -> Quantity:
@@ -78,14 +69,15 @@ def _judged(
     test = Test(quantity, threshold, 1 if side == ">" else -1)
     quantities = {label: quantity} | {text.replace("_", " "): q for text, q in numbers.items()}
     return compared(
-        name, claim, table, test, PARTS, lambda i: f"{i.value:.3g} [{i.low:.3g}, {i.high:.3g}]",
+        name, claim, table, test, PARTS, in_words("{:.3g} [{:.3g}, {:.3g}]"),
         {text: q(table) for text, q in quantities.items()},
         f"{label} {side} {threshold:g}; {METHOD}",
     )  # fmt: skip
 
 
-def _compensation(table: pd.DataFrame, kind: str, word: str, quantity: str, what: str) -> Statement:
+def _compensation(table: pd.DataFrame, kind: str, word: str, quantity: str) -> Statement:
     """Claims 1 and 2."""
+    what = quantity.replace("_", ", ")
 
     def over_feedback(case: str, feedback: str = FEEDBACK) -> Quantity:
         return _ratio(column(quantity, kind, case), column(quantity, kind, feedback))

@@ -17,7 +17,9 @@ from pydantic import Field, ValidationError
 from alloc.errors import PlantError
 from alloc.onboard import OnboardError
 from alloc.onboard.equipment import equipment
+from alloc.plant.adhesion import CURVES
 from alloc.plant.model import build
+from alloc.plant.sets import SETS
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError
 from studies.core.study_error import StudyError
@@ -128,6 +130,13 @@ class Scenario(Strict):
             target_speed=None if self.target_speed_kmh is None else self.target_speed_kmh / 3.6,
             seed=seed,
         )
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules of its train and its adhesion curves, wherever they come from."""
+        curves = [self.rail.curve.kind, *([self.belief.curve.kind] if self.belief.curve else [])]
+        train = () if is_file(self.train) else (SETS.origin(self.train),)
+        return (*train, *(CURVES.origin(kind) for kind in dict.fromkeys(curves)))
 
     def hash(self) -> str:
         """Hash of all that decides the event: equal content gives equal hashes, wherever the file lies."""

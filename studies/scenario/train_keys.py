@@ -28,8 +28,8 @@ class FailureKeys(Strict):
 
 
 def is_file(train: str) -> bool:
-    """Whether a train is given as a railtoolkit file and not by the name of a parameter set."""
-    return Path(train).suffix.lower() in (".yaml", ".yml")
+    """Whether a train is given as a file, of railtoolkit or as TOML, and not by the name of a parameter set."""
+    return Path(train).suffix.lower() in (".yaml", ".yml", ".toml")
 
 
 def build_train(
@@ -45,8 +45,12 @@ def build_train(
 
     from alloc.plant.sets import find_set
     from studies.lines.railtoolkit import read_train
+    from studies.scenario.train_file import read_train_file
 
-    built = read_train(train) if is_file(train) else find_set(train)
+    if not is_file(train):
+        built = find_set(train)
+    else:
+        built = read_train_file(train) if train.lower().endswith(".toml") else read_train(train)
     if load_t is not None:
         built = built.loaded(tuple(1e3 * load for load in load_t))
     if coupler is not None:

@@ -1,6 +1,7 @@
 """What the table of the sweep `slide-protection` says, target by target and finding by finding."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -72,9 +73,7 @@ def slide_statements(table: pd.DataFrame) -> list[Statement]:
 
 def _targets(name: str, claim: str, found: dict[str, float], targets: list[str]) -> Statement:
     return over_cases(
-        name,
-        claim,
-        {f"not reached: {target}": reached(target, found[target]) for target in targets},
+        name, claim, {f"not reached: {target}": reached(target, found[target]) for target in targets},
         {f"{TARGETS[t].meaning} [{TARGETS[t].unit}]; source {TARGETS[t].value:.4g}": found[t] for t in targets},
         "parameters calibrated on these very tables; tolerances: "
         + ", ".join(f"{target} {TARGETS[target].tolerance:.3g}" for target in targets),
@@ -83,29 +82,22 @@ def _targets(name: str, claim: str, found: dict[str, float], targets: list[str])
 
 def _held_out(table: pd.DataFrame) -> Statement:
     row = table[table["part"] == "held out"].iloc[0]
-    predicted = float(row[HOLD_OUT])
-    error = predicted - TABLE_3[2]
+    error = float(row[HOLD_OUT]) - TABLE_3[2]
     rest = [name for name in unreached(_numbers(row)) if name != HOLD_OUT]
     return decided(
-        "held out",
-        "fitted to one and three cars only, the distance of two cars comes out within 1 %",
+        "held out", "fitted to one and three cars only, the distance of two cars comes out within 1 %",
         {"": abs(error) <= HOLD_OUT_TOLERANCE},
-        {
-            "predicted distance of 2 cars [m]; source 414": predicted,
-            "error [%]": 100.0 * error / TABLE_3[2],
-        },
+        {"predicted distance of 2 cars [m]; source 414": row[HOLD_OUT], "error [%]": 100.0 * error / TABLE_3[2]},
         further={f"this fit does not reach: {name}": False for name in rest},
-    )
+    )  # fmt: skip
 
 
 def _short_trains(found: dict[str, float]) -> Statement:
     distances = [found[f"distance {cars}"] for cars in (1, 2, 3)]
     return decided(
-        "short trains",
-        "short trains brake longer in rain",
-        {"": bool(np.all(np.diff(distances) < 0.0))},
+        "short trains", "short trains brake longer in rain", {"": bool(np.all(np.diff(distances) < 0.0))},
         {f"distance of {k + 1} cars [m]": value for k, value in enumerate(distances)},
-    )
+    )  # fmt: skip
 
 
 def _slips(table: pd.DataFrame) -> list[Statement]:
@@ -114,27 +106,23 @@ def _slips(table: pd.DataFrame) -> list[Statement]:
         name: 100.0 * np.array([rows.loc[name, f"slip_{i + 1}"] for i in range(12)], dtype=float)
         for name in rows.index
     }
-    claims = {
-        "first axle": ("the first axle slides most", lambda s: s.argmax() == 0),
-        "even axles": (
-            "within a bogie the rear axle slides less, since the valves act per bogie",
-            lambda s: bool((s[1::2] < s[0::2]).all()),
-        ),
-        "further back": (
-            "cars further back slide less",
-            lambda s: bool((np.diff(s.reshape(3, 4).mean(axis=1)) < 0.0).all()),
-        ),
-    }
+    claims: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
+        ("first axle", "the first axle slides most", lambda s: s.argmax() == 0),
+        ("even axles", "within a bogie the rear axle slides less, since the valves act per bogie",
+         lambda s: (s[1::2] < s[0::2]).all()),
+        ("further back", "cars further back slide less",
+         lambda s: (np.diff(s.reshape(3, 4).mean(axis=1)) < 0.0).all()),
+    )  # fmt: skip
     return [
         decided(
             name,
             claim,
-            {f"not at {setting} sensitivity": test(values) for setting, values in slip.items()},
+            {f"not at {setting} sensitivity": bool(test(s)) for setting, s in slip.items()},
             {f"mean slip of axle {i + 1}, medium [%]": slip["medium"][i] for i in range(12)},
             "mean slip ratio while the train runs above 5 km/h",
-            partly=test(slip["medium"]),
+            partly=bool(test(slip["medium"])),
         )
-        for name, (claim, test) in claims.items()
+        for name, claim, test in claims
     ]
 
 
@@ -151,8 +139,7 @@ def _no_lock(table: pd.DataFrame) -> Statement:
             "without slide protection [s]": single(without["locked_time"]),
         },
         tuple(
-            f"locks at sensitivity {row.sensitivity:.3g}"
-            for row in own[own["locked_time"] > 0.0].itertuples()
+            f"locks at sensitivity {x:.3g}" for x in own["sensitivity"][own["locked_time"] > 0.0]
         ),
     )
 
@@ -166,8 +153,7 @@ def _trade(table: pd.DataFrame) -> Statement:
     }
     share = len(front(rows)) / len(rows)
     return over_cases(
-        "trade",
-        "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
+        "trade", "the sensitivity trades distance for Q: the three settings lie on the front of what it can give",
         {f"{name} is beaten in both": not count for name, count in beaten.items()},
         {
             "rank correlation of sensitivity and Q": rows["sensitivity"].corr(rows["damage"], method="spearman"),
@@ -187,8 +173,7 @@ def _rivals(table: pd.DataFrame) -> Statement:
     }
     without = table[table["part"] == "none"].iloc[0]
     return over_cases(
-        "threshold",
-        "at the same Q the fuzzy slide protection brakes shorter than plain thresholds",
+        "threshold", "at the same Q the fuzzy slide protection brakes shorter than plain thresholds",
         {f"not with {law}": metres > 0.0 for law, (metres, _) in longer.items()},
         {
             **{f"{law}: longer by [m], Q [kJ] {q:.0f}": metres for law, (metres, q) in longer.items()},
@@ -200,23 +185,16 @@ def _rivals(table: pd.DataFrame) -> Statement:
 
 
 def _step(table: pd.DataFrame) -> Statement:
-    rows = [
-        table[table["part"] == part].set_index(["cars", "setting"]) for part in ("tables", "halved")
-    ]
-    distance = (rows[1]["distance"] - rows[0]["distance"]).abs()
-    q = (rows[1]["damage"] / rows[0]["damage"] - 1.0).abs()
+    runs = table.set_index(["cars", "setting"])
+    whole, halved = (runs[runs["part"] == part] for part in ("tables", "halved"))
+    distance = (halved["distance"] - whole["distance"]).abs()
+    q = (halved["damage"] / whole["damage"] - 1.0).abs()
     met = (distance <= STEP_DISTANCE) & (q <= STEP_DAMAGE)
     return over_cases(
-        "step",
-        "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
-        {
-            f"not with {run[0]} cars, {run[1]}: {distance.loc[run]:.3f} m, {100 * q.loc[run]:.2f} %": bool(good)
-            for run, good in zip(met.index.tolist(), met, strict=True)
-        },
-        {
-            "largest change of a distance [m]": distance.max(),
-            "largest change of Q [%]": 100.0 * q.max(),
-        },
+        "step", "halving the step moves distances by at most 0.05 m and Q by at most 1 %",
+        {f"not with {cars} cars, {setting}: {metres:.3f} m, {100 * share:.2f} %": good
+         for (cars, setting), metres, share, good in zip(met.index, distance, q, met, strict=True)},
+        {"largest change of a distance [m]": distance.max(), "largest change of Q [%]": 100.0 * q.max()},
     )  # fmt: skip
 
 
@@ -224,20 +202,13 @@ def _jitter(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "jitter"]
     spread = rows[list(TARGETS)].std()
     return over_cases(
-        "jitter",
-        "noise of 1e-4 on every parameter moves distances by at most 0.05 m (standard deviation)",
+        "jitter", "noise of 1e-4 on every parameter moves distances by at most 0.05 m (standard deviation)",
         {f"not of {name}": spread[name] <= JITTER_DISTANCE for name in (f"distance {cars}" for cars in TABLE_3)},
         {
-            **{
-                f"{name} [{TARGETS[name].unit}]: mean, least and greatest; deviation {spread[name]:.2g}": Interval(
-                    rows[name].mean(), rows[name].min(), rows[name].max(), len(rows)
-                )
-                for name in TARGETS
-            },
-            **{
-                f"share of draws that reach {name}": float(np.mean([reached(name, v) for v in rows[name]]))
-                for name in TARGETS
-            },
+            **{f"{name} [{TARGETS[name].unit}]: mean, least and greatest; deviation {spread[name]:.2g}":
+               Interval(rows[name].mean(), rows[name].min(), rows[name].max(), len(rows)) for name in TARGETS},
+            **{f"share of draws that reach {name}": float(np.mean([reached(name, v) for v in rows[name]]))
+               for name in TARGETS},
         },
         "limits are ranges, not confidence",
     )  # fmt: skip
@@ -245,38 +216,28 @@ def _jitter(table: pd.DataFrame) -> Statement:
 
 def _not_unique(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "rival"]
-    good = [
-        rival
-        for rival, (_, row) in zip(RIVALS, rows.iterrows(), strict=True)
-        if not unreached(_numbers(row))
-    ]
+    tried = zip(RIVALS, rows.iterrows(), strict=True)
+    good = [rival for rival, (_, row) in tried if not unreached(_numbers(row))]
     sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
     ranges = {name: [values[name] for values in sets] for name in BOUNDS}
     return decided(
-        "not unique",
-        "the tables determine the undisclosed curves and rules",
-        {"": not good},
+        "not unique", "the tables determine the undisclosed curves and rules", {"": not good},
         {
             "other sets that reach every target": len(good),
-            **{
-                f"{name}: calibrated; range of the sets": Interval(
-                    values[0], min(values), max(values), len(values)
-                )
-                for name, values in ranges.items()
-            },
+            **{f"{name}: calibrated; range of the sets": Interval(x[0], min(x), max(x), len(x))
+               for name, x in ranges.items()},
         },
         "limits are ranges of the sets found, not confidence",
-        {} if good else {"no second set was found that reaches all": False},
-    )
+        {"no second set was found that reaches all": bool(good)},
+    )  # fmt: skip
 
 
 def _computing(table: pd.DataFrame) -> Statement:
     rows = table[(table["part"] == "tables") & (table["cars"] == 3)]
     value = float(rows["computing"].min())
     return decided(
-        "computing",
-        "a simulated second of twelve axles at 1 ms takes at most 10 ms of computing",
+        "computing", "a simulated second of twelve axles at 1 ms takes at most 10 ms of computing",
         {"": value <= COMPUTING},
         {"least of the runs of three cars [ms per simulated s]": value},
         "of the machine that made the table; the least, for others may have disturbed it",
-    )
+    )  # fmt: skip

@@ -7,7 +7,6 @@ import numpy as np
 
 from alloc.errors import PlantError
 from alloc.plant.compiled import advance, rows, workspace
-from alloc.plant.lanes import select_lanes
 from alloc.plant.model import Floats, Inputs, Model
 
 
@@ -28,7 +27,7 @@ class Batch:
         self.step, self.threads = step, min(threads, model.lanes)
         bounds = np.linspace(0, model.lanes, self.threads + 1).round().astype(int)
         self._slices = [slice(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
-        self._models = [select_lanes(model, part) for part in self._slices]
+        self._models = [model.select_lanes(part) for part in self._slices]
         self._states = [np.ascontiguousarray(state[:, part]) for part in self._slices]
         self._workspaces = [workspace(part, step) for part in self._models]
 

@@ -12,6 +12,7 @@ import numpy as np
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit_model import Units, group_of, slip_matrix, substeps, unit_model, unit_of_axle
+from tests.benchmarks.unit_step import step_function
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -41,7 +42,7 @@ class ReferenceSolver:
         self._axles, self._horizon, self._units = axles, n, m
         self._scale = scale = terms.unit.scale
         share, axle_share = terms.unit.share, terms.axle.share
-        step = model.step_function(settings.step, substeps(units, settings.step))
+        step = step_function(model, settings.step, substeps(units, settings.step))
         w = settings.weights
         # scaled, so that ipopt's tolerance means the same for every unknown
         radius = np.array([context.radius for context in group_of(units)])[unit_of_axle(units)]

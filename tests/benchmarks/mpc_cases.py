@@ -20,6 +20,7 @@ from mpc.unit_model import (
     torque_per_coefficient,
     unit_model,
 )
+from tests.benchmarks.unit_step import step_function
 
 HORIZON = 20
 CURVE = PiecewiseCurve()
@@ -74,7 +75,7 @@ class Case:
         """
         context, settings = self.context, MpcSettings(horizon=HORIZON, iterations=1)
         constants = parameters(context, peak)
-        step = unit_model(context).step_function(settings.step, substeps(context, settings.step))
+        step = step_function(unit_model(context), settings.step, substeps(context, settings.step))
         m = self.units
         state = np.array([speed, *[(speed + slip) / RADIUS] * self.axles, *[600.0] * m])
         solver, torque, made = self.iteration(context, settings), self._each(600.0), []

@@ -14,6 +14,7 @@ from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.settings import MpcSettings
 from mpc.unit_model import slip_matrix, substeps, unit_model
+from tests.benchmarks.unit_step import step_function
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def stages(context: UnitContext, settings: MpcSettings) -> Stages:
     state, control = cs.SX.sym("state", model.states + 1), cs.SX.sym("control")
     limit = cs.SX.sym("limit", context.axles)
     physical = (cs.DM(scale) * state)[: model.states]
-    step = model.step_function(settings.step, substeps(context, settings.step))
+    step = step_function(model, settings.step, substeps(context, settings.step))
     end = step(physical, torque_scale * control, model.parameters)
     ahead = cs.vertcat(end / cs.DM(scale[:-1]), control)
     slip = cs.DM(slip_matrix(context)) @ physical

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from alloc.compilation import jit
-from alloc.rules import RULES, AllocationProblem, find_rule, kernels
+from alloc.rules import RULES, AllocationProblem, find_rule
+from alloc.rules.dispatch import allocate_compiled, compiled_index
+from alloc.rules.rule import Units
 
 EXPECTED = 0.17
 CALLS = 200
@@ -50,13 +52,12 @@ def test_call(benchmark, rule, n):
 
 
 @jit
-def repeat(rule_id, caps, expected, mass, limit_max, parameters, limit):
+def repeat(rule_id, caps, expected, mass, limit_max, limit):
     """As the compiled simulation calls it: one rule over all rows of `caps`; the sum keeps the calls alive."""
     total = 0.0
     for k in range(caps.shape[0]):
-        level, _ = kernels.allocate_compiled(
-            rule_id, caps[k], expected, mass, limit_max, limit, limit, limit, parameters, limit
-        )
+        units = Units(caps[k], mass, limit_max, limit, limit, limit)
+        level, _ = allocate_compiled(rule_id, units, expected, limit)
         total += level
     return total
 
@@ -67,8 +68,13 @@ def test_compiled(benchmark, rule, n):
     benchmark.group = f"{CALLS} calls inside compiled code, {n} units"
     caps = np.array([problem.cap for problem in sequence(n)])
     arguments = (
-        RULES[rule].compiled_id, caps, EXPECTED, np.ones(n), np.full(n, np.inf), np.zeros(3), np.empty(n)
-    )  # fmt: skip
+        compiled_index(RULES[rule]),
+        caps,
+        EXPECTED,
+        np.ones(n),
+        np.full(n, np.inf),
+        np.empty(n),
+    )
     total = benchmark(repeat, *arguments)
     assert total > 0.0
 

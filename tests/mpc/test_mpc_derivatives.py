@@ -10,6 +10,7 @@ from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.unit_model import unit_model
+from tests.benchmarks.unit_step import step_function
 
 SETTINGS = MpcSettings(horizon=6, exact_hessian=True)
 
@@ -49,7 +50,7 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
     for seed in range(4):
         problem = random_problem(context, seed)
         solver = _linearised(context, problem, seed)
-        step = model.step_function(SETTINGS.step, solver._substeps)
+        step = step_function(model, SETTINGS.step, solver._substeps)
         x, u, p = model.state, model.torque, model.parameters
         end = step(x, u, p)
         jacobian = cs.Function("jacobian", [x, u, p], [cs.jacobian(end, cs.vertcat(x, u))])

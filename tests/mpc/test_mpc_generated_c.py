@@ -16,6 +16,7 @@ from mpc.generated_c import COMPILERS, NATIVE, CompilerError, compile_c_function
 from mpc.settings import MpcError, MpcSettings
 from mpc.unit_controller import MpcController
 from mpc.unit_model import substeps, unit_model
+from tests.benchmarks.unit_step import step_function
 
 needs_compiler = pytest.mark.skipif(
     not any(map(shutil.which, COMPILERS)), reason="no C compiler on this machine"
@@ -69,7 +70,7 @@ def test_c_equals_numba(make_context, random_problem, curve, axles):
 @pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
 def test_closed_loops_agree(context, make_sense, exact):
     # the unit of the model itself, with more torque wanted than its rail carries
-    step = unit_model(context).step_function(0.01, substeps(context, 0.01))
+    step = step_function(unit_model(context), 0.01, substeps(context, 0.01))
     commands = {}
     for code in ("numba", "c"):
         controller = MpcController(context, MpcSettings(code=code, exact_hessian=exact))
@@ -94,7 +95,7 @@ def test_nan_surfaces_where_it_does_with_numba(context, random_problem):
         state[index] = np.nan
         for code in ("numba", "c"):
             model = compiled_model(unit_model(context), code)
-            slopes, nonzeros = np.zeros(6), np.zeros(model.row.size)
+            slopes, nonzeros = np.zeros(6), np.zeros(model.nonzeros.row.size)
             model.rate(state, np.array([500.0]), problem.parameters, slopes, nonzeros)
             found.append(np.isnan(np.concatenate([slopes, nonzeros])))
         assert found[1].any()

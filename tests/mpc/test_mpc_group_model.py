@@ -19,6 +19,7 @@ from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.unit_model import parameters, substeps, unit_model
+from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import problem, small_cars, unit
 from tests.plant.numpy_plant import environment_at
 
@@ -53,7 +54,7 @@ def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
     peak = environment_at(plant, 0.0, state).peak[:, 0]
     pick = np.r_[n.speed, n.omega, n.torque]
     count = substeps(group, PERIOD)
-    predict = unit_model(group).step_function(PERIOD, count)
+    predict = step_function(unit_model(group), PERIOD, count)
     before = state[pick, 0].copy()
     predicted = np.asarray(predict(before, command, parameters(group, peak))).ravel()
     # the factors of load transfer are the last of the parameters

@@ -18,6 +18,7 @@ from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import Report, UnitForecast
 from mpc.train_controller import Order, TrainMpc, ordered_target
 from mpc.unit_model import parameters, substeps, unit_model
+from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import train_of
 
 HOSTED = {one.name: one for one in (MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL)}
@@ -150,7 +151,7 @@ def _report(time, command=300.0, carried=800.0):
 def test_the_forecast_over_the_delay_is_the_unit_model():
     context = replace(train_of(1)[0], unloading=())
     report, commands = _report(0.0), np.array([300.0, 300.0, 450.0, 450.0])
-    step = unit_model(context).step_function(0.01, substeps(context, 0.01))
+    step = step_function(unit_model(context), 0.01, substeps(context, 0.01))
     state = np.concatenate([[report.speed], report.omega, [report.torque]])
     forecast = UnitForecast(context)
     np.testing.assert_array_equal(forecast.state(report, commands[:0]), state)

@@ -19,6 +19,7 @@ from mpc.unit_model import (
     torque_per_coefficient,
     unit_model,
 )
+from tests.benchmarks.unit_step import right_side, step_function
 from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
@@ -49,7 +50,7 @@ def _compare(curve, slip, step):
     pick = np.r_[n.speed, n.omega, n.torque]
     model = unit_model(context)
     step = PERIOD / substeps(context, PERIOD) if step is None else step
-    predict = model.step_function(PERIOD, round(PERIOD / step))
+    predict = step_function(model, PERIOD, round(PERIOD / step))
     before = state[pick, 0].copy()
     predicted = np.asarray(predict(before, 650.0, parameters(context, peak))).ravel()
     inputs = plant.zero_inputs()
@@ -77,7 +78,7 @@ def test_substeps_of_the_model_are_accurate(make_context):
     x = np.array([10.0, *(np.array([10.0, 10.02, 10.06, 10.2]) / 0.43), 300.0])
     p = parameters(context, 0.12)
     coarse, fine = (
-        np.asarray(model.step_function(PERIOD, k)(x, 600.0, p)).ravel()
+        np.asarray(step_function(model, PERIOD, k)(x, 600.0, p)).ravel()
         for k in (substeps(context, PERIOD), 200)
     )
     assert np.abs(slip_matrix(context) @ (coarse - fine)).max() < 1e-3
@@ -98,9 +99,9 @@ def test_torque_per_coefficient_keeps_the_slip_constant(make_context):
     torque = coefficient * torque_per_coefficient(context)
     slip = coefficient / context.curve.micro_slope
     x = np.array([10.0, *[(10.0 + slip) / context.radius] * AXLES, torque])
-    rate = unit_model(context).right_side()(x, torque, parameters(context, 0.2))
+    rate = right_side(unit_model(context))(x, torque, parameters(context, 0.2))
     assert np.abs(slip_matrix(context) @ np.asarray(rate).ravel()).max() < 1e-9
-    wrong = unit_model(context).right_side()(
+    wrong = right_side(unit_model(context))(
         x, torque, parameters(replace(context, inertia=200.0), 0.2)
     )
     assert np.abs(slip_matrix(context) @ np.asarray(wrong).ravel()).max() > 1e-3

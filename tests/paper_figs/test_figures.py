@@ -36,7 +36,6 @@ from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
-from paper_figs.palette import RULE_COLOURS, RULE_MARKERS
 from paper_figs.readhesion_paper import (
     CASES,
     HALF_SLIP,
@@ -101,13 +100,13 @@ COUNTED = {
 @pytest.fixture(scope="module")
 def runs():
     scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
-    return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0), {}) for rule in ("alone", "exact")]
+    return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0)) for rule in ("alone", "exact")]
 
 
 @pytest.fixture(scope="module")
 def stop():
     scenario = load_scenario("wet-stop").changed(duration_s=6.0)
-    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0), {})
+    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
 
 
 @pytest.fixture(scope="module")
@@ -259,11 +258,9 @@ def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, 
 
 
 def test_every_rule_and_controller_has_a_look_of_its_own():
-    assert set(RULE_COLOURS) == set(RULE_MARKERS) == set(RULES)
-    assert len(set(RULE_COLOURS.values())) == len(set(RULE_MARKERS.values())) == len(RULES)
-    controllers = CONTROLLERS.values()
-    assert len({one.colour for one in controllers}) == len(CONTROLLERS)
-    assert len({one.marker for one in controllers}) == len(CONTROLLERS)
+    for parts in (RULES, CONTROLLERS):
+        assert len({part.colour for part in parts.values()}) == len(parts)
+        assert len({part.marker for part in parts.values()}) == len(parts)
     assert set(CONTROLLER_FILL) < set(CONTROLLERS)
     assert len(set(CONTROLLER_FILL.values())) == len(CONTROLLER_FILL)
 

@@ -31,7 +31,7 @@ from tests.studies.learning_tables import falling, synthetic
 @pytest.fixture(scope="module")
 def run():
     scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
-    return simulate_job(Job(scenario, "alone", "cut-and-ramp", 0), {})
+    return simulate_job(Job(scenario, "alone", "cut-and-ramp", 0))
 
 
 def test_detection_shows_the_recorded_acceleration_between_the_thresholds(run):

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import coupler_stretch
 from alloc.plant.field import interpolate_noise, patch_factor, peak_coefficient, window
 from alloc.plant.model import Model
 from alloc.plant.operations import maximum, minimum, sine
-from alloc.plant.train import EFFORT_SPEED_STEP
 
 
 def coupler_spring_energy(stretch, stiffness, stiffening):
@@ -69,7 +69,8 @@ def environment_at(
         speed, e.law[0], e.law[1], e.law[2], patches, e.increment, scatter, conditioning
     )
     place = (state[n.position][s.car_body] + s.car_offset[:, None] - e.line_origin) / e.line_spacing
-    rim = np.abs(arrays.unit_rim_speed(state[n.omega])) / EFFORT_SPEED_STEP
+    rim = arrays.unit_of_axle.T @ (s.radius[:, None] * state[n.omega]) / s.unit_axles[:, None]
+    rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
     both = np.broadcast_to

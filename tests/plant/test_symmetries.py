@@ -7,7 +7,6 @@ import pytest
 
 from alloc.errors import PlantError
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.lanes import select_lanes
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.train import AirBrake, Coupler, Train
@@ -151,7 +150,7 @@ def test_batch_names_what_is_wrong(train):
     with pytest.raises(PlantError, match="threads = 0"):
         Batch(model, model.initial_state(), 1e-3, 0)
     with pytest.raises(PlantError, match="lanes"):
-        select_lanes(model, slice(7, 9))
+        model.select_lanes(slice(7, 9))
 
 
 def test_dead_time_of_the_brake_is_kept_per_group_of_lanes(run, car):

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from alloc.rules import RULES, AllocationProblem, find_rule, optimality
 from alloc.rules.allocation import allocation
-from alloc.rules.rule import exact_in_box
+from alloc.rules.exact import exact_in_box
 from tests.rules.strategies import EXPECTED, caps, problems
 
 ACCURACY = 1e-9 * EXPECTED
@@ -92,7 +92,7 @@ def test_gap_of_the_reference_is_its_excess_and_nothing_else(cap):
 @given(problem=problems(bounded=True))
 def test_checker_finds_a_limit_moved_from_the_optimum(problem):
     limit = np.empty(problem.n)
-    level, case = exact_in_box(problem, False, limit)
+    level, case = exact_in_box(problem, limit)
     moved = limit.copy()
     moved[0] += 1e-3
     check = optimality(problem, allocation(problem, moved, level, case, 0.0))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from alloc.rules import AllocationError, AllocationProblem, find_rule, optimality, robust_rule
-from alloc.rules.robust import PROBABILITY, QP_ROBUST, chance_constrained
+from alloc.rules.qp_robust import PROBABILITY, QP_ROBUST, chance_constrained
 from tests.rules.strategies import EXPECTED, problems
 
 CAP = np.array([0.150, 0.160, 0.172, 0.176])
@@ -111,5 +111,5 @@ def test_impossible_probabilities_are_refused(probability):
 
 def test_rule_of_another_probability_keeps_its_name():
     assert robust_rule(0.95).name == QP_ROBUST.name == "qp-robust"
-    assert robust_rule(0.95).parameters == (0.95,)
+    assert robust_rule(0.95).answer.keywords == {"probability": 0.95}
     assert "0.95" in robust_rule(0.95).description

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, kernels, qp, qp_cvxpy
+from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp, qp_cvxpy
 from alloc.rules.allocation import CASES
+from alloc.rules.dispatch import COMPILED, allocate_compiled, compiled_index
+from alloc.rules.rule import units_of
 from tests.rules.strategies import EXPECTED, caps, problems
 
 NAMES = [
@@ -113,18 +115,21 @@ def test_dynamic_sharing_settles_at_the_plan_step_by_step():
 
 @given(problem=problems())
 def test_compiled_call_equals_the_python_call(problem):
-    for name, rule in RULES.items():
-        if rule.compiled_id is None:
-            continue
+    for index, rule in enumerate(COMPILED):
+        assert compiled_index(rule) == index
         limit = np.empty(problem.n)
-        level, case = kernels.allocate_compiled(
-            rule.compiled_id, problem.cap, problem.expected, problem.weight, problem.torque_limit,
-            problem.in_force, problem.obtained, problem.available, np.asarray(rule.parameters), limit,
-        )  # fmt: skip
-        answer = find_rule(name)(problem)
+        level, case = allocate_compiled(index, units_of(problem), problem.expected, limit)
+        answer = find_rule(rule.name)(problem)
         assert limit.tolist() == answer.limit.tolist()
         assert CASES[case] == answer.case
         np.testing.assert_equal(level, answer.level)
+
+
+def test_every_rule_with_a_law_is_known_to_compiled_code():
+    assert {name for name, rule in RULES.items() if rule.law is not None} == {
+        rule.name for rule in COMPILED
+    }
+    assert compiled_index(find_rule("qp")) == -1
 
 
 @pytest.mark.parametrize(

@@ -62,8 +62,8 @@ def test_hosted_rule_and_compiled_rule_make_the_same_run(make_event, dip):
         """The exact rule called from Python."""
 
         inner = find_rule("exact")
-        name, compiled_id = "exact", None
-        periodic, needs_truth, parameters = inner.periodic, inner.needs_truth, inner.parameters
+        name = "exact"
+        periodic, needs_truth = inner.periodic, inner.needs_truth
 
         def __call__(self, problem):
             return self.inner(problem)

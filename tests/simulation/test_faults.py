@@ -133,13 +133,12 @@ def test_losing_telegrams_leaves_the_rail_and_the_noise_alone(make_event):
 class FailingRule:
     """The exact rule, whose solver fails every `every`-th call: it then answers with what stood before."""
 
-    name, compiled_id = "failing", None
+    name = "failing"
 
     def __init__(self, every: int) -> None:
         inner = find_rule("sharing")
         self.inner, self.every, self.calls, self.failed = find_rule("exact"), every, 0, 0
         self.periodic, self.needs_truth = inner.periodic, False
-        self.parameters = self.inner.parameters
 
     def __call__(self, problem):
         self.calls += 1

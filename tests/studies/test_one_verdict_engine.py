@@ -26,7 +26,7 @@ def test_no_study_chooses_a_verdict(path):
             assert node.value not in VERDICTS
 
 
-@pytest.mark.parametrize(("essential", "further", "partly"), product([True, False], repeat=3))
+@pytest.mark.parametrize(("essential", "further", "partly"), list(product([True, False], repeat=3)))
 def test_a_verdict_follows_from_what_is_met(essential, further, partly):
     expected = (
         (HOLDS if further else CONDITIONS) if essential else (CONDITIONS if partly else FAILS)

@@ -10,6 +10,7 @@ caps hold at once is less probable, and what B1's estimate shifts in all caps al
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.special import ndtri
@@ -17,7 +18,7 @@ from scipy.special import ndtri
 from alloc.rules.allocation import Allocation
 from alloc.rules.problem import AllocationError, AllocationProblem
 from alloc.rules.qp import answer_qp
-from alloc.rules.rule import Rule
+from alloc.rules.rule import RULES, Rule
 
 PROBABILITY = 0.9
 """Probability with which each cap holds unless said otherwise. Assumed, no source names one: the next steps, 0.95 and 0.99,
@@ -52,21 +53,21 @@ def chance_constrained(
     return problem.changed(cap=np.maximum(cap, 0.0), deviation=None)
 
 
-def answer_robust(rule: Rule, problem: AllocationProblem) -> Allocation:
-    """Limits by `qp` under the caps of `chance_constrained`; `rule.parameters` is (probability,)."""
-    return answer_qp(rule, chance_constrained(problem, *rule.parameters))
+def answer_robust(problem: AllocationProblem, probability: float = PROBABILITY) -> Allocation:
+    """Limits by `qp` under the caps of `chance_constrained`."""
+    return answer_qp(chance_constrained(problem, probability), "qp-robust")
 
 
 QP_ROBUST = Rule(
-    "qp-robust",
-    "qp with caps that hold with a probability of 0.9",
-    answer_robust,
-    parameters=(PROBABILITY,),
-)
+    "qp-robust", "qp with caps that hold with a probability of 0.9", answer_robust,
+    colour="#7b3294", marker=">",
+)  # fmt: skip
+RULES.register("qp-robust", QP_ROBUST)
 
 
 def robust_rule(probability: float) -> Rule:
     """`qp-robust` with another probability; raises `AllocationError` for an impossible one."""
     value = check_probability(probability)
     description = f"qp with caps that hold with a probability of {value:g}"
-    return replace(QP_ROBUST, description=description, parameters=(value,))
+    answer = partial(answer_robust, probability=value)
+    return replace(QP_ROBUST, description=description, answer=answer)

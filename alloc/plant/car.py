@@ -1,0 +1,275 @@
+"""What a car is made of: wheelsets, traction units, brakes. SI units, validated."""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.errors import PlantError
+from alloc.plant.equations import GRAVITY
+
+
+def triple(owner: str, name: str, values: tuple[float, float, float]) -> tuple[float, float, float]:
+    """`values`; raises `PlantError` where they are not three finite numbers."""
+    if len(values) != 3 or not all(math.isfinite(value) for value in values):
+        raise PlantError(f"{owner}: {name} = {values} must be three finite numbers")
+    return values
+
+
+InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
+"""Motors per inverter: a whole car, a bogie, an axle."""
+
+EFFORT_SPEED_STEP = 1.0 / 3.6
+"""Spacing [m/s] of tabulated torque limits: 1 km/h, the spacing of published effort curves."""
+EFFORT_TABLE_LENGTH = 402
+"""Tables reach 401 km/h; beyond, the last value holds."""
+
+
+@dataclass(frozen=True)
+class TorqueLimit:
+    """Largest motor torque by rim speed: `peak` [N m] at the shaft, then constant `power` [W] per motor.
+
+    Beyond `pull_out_speed` [m/s] the limit falls with the square of the speed (motor pull-out). If `table` is
+    given (torque per motor every 1 km/h from standstill) it replaces the formula.
+    """
+
+    peak: float
+    power: float
+    pull_out_speed: float = math.inf
+    fade_speed: float = 0.0
+    """Speed [m/s] below which the limit fades to zero linearly (electric brakes); 0: no fading."""
+    table: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        PlantError.check("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
+        if not self.pull_out_speed > 0.0:
+            raise PlantError(
+                f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0"
+            )
+        if self.table is not None:
+            PlantError.check("torque limit", self, nonnegative=("table[]",))
+            if len(self.table) == 0:
+                raise PlantError("torque limit: table is empty")
+
+    def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
+        """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
+        if self.table is not None:
+            values = np.asarray(self.table, dtype=float)
+            padded = np.full(EFFORT_TABLE_LENGTH, values[-1])
+            n = min(values.size, EFFORT_TABLE_LENGTH)
+            padded[:n] = values[:n]
+            return padded
+        speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
+        shaft_speed = gear_ratio * np.maximum(speed, 1e-3) / radius
+        limit = np.minimum(self.peak, self.power / shaft_speed)
+        limit = limit * np.minimum(1.0, self.pull_out_speed / np.maximum(speed, 1e-3))
+        if self.fade_speed > 0.0:
+            limit = limit * np.minimum(1.0, speed / self.fade_speed)
+        return np.asarray(limit)
+
+
+@dataclass(frozen=True)
+class Motors:
+    """Traction motors of a driven car and the inverters that feed them."""
+
+    group: InverterGroup
+    gear_ratio: float
+    drive: TorqueLimit
+    brake: TorqueLimit
+    torque_lag: float = 5e-3
+    """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
+
+    def __post_init__(self) -> None:
+        PlantError.check("motors", self, positive=("gear_ratio", "torque_lag"))
+        if self.group not in ("1C4M", "1C2M", "1C1M"):
+            raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
+
+
+@dataclass(frozen=True)
+class AirBrake:
+    """Friction brake of a car; one pair of valves per bogie.
+
+    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V), friction(V) =
+    numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
+    """
+
+    maximum_pressure: float
+    force_per_pascal: float
+    fill_time: float = 1.2
+    release_time: float = 1.2
+    dead_time: float = 0.05
+    friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
+    cylinder_volume: float = 4e-3
+    """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
+    units of about 0.7 l at their stroke (7 in piston, 30 mm) and as much as one more in the pipes."""
+    cut_out: tuple[int, ...] = ()
+    """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
+    computers do not know of it."""
+
+    def __post_init__(self) -> None:
+        PlantError.check(
+            "air brake",
+            self,
+            positive=("maximum_pressure", "fill_time", "release_time", "cylinder_volume"),
+            nonnegative=("force_per_pascal", "dead_time"),
+        )
+        numerator, offset, constant = triple("air brake", "friction", self.friction)
+        if not offset > 0.0 or numerator < 0.0 or constant < 0.0:
+            raise PlantError(
+                f"air brake: friction = {self.friction} needs offset > 0, numerator and constant >= 0"
+            )
+        if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
+            raise PlantError(
+                f"air brake: cut_out = {self.cut_out} must be numbers of bogies, 0 = foremost"
+            )
+
+
+@dataclass(frozen=True)
+class Car:
+    """One car: masses [kg], wheelsets, and what drives and brakes them.
+
+    `axle_positions` [m] are measured from the car's front end; `bogie_of_axle` numbers its bogies from 0.
+    `driven` marks axles with a motor. `load` is the pay load; JP5484215 calls empty mass and load per axle W0, dW.
+    """
+
+    name: str
+    length: float
+    empty_mass: float
+    load: float
+    axle_positions: tuple[float, ...]
+    bogie_of_axle: tuple[int, ...]
+    wheel_radius: float
+    wheel_inertia: tuple[float, ...]
+    """Inertia of each wheelset with everything geared to it [kg m2], at the wheel."""
+    driven: tuple[bool, ...]
+    motors: Motors | None = None
+    air_brake: AirBrake | None = None
+    centre_of_mass_height: float = 1.6
+    pivot_height: float = 0.5
+    axle_load_share: tuple[float, ...] | None = None
+    """Share of the car's weight on each axle; equal if None. A sum below 1 leaves the rest of the weight to axles that
+    are not modelled (a single axle with its part of a train)."""
+
+    def __post_init__(self) -> None:
+        owner = f"car {self.name!r}"
+        PlantError.check(
+            owner,
+            self,
+            positive=("length", "empty_mass", "wheel_radius", "wheel_inertia[]"),
+            nonnegative=("load", "centre_of_mass_height", "pivot_height"),
+            finite=("axle_positions[]",),
+        )
+        n = len(self.axle_positions)
+        if n == 0:
+            raise PlantError(f"{owner}: has no axles; give axle_positions")
+        for name in ("bogie_of_axle", "wheel_inertia", "driven"):
+            if len(getattr(self, name)) != n:
+                raise PlantError(
+                    f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles"
+                )
+        positions = self.axle_positions
+        if any(b <= a for a, b in itertools.pairwise(positions)):
+            raise PlantError(f"{owner}: axle_positions = {positions} must grow from the front")
+        if positions[0] < 0.0 or positions[-1] > self.length:
+            raise PlantError(
+                f"{owner}: axle_positions = {positions} leave the car's {self.length} m"
+            )
+        steps = [b - a for a, b in itertools.pairwise(self.bogie_of_axle)]
+        if self.bogie_of_axle[0] != 0 or any(step not in (0, 1) for step in steps):
+            raise PlantError(
+                f"{owner}: bogie_of_axle = {self.bogie_of_axle} must count 0, 1, ... from the front"
+            )
+        if any(self.driven) and self.motors is None:
+            raise PlantError(f"{owner}: has driven axles but no motors")
+        brake = self.air_brake
+        if brake is not None and any(b > self.bogie_of_axle[-1] for b in brake.cut_out):
+            raise PlantError(
+                f"{owner}: cut_out = {brake.cut_out}, but its bogies are 0 to {self.bogie_of_axle[-1]}"
+            )
+        share = self.axle_load_share
+        if share is not None and not (
+            len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
+        ):
+            raise PlantError(
+                f"{owner}: axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
+            )
+
+    @property
+    def mass(self) -> float:
+        """Mass with load [kg]."""
+        return self.empty_mass + self.load
+
+    @property
+    def static_axle_loads(self) -> NDArray[np.float64]:
+        """Load of each axle [N], (axles,)."""
+        n = len(self.axle_positions)
+        share = (
+            np.full(n, 1.0 / n) if self.axle_load_share is None else np.array(self.axle_load_share)
+        )
+        return np.asarray(self.mass * GRAVITY * share)
+
+    def unloading_factors(self) -> NDArray[np.float64]:
+        """Load [N] lost by each axle per newton of the car's rail force, (axles,), summing to zero.
+
+        Quasi-static pitch: the force acts at the rail, the inertia at the centre of mass, so the car's
+        weight moves from the front bogie to the rear one; within a bogie its share of the force, taken up at
+        pivot height, does the same between its axles. A bogie of one axle cannot carry such a moment and
+        passes its force on at the rail; a car with one bogie carries all of the moment there. The moment of
+        coupler forces is neglected.
+        """
+        positions, bogies = np.array(self.axle_positions), np.array(self.bogie_of_axle)
+        factors = np.zeros(positions.size)
+        acting = np.array(self.driven) if any(self.driven) else np.ones(positions.size, dtype=bool)
+        members = [np.flatnonzero(bogies == b) for b in np.unique(bogies)]
+        centres = np.array([positions[inside].mean() for inside in members])
+        body_moment = self.centre_of_mass_height
+        for inside in members:
+            arm = centres[bogies[inside[0]]] - positions[inside]  # > 0 in front
+            if inside.size == 1:
+                continue
+            height = self.pivot_height if len(members) > 1 else self.centre_of_mass_height
+            moment = height * acting[inside].sum() / acting.sum()
+            factors[inside] += moment * arm / np.sum(arm**2)
+            body_moment -= moment
+        if len(members) > 1:
+            arm = centres.mean() - centres
+            for inside, unloading in zip(members, body_moment * arm / np.sum(arm**2), strict=True):
+                factors[inside] += unloading / inside.size
+        return factors
+
+    def reversed(self) -> "Car":
+        """The same car running the other way round."""
+        last = max(self.bogie_of_axle)
+        share = self.axle_load_share
+        brake = self.air_brake
+        if brake is not None:
+            brake = replace(brake, cut_out=tuple(sorted(last - b for b in brake.cut_out)))
+        return replace(
+            self,
+            air_brake=brake,
+            axle_positions=tuple(self.length - p for p in reversed(self.axle_positions)),
+            bogie_of_axle=tuple(last - b for b in reversed(self.bogie_of_axle)),
+            wheel_inertia=self.wheel_inertia[::-1],
+            driven=self.driven[::-1],
+            axle_load_share=None if share is None else share[::-1],
+        )
+
+    @property
+    def brake_groups(self) -> int:
+        """Number of pairs of brake valves: one per bogie."""
+        return 0 if self.air_brake is None else max(self.bogie_of_axle) + 1
+
+    def units(self) -> list[list[int]]:
+        """Axles of each traction unit of this car (indices from the car's front)."""
+        if self.motors is None:
+            return []
+        axles = [i for i, has_motor in enumerate(self.driven) if has_motor]
+        if self.motors.group == "1C1M":
+            return [[i] for i in axles]
+        if self.motors.group == "1C2M":
+            bogies = sorted({self.bogie_of_axle[i] for i in axles})
+            return [[i for i in axles if self.bogie_of_axle[i] == b] for b in bogies]
+        return [axles] if axles else []

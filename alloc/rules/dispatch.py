@@ -1,0 +1,60 @@
+"""The rule of a run inside compiled code: every rule that has a compiled law, behind one call without allocation."""
+
+from typing import Any
+
+import numpy as np
+
+from alloc.compilation import equation, jit
+from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE
+from alloc.rules.alone import ALONE
+from alloc.rules.exact import EXACT
+from alloc.rules.greedy import GREEDY
+from alloc.rules.greedy_claim import GREEDY_CLAIM
+from alloc.rules.oracle import ORACLE
+from alloc.rules.preset import PRESET
+from alloc.rules.rule import Rule
+from alloc.rules.sharing import SHARING
+
+COMPILED: tuple[Rule, ...] = (ALONE, PRESET, SHARING, GREEDY, GREEDY_CLAIM, EXACT, ORACLE)
+"""Rules that compiled code knows, by their place here; a rule registered at run time is called in Python."""
+
+
+def _case(index: int, law: Any, otherwise: Any) -> Any:
+    """Law of a run: `law` where its rule has this index, else `otherwise`."""
+
+    @equation
+    def choose(rule, units, expected, limit_out):
+        if rule == index:
+            level, reached = law(units, expected, limit_out)
+            return level, CASE_B if reached else CASE_A
+        else:
+            return otherwise(rule, units, expected, limit_out)
+
+    return choose
+
+
+@equation
+def _keep_plan(rule, units, expected, limit_out):
+    for j in range(limit_out.size):
+        limit_out[j] = min(expected, units.limit_max[j])
+    return np.nan, CASE_NONE
+
+
+_answer: Any = _keep_plan
+for _index, _rule in reversed(list(enumerate(COMPILED))):
+    _answer = _case(_index, _rule.law, _answer)
+
+
+@jit
+def allocate_compiled(rule, units, expected, limit_out):
+    """Limits under slip by the rule `rule`, a place in `COMPILED`, written to `limit_out`; returns level and case.
+
+    `units`: `alloc.rules.rule.Units`, unchecked; `limit_out` may be `units.previous`. The level is nan for rules that have
+    none. Rates of change are not known here. An unknown rule gives the plan.
+    """
+    return _answer(rule, units, expected, limit_out)
+
+
+def compiled_index(rule: Rule) -> int:
+    """Place of `rule` in `COMPILED`; -1 if it is called in Python."""
+    return COMPILED.index(rule) if rule in COMPILED else -1

@@ -1,0 +1,33 @@
+"""Whether the plan is within reach of what bounds the units."""
+
+from alloc.compilation import jit
+
+ROUNDING = 1e-12
+"""Relative slack of comparisons between sums, so that a tie in exact arithmetic is one in floating point."""
+
+
+@jit
+def bounds_allow_plan(cap, expected, mass, limit_max):
+    """Whether caps and torque limits allow more than the plan, weighted with mass."""
+    balance = 0.0
+    for j in range(cap.size):
+        balance += mass[j] * (min(cap[j], limit_max[j]) - expected)
+    return balance > 0.0
+
+
+@jit
+def within_reach(cap, expected):
+    """Step S207: whether the mean cap (7) exceeds the plan, which is case B."""
+    total = 0.0
+    for j in range(cap.size):
+        total += cap[j]
+    return total > cap.size * expected * (1.0 + ROUNDING)
+
+
+@jit
+def highest_cap(cap):
+    """The level of case A, where every unit works at its cap."""
+    highest = cap[0]
+    for j in range(1, cap.size):
+        highest = max(highest, cap[j])
+    return highest
