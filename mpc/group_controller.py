@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
-from mpc.controller import Floats, PredictiveController
+from mpc.control_period import Floats, PredictiveController
 from mpc.group_belief import GroupBelief
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonProblem

@@ -6,7 +6,7 @@ import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from mpc.belief import CurveObserver
-from mpc.controller import Floats, PredictiveController
+from mpc.control_period import Floats, PredictiveController
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings

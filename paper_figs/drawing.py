@@ -1,4 +1,4 @@
-"""Figures into files: what the entry point `gallery` offers to the commands, see `studies.core.figures.Gallery`."""
+"""Figures into files: what the entry point `gallery` offers to the commands, see `studies.core.gallery.Gallery`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE
 from studies.core.cell import OnRow
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 
 def descriptions() -> dict[str, str]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from alloc.registry import Registry
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 Data = ParamSpec("Data")
 

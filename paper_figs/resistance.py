@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.onboard.speed_control import WEIGHTS
+from alloc.onboard.speed_control.resistance import WEIGHTS
 from alloc.plant.equations import GRAVITY, running_resistance
 from paper_figs.palette import BLUE, GREEN, GREY, OLIVE, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure

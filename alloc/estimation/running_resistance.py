@@ -104,7 +104,7 @@ class GradientLearner:
         EstimationError.check("resistance learner", self, positive=("gain",))
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
         _sample(self.weights, regressor, error)
         direction = regressor
         if self.as_printed:
@@ -130,7 +130,7 @@ class NormalisedGradientLearner:
         EstimationError.check("resistance learner", self, positive=("rate", "typical[]"))
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
         _sample(self.weights, regressor, error)
         self.weights = normalised_step(self.weights, regressor, error, self.rate, self.typical)
 
@@ -167,7 +167,7 @@ class LeastSquaresLearner:
         self.covariance = np.diag(self.deviation**2)
 
     def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.controller.Learner`."""
+        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
         _sample(self.weights, regressor, error)
         excited = regressor != 0.0
         if self.forgetting < 1.0:

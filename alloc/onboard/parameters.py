@@ -7,7 +7,7 @@ from typing import Literal
 from alloc.errors import OnboardError, check_numbers
 from alloc.onboard.controllers.collection import BuiltInControllers
 from alloc.onboard.quantity import NOT_IN_FILES, quantity
-from alloc.onboard.slide_protection import SlideProtection
+from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
 

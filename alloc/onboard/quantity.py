@@ -11,7 +11,7 @@ NOT_IN_FILES = {"unit": None}
 def quantity(default: Any, unit: str, names: Mapping[str, float] | None = None) -> Any:
     """A number of a parameter record, kept in SI units; MISSING: no default.
 
-    `unit`: that of the key in scenario files, "1" for a pure number, see `studies.scenario.units`. `names`: values that
+    `unit`: that of the key in scenario files, "1" for a pure number, see `studies.files.units`. `names`: values that
     have a name there.
     """
     return field(default=default, metadata={"unit": unit, "names": names or {}})

@@ -8,7 +8,7 @@ from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import all_studies
-from studies.core.figures import gallery
+from studies.core.gallery import gallery
 from studies.logs.columns import column_names
 from studies.scenario.loading import SCENARIOS, load_scenario
 

@@ -104,7 +104,7 @@ def compare(
             + f"; table in {store.path}"
         )
     if figures:
-        from studies.core.figures import gallery
+        from studies.core.gallery import gallery
 
         written = gallery().draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:

@@ -25,7 +25,7 @@ def figures(
     jobs
         Number of processes for that [default: one per core].
     """
-    from studies.core.figures import gallery
+    from studies.core.gallery import gallery
 
     count = process_count(jobs)
     with progress() as on_row:

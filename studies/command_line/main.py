@@ -8,14 +8,14 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from studies.command_line.analyse import analyse
 from studies.command_line.compare import compare
 from studies.command_line.figures import figures
 from studies.command_line.list import list_names
+from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
-from studies.core.study_error import StudyError
-from studies.lines.command import run_line
-from studies.logs.command import analyse
+from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
 INTERRUPTED = 130

@@ -2,12 +2,11 @@
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter, Token
 
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 
 def _whole(_: type, tokens: Sequence[Token]) -> int:
@@ -49,15 +48,3 @@ def process_count(jobs: int | None) -> int:
     if jobs < 1:
         raise StudyError(f"--jobs {jobs}: give the number of processes, 1 or more")
     return jobs
-
-
-def check_writable(path: Path) -> None:
-    """Raise `StudyError` if a file cannot be written, before minutes are spent on its content."""
-    existed = path.exists()
-    try:
-        with open(path, "ab"):
-            pass
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise StudyError(f"file {str(path)!r} cannot be written: {error.strerror}") from None

@@ -6,9 +6,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import Whole, check_writable
+from studies.command_line.options import Whole
 from studies.command_line.terminal import console
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
+from studies.files.writable import check_writable
 
 
 def simulate(
@@ -69,7 +70,7 @@ def simulate(
     if log is not None:
         write_log(run, chosen.event(seed).model.train, log)
     if figure is not None:
-        from studies.core.figures import gallery
+        from studies.core.gallery import gallery
 
         gallery().draw_run(run, figure)
     if as_json:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from studies.command_line.options import ALL_FAILED, Whole, process_count
 from studies.command_line.terminal import console, progress
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 
 def sweep(

@@ -6,7 +6,7 @@ from alloc.rules import RULES
 from studies.comparison.grid import Grid
 from studies.core.controllers import check_controller
 from studies.core.runner import check_rules
-from studies.core.study_error import StudyError, unknown
+from studies.files.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
 from studies.scenario.scenario import Scenario
 

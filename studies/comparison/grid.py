@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from studies.core.job import Job
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 from alloc.canonical import canonical
 from studies.core.code_version import code_hash
 from studies.core.plugins import load_plugins
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 Row = dict[str, Any]
 OnRow = Callable[[str, int, int], None]

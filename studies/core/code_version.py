@@ -57,7 +57,7 @@ def _tree(module: str) -> ast.Module:
     path = _path(module)
     assert path is not None
     source = path.read_bytes()
-    return ast.parse(source if path.suffix == ".py" else repr(source))
+    return ast.parse(source if path.suffix == ".py" else f"content = {source!r}")
 
 
 def _imports(module: str) -> list[str]:
@@ -68,8 +68,22 @@ def _imports(module: str) -> list[str]:
             named += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
             named += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
+            named += _registered(node)
     parts = [name.split(".") for name in named]
     return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]
+
+
+def _registered(registry: ast.Call) -> list[str]:
+    """Modules of the package that a registry is told to import when a part is asked for."""
+    values = [*registry.args, *(keyword.value for keyword in registry.keywords)]
+    words = [str(value.value) for value in values if isinstance(value, ast.Constant)]
+    return [
+        f"{word}.{path.stem}"
+        for word in words
+        if word.partition(".")[0] in PACKAGES
+        for path in ROOT.joinpath(*word.split(".")).glob("*.py")
+    ]
 
 
 @lru_cache(maxsize=1024)

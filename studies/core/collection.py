@@ -7,7 +7,7 @@ from pathlib import Path
 
 import studies
 from studies.core.study import Study
-from studies.core.study_error import unknown
+from studies.files.study_error import unknown
 
 
 @cache

@@ -8,7 +8,7 @@ from alloc.onboard.host import HostedController, UnitContext, UnitSense
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.equations import GRAVITY
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 
 

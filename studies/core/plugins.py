@@ -12,7 +12,7 @@ from types import ModuleType
 
 from alloc.plant.sets import SETS
 from studies.core.code_version import PLUGIN_PREFIX
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.train_file import read_train_file
 
 VARIABLE = "READHESION_PLUGINS"

@@ -18,7 +18,7 @@ from studies.core.cell import Cell, Key, OnRow, Outcome, Row, key_of, run_cell
 from studies.core.controllers import is_hosted, rehearse, rehearse_plant
 from studies.core.job import Job
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 FLUSH_INTERVAL = 2.0
 """Rows are written at least this often [s] while cells finish."""

@@ -12,7 +12,7 @@ import xarray as xr
 
 from alloc.recording import save
 from studies.core.cell import Key, Row
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 TABLE = "runs.parquet"
 KEPT = ("cell", "code_hash", "status", "reason")

@@ -11,7 +11,7 @@ from studies.core.cell import Cell, OnRow, key_of
 from studies.core.runner import run_cells
 from studies.core.statement import Statement
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 Cells = Callable[..., Sequence[Cell]]
 """Cells of a study: called with seed, number of events and the study's settings by name. More events, by the study's

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
 

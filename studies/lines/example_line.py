@@ -2,9 +2,9 @@
 
 from itertools import pairwise
 
-from studies.lines.railtoolkit import PointOfInterest, RollingStock, RunningPath, Section
-from studies.lines.railtoolkit_keys import VehicleKeys
-from studies.lines.railtoolkit_train import build_formation
+from studies.railtoolkit.keys import VehicleKeys
+from studies.railtoolkit.reading import PointOfInterest, RollingStock, RunningPath, Section
+from studies.railtoolkit.vehicles import build_formation
 
 _SECTIONS = (
     # start m, limit km/h, gradient per mille

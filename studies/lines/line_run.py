@@ -11,13 +11,13 @@ import xarray as xr
 from alloc.driving import drive
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.minimum_time import MinimumTimeDriver
-from studies.lines.railtoolkit import PointOfInterest, RollingStock, RunningPath
-from studies.lines.railtoolkit_train import BRAKED_FALL
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
+from studies.railtoolkit.reading import PointOfInterest, RollingStock, RunningPath
+from studies.railtoolkit.vehicles import BRAKED_FALL
 
 ADHESION = 0.5
 """Adhesion coefficient of the rail, assumed: the files say nothing of it and mean the effort to be what the rail carries.

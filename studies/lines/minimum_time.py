@@ -6,7 +6,7 @@ Dahlhaus, Running Time Estimation, in Hansen and Pachl, Railway Timetabling and 
 
 from alloc.driving import Controls, TrainSense
 from alloc.plant.model import Model
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
 

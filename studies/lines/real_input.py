@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from studies.core.study_error import StudyError
-from studies.lines.railtoolkit import read_path
+from studies.files.study_error import StudyError
+from studies.railtoolkit.reading import read_path
 from studies.scenario.scenario import Scenario
 
 

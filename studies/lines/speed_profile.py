@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studies.core.study_error import StudyError
-from studies.lines.railtoolkit import Section
+from studies.files.study_error import StudyError
+from studies.railtoolkit.reading import Section
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from alloc.estimation.measured_run import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 from alloc.spans import spans
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 Floats = NDArray[np.float64]
 

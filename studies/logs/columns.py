@@ -7,7 +7,7 @@ from 1, the foremost; coupler k joins the cars k and k + 1. Traction is positive
 import re
 from typing import NamedTuple
 
-from studies.core.study_error import nearest
+from studies.files.study_error import nearest
 
 
 class Quantity(NamedTuple):

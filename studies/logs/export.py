@@ -9,9 +9,9 @@ import xarray as xr
 from alloc.estimation.applied_force import applied_force
 from alloc.estimation.measured_run import MeasuredTrain
 from alloc.plant.train import Train
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.logs.columns import column_of
-from studies.logs.train_file import write_log_train
+from studies.logs.measured_train import write_log_train
 
 DECIMALS = {"s": 4, "kmh": 3, "kn": 3, "ms2": 4}
 """Decimals of a CSV file by unit: a tenth of a millimetre per second, 1 N."""

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.estimation.measured_run import MeasuredRun, MeasuredTrain
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.logs import checks
 from studies.logs.checks import Remark, faulty
 from studies.logs.columns import QUANTITIES, Column, near_column, parse_column

@@ -24,7 +24,6 @@ from studies.readhesion_paper.findings import (
     grid_findings,
     objective,
 )
-from studies.readhesion_paper.grid import Cases, grid_tables, search_limits
 from studies.readhesion_paper.paper import (
     ASSUMED,
     CASE_A,
@@ -34,6 +33,7 @@ from studies.readhesion_paper.paper import (
     Unprinted,
     run_cases,
 )
+from studies.readhesion_paper.sensitivity import Cases, grid_tables, search_limits
 
 DEFAULT_SAMPLES = 300
 WIDE_SHARE = 0.5

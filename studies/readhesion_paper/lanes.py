@@ -6,12 +6,14 @@ plant's lanes: rail and table differ from lane to lane. A lane costs a tenth of 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.event import DriverCommand, SimulationError
+from alloc.loop import Plant, Timing
 from alloc.onboard.controllers.torque_table import TorqueTable, asymmetric_lag, torque_factor
 from alloc.onboard.detector import differentiate
 from alloc.onboard.equipment import equipment
@@ -54,38 +56,72 @@ class TableRuns:
     """Torque that holds a coefficient of 1 on the axle that accelerates with the train."""
 
 
+class TableLanes(NamedTuple):
+    """A table per lane and what it remembers, (lanes,) each."""
+
+    margin: Floats
+    width: Floats
+    pole: Floats
+    gain: Floats
+    rise_share: Floats
+    fall_share: Floats
+    speed: Floats  # behind the differentiator's filter [m/s]
+    torque: Floats  # behind the table's [N m]
+    factor: Floats
+
+
+class LaneRecord(NamedTuple):
+    """What is recorded; first dimension: instants, last: lanes."""
+
+    state: Floats
+    peak: Floats
+    command: Floats
+    factor: Floats
+
+
+class Drive(NamedTuple):
+    """What the driver asks for, per control period, and the wheels that it is asked of."""
+
+    target: Floats  # torque [N m]
+    commanded: Floats  # acceleration [m/s2]
+    first_tick: int
+    radius: float
+
+
 @jit
-def _run(
-    s, e, layout, state, inputs, w, table, memory, target, commanded, radius,
-    period, step, steps, ticks, first_tick, record_ticks, states, peaks, commands, factors,
-):  # fmt: skip
-    """`table` (6, lanes): constants of each lane's table, see `TorqueTable.constants`."""
-    omega = 2 * layout.bodies
+def _run(plant, timing, tables, drive, record):
+    s, e, rows, state, inputs, w = (
+        plant.structure, plant.environment, plant.rows, plant.state, plant.inputs, plant.workspace
+    )  # fmt: skip
+    omega = 2 * rows.bodies
     lanes = state.shape[1]
-    for k in range(ticks):
-        time = (first_tick + k) * period
-        a = commanded[k]
+    for k in range(drive.target.size):
+        time = (drive.first_tick + k) * timing.period
+        a = drive.commanded[k]
         for b in range(lanes):
-            speed = radius * state[omega, b]
-            memory[0, b], acceleration = differentiate(
-                memory[0, b], speed, table[2, b], table[3, b]
+            speed = drive.radius * state[omega, b]
+            tables.speed[b], acceleration = differentiate(
+                tables.speed[b], speed, tables.pole[b], tables.gain[b]
             )
-            factor = torque_factor(acceleration - a, table[0, b], table[1, b])
-            memory[1, b] = asymmetric_lag(
-                memory[1, b], factor * target[k], table[4, b], table[5, b]
+            factor = torque_factor(acceleration - a, tables.margin[b], tables.width[b])
+            tables.torque[b] = asymmetric_lag(
+                tables.torque[b],
+                factor * drive.target[k],
+                tables.rise_share[b],
+                tables.fall_share[b],
             )
-            memory[2, b] = factor
-            inputs.torque_command[0, b] = memory[1, b]
-        if k % record_ticks == 0:
-            n = k // record_ticks
-            compiled.peak_field(s, e, layout, time, state, inputs.cleaning, w, w.peak)
+            tables.factor[b] = factor
+            inputs.torque_command[0, b] = tables.torque[b]
+        if k % timing.record_ticks == 0:
+            n = k // timing.record_ticks
+            compiled.peak_field(s, e, rows, time, state, inputs.cleaning, w, w.peak)
             for b in range(lanes):
                 for i in range(state.shape[0]):
-                    states[n, i, b] = state[i, b]
-                peaks[n, b] = w.peak[0, b]
-                commands[n, b] = memory[1, b]
-                factors[n, b] = memory[2, b]
-        compiled.advance(s, e, layout, time, step, steps, state, inputs, w)
+                    record.state[n, i, b] = state[i, b]
+                record.peak[n, b] = w.peak[0, b]
+                record.command[n, b] = tables.torque[b]
+                record.factor[n, b] = tables.factor[b]
+        compiled.advance(s, e, rows, time, timing.step, timing.steps, state, inputs, w)
 
 
 def simulate_tables(
@@ -129,21 +165,24 @@ def simulate_tables(
     steps = model.substeps(period)
     lanes = len(rails)
     constants = np.array([table.constants(period) for table in tables]).T
-    states = np.zeros((records, n.rows, lanes))
-    peaks, commands, factors = (np.zeros((records, lanes)) for _ in range(3))
+    timing = Timing(period, period / steps, steps, record_ticks)
+    drive = Drive(target, commanded, first_tick, float(eq.radius[0]))
+    kept = []
     for start in range(0, lanes, LANES_TOGETHER):
         part = slice(start, min(start + LANES_TOGETHER, lanes))
         own = model.select_lanes(part)
-        width = own.lanes
-        kept = [np.zeros((records, n.rows, width)), *(np.zeros((records, width)) for _ in range(3))]
-        _run(
-            own.structure, own.environment, compiled.rows(n),
-            own.initial_state(), own.zero_inputs(), compiled.workspace(own, period / steps),
-            constants[:, part].copy(), np.zeros((3, width)), target, commanded,
-            float(eq.radius[0]), period, period / steps, steps, ticks, first_tick, record_ticks, *kept,
+        memory = (np.zeros(own.lanes) for _ in range(3))
+        states = np.zeros((records, n.rows, own.lanes))
+        record = LaneRecord(states, *(np.zeros((records, own.lanes)) for _ in range(3)))
+        plant = Plant(
+            own.structure, own.environment, compiled.rows(n), own.initial_state(), own.zero_inputs(),
+            compiled.workspace(own, timing.step),
         )  # fmt: skip
-        for whole, piece in zip((states, peaks, commands, factors), kept, strict=True):
-            whole[..., part] = piece
+        _run(plant, timing, TableLanes(*constants[:, part].copy(), *memory), drive, record)
+        kept.append(record)
+    states, peaks, commands, factors = (
+        np.concatenate(parts, axis=-1) for parts in zip(*kept, strict=True)
+    )
     arrays = ArrayModel.of(model)
     flat = states.transpose(1, 0, 2).reshape(n.rows, -1)
     slip, mu, _ = arrays.forces(flat, peaks.reshape(1, -1))

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from studies.readhesion_paper.findings import case_findings
-from studies.readhesion_paper.grid import Cases, grid_tables, search_limits
 from studies.readhesion_paper.paper import CASE_A, CASE_B, Unprinted, run_cases
+from studies.readhesion_paper.sensitivity import Cases, grid_tables, search_limits
 
 TOLERANCE = 5e-4
 """To which the limit adhesion coefficient is searched for."""

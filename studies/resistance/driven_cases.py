@@ -13,14 +13,11 @@ from alloc.estimation.running_resistance import (
     NormalisedGradientLearner,
 )
 from alloc.metrics.motion import jerk
-from alloc.onboard.speed_control import (
-    Feedback,
-    Learning,
-    LearnThenUse,
-    SpeedControl,
-    Traction,
-)
-from studies.core.study_error import unknown
+from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.speed_controller import Learning, SpeedControl
+from alloc.onboard.speed_control.switch import LearnThenUse
+from alloc.onboard.speed_control.traction import Traction
+from studies.files.study_error import unknown
 from studies.resistance.routes import Route
 
 PERIOD = 0.05

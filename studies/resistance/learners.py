@@ -17,7 +17,8 @@ from alloc.estimation.running_resistance import (
 from alloc.event import DriverCommand, Event
 from alloc.metrics import evaluate
 from alloc.onboard import Belief, Onboard
-from alloc.onboard.speed_control import WEIGHTS, SpeedCommand
+from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_control.resistance import WEIGHTS
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.simulation import simulate

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alloc.onboard.speed_control import LineMemory, SpeedCommand
+from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_control.line_memory import LineMemory
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from alloc.registry import Registry
-from studies.core.study_error import StudyError
+from studies.files.strict import parse, read_toml
+from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
-from studies.scenario.strict import parse, read_toml
 from studies.scenario.train_keys import is_file
 
 SHIPPED = Path(__file__).parent / "shipped"

@@ -5,10 +5,10 @@ from typing import Any
 
 from alloc.onboard import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
+from studies.files.strict import Strict
+from studies.files.units import si
 from studies.scenario.rail_keys import CurveKeys, IncrementKeys
 from studies.scenario.record_keys import built, keys_of
-from studies.scenario.strict import Strict
-from studies.scenario.units import si
 
 
 class BeliefKeys(Strict):

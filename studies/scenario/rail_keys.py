@@ -8,9 +8,9 @@ from pydantic import BaseModel, ConfigDict, model_validator
 from alloc.errors import number_fault
 from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import Line, Patch, Rail, Receptivity, logarithmic_increments
-from studies.core.study_error import nearest
-from studies.scenario.strict import Strict
-from studies.scenario.units import si
+from studies.files.strict import Strict
+from studies.files.study_error import nearest
+from studies.files.units import si
 
 
 class PatchKeys(Strict):
@@ -141,7 +141,7 @@ class LineKeys(Strict):
 
     def line(self) -> Line:
         """The plant's line."""
-        from studies.lines.railtoolkit import read_path
+        from studies.railtoolkit.reading import read_path
 
         tunnels = tuple((t.start_m, t.end_m) for t in self.tunnels)
         if self.file is not None:

@@ -7,8 +7,8 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, create_model
 
-from studies.scenario.strict import Strict
-from studies.scenario.units import ENDINGS, si
+from studies.files.strict import Strict
+from studies.files.units import ENDINGS, si
 
 Parameters = TypeVar("Parameters")
 

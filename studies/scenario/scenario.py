@@ -22,10 +22,10 @@ from alloc.plant.model import build
 from alloc.plant.sets import SETS
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError
-from studies.core.study_error import StudyError
+from studies.files.strict import Strict, explain
+from studies.files.study_error import StudyError
 from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
-from studies.scenario.strict import Strict, explain
 from studies.scenario.train_keys import CouplerKeys, FailureKeys, build_train, is_file
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}

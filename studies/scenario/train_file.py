@@ -7,8 +7,8 @@ from pydantic import Field, field_validator
 
 from alloc.errors import PlantError
 from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, TorqueLimit, Train
-from studies.core.study_error import StudyError
-from studies.scenario.strict import Strict, parse, read_toml
+from studies.files.strict import Strict, parse, read_toml
+from studies.files.study_error import StudyError
 
 
 class MotorKeys(Strict):

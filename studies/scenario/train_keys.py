@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from alloc.plant.train import Coupler, InverterGroup, Train
-from studies.scenario.strict import Strict
-from studies.scenario.units import si
+from studies.files.strict import Strict
+from studies.files.units import si
 
 
 class CouplerKeys(Strict):
@@ -44,7 +44,7 @@ def build_train(
     from dataclasses import replace
 
     from alloc.plant.sets import find_set
-    from studies.lines.railtoolkit import read_train
+    from studies.railtoolkit.reading import read_train
     from studies.scenario.train_file import read_train_file
 
     if not is_file(train):

@@ -22,8 +22,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from studies.command_line.options import check_writable
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
+from studies.files.writable import check_writable
 from studies.slides.damped_least_squares import minimise
 from studies.slides.jp4209318 import BOUNDS, Undisclosed, parameters
 from studies.slides.targets import (

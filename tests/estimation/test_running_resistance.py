@@ -13,7 +13,7 @@ from alloc.estimation.running_resistance import (
     gradient_step,
     normalised_step,
 )
-from alloc.onboard.speed_control import Motion, regressor
+from alloc.onboard.speed_control.resistance import Motion, regressor
 
 TRUE = np.array([12.0, 20.0, 250e3])
 WRONG = TRUE * np.array([1.3, 0.7, 0.7])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import mpc.controller
+import mpc.control_period
 from alloc.metrics import evaluate
 from alloc.simulation import simulate
 from mpc.settings import MpcSettings
@@ -100,7 +100,7 @@ class _Clock:
 @pytest.mark.parametrize("every", [5, 50])
 def test_a_solver_that_is_late_now_and_then_is_counted_and_survived(monkeypatch, every):
     clock = _Clock()
-    monkeypatch.setattr(mpc.controller, "clock", clock)
+    monkeypatch.setattr(mpc.control_period, "clock", clock)
 
     class Late(MpcController):
         calls = 0

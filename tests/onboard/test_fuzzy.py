@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.onboard import Fuzzy, OnboardError, SlideProtection, Threshold
-from alloc.onboard.slide_protection import LAWS, SENSITIVITIES
+from alloc.onboard.slide_protection import LAWS
 from alloc.onboard.slide_protection.fuzzy import (
     HOLD,
     RELEASE,
@@ -18,6 +18,7 @@ from alloc.onboard.slide_protection.fuzzy import (
     memberships,
     valve_action,
 )
+from alloc.onboard.slide_protection.parameters import SENSITIVITIES
 
 SLIP, RATE = (0.0, 0.05, 0.15), (-1.0, 0.0, 1.0)
 slips = st.floats(0.0, 1.0)

@@ -4,21 +4,19 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
-from alloc.onboard.speed_control import (
-    Feedback,
-    LearnThenUse,
-    LineMemory,
+from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.speed_control.resistance import (
     Motion,
-    Regression,
-    RegressionFilter,
-    SpeedCommand,
-    SpeedControl,
-    Traction,
     compensation_force,
     feedforward_force,
     regressor,
 )
-from alloc.onboard.speed_control.switch import LEARN, USE
+from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
+from alloc.onboard.speed_control.speed_controller import SpeedControl
+from alloc.onboard.speed_control.switch import LEARN, USE, LearnThenUse
+from alloc.onboard.speed_control.traction import Traction
 from alloc.plant.equations import GRAVITY, gradient_force
 from alloc.plant.sets import find_set
 

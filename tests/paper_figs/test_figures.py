@@ -67,7 +67,7 @@ from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
 from studies.core.job import Job, simulate_job
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import run_line
 from studies.logs.export import log_table

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-import studies.core.figures as loader
+import studies.core.gallery as loader
 from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source, comparison, made
 from paper_figs.style import new_panels
-from studies.core.figures import GROUP, Gallery, gallery
+from studies.core.gallery import GROUP, Gallery, gallery
 from studies.core.plugins import VARIABLE, use_plugins
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 PLUGIN = """

@@ -6,8 +6,8 @@ import pkgutil
 import pytest
 
 from alloc.onboard import OnboardError, controllers
+from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.controller import BuiltInController
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.simulation import SimulationError, simulate

@@ -15,8 +15,8 @@ from studies.claims.study import RULES as CLAIM_RULES
 from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.job import Job, simulate_job
 from studies.core.statement import VERDICTS, Interval, Statement
-from studies.core.study_error import StudyError
 from studies.core.verdict import LEAST_EVENTS
+from studies.files.study_error import StudyError
 
 SHORT = 3.0
 """Length of an event [s] that is just long enough for the measures."""

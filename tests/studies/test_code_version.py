@@ -1,5 +1,8 @@
 """What decides a result is every file behind it, and nothing in them that is not run."""
 
+import sys
+from types import ModuleType
+
 import pytest
 
 from studies.core import code_version
@@ -7,10 +10,15 @@ from studies.core.code_version import code_hash
 
 FILES = {
     "pack/__init__.py": '"""A package."""\n\nVERSION = 1\n',
-    "pack/top.py": '"""Top."""\n\nfrom pack.part import leaf\n\n\ndef top():\n    """Do."""\n    return leaf() + 1\n',
+    "pack/top.py": (
+        '"""Top."""\n\nfrom pack.part import leaf\nfrom pack.parts import PARTS\n\n\n'
+        'def top():\n    """Do."""\n    return leaf() + 1\n'
+    ),
     "pack/part/__init__.py": '"""A part."""\n',
     "pack/part/leaf.py": "def leaf():\n    from pack import lazy\n\n    return lazy.VALUE\n",
     "pack/lazy.py": "VALUE = 1.0  # first\n",
+    "pack/parts/__init__.py": "PARTS = Registry('part', package='pack.parts')\n",
+    "pack/parts/one.py": "PARTS.register('one', 1)\n",
     "pack/other.py": "VALUE = 2.0\n",
 }
 CLOSURE = [name for name in FILES if name != "pack/other.py"]
@@ -79,3 +87,21 @@ def test_what_is_not_imported_does_not_count(package):
 
 def test_a_module_of_another_package_does_not_count(package):
     assert code_hash("pack.top", "numpy.linalg") == code_hash("pack.top")
+
+
+def test_an_edited_plugin_changes_the_hash_be_it_code_or_a_train(tmp_path, monkeypatch):
+    for file, text, other in (
+        ("own.py", "VALUE = 1\n", "VALUE = 2\n"),
+        ("train.toml", "mass_t = 30\n", "mass_t = 40\n"),
+    ):
+        name = f"{code_version.PLUGIN_PREFIX}{file.partition('.')[0]}"
+        module = ModuleType(name)
+        module.__file__ = str(tmp_path / file)
+        monkeypatch.setitem(sys.modules, name, module)
+        hashes = set()
+        for content in (text, other, text):
+            (tmp_path / file).write_text(content)
+            forget()
+            hashes.add(code_hash(name))
+        assert len(hashes) == 2
+    forget()

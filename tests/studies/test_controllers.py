@@ -7,7 +7,7 @@ from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.plant import compiled
 from studies.core.controllers import check_controller, is_hosted, rehearse, rehearse_plant
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from alloc.rules import RULES
 from studies.comparison.defaults import KEPT_RUNS, MPC_CELLS, SLOW_RULES, default_grid, make_grid
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from alloc.recording import load
-from studies.lines.command import clock
+from studies.command_line.run_line import clock
 
 PATH = {
     "schema": "https://railtoolkit.org/schema/running-path.json",

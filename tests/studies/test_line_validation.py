@@ -17,9 +17,9 @@ from alloc.plant.equations import STANDSTILL_SPEED
 from alloc.plant.model import Model
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.line_run import LineRun, line_model, run_line
-from studies.lines.railtoolkit import read_path, read_rolling_stock
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
+from studies.railtoolkit.reading import read_path, read_rolling_stock
 from tests.plant.numpy_plant import environment_at
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "railtoolkit"

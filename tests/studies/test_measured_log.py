@@ -7,10 +7,10 @@ import pytest
 from alloc.errors import PlantError
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.plant.equations import GRAVITY
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
-from studies.logs.train_file import read_log_train, write_log_train
+from studies.logs.measured_train import read_log_train, write_log_train
 
 INERTIA, RADIUS = 100.0, 0.43
 TRAIN = MeasuredTrain(

@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import LineRun, line_model, run_line
 from studies.lines.minimum_time import MinimumTimeDriver
-from studies.lines.railtoolkit import PointOfInterest, RunningPath, Section
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
+from studies.railtoolkit.reading import PointOfInterest, RunningPath, Section
 from tests.plant.numpy_plant import environment_at
 
 OVERSPEED = 0.05

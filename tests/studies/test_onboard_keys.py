@@ -3,8 +3,8 @@
 import pytest
 
 from alloc.onboard import Braking, Fuzzy, Onboard, Sensors, SlideProtection, Threshold
-from alloc.onboard.slide_protection import SENSITIVITIES
-from studies.core.study_error import StudyError
+from alloc.onboard.slide_protection.parameters import SENSITIVITIES
+from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 
 HEAD = """

@@ -18,7 +18,7 @@ from studies.core import code_version
 from studies.core.cell import key_of
 from studies.core.job import Job
 from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugins
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.loading import SCENARIOS, load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"

@@ -5,9 +5,9 @@ import pytest
 import yaml
 
 from alloc.plant.equations import GRAVITY
-from studies.core.study_error import StudyError
-from studies.lines.railtoolkit import read_path, read_train
+from studies.files.study_error import StudyError
 from studies.lines.real_input import with_real_input
+from studies.railtoolkit.reading import read_path, read_train
 from studies.scenario.loading import load_scenario
 
 PATH = {

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.metrics.readhesion import readhesion_possible
-from studies.readhesion_paper import grid as readhesion_grid
+from studies.readhesion_paper import sensitivity as readhesion_grid
 from studies.readhesion_paper.findings import (
     CLAIMS,
     UNMET,
@@ -17,7 +17,6 @@ from studies.readhesion_paper.findings import (
     grid_findings,
     objective,
 )
-from studies.readhesion_paper.grid import FINE_STEP, Cases, grid_tables, search_limits
 from studies.readhesion_paper.paper import (
     CALIBRATED,
     CASE_A,
@@ -32,6 +31,7 @@ from studies.readhesion_paper.paper import (
     signals_of,
     slip_spans,
 )
+from studies.readhesion_paper.sensitivity import FINE_STEP, Cases, grid_tables, search_limits
 from tests.studies.readhesion_tables import index_rows, limit_of
 
 COARSE = 5e-4

@@ -13,7 +13,7 @@ from studies.core.cell import key_of, run_cell
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 MEASURED = ("rule_time", "controller_median", "controller_p99")
 """Metrics that are wall times; all others follow from the event alone."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
 

@@ -9,8 +9,10 @@ from alloc.estimation.resistance_log import RunLog, learn_from_log
 from alloc.estimation.running_resistance import LeastSquaresLearner
 from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
-from alloc.onboard.speed_control import Feedback, SpeedControl, Traction
-from studies.core.study_error import StudyError
+from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.speed_controller import SpeedControl
+from alloc.onboard.speed_control.traction import Traction
+from studies.files.study_error import StudyError
 from studies.resistance.driven_cases import (
     CARS,
     CURRENT_PER_FORCE,

@@ -7,7 +7,7 @@ import pytest
 
 from studies.core.cell import Key
 from studies.core.store import Store
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 
 def row(seed: int, status: str = "ok", **values) -> dict:

@@ -3,9 +3,9 @@
 import pytest
 from pydantic import Field
 
-from studies.core.study_error import StudyError, nearest, unknown
+from studies.files.strict import Strict, parse
+from studies.files.study_error import StudyError, nearest, unknown
 from studies.scenario.loading import load_scenario
-from studies.scenario.strict import Strict, parse
 
 
 class Inner(Strict):

@@ -7,7 +7,7 @@ from studies.core.cell import Task
 from studies.core.statement import HOLDS, Statement
 from studies.core.store import Store
 from studies.core.study import Study, each_event
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 calls: list[tuple[int, int]] = []
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.scenario.strict import Strict
-from studies.scenario.units import SUFFIXES, si
+from studies.files.strict import Strict
+from studies.files.units import SUFFIXES, si
 
 
 class Everything(Strict):

@@ -4,7 +4,7 @@ from collections import namedtuple
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from alloc.onboard.controllers.controller import BuiltInController
+from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
 from alloc.onboard.controllers.none import NoControl
 from alloc.onboard.controllers.perturb_observe import PerturbObserve

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.compilation import equation
 from alloc.errors import OnboardError, check_numbers
-from alloc.onboard.controllers.controller import (
+from alloc.onboard.controllers.built_in import (
     BuiltInController,
     direction,
     share_of_target,

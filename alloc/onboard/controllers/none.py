@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from alloc.compilation import equation
-from alloc.onboard.controllers.controller import BuiltInController, share_of_target
+from alloc.onboard.controllers.built_in import BuiltInController, share_of_target
 
 
 @equation

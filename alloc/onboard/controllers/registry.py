@@ -1,8 +1,8 @@
 """All readhesion controllers by name: those that are built in, those of installed packages, those registered at run time."""
 
 from alloc.errors import OnboardError
+from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.controller import BuiltInController
 from alloc.onboard.host import HostedController
 from alloc.registry import Registry
 

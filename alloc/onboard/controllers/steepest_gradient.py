@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from alloc.compilation import equation
 from alloc.errors import OnboardError, check_numbers
-from alloc.onboard.controllers.controller import BuiltInController
+from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.onboard.controllers.peak_search import (
     SearchMemory,
     interval_is_over,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from alloc.compilation import equation
 from alloc.errors import check_numbers
-from alloc.onboard.controllers.controller import BuiltInController, direction
+from alloc.onboard.controllers.built_in import BuiltInController, direction
 from alloc.onboard.detector import differentiate, differentiator_gain
 from alloc.onboard.quantity import quantity
 

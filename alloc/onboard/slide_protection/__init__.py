@@ -4,17 +4,8 @@ Each car has a computer of its own that decides for every bogie. The laws are `t
 ratio) and `fuzzy` (rules on slip and its rate); `protect` runs the one that a train has, and its safeguards.
 """
 
-from alloc.onboard.slide_protection.parameters import (
-    SENSITIVITIES,
-    Fuzzy,
-    SlideProtection,
-    Threshold,
-)
-
 NONE, THRESHOLD, FUZZY = range(3)
 """Identifiers in compiled code."""
 
 LAWS: dict[str, int] = {"none": NONE, "threshold": THRESHOLD, "fuzzy": FUZZY}
 """Laws by name, from the simplest on."""
-
-__all__ = ["LAWS", "SENSITIVITIES", "Fuzzy", "SlideProtection", "Threshold"]

@@ -25,7 +25,7 @@ from alloc.onboard.speed_control.switch import USE, LearnThenUse
 from alloc.onboard.speed_control.traction import Traction
 
 if TYPE_CHECKING:
-    from alloc.driving import Controls, TrainSense
+    from alloc.onboard.driver import Controls, TrainSense
 
 Floats = NDArray[np.float64]
 

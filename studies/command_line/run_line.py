@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import check_writable
 from studies.command_line.terminal import console, progress
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
+from studies.files.writable import check_writable
 
 if TYPE_CHECKING:
     from studies.lines.line_run import LineRun
@@ -42,7 +42,7 @@ def run_line(
     """
     from alloc.recording import save
     from studies.lines import line_run
-    from studies.lines.railtoolkit import read_path, read_rolling_stock
+    from studies.railtoolkit.reading import read_path, read_rolling_stock
 
     if not 0.0 <= load <= 1.0:
         raise StudyError(f"--load {load:g}: give a share of the load limit, 0 to 1")
@@ -57,7 +57,7 @@ def run_line(
     if out is not None:
         save(found.run, out)
     if figure is not None:
-        from studies.core.figures import gallery
+        from studies.core.gallery import gallery
 
         gallery().draw_one("real-line", figure, found)
     content = summary(found)

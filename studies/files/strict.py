@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from studies.core.study_error import StudyError, nearest
+from studies.files.study_error import StudyError, nearest
 
 
 class Strict(BaseModel):

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
 from alloc.plant.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Motors, TorqueLimit, Train
-from studies.core.study_error import StudyError
-from studies.lines.railtoolkit_keys import VehicleKeys
+from studies.files.study_error import StudyError
+from studies.railtoolkit.keys import VehicleKeys
 
 BOGIE_SPACING = 20.0
 """Typical distance [m] between bogies of a section (two bogies on a coach of 26 m, three under an articulated pair)."""

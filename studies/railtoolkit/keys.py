@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from studies.scenario.strict import Foreign
+from studies.files.strict import Foreign
 
 
 class PathKeys(Foreign):

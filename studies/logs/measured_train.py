@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from alloc.estimation.measured_run import MeasuredTrain
 from alloc.plant.equations import GRAVITY
-from studies.scenario.strict import Strict, parse, read_toml
+from studies.files.strict import Strict, parse, read_toml
 
 Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
 Radius = Annotated[float, Field(ge=200.0, le=800.0)]

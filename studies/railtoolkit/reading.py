@@ -10,10 +10,10 @@ import yaml
 
 from alloc.plant.rail import Line
 from alloc.plant.train import Train
-from studies.core.study_error import StudyError, unknown
-from studies.lines.railtoolkit_keys import PathFile, StockFile, VehicleKeys
-from studies.lines.railtoolkit_train import build_formation
-from studies.scenario.strict import parse
+from studies.files.strict import parse
+from studies.files.study_error import StudyError, unknown
+from studies.railtoolkit.keys import PathFile, StockFile, VehicleKeys
+from studies.railtoolkit.vehicles import build_formation
 
 SCHEMA_VERSION = "2022.05"
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"
@@ -106,7 +106,7 @@ def read_path(path: str | Path) -> RunningPath:
 def read_train(path: str | Path) -> Train:
     """Read the first train of a rolling-stock file, empty and without air brake.
 
-    A file without trains is taken as one train of its first vehicle. See `studies.lines.railtoolkit_train` for
+    A file without trains is taken as one train of its first vehicle. See `studies.railtoolkit.vehicles` for
     what the format leaves open and what is assumed. Raises `StudyError` naming file, key and reason.
     """
     name, members = _formation(path)

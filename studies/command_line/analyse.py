@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import check_writable
 from studies.command_line.terminal import console
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
+from studies.files.writable import check_writable
 
 
 def analyse(
@@ -53,8 +53,8 @@ def analyse(
     from alloc.estimation.measured_run import analyse_run
     from alloc.estimation.slip_events import SlipCriterion
     from studies.logs.measured_log import read_log
+    from studies.logs.measured_train import read_log_train
     from studies.logs.report import content, tables
-    from studies.logs.train_file import read_log_train
 
     for name, value in (("--slip-kmh", slip_kmh), ("--slip-percent", slip_percent)):
         if not 0.0 < value < float("inf"):
@@ -66,7 +66,7 @@ def analyse(
     found = analyse_run(measured.run, measured.train, criterion)
     report = content(measured, found, criterion)
     if figure is not None:
-        from studies.core.figures import gallery
+        from studies.core.gallery import gallery
 
         gallery().draw_one("measured-log", figure, measured, found)
     if as_json:

@@ -5,7 +5,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from studies.core.study_error import StudyError
+from studies.files.study_error import StudyError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,0 +1,1 @@
+"""Lines and trains of railtoolkit, as YAML: schema, reading, and what has to be assumed of a train."""
