@@ -118,7 +118,7 @@ def simulate(
     host, law = None, found.name
     if isinstance(found, HostedController):
         if model.layout.units > 0:
-            host = found.factory(unit_contexts(model, eq, onboard))
+            host = found.factory(unit_contexts(model, eq, onboard, found.name))
         else:  # a train without motors has no torque to control, whatever controller it is given
             law = "none"
     compiled = compiled_index(chosen) if onboard.limit_rate is None else -1

@@ -6,7 +6,7 @@ They see what the units' computers see: sensors, their belief, the limits handed
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ class UnitContext:
     """Telegrams between the units."""
     seed: int = 0
     """Of the telegrams' jitter and losses."""
+    settings: Any = None
+    """The controller's, as the run gives them; None: its own defaults."""
 
 
 class UnitSense(NamedTuple):
@@ -115,6 +117,8 @@ class HostedController:
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""
+    settings: type[Any] | None = None
+    """Frozen dataclass of what can be set, all with defaults: the table `[onboard.<name>]` of scenario files."""
 
 
 class EachUnit:
@@ -133,8 +137,10 @@ def each_unit(factory: HostControllerFactory) -> TrainControllerFactory:
     return lambda contexts: EachUnit([factory(context) for context in contexts])
 
 
-def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitContext]:
-    """What each unit's computer knows of its equipment, foremost unit first."""
+def unit_contexts(
+    model: Model, eq: Equipment, onboard: Onboard, controller: str
+) -> list[UnitContext]:
+    """What each unit's computer knows of its equipment, foremost unit first; with the settings of its `controller`."""
     mass = model.train.mass
     weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
     s = model.structure
@@ -156,6 +162,7 @@ def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitCon
             unloading=tuple(s.unloading[members[j]].tolist()),
             telegrams=onboard.telegrams,
             seed=onboard.sensors.seed,
+            settings=onboard.hosted.get(controller),
         )
         for j in range(eq.axles.size)
     ]

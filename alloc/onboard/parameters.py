@@ -1,8 +1,9 @@
 """Parameters of what runs on board; what the train believes is kept apart from what is true."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
@@ -187,6 +188,7 @@ class Onboard(BuiltInControllers):
     `limit_rate`: largest change of a limit per allocation, for the rules that know rates. `inertia_in_limit`: a unit's
     torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients at the
     rail; without it (6) as printed, whose torque delivers less at the rail than the cap by that part.
+    `hosted`: settings of controllers in Python by the controller's name; those not named take their defaults.
     """
 
     detector: Detector = field(default_factory=Detector)
@@ -201,6 +203,7 @@ class Onboard(BuiltInControllers):
     period: float = quantity(0.01, "s")
     limit_rate: float | None = quantity(None, "1")
     inertia_in_limit: bool = True
+    hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
 
     def __post_init__(self) -> None:
         OnboardError.check("on board", self, positive=("hold_time", "rise_time", "period"))
