@@ -21,7 +21,8 @@ from alloc.onboard.settings import Settings
 from alloc.onboard.torque import restrain_blind_units, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
-from alloc.plant.model import Environment, Inputs, Model, Structure
+from alloc.plant.model import Environment, Inputs, Layout, Model, Structure
+from alloc.plant.right_side import peak_field
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
 
@@ -49,7 +50,7 @@ class Plant(NamedTuple):
 
     structure: Structure
     environment: Environment
-    rows: compiled.Rows
+    rows: Layout
     state: Floats
     inputs: Inputs
     workspace: compiled.Workspace
@@ -94,7 +95,7 @@ def _true_limits(plant, eq, time, truth):
     s, e, rows, state, w = (
         plant.structure, plant.environment, plant.rows, plant.state, plant.workspace
     )  # fmt: skip
-    compiled.peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
+    peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
     for j in range(truth.size):
         truth[j] = np.inf
     for i in range(rows.axles):
@@ -240,7 +241,7 @@ class ClosedLoop:
         self.plant = Plant(
             model.structure,
             model.environment,
-            compiled.rows(model.layout),
+            model.layout,
             model.initial_state(speed, position),
             model.zero_inputs(),
             compiled.workspace(model, period / steps),
