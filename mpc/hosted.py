@@ -3,37 +3,43 @@
 from collections.abc import Sequence
 
 from alloc.onboard.host import HostedController, TrainController, UnitContext, each_unit
+from mpc.settings import MpcSettings
 
 
 def _units(contexts: Sequence[UnitContext]) -> TrainController:
     from mpc.unit_controller import MpcController
 
-    return each_unit(MpcController)(contexts)
+    return each_unit(lambda context: MpcController(context, context.settings))(contexts)
 
 
 def _cars(contexts: Sequence[UnitContext]) -> TrainController:
     from mpc.group_controller import CarControllers
 
-    return CarControllers(contexts)
+    return CarControllers(contexts, contexts[0].settings)
 
 
 def _train(contexts: Sequence[UnitContext]) -> TrainController:
     from mpc.train_controller import TrainMpc
 
-    return TrainMpc(contexts)
+    return TrainMpc(contexts, contexts[0].settings)
 
 
 def _ideal_train(contexts: Sequence[UnitContext]) -> TrainController:
     from mpc.group_controller import GroupController
 
-    return GroupController(contexts)
+    return GroupController(contexts, contexts[0].settings)
 
 
 MPC = HostedController(
-    "mpc", "model predictive control of each unit (CasADi)", _units, "#0072b2", "P"
+    "mpc", "model predictive control of each unit (CasADi)", _units, "#0072b2", "P", MpcSettings
 )
 MPC_CAR = HostedController(
-    "mpc-car", "MPC, the units of a car as one problem with load transfer", _cars, "#7b3294", "<"
+    "mpc-car",
+    "MPC, the units of a car as one problem with load transfer",
+    _cars,
+    "#7b3294",
+    "<",
+    MpcSettings,
 )
 MPC_TRAIN = HostedController(
     "mpc-train",
@@ -41,6 +47,7 @@ MPC_TRAIN = HostedController(
     _train,
     "#cc79a7",
     ">",
+    MpcSettings,
 )
 MPC_TRAIN_IDEAL = HostedController(
     "mpc-train-ideal",
@@ -48,4 +55,5 @@ MPC_TRAIN_IDEAL = HostedController(
     _ideal_train,
     "#000000",
     "*",
+    MpcSettings,
 )

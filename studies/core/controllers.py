@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.onboard import OnboardError
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, UnitContext, UnitSense
 from alloc.plant import compiled

@@ -7,7 +7,7 @@ brake's slide protection is worth beside one that acts within milliseconds.
 from dataclasses import replace
 
 from alloc.event import DriverCommand, Event
-from alloc.onboard import Belief, Onboard, ReferenceSpeed
+from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car

@@ -4,9 +4,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant import compiled
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
 from alloc.onboard.equipment import equipment
 from alloc.onboard.memory import memory
+from alloc.onboard.parameters import Braking, Onboard
 from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.onboard.slide_protection.protect import protect
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.event import DriverCommand
-from alloc.onboard import TorqueTable
+from alloc.onboard.controllers.torque_table import TorqueTable
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
