@@ -25,7 +25,8 @@ from alloc.onboard.sensing import sense
 from alloc.onboard.settings import Settings
 from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
-from alloc.plant.model import Environment, Floats, Inputs, Model, Structure
+from alloc.plant.model import Environment, Floats, Inputs, Layout, Model, Structure
+from alloc.plant.right_side import peak_field
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
 
@@ -51,7 +52,7 @@ class Plant(NamedTuple):
 
     structure: Structure
     environment: Environment
-    rows: compiled.Rows
+    rows: Layout
     state: Floats
     inputs: Inputs
     workspace: compiled.Workspace
@@ -96,7 +97,7 @@ def _true_limits(plant, eq, time, truth):
     s, e, rows, state, w = (
         plant.structure, plant.environment, plant.rows, plant.state, plant.workspace
     )  # fmt: skip
-    compiled.peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
+    peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
     for j in range(truth.size):
         truth[j] = np.inf
     for i in range(rows.axles):
@@ -242,7 +243,7 @@ class ClosedLoop:
         self.plant = Plant(
             model.structure,
             model.environment,
-            compiled.rows(model.layout),
+            model.layout,
             model.initial_state(speed, position),
             model.zero_inputs(),
             compiled.workspace(model, period / steps),
