@@ -18,12 +18,7 @@ from scipy.stats import norm
 
 from alloc.estimation.increment_data import Reference, detections, increment_data
 from alloc.estimation.increments import unit_increments
-from alloc.estimation.learning import (
-    DIRECTIONS,
-    GaussianPosterior,
-    load_learning,
-    save_learning,
-)
+from alloc.estimation.learning import DIRECTIONS, GaussianPosterior, load_learning, save_learning
 from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.rules.qp_robust import PROBABILITY

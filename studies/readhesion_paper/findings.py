@@ -199,8 +199,7 @@ def grid_findings(table: pd.DataFrame) -> dict[str, Finding]:
         "margin lowers limit": _grows(by_margin, "a_0"),
         "width raises limit": _grows(narrow, "a_w"),
         "width is steeper": _yes(
-            slope_width > slope_margin,
-            **{"per a_w": slope_width, "per a_0": slope_margin},
+            slope_width > slope_margin, **{"per a_w": slope_width, "per a_0": slope_margin}
         ),
         **_use_findings(table),
         **_half_slip_findings(table),

@@ -22,13 +22,7 @@ from alloc.onboard.speed_control.resistance import WEIGHTS
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.simulation import simulate
-from studies.resistance.driven_cases import (
-    FEEDBACK,
-    FILTER_TIME,
-    SPEED_NOISE,
-    WRONG,
-    drive_case,
-)
+from studies.resistance.driven_cases import FEEDBACK, FILTER_TIME, SPEED_NOISE, WRONG, drive_case
 from studies.resistance.routes import FULL_LOAD, LINE_SPACING, Route, route
 
 PRINTED, GRADIENT, NORMALISED, SQUARES = (

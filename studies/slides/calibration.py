@@ -26,13 +26,7 @@ from studies.files.study_error import StudyError
 from studies.files.writable import check_writable
 from studies.slides.damped_least_squares import minimise
 from studies.slides.jp4209318 import BOUNDS, Undisclosed, parameters
-from studies.slides.targets import (
-    HOLD_OUT,
-    implausible,
-    outcomes,
-    residuals,
-    unreached,
-)
+from studies.slides.targets import HOLD_OUT, implausible, outcomes, residuals, unreached
 
 DEFAULT_SAMPLES, DEFAULT_STARTS = 60, 2
 ITERATIONS = 12
@@ -117,10 +111,7 @@ def draw(samples: int, seed: int) -> list[Undisclosed]:
 
 
 def refine(
-    start: Undisclosed,
-    number: int,
-    leave_out: str | None = None,
-    iterations: int | None = None,
+    start: Undisclosed, number: int, leave_out: str | None = None, iterations: int | None = None
 ) -> dict[str, Any]:
     """Row of the best set that damped least squares find from `start`, in `ITERATIONS` where nothing else is said."""
 

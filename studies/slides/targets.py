@@ -130,9 +130,5 @@ def residuals(
         0.0 if name == leave_out else (found[name] - target.value) / target.tolerance
         for name, target in TARGETS.items()
     ]
-    penalties = [
-        1e3 * implausible(undisclosed),
-        min(found["locked"], 5.0),
-        10.0 * found["slides"],
-    ]
+    penalties = [1e3 * implausible(undisclosed), min(found["locked"], 5.0), 10.0 * found["slides"]]
     return [value if math.isfinite(value) else 1e3 for value in (*deviations, *penalties)]
