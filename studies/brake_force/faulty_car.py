@@ -188,6 +188,3 @@ def _measured(
         allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
         stops.append(Stop(run, m, window, allocated, estimated, true))
     return stops
-
-
-__all__ = ["Fault", "Stop", "allocated_stops", "commuter_train", "driven_stops"]

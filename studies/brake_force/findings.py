@@ -51,15 +51,14 @@ def running_test_row(name: str, seed: int) -> Row:
 
 def row_of_test(name: str, result: TestResult) -> Row:
     """Numbers of the test called `name`, forces in kN; which ones depends on the test."""
-    row: Row = {"part": "test", "test": name} | _averages(result) | _errors(result)
-    if name == "locomotive":
-        row |= _shock(result)
-    if name in ("locomotive", "all"):
-        row |= _locomotive(result) | _settled(result)
-    if name == "all":
-        row |= _spikes(result)
-    if name == "emergency":
-        row |= _theory(result)
+    parts = {
+        "locomotive": (_shock, _locomotive, _settled),
+        "all": (_locomotive, _settled, _spikes),
+        "emergency": (_theory,),
+    }
+    row: Row = {"part": "test", "test": name}
+    for part in (_averages, _errors, *parts.get(name, ())):
+        row |= part(result)
     return row
 
 
@@ -247,24 +246,22 @@ def driven_rows(
 
 def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
     """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
-    said: dict[str, list[bool]] = {
-        "found": [],
-        "first": [],
-        "wrong": [],
-        "whole": [],
-        "others_short": [],
-    }
+    said = []
     threshold, error = [], []
     for stop in stops:
         shortfalls, w = stop.shortfalls(), stop.window
         accused, allocated = shortfalls.accused, stop.allocated[w].mean(axis=0)
         sound = stop.true_shortfall < SOUND * allocated
-        said["found"].append(faulty in accused)
-        said["first"].append(bool(accused.size and accused[0] == faulty))
         others = [k for k in accused if k != faulty]
-        said["wrong"].append(bool(np.any(sound[others])))
-        said["whole"].append(bool(np.any((stop.true_shortfall < WHOLE * allocated)[others])))
-        said["others_short"].append(bool(np.any(~sound[others])))
+        said.append(
+            {
+                "found": faulty in accused,
+                "first": accused.size > 0 and accused[0] == faulty,
+                "wrong": np.any(sound[others]),
+                "whole": np.any((stop.true_shortfall < WHOLE * allocated)[others]),
+                "others_short": np.any(~sound[others]),
+            }
+        )
         threshold.append(float(np.mean(shortfalls.threshold / allocated)))
         error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)
     shortfall = stops[0].true_shortfall / stops[0].allocated[stops[0].window].mean(axis=0)
@@ -273,8 +270,5 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
         "true_share": np.nan if faulty is None else float(shortfall[faulty]),
         "error_in_deviations": rms(np.concatenate(error)),
         "threshold": float(np.mean(threshold)),
-        **{name: float(np.mean(values)) for name, values in said.items()},
+        **{name: float(np.mean([one[name] for one in said])) for name in said[0]},
     }
-
-
-__all__ = ["SHORTFALLS", "SOUND", "allocated_rows", "driven_rows", "row_of_test"]

@@ -96,24 +96,6 @@ def train_of_test(test: BrakeTest, seed: int) -> Train:
     return replace(train, cars=tuple(cars))
 
 
-class BrakeHandle:
-    """A driver who applies the brake once; the plant's cylinders know when the brake pipe's wave reaches them."""
-
-    def __init__(self, train: Train, pressure: float, locomotive_only: bool = False) -> None:
-        self.pressure = np.array(
-            [
-                0.0 if locomotive_only and k > 0 else pressure
-                for k, car in enumerate(train.cars)
-                for _ in range(car.bogie_of_axle[-1] + 1)
-            ]
-        )
-
-    def __call__(self, sense: TrainSense, controls: Controls) -> bool:
-        """Brake from `BRAKED_AT` on; the test ends when the train is about to stand."""
-        controls.pressure[:] = self.pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
-        return sense.speed > STOP_SPEED
-
-
 class TestResult(NamedTuple):
     """A test as it was measured, and what was truly so, at the same instants."""
 
@@ -140,8 +122,19 @@ def run_test(name: str, seed: int, system: MeasuringSystem | None = None) -> Tes
 
 
 def drive_test(test: BrakeTest, train: Train) -> xr.Dataset:
-    """The recorded run of a test."""
-    driver = BrakeHandle(train, test.pressure, test.locomotive_only)
+    """The recorded run of a test; the plant's cylinders know when the brake pipe's wave reaches them."""
+    pressure = np.array(
+        [
+            0.0 if test.locomotive_only and k > 0 else test.pressure
+            for k, car in enumerate(train.cars)
+            for _ in range(car.bogie_of_axle[-1] + 1)
+        ]
+    )
+
+    def driver(sense: TrainSense, controls: Controls) -> bool:
+        controls.pressure[:] = pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
+        return sense.speed > STOP_SPEED
+
     length = sum(car.length for car in train.cars)
     model = build(train, Rail(DRY), span=(0.0, length + LONGEST * test.speed / 3.6))
     return drive(model, driver, LONGEST, test.title, test.speed / 3.6, length, 0.01)
@@ -186,6 +179,3 @@ def smooth(result: TestResult, system: MeasuringSystem | None = None) -> Smoothe
         m.acceleration, m.coupler_force, m.mass, system.period, system.acceleration_noise,
         system.coupler_noise, resistance=m.resistance,
     )  # fmt: skip
-
-
-__all__ = ["TESTS", "BrakeTest", "Estimates", "TestResult", "estimate", "run_test", "smooth"]

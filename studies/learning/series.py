@@ -54,12 +54,10 @@ def per_series(table: pd.DataFrame) -> pd.DataFrame:
         wide[f"covered, {arm}"] = groups["covered"].mean()
         for reference in get_args(Reference):
             data = ordered[f"data_{reference}"]
-            total = data.groupby([ordered[key] for key in SERIES]).sum()
-            summed = (data * ordered[f"excess_{reference}"]).groupby(
-                [ordered[key] for key in SERIES]
-            )
+            summed = ordered.assign(excess=data * ordered[f"excess_{reference}"]).groupby(SERIES)
+            total = summed[f"data_{reference}"].sum()
             wide[f"data {reference}, {arm}"] = total
-            wide[f"excess {reference}, {arm}"] = summed.sum() / total.where(total > 0.0)
+            wide[f"excess {reference}, {arm}"] = summed["excess"].sum() / total.where(total > 0.0)
         for name, tolerance in (("stations", TOLERANCE), ("coarse", COARSE)):
             wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_learnt, tolerance)
     return pd.DataFrame(wide).reset_index()

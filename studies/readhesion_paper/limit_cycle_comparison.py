@@ -30,18 +30,14 @@ def compare_cycles(widths: Sequence[float], limits: Sequence[float], jobs: int =
     """
     cases = [Case(width=width, limit=limit) for width in widths for limit in limits]
     table = assess(CALIBRATED, cases, jobs)
-    rows = []
-    for case in cases:
-        model = paper_model(case.width, case.limit)
-        cycle = model.limit_cycle() or NO_CYCLE
-        rows.append(
-            {
-                "predicted_period": cycle.period,
-                "predicted_slip_swing": cycle.slip[1] - cycle.slip[0],
-                "predicted_torque_swing": (cycle.torque[1] - cycle.torque[0]) / model.target,
-            }
-        )
-    return pd.concat([table, pd.DataFrame(rows)], axis=1)
+    models = [paper_model(case.width, case.limit) for case in cases]
+    cycles = [model.limit_cycle() or NO_CYCLE for model in models]
+    swings = [(c.torque[1] - c.torque[0]) / m.target for c, m in zip(cycles, models, strict=True)]
+    return table.assign(
+        predicted_period=[cycle.period for cycle in cycles],
+        predicted_slip_swing=[cycle.slip[1] - cycle.slip[0] for cycle in cycles],
+        predicted_torque_swing=swings,
+    )
 
 
 def growth_over_widths(widths: Sequence[float]) -> list[float]:

@@ -12,7 +12,7 @@ from studies.readhesion_paper.paper import (
     STEP,
     Unprinted,
 )
-from studies.readhesion_paper.rows import case_rows, searched_rows
+from studies.readhesion_paper.sensitivity import case_rows, searched_rows
 from studies.readhesion_paper.statements import readhesion_statements
 
 PRINTED, NARROW = "as printed", "narrow throughout"

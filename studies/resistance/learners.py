@@ -22,7 +22,13 @@ from alloc.onboard.speed_control.resistance import WEIGHTS
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.simulation import simulate
-from studies.resistance.driven_cases import FEEDBACK, FILTER_TIME, SPEED_NOISE, WRONG, drive_case
+from studies.resistance.driven_cases import (
+    FEEDBACK,
+    FILTER_TIME,
+    SPEED_NOISE,
+    beginning,
+    drive_case,
+)
 from studies.resistance.routes import FULL_LOAD, LINE_SPACING, Route, route
 
 PRINTED, GRADIENT, NORMALISED, SQUARES = (
@@ -39,13 +45,10 @@ BOARDING_SPEED, BOARDING_RATE, BOARDING_TIME = 15.0, 0.5, 60.0
 
 
 def learners(of: Route, weights: int = 3) -> dict[str, Learner]:
-    """Every learner by name, beginning with `WRONG` weights."""
-    true = of.true_weights(weights)
-    start = np.array([*(np.array(WRONG) * true[:3]), 0.0, 0.0])[:weights]
-    speed, rate = of.command.speeds[0], of.command.acceleration
-    gain = BOUND_SHARE * 2.0 / speed**4
-    typical = np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
-    prior = np.array([*(0.5 * true[:3]), 5e3, 300.0])[:weights]
+    """Every learner by name, with wrong weights at first."""
+    start, typical = beginning(of, weights)
+    gain = BOUND_SHARE * 2.0 / of.command.speeds[0] ** 4
+    prior = np.array([*(0.5 * of.true_weights()), 5e3, 300.0])[:weights]
     return {
         PRINTED: GradientLearner(start, gain, as_printed=True),
         GRADIENT: GradientLearner(start, gain),
