@@ -14,8 +14,14 @@ from studies.brake_force.faulty_car import (
     commuter_train,
     driven_stops,
 )
-from studies.brake_force.measurement import MeasuringSystem
-from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
+from studies.brake_force.running_tests import (
+    BRAKED_AT,
+    SYSTEM,
+    TestResult,
+    estimate,
+    run_test,
+    smooth,
+)
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -67,7 +73,7 @@ def _averages(result: TestResult) -> Row:
     w, m = result.window, result.measured
     wagons = batch_mean(estimate(result).wagons[w] / 1e3, trend=TREND)
     truth = float(result.true_force[w, 1:].sum(axis=1).mean() / 1e3)
-    errors = MeasuringSystem().calibration
+    errors = SYSTEM.calibration
     a = float(m.acceleration[w, 1].mean())
     mass = float(m.mass[1:].sum())
     first = float(m.coupler_force[w, 0].mean())
@@ -111,10 +117,10 @@ def _shock(result: TestResult) -> Row:
     steady = coupler_force_between(true[:, 0], m.mass[0], true[:, 1:].sum(axis=1), m.mass[1:].sum())
     first = m.coupler_force[:, 0]
     contact = int(np.argmax(first < -CONTACT))
-    second = round(1.0 / MeasuringSystem().period)
+    second = round(1.0 / SYSTEM.period)
     peak = contact + int(np.argmin(first[contact : contact + 2 * second]))
     about = first - steady
-    noise = MeasuringSystem().coupler_noise
+    noise = SYSTEM.coupler_noise
 
     def swing(part: slice) -> float:
         """Standard deviation without the sensor's noise [kN]."""
@@ -133,7 +139,7 @@ def _shock(result: TestResult) -> Row:
 def _settling(result: TestResult) -> int:
     """Sample from which the accelerations of locomotive and first wagon agree until the end."""
     m, end = result.measured, result.window.stop
-    second = round(1.0 / MeasuringSystem().period)
+    second = round(1.0 / SYSTEM.period)
     apart = np.square(m.acceleration[:end, 0] - m.acceleration[:end, 1])
     running = np.sqrt(np.convolve(apart, np.ones(second) / second, "valid"))
     above = np.flatnonzero(running > AGREEMENT)

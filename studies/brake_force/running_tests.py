@@ -40,6 +40,7 @@ LONGEST = 90.0
 """Time [s] after which a test ends at the latest."""
 STOP_SPEED = 0.3
 """Speed [m/s] of the foremost car below which a test ends, the train being about to stand."""
+SYSTEM = MeasuringSystem()
 RIGGING = BrakeRigging(
     freight.CYLINDERS, freight.LEVER_RATIO, freight.RIGGING_EFFICIENCY, freight.PISTON_AREA
 )
@@ -108,14 +109,13 @@ class TestResult(NamedTuple):
     """The report's: 63.2 % of the steady pressure to standstill."""
 
 
-def run_test(name: str, seed: int, system: MeasuringSystem | None = None) -> TestResult:
+def run_test(name: str, seed: int) -> TestResult:
     """Make a test on the plant and measure it; `seed` draws wagons and sensor errors."""
     test = TESTS[name]
     train = train_of_test(test, seed)
     run = drive_test(test, train)
-    system = system or MeasuringSystem()
-    measured = disturb(record(run, train, system), train, system, seed)
-    true = system.sampled(run, true_brake_forces(run, train))
+    measured = disturb(record(run, train, SYSTEM), train, SYSTEM, seed)
+    true = SYSTEM.sampled(run, true_brake_forces(run, train))
     # the wagons' pressure, measured on the first; where they are not braked the locomotive's
     pressure = measured.pressure[:, 0 if test.locomotive_only else 1]
     return TestResult(test, train, measured, true, braking_window(pressure, measured.speed))
@@ -172,10 +172,10 @@ def estimate(result: TestResult) -> Estimates:
     )
 
 
-def smooth(result: TestResult, system: MeasuringSystem | None = None) -> SmoothedForces:
+def smooth(result: TestResult) -> SmoothedForces:
     """Brake force of every car from its own acceleration, smoothed."""
-    m, system = result.measured, system or MeasuringSystem()
+    m = result.measured
     return smooth_brake_forces(
-        m.acceleration, m.coupler_force, m.mass, system.period, system.acceleration_noise,
-        system.coupler_noise, resistance=m.resistance,
+        m.acceleration, m.coupler_force, m.mass, SYSTEM.period, SYSTEM.acceleration_noise,
+        SYSTEM.coupler_noise, resistance=m.resistance,
     )  # fmt: skip

@@ -8,17 +8,15 @@ import pandas as pd
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets import one_axle
 from studies.readhesion_paper.limit_cycle import LimitCycle, ReducedModel, growth, reduced_model
-from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, Unprinted, assess
+from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, assess
 
 NO_CYCLE = LimitCycle(math.nan, (math.nan, math.nan), (math.nan, math.nan))
 
 
-def paper_model(
-    width: float = CASE_A.width, limit: float = CASE_A.limit, unprinted: Unprinted = CALIBRATED
-) -> ReducedModel:
+def paper_model(width: float = CASE_A.width, limit: float = CASE_A.limit) -> ReducedModel:
     """The loop of the readhesion paper, a_w in its numbers, on a rail of mu_lim, with a_0 of its case A."""
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
-    table = unprinted.table(CASE_A.margin, width)
+    curve = PiecewiseCurve(residual_ratio=CALIBRATED.residual_ratio)
+    table = CALIBRATED.table(CASE_A.margin, width)
     return reduced_model(one_axle.train(), table, curve, limit, COMMAND.accelerations[0])
 
 

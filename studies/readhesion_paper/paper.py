@@ -90,7 +90,6 @@ def run_cases(
     cases: Sequence[Case],
     recovers: bool = False,
     step: float = STEP,
-    record_period: float = 1e-3,
     top_curvature: float | None = None,
 ) -> TableRuns:
     """Runs of the scenario, a lane per case; `top_curvature` replaces the C that the paper prints.
@@ -112,9 +111,7 @@ def run_cases(
     ]
     tables = [unprinted.table(case.margin, case.width) for case in cases]
     end = END if recovers else LOW_END
-    return simulate_tables(
-        one_axle.train(), rails, tables, COMMAND, BEGIN, end, step, record_period
-    )
+    return simulate_tables(one_axle.train(), rails, tables, COMMAND, BEGIN, end, step)
 
 
 def signals_of(runs: TableRuns) -> Signals:

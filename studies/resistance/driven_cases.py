@@ -84,28 +84,11 @@ def beginning(
     return start, np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
 
 
-def make_learner(
-    route: Route,
-    kind: str = "normalised",
-    weights: int = 3,
-    wrong: tuple[float, float, float] = WRONG,
-) -> Learner:
-    """A learner that begins with weights `wrong` by these factors (A and B, if any, with zero)."""
-    start, typical = beginning(route, weights, wrong)
-    if kind == "normalised":
-        return NormalisedGradientLearner(start, RATE, typical)
-    # prior: wrong by as much as the weights begin; A and B by what they can be
-    true = route.true_weights(weights)
-    prior = np.array([*(0.5 * true[:3]), *np.maximum(true[3:], [5e3, 300.0][: weights - 3])])
-    return LeastSquaresLearner(start, prior)
-
-
 def drive_case(
     route: Route,
     case: str,
     control: Control = "PI",
     learner: Learner | None = None,
-    reading: str = "middle",
     speed_noise: float = 0.0,
     seed: int = 0,
     open_loop: bool = False,
@@ -118,11 +101,12 @@ def drive_case(
     """
     if case not in ALL_CASES:
         raise unknown("case", case, ALL_CASES)
+    start, typical = beginning(route, 3, wrong)
     if case == LEARNED and learner is None:
-        learner = make_learner(route, wrong=wrong)
-        drive_case(route, case, control, learner, reading, speed_noise, seed + 1, False, wrong)
-    if case == USED and learner is None:
-        learner = make_learner(route, "least-squares", wrong=wrong)
+        learner = NormalisedGradientLearner(start, RATE, typical)
+        drive_case(route, case, control, learner, speed_noise, seed + 1, False, wrong)
+    if case == USED and learner is None:  # prior: wrong by as much as the weights begin
+        learner = LeastSquaresLearner(start, 0.5 * route.true_weights())
     true = route.true_weights(5 if case == EXACT else 3)
     weights = true * np.array(wrong) if case == WRONGLY else true
     mass = route.train.mass + route.train.rotating_mass
@@ -136,7 +120,7 @@ def drive_case(
         else "feedforward" if case in (LEARNED, EXACT)
         else "learn-then-use" if case == USED
         else "compensation",
-        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, reading)),
+        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, "middle")),
         None if case == FEEDBACK else weights,
         Learning(
             learner if case in (LEARNED, USED) else None,

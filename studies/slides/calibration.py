@@ -23,7 +23,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from studies.core.cell import OnRow
 from studies.files.study_error import StudyError
 from studies.files.writable import check_writable
 from studies.slides.damped_least_squares import minimise
@@ -130,30 +129,21 @@ def calibrate(
     starts: int,
     seed: int,
     jobs: int,
-    on_row: OnRow | None = None,
     iterations: int | None = None,
 ) -> pd.DataFrame:
     """A row per set: drawn ("wide"); refined from `BY_HAND` (start 0) and the best drawn; the same without two cars."""
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-
-    def collect(tasks: list[Any], what: str) -> list[dict[str, Any]]:
-        done = []
-        for k, result in enumerate(parallel(tasks)):
-            done.append(result)
-            if on_row is not None:
-                on_row(what, k + 1, len(tasks))
-        return done
+    parallel = joblib.Parallel(n_jobs=jobs)
 
     sets = draw(samples, seed) if samples else []
-    rows = collect([joblib.delayed(row_of)(one, "wide", k) for k, one in enumerate(sets)], "drawn")
+    rows = parallel(joblib.delayed(row_of)(one, "wide", k) for k, one in enumerate(sets))
     order = np.argsort([row["misfit"] for row in rows], kind="stable")
     chosen = [BY_HAND, *(sets[k] for k in order)][:starts]
-    tasks = [
+    refined = parallel(
         joblib.delayed(refine)(start, k, leave_out, iterations)
         for k, start in enumerate(chosen)
         for leave_out in (None, HOLD_OUT)
-    ]
-    return pd.DataFrame(rows + collect(tasks, "refined"))
+    )
+    return pd.DataFrame(rows + refined)
 
 
 def jittered(undisclosed: Undisclosed, seed: int, k: int) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from alloc.simulation import simulate
 from mpc.hosted import MPC
 from studies.core.statement import Statement
 from studies.core.verdict import over_cases
-from studies.slides.jp4209318 import CALIBRATED, INITIAL_SPEED, Undisclosed
+from studies.slides.jp4209318 import CALIBRATED, INITIAL_SPEED, STEP, Undisclosed
 from studies.slides.targets import front
 
 GROUPS: tuple[InverterGroup, ...] = ("1C4M", "1C1M")
@@ -69,20 +69,18 @@ def electric_train(cars: int, group: InverterGroup, shoe_force_share: float) -> 
     )
 
 
-def electric_event(
-    undisclosed: Undisclosed, group: InverterGroup = "1C4M", cars: int = 3, step: float = 1e-3
-) -> Event:
+def electric_event(undisclosed: Undisclosed, group: InverterGroup = "1C4M") -> Event:
     """A full electric brake application from 100 km/h; to be run under the rule `alone`.
 
     The units believe in the rail's true curve and bound their reference speed by the forces that they estimate.
     """
-    train = electric_train(cars, group, undisclosed.shoe_force_share)
+    train = electric_train(3, group, undisclosed.shoe_force_share)
     rail = undisclosed.rail()
     # what the brake gives a train that rolls; its rotating parts take their share of the force
     rolling = train.mass / (train.mass + train.rotating_mass)
     wanted = undisclosed.shoe_force_share * GRAVITY * rolling
     return Event(
-        name=f"JP4209318, {cars} cars, electric brake {group}",
+        name=f"JP4209318, 3 cars, electric brake {group}",
         model=build(train, rail, span=(0.0, 1500.0)),
         command=DriverCommand((0.0,), (-wanted,)),
         onboard=Onboard(
@@ -92,7 +90,7 @@ def electric_event(
         ),
         duration=DURATION,
         initial_speed=INITIAL_SPEED,
-        step=step,
+        step=STEP,
         target_speed=FADE_SPEED,
     )
 

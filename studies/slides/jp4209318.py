@@ -108,9 +108,9 @@ class Undisclosed:
             pole=self.pole,
         )
 
-    def peaks(self, speeds: NDArray[np.float64], axles: int = 12) -> NDArray[np.float64]:
-        """Adhesion coefficient at `speeds` [km/h] before any conditioning, (axles, speeds)."""
-        a, b, c = self.rail().axle_laws(axles)
+    def peaks(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Adhesion coefficient at `speeds` [km/h] of 12 axles before any conditioning, (12, speeds)."""
+        a, b, c = self.rail().axle_laws(12)
         return np.asarray(a[:, None] / (speeds + b[:, None]) + c[:, None])
 
     def peak_range(self) -> tuple[float, float]:
@@ -152,7 +152,6 @@ def brake_event(
     sensitivity: float = 1.0,
     protection: SlideProtection | None = None,
     step: float = STEP,
-    record_period: float = 0.01,
 ) -> Event:
     """A full brake application of so many `cars` from 100 km/h to standstill; `protection` replaces the fuzzy one."""
     if protection is None:
@@ -171,7 +170,7 @@ def brake_event(
         duration=DURATIONS.get(cars, 40.0),
         initial_speed=INITIAL_SPEED,
         step=step,
-        record_period=record_period,
+        record_period=0.01,
         target_speed=0.0,
     )
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from studies.slides.jp4209318 import STEP, Undisclosed, brake, brake_event, measures
+from studies.slides.jp4209318 import Undisclosed, brake, brake_event, measures
 
 TABLE_3 = {1: 458.1, 2: 414.0, 3: 385.7}
 """Braking distance [m] by number of cars, sensitivity medium."""
@@ -70,14 +70,12 @@ def target_numbers(stops: Mapping[tuple[int, str], Mapping[str, float]]) -> dict
     }  # fmt: skip
 
 
-def outcomes(undisclosed: Undisclosed, step: float = STEP) -> dict[str, float]:
+def outcomes(undisclosed: Undisclosed) -> dict[str, float]:
     """The targets' numbers as this set gives them, and locked time [s] and time-outs of all five runs together."""
     settings = undisclosed.sensitivities
     runs = [(1, "medium"), (2, "medium"), *((3, setting) for setting in settings)]
     stops = {
-        (cars, setting): measures(
-            brake(brake_event(undisclosed, cars, settings[setting], step=step))
-        )
+        (cars, setting): measures(brake(brake_event(undisclosed, cars, settings[setting])))
         for cars, setting in runs
     }
     return {
