@@ -11,7 +11,7 @@ from alloc.errors import EstimationError
 Reference = Literal["received", "held"]
 
 TELEGRAM_DELAY = 0.1
-"""Time [s] from a unit's detection to its receipt by the foremost unit: latency 0.05 and half a period of 0.1 of telegrams."""
+"""Time [s] from a unit's detection to its receipt by the foremost unit: latency 0.05 and half of the telegrams' period."""
 HOLD_TIME = 5.0
 """Age [s] beyond which the foremost unit's held estimate is no longer in use, `alloc.onboard.Onboard.hold_time`."""
 
