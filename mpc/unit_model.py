@@ -119,7 +119,7 @@ def _plant(group: tuple[UnitContext, ...]) -> Model:
         static_load=values("axle_load")[unit],
         unloading=unloading(group),
     )
-    return replace(plant, structure=s, layout=replace(plant.layout, units=len(group)))
+    return replace(plant, structure=s, layout=plant.layout._replace(units=len(group)))
 
 
 _models: dict[tuple[object, ...], UnitModel] = {}

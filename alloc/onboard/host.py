@@ -4,7 +4,7 @@ They see what the units' computers see: sensors, their belief, the limits handed
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -88,15 +88,10 @@ class HostController(Protocol):
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period."""
-        ...
 
 
-class HostControllerFactory(Protocol):
-    """Makes the controller of a unit when a run starts."""
-
-    def __call__(self, context: UnitContext) -> HostController:
-        """Build the controller."""
-        ...
+HostControllerFactory = Callable[[UnitContext], HostController]
+"""Makes the controller of a unit when a run starts."""
 
 
 class TrainController(Protocol):
@@ -104,15 +99,10 @@ class TrainController(Protocol):
 
     def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
         """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
-        ...
 
 
-class TrainControllerFactory(Protocol):
-    """Makes the controllers of a train when a run starts."""
-
-    def __call__(self, contexts: Sequence[UnitContext]) -> TrainController:
-        """Build the controllers; one context per unit, foremost first."""
-        ...
+TrainControllerFactory = Callable[[Sequence[UnitContext]], TrainController]
+"""Makes the controllers of a train when a run starts, of one context per unit, foremost first."""
 
 
 @dataclass(frozen=True)
@@ -139,19 +129,12 @@ class EachUnit:
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """What each unit's own controller answers."""
-        return [
-            controller.decide(sense)
-            for controller, sense in zip(self.controllers, senses, strict=True)
-        ]
+        return [one.decide(sense) for one, sense in zip(self.controllers, senses, strict=True)]
 
 
 def each_unit(factory: HostControllerFactory) -> TrainControllerFactory:
     """Factory of a train whose units each have a controller of their own, which knows nothing of the others."""
-
-    def build(contexts: Sequence[UnitContext]) -> EachUnit:
-        return EachUnit([factory(context) for context in contexts])
-
-    return build
+    return lambda contexts: EachUnit([factory(context) for context in contexts])
 
 
 def unit_contexts(
@@ -183,18 +166,3 @@ def unit_contexts(
         )
         for j in range(eq.axles.size)
     ]
-
-
-__all__ = [
-    "EachUnit",
-    "HostController",
-    "HostControllerFactory",
-    "HostedController",
-    "TorqueDecision",
-    "TrainController",
-    "TrainControllerFactory",
-    "UnitContext",
-    "UnitSense",
-    "each_unit",
-    "unit_contexts",
-]

@@ -194,10 +194,8 @@ class ReducedModel:
         low, high = 0.0, STEP
         for _ in range(30):
             middle = 0.5 * (low + high)
-            if self.mode(expm(rates * middle) @ state) == mode:
-                low = middle
-            else:
-                high = middle
+            left = self.mode(expm(rates * middle) @ state) != mode
+            low, high = (low, middle) if left else (middle, high)
         return high
 
 
@@ -233,13 +231,11 @@ def growth(table: TorqueTable, lag: float, gain: float) -> float:
     step = 0.05 * lag  # a swing takes tens of lags
     matrices = []
     for constant in (table.fall, table.rise):
-        a = np.array(
-            [
-                [-1.0 / lag, 0.0, 1.0 / lag],
-                [gain / table.time_constant, -1.0 / table.time_constant, 0.0],
-                [0.0, -1.0 / constant, -1.0 / constant],
-            ]
-        )
+        a = np.array([
+            [-1.0 / lag, 0.0, 1.0 / lag],
+            [gain / table.time_constant, -1.0 / table.time_constant, 0.0],
+            [0.0, -1.0 / constant, -1.0 / constant],
+        ])  # fmt: skip
         matrices.append(expm(a * step))
     state, sizes, largest, rising = np.array([1.0, 0.0, 1.0]), [1.0], 0.0, False
     for _ in range(SWINGS * 3000):

@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, create_model, model_validator
 
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
 from studies.files.strict import Strict
 from studies.files.units import si
