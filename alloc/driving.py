@@ -4,8 +4,8 @@ For brake tests, speed control and minimum-time driving. The plant and what is r
 the driver, a person or a speed controller, is a Python object that is asked once per control period.
 """
 
-import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -39,11 +39,8 @@ def drive(
     if model.lanes != 1:
         raise SimulationError(f"drive: the model has {model.lanes} lanes; a run takes one")
     record_period = period if record_period is None else record_period
-    for label, value in (
-        ("duration", duration), ("period", period), ("step", step), ("record_period", record_period)
-    ):  # fmt: skip
-        if not (math.isfinite(value) and value > 0.0):
-            raise SimulationError(f"drive: {label} = {value!r} must be finite and greater than 0")
+    times = {"duration": duration, "period": period, "step": step, "record_period": record_period}
+    SimulationError.check("drive", times, positive=times)
     every = round(record_period / period)
     if every < 1 or abs(every * period - record_period) > 1e-9:
         raise SimulationError(
@@ -57,11 +54,7 @@ def drive(
     loop = ClosedLoop(model, ticks, period, step, record_period, initial_speed, initial_position)
     record = PlantRecord.allocate(loop.records, model.layout)
     part = _DriverInPython(driver, model, loop, np.zeros((loop.records, model.layout.units)))
-
-    def go(stop: int) -> int:
-        need: int = run_with_driver(loop.plant, loop.timing, loop.progress, record, stop)
-        return need
-
+    go = partial(run_with_driver, loop.plant, loop.timing, loop.progress, record)
     loop.run(go, {DRIVER: part}, on_progress)
     return driven_dataset(name, model, record.until(loop.records), part.torque[: loop.records])
 
@@ -101,6 +94,3 @@ class _DriverInPython:
         if tick % self.timing.record_ticks == 0:
             self.torque[tick // self.timing.record_ticks] = self.controls.torque
         return go_on
-
-
-__all__ = ["Controls", "Driver", "TrainSense", "drive"]

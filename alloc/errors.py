@@ -55,6 +55,20 @@ class InputError(ValueError):
                         place = key if k is None else f"{key}[{k}]"
                         raise cls(f"{owner}: {place} = {value!r} {fault}")
 
+    @classmethod
+    def check_order(cls, owner: str, values: Any, low: str, high: str, equal: bool = False) -> None:
+        """Raise this error unless field `low` of `values` is below field `high`, or with `equal` not above it."""
+        a, b = getattr(values, low), getattr(values, high)
+        if not (a < b or (equal and a == b)):
+            bound = "not exceed" if equal else "be below"
+            raise cls(f"{owner}: {low} = {a!r} must {bound} {high} = {b!r}")
+
+    @classmethod
+    def check_choice(cls, owner: str, name: str, value: str, choices: Iterable[str]) -> None:
+        """Raise this error unless `value` is one of `choices`."""
+        if value not in choices:
+            raise cls(f"{owner}: {name} = {value!r} must be one of {', '.join(choices)}")
+
 
 class PlantError(InputError):
     """A parameter of the plant is impossible."""
@@ -76,7 +90,3 @@ class EstimationError(InputError):
 
 class AllocationError(InputError):
     """A rule was asked for what cannot be; the message names the field, its value and what to do."""
-
-
-check_numbers = OnboardError.check
-"""Check of on-board equipment."""

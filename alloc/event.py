@@ -1,6 +1,5 @@
 """A slip event: what every rule and controller of a comparison meets alike."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,8 +22,7 @@ class DriverCommand:
                 f"driver command: {len(self.times)} times and {len(self.accelerations)} accelerations; "
                 "give as many of each, at least one"
             )
-        if not np.all(np.isfinite(self.times)) or not np.all(np.isfinite(self.accelerations)):
-            raise SimulationError("driver command: times and accelerations must be finite")
+        SimulationError.check("driver command", self, finite=("times[]", "accelerations[]"))
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise SimulationError(f"driver command: times {self.times} must grow")
 
@@ -54,12 +52,7 @@ class Event:
     def __post_init__(self) -> None:
         if self.model.lanes != 1:
             raise SimulationError(f"event: the model has {self.model.lanes} lanes; a run takes one")
-        for name in ("duration", "step", "record_period"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise SimulationError(
-                    f"event: {name} = {value!r} must be finite and greater than 0"
-                )
+        SimulationError.check("event", self, positive=("duration", "step", "record_period"))
         if self.step > self.onboard.period * (1 + 1e-9):
             raise SimulationError(
                 f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"

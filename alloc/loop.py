@@ -11,21 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import equation, inlined_jit, jit
-from alloc.onboard.brakes import brake_receiver, set_brake_targets
+from alloc.onboard.actuation import (
+    brake_receiver,
+    restrain_blind_units,
+    set_brake_targets,
+    set_targets,
+)
 from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.memory import Memory
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import Settings
-from alloc.onboard.torque import restrain_blind_units, set_targets
 from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
-from alloc.plant.model import Environment, Inputs, Model, Structure
+from alloc.plant.model import Environment, Floats, Inputs, Layout, Model, Structure
+from alloc.plant.right_side import peak_field
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
-
-Floats = NDArray[np.float64]
 
 REPORT_DELAY = 0.1
 """Time [s] after which the train knows that a unit has failed."""
@@ -49,7 +52,7 @@ class Plant(NamedTuple):
 
     structure: Structure
     environment: Environment
-    rows: compiled.Rows
+    rows: Layout
     state: Floats
     inputs: Inputs
     workspace: compiled.Workspace
@@ -94,7 +97,7 @@ def _true_limits(plant, eq, time, truth):
     s, e, rows, state, w = (
         plant.structure, plant.environment, plant.rows, plant.state, plant.workspace
     )  # fmt: skip
-    compiled.peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
+    peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
     for j in range(truth.size):
         truth[j] = np.inf
     for i in range(rows.axles):
@@ -240,7 +243,7 @@ class ClosedLoop:
         self.plant = Plant(
             model.structure,
             model.environment,
-            compiled.rows(model.layout),
+            model.layout,
             model.initial_state(speed, position),
             model.zero_inputs(),
             compiled.workspace(model, period / steps),
@@ -272,19 +275,3 @@ class ClosedLoop:
                     stop = self._end = int(tick[0]) + 1
             if on_progress is not None:
                 on_progress(stop / self.ticks)
-
-
-__all__ = [
-    "ALLOCATION",
-    "CONTROL",
-    "DRIVER",
-    "ClosedLoop",
-    "Computers",
-    "Given",
-    "Part",
-    "Plant",
-    "Progress",
-    "Timing",
-    "run_with_computers",
-    "run_with_driver",
-]

@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.model import Layout, Model
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats, Layout, Model
 
 
 class PlantRecord(NamedTuple):

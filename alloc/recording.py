@@ -4,7 +4,7 @@ import hashlib
 import json
 import platform
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 from alloc.canonical import canonical
 from alloc.event import Event
 from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
-from alloc.plant.model import Layout, Model
+from alloc.plant.model import Floats, Layout, Model
 from alloc.recorded_physics import PlantRecord, physical_variables
 from alloc.recorded_variables import VARIABLES
-
-Floats = NDArray[np.float64]
 
 
 class Record(NamedTuple):
@@ -135,11 +133,8 @@ def _dataset(
 def event_hash(event: Event) -> str:
     """Hash of everything that defines an event: equal events have equal hashes."""
     model = event.model
-    parts = (
-        event.name, event.command, event.onboard, event.duration, event.initial_speed,
-        event.initial_position, event.step, event.record_period, event.target_speed, event.seed,
-        model.train, model.rails, model.line, model.span,
-    )  # fmt: skip
+    given = (getattr(event, item.name) for item in fields(event) if item.name != "model")
+    parts = (*given, model.train, model.rails, model.line, model.span)
     digest = hashlib.sha256(canonical(parts).encode())
     digest.update(model.environment.failure_time.tobytes())
     digest.update(model.environment.receptivity.tobytes())

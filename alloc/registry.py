@@ -45,7 +45,8 @@ class Registry(Mapping[str, Part], Generic[Part]):
         origin = origin or str(sys._getframe(1).f_globals.get("__name__", ""))
         if not self._ships(origin):
             self._fill()
-        if self._origins.get(name, origin) != origin or name in self._installed:
+        entry = self._installed.get(name)
+        if self._origins.get(name, origin) != origin or (entry and entry.module != origin):
             taken = self._origins.get(name, "an installed package")
             raise self._error(
                 f"{self.kind} {name!r} exists already, from {taken}; choose another name"

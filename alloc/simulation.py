@@ -4,6 +4,7 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -117,12 +118,13 @@ def simulate(
     host, law = None, found.name
     if isinstance(found, HostedController):
         if model.layout.units > 0:
-            host = found.factory(unit_contexts(model, eq, onboard))
+            host = found.factory(unit_contexts(model, eq, onboard, found.name))
         else:  # a train without motors has no torque to control, whatever controller it is given
             law = "none"
+    compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
     computers = Computers(
         eq,
-        settings(onboard, _rule_settings(chosen, onboard), law),
+        settings(onboard, RuleSettings(compiled, chosen.periodic, chosen.needs_truth), law),
         memory(eq, event.initial_speed, abs(float(commanded[0])) * share),
     )
     loop = ClosedLoop(
@@ -137,21 +139,13 @@ def simulate(
         torque = loop.plant.state[model.layout.torque, 0]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
 
-    def go(stop: int) -> int:
-        need: int = run_with_computers(
-            loop.plant, computers, loop.timing, given, loop.progress, record, stop
-        )
-        return need
-
+    go = partial(
+        run_with_computers, loop.plant, computers, loop.timing, given, loop.progress, record
+    )
     started = clock.perf_counter()
     loop.run(go, parts, on_progress)
     tally.wall_time = clock.perf_counter() - started
     return to_dataset(event, chosen.name, found.name, record, computers.memory.counter, tally)
-
-
-def _rule_settings(rule: Rule, onboard: Onboard) -> RuleSettings:
-    compiled = compiled_index(rule) if onboard.limit_rate is None else -1
-    return RuleSettings(compiled, rule.periodic, rule.needs_truth)
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:
@@ -164,11 +158,4 @@ def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) 
     return Given(commanded, noise, delay, fate)
 
 
-__all__ = [
-    "CONTROLLERS",
-    "DriverCommand",
-    "Event",
-    "OnboardError",
-    "SimulationError",
-    "simulate",
-]
+__all__ = ["CONTROLLERS", "DriverCommand", "Event", "SimulationError", "simulate"]

@@ -28,10 +28,9 @@ from numpy.typing import NDArray
 from alloc.compilation import jit
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.adhesion_laws import adhesion_limit
+from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
 from mpc.stretched_curve import micro_slip, stretch_parameters
-
-Floats = NDArray[np.float64]
 
 SUMS = np.dtype([(name, float) for name in ("pairs", "x", "xx", "slip", "x_slip")])
 """Sums over the accepted pairs of expected slip x and measured slip."""
@@ -118,12 +117,6 @@ def _keep(bins, coefficient, slip):
 
 
 @jit
-def _empty(bins):
-    for row in bins:
-        row.pairs = row.coefficient = row.slip = 0.0
-
-
-@jit
 def _judge(kind, q, c, bins, peak, share, speed, offset, sums):
     """Take the kept pairs below `share` of `peak` into `sums`, from the lowest up to where the curve bends."""
     limit, top = adhesion_limit(kind, q, peak, speed)
@@ -167,7 +160,8 @@ def _update(kind, q, c, initial, offset, speed, slips, coefficient, peak, told, 
             if most[i] > 0.0:
                 # what it carried before the slip it could carry, even if the rail has changed since
                 _judge(kind, q, c, bins[i], max(known, most[i]), c.tested, speed, offset, sums)
-                _empty(bins[i])
+                for row in bins[i]:
+                    row.pairs = row.coefficient = row.slip = 0.0
                 most[i] = 0.0
                 news = True
             limit, top = adhesion_limit(kind, q, known, speed)
@@ -210,29 +204,27 @@ def stretch_estimate(sums, c, offset, resolution):
     return min(max(above / below, c.smallest), c.largest)
 
 
-def curve_constants(belief: CurveBelief, period: float) -> Constants:
-    """Constants of the estimation at control `period` [s], as the compiled functions take them."""
-    unit = belief.slip_scale**2 / period  # excitation by one axle in a second
-    return Constants(
-        prior=belief.prior * unit,
-        fading=1.0 / (belief.memory * unit),
-        smallest=belief.smallest,
-        largest=belief.largest,
-        tested=belief.tested_share,
-        untested=belief.untested_share,
-        resolution=0.1 * belief.slip_scale,
-    )
-
-
 class StretchEstimator:
     """Stretch of one unit's curve, see the module."""
 
     def __init__(
         self, curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
     ) -> None:
-        """For a unit of `axles` that was given `curve`; `initial` is the peak believed before anything was felt."""
-        self._kind, self._given = curve.kind, curve.q
-        self._constants, self._initial = curve_constants(belief, period), initial
+        """For a unit of `axles` that was given `curve`, at control `period` [s].
+
+        `initial` is the peak believed before anything was felt.
+        """
+        self._kind, self._given, self._initial = curve.kind, curve.q, initial
+        unit = belief.slip_scale**2 / period  # excitation by one axle in a second
+        self._constants = Constants(
+            prior=belief.prior * unit,
+            fading=1.0 / (belief.memory * unit),
+            smallest=belief.smallest,
+            largest=belief.largest,
+            tested=belief.tested_share,
+            untested=belief.untested_share,
+            resolution=0.1 * belief.slip_scale,
+        )
         self._memory = Memory(
             Sums.zeros(), Sums.zeros(), np.zeros((axles, BINS), CLASS), np.zeros(axles)
         )

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from alloc.errors import InputError
+from alloc.onboard.quantity import quantity
 
 CODES = ("numba", "c")
 """Ways of compiling the model."""
@@ -36,11 +37,11 @@ class Weights:
     step / torque scale)^2. The torque scale is the motor torque of a coefficient of `coefficient_scale`.
     """
 
-    tracking: float = 1.0
-    slip: float = 2.0
-    rate: float = 0.3
-    coefficient_scale: float = 0.1
-    slip_scale: float = 0.05
+    tracking: float = quantity(1.0, "1")
+    slip: float = quantity(2.0, "1")
+    rate: float = quantity(0.3, "1")
+    coefficient_scale: float = quantity(0.1, "1")
+    slip_scale: float = quantity(0.05, "km/h")
     """[m/s]"""
 
     def __post_init__(self) -> None:
@@ -59,15 +60,15 @@ class PeakBelief:
     `floor`, `ceiling`: bounds of the belief.
     """
 
-    initial: float = 0.2
-    pole: float = 25.0
-    gain: float = 60.0
-    probe: float = 0.04
-    informative: float = 0.9
-    slip_error: float = 0.015
-    noise_margin: float = 4.0
-    floor: float = 0.01
-    ceiling: float = 0.5
+    initial: float = quantity(0.2, "1")
+    pole: float = quantity(25.0, "1/s")
+    gain: float = quantity(60.0, "1/s")
+    probe: float = quantity(0.04, "1/s")
+    informative: float = quantity(0.9, "1")
+    slip_error: float = quantity(0.015, "km/h")
+    noise_margin: float = quantity(4.0, "1")
+    floor: float = quantity(0.01, "1")
+    ceiling: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
         _check("belief", self, zero=("probe", "slip_error", "noise_margin"))
@@ -90,13 +91,13 @@ class CurveBelief:
     """
 
     estimate: bool = True
-    slip_scale: float = 0.015
-    memory: float = 5.0
-    prior: float = 0.02
-    smallest: float = 0.4
-    largest: float = 2.5
-    tested_share: float = 0.75
-    untested_share: float = 0.5
+    slip_scale: float = quantity(0.015, "km/h")
+    memory: float = quantity(5.0, "s")
+    prior: float = quantity(0.02, "s")
+    smallest: float = quantity(0.4, "1")
+    largest: float = quantity(2.5, "1")
+    tested_share: float = quantity(0.75, "1")
+    untested_share: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
         _check("curve", self)
@@ -123,8 +124,8 @@ class GroupSettings:
     solved at telegram instants only, and its guess is a tenth of a second old.
     """
 
-    evenness: float = 0.05
-    limited: float = 0.95
+    evenness: float = quantity(0.05, "1")
+    limited: float = quantity(0.95, "1")
     steps: int = 3
 
     def __post_init__(self) -> None:
@@ -150,12 +151,12 @@ class MpcSettings:
     """
 
     horizon: int = 20
-    step: float = 0.01
-    slip_limit: float = 1.0
-    headroom: float = 0.1
+    step: float = quantity(0.01, "s")
+    slip_limit: float = quantity(1.0, "1")
+    headroom: float = quantity(0.1, "1")
     iterations: int = 5
-    tolerance: float = 1e-2
-    deadline: float = math.inf
+    tolerance: float = quantity(1e-2, "1")
+    deadline: float = quantity(math.inf, "s")
     exact_hessian: bool = False
     code: str = "numba"
     weights: Weights = field(default_factory=Weights)

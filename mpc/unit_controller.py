@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
+from alloc.plant.structure import Floats
 from mpc.belief import CurveObserver
-from mpc.control_period import Floats, PredictiveController
+from mpc.control_period import PredictiveController
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
@@ -24,6 +25,8 @@ class MpcController(PredictiveController):
     see `MpcSettings` for the weights.
     """
 
+    belief: CurveObserver
+
     def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
         settings = settings or MpcSettings()
         super().__init__([context], settings, RealTimeIteration(context, settings))
@@ -37,9 +40,6 @@ class MpcController(PredictiveController):
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period; never raises."""
         return self._answer([sense])[0]
-
-    def _forget_forces(self) -> None:
-        self.belief.forget_forces()
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
         self.belief.update(float(speed[0]), omega, float(torque[0]), float(estimate[0]))

@@ -12,7 +12,7 @@ from paper_figs.registry import figure
 from paper_figs.source import made, study
 from paper_figs.style import new_panels
 from studies.brake_force.faulty_car import Fault, Stop, allocated_stops
-from studies.brake_force.findings import driven_rows, row_of_test
+from studies.brake_force.findings import driven_rows, running_test_row
 from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
 from studies.brake_force.statements import CUT_OUT
 
@@ -77,7 +77,7 @@ def _few_days() -> pd.DataFrame:
     """Rows of the tests with wagons cut out on `FEW_DAYS` days."""
     days = range(FEW_DAYS)
     return pd.DataFrame(
-        [row_of_test(name, run_test(name, k)) | {"event": k} for k in days for name in CUT_OUT]
+        [running_test_row(name, k) | {"event": k} for k in days for name in CUT_OUT]
     )
 
 

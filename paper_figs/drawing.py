@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from paper_figs.registry import all_figures, figure
+from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE
 from studies.core.cell import OnRow
@@ -19,7 +19,7 @@ from studies.files.study_error import StudyError
 
 def descriptions() -> dict[str, str]:
     """Every figure by name, and what it shows."""
-    return {name: entry.description for name, entry in all_figures().items()}
+    return {name: entry.description for name, entry in FIGURES.items()}
 
 
 def draw_figures(
@@ -29,13 +29,16 @@ def draw_figures(
     jobs: int = 1,
     on_row: OnRow | None = None,
 ) -> list[Path]:
-    """Draw figures by name into `out` as PDF and PNG; returns the files.
+    """Draw figures by name, or all without names, into `out` as PDF and PNG; returns the files.
 
-    What `results` lacks is run first, in `jobs` processes.
+    What `results` lacks is run first, in `jobs` processes. Raises `StudyError` for a name that does not exist.
     """
-    source, known = Source.of_folder(results, jobs, on_row), all_figures()
+    chosen = {name: FIGURES.find(name) for name in names or FIGURES}
+    source = Source.of_folder(results, jobs, on_row)
     return [
-        path for name in names for path in save_figure(known[name].make(source), Path(out) / name)
+        path
+        for name, entry in chosen.items()
+        for path in save_figure(entry.make(source), Path(out) / name)
     ]
 
 
@@ -44,7 +47,7 @@ def draw_comparison(table: pd.DataFrame, store: Store, out: str | Path) -> list[
     source = Source(store, table)
     if source.table.empty:
         return []
-    chosen = {name: entry for name, entry in all_figures().items() if entry.of_comparison}
+    chosen = {name: entry for name, entry in FIGURES.items() if entry.of_comparison}
     for name, entry in chosen.items():
         save_figure(entry.make(source), Path(out) / name)
     return list(chosen)
@@ -52,7 +55,7 @@ def draw_comparison(table: pd.DataFrame, store: Store, out: str | Path) -> list[
 
 def draw_one(name: str, path: str | Path, *data: Any) -> None:
     """Draw a figure from `data` into a file; its ending (pdf, png, svg) gives the format."""
-    drawn = all_figures()[name].draw(*data)
+    drawn = FIGURES[name](*data)
     try:
         with mpl.rc_context(fname=STYLE_FILE):
             drawn.savefig(path)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from alloc.metrics import evaluate
 from alloc.metrics.motion import jerk
-from alloc.onboard import Detector
+from alloc.onboard.parameters import Detector
 from alloc.spans import spans
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure

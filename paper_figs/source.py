@@ -43,32 +43,29 @@ class Source:
         """Rows of the comparison that succeeded."""
         table = self._table
         if table is None:
-            table = run_cells(
-                default_grid().jobs(), self.store, self.jobs, KEPT_RUNS, on_row=self.on_row
-            )
+            cells = default_grid().jobs()
+            table = run_cells(cells, self.store, self.jobs, KEPT_RUNS, on_row=self.on_row)
         return table[table["status"] == "ok"]
 
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
         job = Job(load_scenario(scenario), rule, controller, seed)
         path = self.store.run_path(key_of(job))
-        if path.exists():
-            return load(path)
-        return simulate_job(job)
+        return load(path) if path.exists() else simulate_job(job)
 
     def study(
-        self, name: str, least: int, instead: Callable[[], pd.DataFrame] | None = None
+        self, name: str, least: int | None, instead: Callable[[], pd.DataFrame] | None = None
     ) -> pd.DataFrame:
-        """Table of a study, of the events that the results hold, `least` or more of them.
+        """Table of a study: of the events that the results hold, `least` or more [default: the study's own number].
 
         Where they hold none, `instead` gives the table if there is one.
         """
-        study = find_study(name)
-        folder = study_folder(self.store.folder, name)
+        study, folder = find_study(name), study_folder(self.store.folder, name)
         held = study.held(folder)
         if not held and instead is not None:
             return instead()
-        return study.run(folder, max(least, held), 0, self.jobs, self.on_row)
+        events = max(held, study.default_events if least is None else least)
+        return study.run(folder, events, 0, self.jobs, self.on_row)
 
 
 Need = Callable[[Source], Any]
@@ -88,10 +85,8 @@ def recorded(scenario: str, rule: str, controller: str) -> Need:
 def study(
     name: str, least: int | None = None, instead: Callable[[], pd.DataFrame] | None = None
 ) -> Need:
-    """Need: a study's table as `Source.study` gives it, by default of the study's own number of events."""
-    return lambda source: source.study(
-        name, find_study(name).default_events if least is None else least, instead
-    )
+    """Need: a study's table, see `Source.study`."""
+    return lambda source: source.study(name, least, instead)
 
 
 def made(make: Callable[..., Any], *arguments: Any) -> Need:

@@ -1,4 +1,4 @@
-"""One look for all figures: the style file, a fixed colour and marker for every rule, and what panels share."""
+"""One look for all figures: the style file, the looks of rules and controllers, and what panels share."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
-from paper_figs.palette import (
-    DARK,
-)
+from paper_figs.palette import DARK
 from studies.core.statement import Interval
 
 Look = dict[str, Any]

@@ -22,6 +22,7 @@ import xarray as xr
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
+from alloc.rules.qp import workspace
 from studies.core.collection import find_study
 from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
@@ -121,7 +122,8 @@ def statements_hash(statements: list[Statement]) -> str:
 
 
 def hash_run(scenario: str, rule: str, controller: str) -> str:
-    """Hash of one run of a shipped scenario."""
+    """Hash of one run of a shipped scenario, with solvers that remember no run before it."""
+    workspace.cache_clear()
     chosen = load_scenario(scenario)
     if is_hosted(controller):
         chosen = chosen.changed(duration_s=min(chosen.duration_s, HOSTED_DURATION))

@@ -8,7 +8,7 @@ import pytest
 
 from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS
-from paper_figs.registry import all_figures
+from paper_figs.registry import FIGURES
 from studies.core.collection import all_studies
 from studies.scenario.loading import shipped_scenarios
 
@@ -32,7 +32,7 @@ def test_rule_example_prints_what_it_says(capsys):
 
 
 def test_commands_name_what_exists():
-    known = {*RULES, *CONTROLLERS, *all_figures(), *all_studies(), *shipped_scenarios()}
+    known = {*RULES, *CONTROLLERS, *FIGURES, *all_studies(), *shipped_scenarios()}
     commands = [line for line in README.splitlines() if line.startswith(".venv/bin/readhesion")]
     assert len(commands) >= 5
     for command in commands:

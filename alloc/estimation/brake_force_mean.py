@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
 from alloc.errors import EstimationError
-from alloc.estimation.car_brake_force import finite_series
+from alloc.estimation.finite_series import finite_series
 
 Floats = NDArray[np.float64]
 
@@ -90,6 +90,3 @@ def batch_mean(values: ArrayLike, batches: int = BATCHES, trend: int = 0) -> Ser
     powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, batches), trend + 1))[0]
     scatter = np.square(parts - powers @ (powers.T @ parts)).sum(axis=0) / freedom
     return SeriesMean(np.asarray(x.mean(axis=0)), np.asarray(np.sqrt(scatter / batches)), freedom)
-
-
-__all__ = ["BATCHES", "BUILT_UP", "SeriesMean", "batch_mean", "braking_window"]

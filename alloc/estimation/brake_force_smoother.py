@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from alloc.errors import EstimationError
-from alloc.estimation.car_brake_force import car_brake_forces, finite_series, masses
+from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.finite_series import finite_series, positive_series
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def smooth_brake_forces(
     sample. `walk` [m/s2 per root second]: how fast force over mass may change; None: the most likely one in `WALKS`.
     Constant errors of sensors and masses are not noise and not in the deviation. Raises `EstimationError`.
     """
-    m = masses("mass", mass)
+    m = positive_series("mass", mass, (None,))
     given = {
         "period": period, "acceleration_noise": acceleration_noise, "coupler_noise": coupler_noise,
         "walk": 1.0 if walk is None else walk,
@@ -118,6 +119,3 @@ def _smooth(mean: Floats, p: Floats, step: float) -> tuple[Floats, Floats]:
         smooth[k] = mean[k] + gain[k] * (smooth[k + 1] - mean[k])
         variance[k] = p[k] + gain[k] ** 2 * (variance[k + 1] - p[k] - step)
     return smooth, variance
-
-
-__all__ = ["SmoothedForces", "smooth_brake_forces"]

@@ -8,7 +8,7 @@ from scipy.stats import t as student
 
 from alloc.errors import EstimationError
 from alloc.estimation.brake_force_mean import BATCHES, batch_mean
-from alloc.estimation.car_brake_force import finite_series, masses
+from alloc.estimation.finite_series import finite_series, positive_series
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class CalibrationErrors:
 
         `mass` [kg] (cars,); `acceleration` [m/s2] and `coupler_force` [N], (cars,) and (cars - 1,): means over the stop.
         """
-        m = masses("mass", mass)
+        m = positive_series("mass", mass, (None,))
         a = finite_series("acceleration", acceleration, (m.size,))
         couplers = np.asarray(coupler_force, dtype=float)
         each = self.coupler_offset**2 + (self.coupler_gain * couplers) ** 2
@@ -89,6 +89,3 @@ def find_shortfalls(
         )
     quantile = student.ppf(1.0 - (1.0 - confidence) / given.shape[1], freedom)
     return Shortfalls(mean.mean, deviation, quantile * deviation)
-
-
-__all__ = ["CalibrationErrors", "Shortfalls", "find_shortfalls"]

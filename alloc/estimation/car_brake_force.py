@@ -15,39 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.errors import EstimationError
+from alloc.estimation.finite_series import finite_series, positive_series
 from alloc.plant.equations import gradient_force
 
 Floats = NDArray[np.float64]
-
-
-def finite_series(name: str, values: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
-    """`values` as an array of one of these shapes (None: any length); raises `EstimationError` naming `name`."""
-    array = np.asarray(values, dtype=float)
-    fits = any(
-        len(shape) == array.ndim
-        and all(want is None or want == have for want, have in zip(shape, array.shape, strict=True))
-        for shape in shapes
-    )
-    if not fits:
-        wanted = " or ".join(str(shape).replace("None", "any") for shape in shapes)
-        raise EstimationError(f"brake force: {name} has shape {array.shape}; it needs {wanted}")
-    if array.size == 0:
-        raise EstimationError(f"brake force: {name} is empty")
-    if not np.all(np.isfinite(array)):
-        first = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
-        raise EstimationError(
-            f"brake force: {name} holds {array[first]} at {first}; leave out or repair such samples first"
-        )
-    return array
-
-
-def masses(name: str, values: ArrayLike, cars: int | None = None) -> Floats:
-    """Masses [kg] > 0, (cars,); raises `EstimationError` naming `name`."""
-    array = finite_series(name, values, (cars,))
-    if np.any(array <= 0.0):
-        raise EstimationError(f"brake force: {name} = {array} must exceed 0")
-    return array
 
 
 def rolling_mass(mass: ArrayLike, inertia: ArrayLike, radius: ArrayLike) -> Floats:
@@ -55,9 +26,9 @@ def rolling_mass(mass: ArrayLike, inertia: ArrayLike, radius: ArrayLike) -> Floa
 
     `inertia` [kg m2]: of all wheelsets of each car with what is geared to them; `radius` [m] of its wheels.
     """
-    bare = masses("mass", mass)
+    bare = positive_series("mass", mass, (None,))
     turning = finite_series("inertia", inertia, (bare.size,))
-    return np.asarray(bare + turning / masses("radius", radius, bare.size) ** 2)
+    return np.asarray(bare + turning / positive_series("radius", radius, bare.shape) ** 2)
 
 
 def level_acceleration(
@@ -69,11 +40,8 @@ def level_acceleration(
     forces are taken with `rolling_mass` (gravity acts on the bare mass alone). All broadcast together. An accelerometer
     fixed to the car body reads the bare-mass result by itself: take its readings as they are.
     """
-    rise = np.asarray(grade, dtype=float)
-    return np.asarray(
-        np.asarray(acceleration, dtype=float)
-        + gradient_force(1.0, rise) / (1.0 + np.asarray(rotating_share, dtype=float))
-    )
+    slope = gradient_force(1.0, np.asarray(grade, dtype=float))
+    return np.asarray(acceleration) + slope / (1.0 + np.asarray(rotating_share))
 
 
 def group_brake_force(
@@ -91,7 +59,7 @@ def group_brake_force(
     of the stretch, scalar or (time,).
     """
     a = finite_series("acceleration", acceleration, (None,))
-    (m,) = masses("mass", [mass])
+    m = positive_series("mass", mass, ())
     force = -m * a
     if front is not None:
         force = force + finite_series("front", front, a.shape)
@@ -109,10 +77,11 @@ def car_brake_forces(
     died out; or (time, cars), each car's own, exact always. `coupler_force` (time, cars - 1) [N]; `mass` (cars,) [kg];
     `resistance` [N]: scalar, (cars,) or (time, cars).
     """
-    m = masses("mass", mass)
+    m = positive_series("mass", mass, (None,))
     a = finite_series("acceleration", acceleration, (None,), (None, m.size))
-    couplers = finite_series("coupler_force", coupler_force, (a.shape[0], m.size - 1)) if m.size > 1 else \
-        np.zeros((a.shape[0], 0))  # fmt: skip
+    couplers = np.zeros((a.shape[0], 0))
+    if m.size > 1:
+        couplers = finite_series("coupler_force", coupler_force, (a.shape[0], m.size - 1))
     drag = finite_series("resistance", resistance, (), (m.size,), (a.shape[0], m.size))
     own = a if a.ndim == 2 else a[:, None]
     between = np.pad(couplers, ((0, 0), (1, 1)))
@@ -126,7 +95,7 @@ def coupler_force_between(
 
     Zero where the brake forces [N] are in proportion to the masses [kg].
     """
-    m, n = masses("front_mass, rear_mass", [front_mass, rear_mass])
+    m, n = positive_series("front_mass, rear_mass", [front_mass, rear_mass], (2,))
     front, rear = np.asarray(front_force, dtype=float), np.asarray(rear_force, dtype=float)
     return np.asarray((m * rear - n * front) / (m + n))
 
@@ -151,13 +120,3 @@ class BrakeRigging(NamedTuple):
         p, mu = np.asarray(pressure, dtype=float), np.asarray(friction, dtype=float)
         constant = self.cylinders * self.lever_ratio * self.efficiency * self.piston_area
         return np.asarray(cars * constant * p * mu)
-
-
-__all__ = [
-    "BrakeRigging",
-    "car_brake_forces",
-    "coupler_force_between",
-    "group_brake_force",
-    "level_acceleration",
-    "rolling_mass",
-]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from alloc.errors import EstimationError
+from alloc.estimation.finite_series import finite_series
 
 Floats = NDArray[np.float64]
 
@@ -59,13 +59,8 @@ def judge_excitation(regressors: ArrayLike, force: ArrayLike, names: tuple[str, 
     enough against what the weights leave (`LARGEST_DEVIATION`). Residuals follow each other: of n samples whose
     residuals correlate by r from one to the next, n (1 - r)/(1 + r) count. Raises `EstimationError` for data that are none.
     """
-    z, f = np.asarray(regressors, dtype=float), np.asarray(force, dtype=float)
-    if z.ndim != 2 or z.shape[1] != len(names) or f.shape != z.shape[:1]:
-        raise EstimationError(
-            f"excitation: regressors {z.shape} and force {f.shape} must be (samples, {len(names)}) and (samples,)"
-        )
-    if not (np.all(np.isfinite(z)) and np.all(np.isfinite(f))):
-        raise EstimationError("excitation: regressors and forces must be finite; leave gaps out")
+    z = finite_series("excitation: regressors", regressors, (None, len(names)))
+    f = finite_series("excitation: force", force, z.shape[:1])
     count = (z != 0.0).sum(axis=0)
     present = count > 0
     size = np.where(present, np.sqrt((z * z).sum(axis=0)), 1.0)
@@ -84,37 +79,33 @@ def judge_excitation(regressors: ArrayLike, force: ArrayLike, names: tuple[str, 
     for k, name in enumerate(names):
         part, partner = _part_apart(unit, k, present)
         deviation = float(np.sqrt(variance / part) / size[k]) if part > 0.0 else np.inf
-        reason = _reason(int(count[k]), part, deviation, float(value[k]))
-        if reason.startswith("cannot be told") and partner is not None:
-            reason = f"cannot be told apart from {names[partner]}"
+        reason = _reason(int(count[k]), part, names[partner], deviation, float(value[k]))
         status = NOT_LEARNABLE if reason else LEARNED
         statuses.append(WeightStatus(name, status, reason, float(value[k]), part, deviation))
     least = float(eigenvalues[0])
     condition = float(eigenvalues[-1] / least) if least > 1e-15 else np.inf
-    return Excitation(
-        tuple(statuses), condition, least, float(np.sqrt((left**2).mean())) if f.size else np.nan
-    )
+    return Excitation(tuple(statuses), condition, least, float(np.sqrt((left**2).mean())))
 
 
-def _part_apart(unit: Floats, k: int, present: NDArray[np.bool_]) -> tuple[float, int | None]:
+def _part_apart(unit: Floats, k: int, present: NDArray[np.bool_]) -> tuple[float, int]:
     """Part of column `k`'s square apart from the other columns, and the column that it resembles most."""
     if not present[k]:
-        return float("nan"), None
+        return float("nan"), k
     others = np.flatnonzero(present & (np.arange(present.size) != k))
     if others.size == 0:
-        return 1.0, None
+        return 1.0, k
     solved, *_ = np.linalg.lstsq(unit[:, others], unit[:, k], rcond=1e-9)
     apart = unit[:, k] - unit[:, others] @ solved
     return float(np.clip(apart @ apart, 0.0, 1.0)), int(others[np.argmax(np.abs(solved))])
 
 
-def _reason(count: int, part: float, deviation: float, value: float) -> str:
+def _reason(count: int, part: float, partner: str, deviation: float, value: float) -> str:
     if count == 0:
         return "its regressor is zero throughout"
     if count < LEAST_SAMPLES:
         return f"{count} samples only"
     if part < LEAST_PART:
-        return "cannot be told apart from the others"
+        return f"cannot be told apart from {partner}"
     if not deviation <= LARGEST_DEVIATION * abs(value):
         share = deviation / abs(value) if value else np.inf
         return (

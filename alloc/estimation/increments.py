@@ -40,17 +40,12 @@ def axle_shifts(counts: SlideCounts) -> AxleShifts:
     usable = (ratio > 0.0) & (ratio < 1.0)
     k = np.full(slides.size, np.nan)
     k[usable] = -norm.ppf(ratio[usable])
-    steepness = np.full(slides.size, np.nan)
-    steepness[usable] = ratio[usable] / norm.pdf(
-        k[usable]
-    )  # -dk over the relative change of the ratio
+    steepness = ratio / norm.pdf(k)  # -dk over the relative change of the ratio
     lead = np.arange(slides.size) < LEAD_AXLES
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.diag(1.0 / slides) - lead[None, :] / (LEAD_AXLES * counts.lead_mean)
-        jacobian = -SIGMA * steepness[:, None] * change
-        covariance = (
-            np.where(slides > 0.0, jacobian, 0.0) * slides @ np.where(slides > 0.0, jacobian, 0.0).T
-        )
+        jacobian = np.where(slides > 0.0, -SIGMA * steepness[:, None] * change, 0.0)
+        covariance = jacobian * slides @ jacobian.T
     covariance[~usable, :] = covariance[:, ~usable] = np.nan
     return AxleShifts(SIGMA * k, covariance)
 

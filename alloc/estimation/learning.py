@@ -4,9 +4,9 @@ A datum is the difference of two estimates at a slip of unit j: its own coeffici
 """
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +16,61 @@ from alloc.errors import EstimationError
 Floats = NDArray[np.float64]
 
 
-def _datum(units: int, unit: int, increment: float) -> None:
-    if not 0 <= unit < units:
-        raise EstimationError(f"learning: no unit {unit}; the train has {units} (counted from 0)")
-    EstimationError.check(
-        f"learning of unit {unit}", {"increment": increment}, finite=("increment",)
-    )
+@dataclass(eq=False)
+class Learning:
+    """What all ways of learning have: the increment of each unit, checks, and a state that a file keeps."""
+
+    increment: Floats
+    """(units,), as stored in B1."""
+    kind: ClassVar[str]
+
+    def _to_arrays(self, *names: str) -> None:
+        """Turn these fields into arrays of their own, (units,) each."""
+        for name in names:
+            setattr(self, name, np.array(getattr(self, name), dtype=float))
+        shapes = [getattr(self, name).shape for name in names]
+        if self.increment.ndim != 1 or len(set(shapes)) > 1:
+            raise EstimationError(f"learning: {' and '.join(names)} {shapes} must be (units,)")
+
+    def _check(self, unit: int, increment: float) -> None:
+        units = self.increment.size
+        if not 0 <= unit < units:
+            raise EstimationError(
+                f"learning: no unit {unit}; the train has {units} (counted from 0)"
+            )
+        given = {"increment": increment}
+        EstimationError.check(f"learning of unit {unit}", given, finite=given)
+
+    def add(self, unit: int, increment: float) -> bool:
+        """Take a datum of `unit`; returns whether the stored increment changed."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, Any]:
+        """What a file keeps."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in values.items()
+        }
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> Self:
+        """The learning that `state` describes."""
+        made = cls(**{one.name: state[one.name] for one in fields(cls) if one.init})
+        for one in fields(cls):
+            if not one.init:
+                getattr(made, one.name)[:] = state[one.name]
+        return made
 
 
 @dataclass(eq=False)
-class RunningMean:
+class RunningMean(Learning):
     """Learning of JP5484215, embodiment 2.
 
-    `increment` (units,) as stored in B1, `count` (units,) N_z, the number of data behind each. New data of a unit
-    are kept until there are `first` of them (N_min) for the first time, then every `further` (N_arg).
+    `count` (units,) N_z, the number of data behind each increment. New data of a unit are kept until there are `first` of
+    them (N_min) for the first time, then every `further` (N_arg).
     """
 
-    increment: Floats
     count: Floats
     first: int = 10
     further: int = 5
@@ -42,12 +80,7 @@ class RunningMean:
     kind: ClassVar[str] = "running-mean"
 
     def __post_init__(self) -> None:
-        self.increment = np.array(self.increment, dtype=float)
-        self.count = np.array(self.count, dtype=float)
-        if self.increment.ndim != 1 or self.increment.shape != self.count.shape:
-            raise EstimationError(
-                f"learning: increment {self.increment.shape} and count {self.count.shape} must be (units,)"
-            )
+        self._to_arrays("increment", "count")
         EstimationError.check(
             "learning", self, (), ("count[]",), ("increment[]",), infinite=("count[]",)
         )
@@ -61,7 +94,7 @@ class RunningMean:
 
     def add(self, unit: int, increment: float) -> bool:
         """Take a datum of `unit`; returns whether the stored increment changed."""
-        _datum(self.increment.size, unit, increment)
+        self._check(unit, increment)
         self.pending_sum[unit] += increment
         self.pending[unit] += 1
         if self.pending[unit] < (self.further if self.updates[unit] else self.first):
@@ -79,43 +112,22 @@ class RunningMean:
         with np.errstate(divide="ignore"):
             return noise / np.sqrt(self.count)
 
-    def state(self) -> dict[str, Any]:
-        """What a file keeps."""
-        names = ("increment", "count", "pending_sum", "pending", "updates")
-        settings = {"first": self.first, "further": self.further}
-        return settings | {name: getattr(self, name).tolist() for name in names}
-
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "RunningMean":
-        """The learning that `state` describes."""
-        made = cls(state["increment"], state["count"], state["first"], state["further"])
-        made.pending_sum = np.array(state["pending_sum"], dtype=float)
-        made.pending = np.array(state["pending"], dtype=np.int64)
-        made.updates = np.array(state["updates"], dtype=np.int64)
-        return made
-
 
 @dataclass(eq=False)
-class GaussianPosterior:
+class GaussianPosterior(Learning):
     """Bayesian learning: a Gaussian prior per unit, data that scatter by `noise` about the true increment.
 
     `increment` (units,) posterior means, `variance` (units,). `drift`: variance that each datum's passing adds, so that
     old data fade and the train can follow the seasons; 0 keeps all data for ever.
     """
 
-    increment: Floats
     variance: Floats
     noise: float
     drift: float = 0.0
     kind: ClassVar[str] = "gaussian"
 
     def __post_init__(self) -> None:
-        self.increment = np.array(self.increment, dtype=float)
-        self.variance = np.array(self.variance, dtype=float)
-        if self.increment.ndim != 1 or self.increment.shape != self.variance.shape:
-            raise EstimationError(
-                f"learning: increment {self.increment.shape} and variance {self.variance.shape} must be (units,)"
-            )
+        self._to_arrays("increment", "variance")
         bounded = ("variance[]", "drift")
         EstimationError.check(
             "learning", self, ("noise",), bounded, ("increment[]",), infinite=("noise", *bounded)
@@ -123,7 +135,7 @@ class GaussianPosterior:
 
     def add(self, unit: int, increment: float) -> bool:
         """Take a datum of `unit`; the increment changes at once."""
-        _datum(self.increment.size, unit, increment)
+        self._check(unit, increment)
         prior = self.variance[unit] + self.drift
         gain = prior / (prior + self.noise**2)
         self.increment[unit] += gain * (increment - self.increment[unit])
@@ -134,26 +146,8 @@ class GaussianPosterior:
         """Posterior standard deviation of each increment."""
         return np.sqrt(self.variance)
 
-    def state(self) -> dict[str, Any]:
-        """What a file keeps."""
-        return {
-            "noise": self.noise,
-            "drift": self.drift,
-            "increment": self.increment.tolist(),
-            "variance": self.variance.tolist(),
-        }
 
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> "GaussianPosterior":
-        """The learning that `state` describes."""
-        return cls(state["increment"], state["variance"], state["noise"], state["drift"])
-
-
-Learning = RunningMean | GaussianPosterior
-KINDS: dict[str, type[RunningMean] | type[GaussianPosterior]] = {
-    kind.kind: kind for kind in (RunningMean, GaussianPosterior)
-}
-"""Kinds of learning by name."""
+KINDS: dict[str, type[Learning]] = {kind.kind: kind for kind in (RunningMean, GaussianPosterior)}
 
 DIRECTIONS = ("forward", "backward")
 """Running directions; each has its own increments, for another car leads."""
@@ -184,26 +178,26 @@ def load_learning(path: str | Path, train: str) -> dict[str, Learning]:
     path = Path(path)
     if not path.exists():
         return {}
+    named = f"learning file {str(path)!r}"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         owner, directions = content["train"], content["directions"]
-        learnt: dict[str, Learning] = {}
-        for name, state in directions.items():
-            if name not in DIRECTIONS:
-                raise KeyError(name)
-            learnt[name] = KINDS[state["kind"]].from_state(state)
+        unknown = set(directions) - set(DIRECTIONS)
+        if unknown:
+            raise KeyError(*unknown)
+        learnt = {
+            name: KINDS[state["kind"]].from_state(state) for name, state in directions.items()
+        }
+    except EstimationError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, EstimationError):
-            raise
         raise EstimationError(
-            f"learning file {str(path)!r} is damaged ({type(error).__name__}: {error}); remove it to start anew"
+            f"{named} is damaged ({type(error).__name__}: {error}); remove it to start anew"
         ) from None
     except OSError as error:
-        raise EstimationError(
-            f"learning file {str(path)!r} cannot be read: {error.strerror}"
-        ) from None
+        raise EstimationError(f"{named} cannot be read: {error.strerror}") from None
     if owner != train:
         raise EstimationError(
-            f"learning file {str(path)!r} belongs to train {owner!r}, not {train!r}; give another file"
+            f"{named} belongs to train {owner!r}, not {train!r}; give another file"
         )
     return learnt

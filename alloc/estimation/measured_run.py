@@ -22,12 +22,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
+from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
 from alloc.spans import spans
 
@@ -60,17 +63,9 @@ class MeasuredTrain:
     @classmethod
     def of(cls, train: Train) -> "MeasuredTrain":
         """The same of a train of the plant."""
-        cars = train.cars
-        counts = [len(car.axle_positions) for car in cars]
-        return cls(
-            name=train.name,
-            car_mass=np.array([car.mass for car in cars]),
-            axle_car=np.repeat(np.arange(len(cars)), counts),
-            axle_load=np.concatenate([car.static_axle_loads for car in cars]),
-            radius=np.repeat([car.wheel_radius for car in cars], counts),
-            inertia=np.concatenate([np.array(car.wheel_inertia, dtype=float) for car in cars]),
-            driven=np.concatenate([np.array(car.driven) for car in cars]),
-        )
+        s, _ = structure_of(train)
+        driven = s.axle_unit >= 0
+        return cls(train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,8 +221,21 @@ def train_acceleration(run: MeasuredRun, window: float) -> Floats:
     """Acceleration of the train [m/s2], mean over `window` [s] around each instant, (instants,); nan in gaps."""
     rate = np.full(run.time.size, np.nan)
     for inside in parts(np.isfinite(run.speed), run.part):
-        time, speed = run.time[inside], run.speed[inside]
-        begin = np.maximum(time - 0.5 * window, time[0])
-        end = np.minimum(time + 0.5 * window, time[-1])
-        rate[inside] = (np.interp(end, time, speed) - np.interp(begin, time, speed)) / (end - begin)
+        rate[inside] = mean_rate(run.time[inside], run.speed[inside], window)
     return rate
+
+
+def applied_force(run: xr.Dataset, train: Train) -> Floats:
+    """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles): a real train's log has it as torques.
+
+    `train` is the one that the run was made with; raises `EstimationError` for any other number of axles.
+    """
+    s, n = structure_of(train)
+    if run.sizes["axle"] != n.axles:
+        raise EstimationError(
+            f"run of {run.sizes['axle']} axles: train {train.name!r} has {n.axles}"
+        )
+    driven = s.axle_unit >= 0
+    motor = np.zeros(run["rail_force"].shape)
+    motor[:, driven] = run["motor_torque"].values[:, s.axle_unit[driven]] * s.gear[driven]
+    return np.asarray(motor / s.radius - run["brake_force"].values)

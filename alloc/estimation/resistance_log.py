@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.excitation import Excitation, judge_excitation
+from alloc.estimation.finite_series import finite_series
 from alloc.estimation.running_resistance import Learner
 from alloc.onboard.speed_control.line_memory import LineMemory
 from alloc.onboard.speed_control.resistance import EXTENDED_WEIGHTS, Motion, regressor
@@ -37,16 +38,11 @@ class RunLog:
 
     def __post_init__(self) -> None:
         for name, values in vars(self).items():
-            if values is None:
-                continue
-            array = np.asarray(values, dtype=float)
-            if array.shape != np.shape(self.time) or array.ndim != 1 or array.size < 3:
-                raise EstimationError(
-                    f"resistance log: {name} {array.shape} must be (samples,) as time, at least 3"
-                )
-            if not np.all(np.isfinite(array)):
-                raise EstimationError(f"resistance log: {name} must be finite; leave gaps out")
-            object.__setattr__(self, name, array)
+            if values is not None:
+                array = finite_series(f"resistance log: {name}", values, (np.size(self.time),))
+                object.__setattr__(self, name, array)
+        if self.time.size < 3:
+            raise EstimationError("resistance log: time needs 3 samples at least")
         steps = np.diff(self.time)
         if steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * max(float(steps.max()), 1.0):
             raise EstimationError("resistance log: time must grow in even steps; resample the log")
@@ -66,10 +62,7 @@ class RunLog:
         unit = run["axle_unit"].values
         axles = np.bincount(unit[unit >= 0], minlength=run.sizes["unit"])
         per_torque = axles * run["unit_gear"].values / run["unit_radius"].values
-        if (
-            "cylinder_pressure" in run
-            and float(run["cylinder_pressure"].values.max(initial=0.0)) > 1e3
-        ):
+        if "cylinder_pressure" in run and run["cylinder_pressure"].values.max(initial=0.0) > 1e3:
             raise EstimationError(
                 "resistance log: air brakes acted in this run; leave braking out, their force is not known"
             )
@@ -133,9 +126,8 @@ def learn_from_log(
     if not used.any():
         raise EstimationError("resistance log: no sample is left to learn from")
     smooth = RegressionFilter(filter_time, log.period)
-    history, errors = np.empty((middle.size, count)), np.empty(middle.size)
-    filtered, forces = np.full_like(z, np.nan), np.full(middle.size, np.nan)
-    errors[:] = np.nan
+    history, filtered = np.full_like(z, np.nan), np.full_like(z, np.nan)
+    errors, forces = np.full(middle.size, np.nan), np.full(middle.size, np.nan)
     for k in range(middle.size):
         if used[k]:
             raw = Regression(z[k], float(target[k]), 0.0, float(acceleration[k]))

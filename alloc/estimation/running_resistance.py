@@ -12,17 +12,14 @@ needs a tunnel, and is told from W3 by a run outside of it. `alloc.estimation.ex
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 
 Floats = NDArray[np.float64]
 
-SECTION_WEIGHTS = (0, 1)
-"""Places of W1 and W2, each of which belongs to its own section."""
 MASS = 2
 TYPICAL = (400.0, 400.0, 0.5, 1.0, 20.0)
 """Typical regressors, by which the normalised gradient scales: (20 m/s)^2, twice; 0.5 m/s2; 1; 20 m/s."""
@@ -36,76 +33,49 @@ def gradient_step(weights: Floats, direction: Floats, error: float, gain: float)
     return weights + gain * error * direction
 
 
-def normalised_step(
-    weights: Floats, regressor: Floats, error: float, rate: float, typical: Floats
-) -> Floats:
-    """Normalised least mean squares in scaled regressors Z / `typical`: the error of that sample shrinks by 1 - `rate`.
+@dataclass(eq=False)
+class Learner:
+    """What all learners have: 3 or 5 `weights`, and `update` with the check of a sample."""
 
-    Neither the unit of the force nor those of the regressors matter, if `typical` has the same. Nothing is learnt from a
-    regressor of zeros.
-    """
-    scaled = regressor / typical
-    size = float(scaled @ scaled)
-    if size == 0.0:
-        return weights.copy()
-    return weights + rate * error * scaled / (typical * size)
+    weights: Floats
 
+    def __post_init__(self) -> None:
+        array = np.array(self.weights, dtype=float)
+        if array.shape not in ((3,), (5,)) or not np.all(np.isfinite(array)):
+            raise EstimationError(
+                f"resistance learner: weights = {self.weights!r} must be 3 or 5 numbers"
+            )
+        self.weights = array
 
-def least_squares_step(
-    weights: Floats,
-    covariance: Floats,
-    regressor: Floats,
-    error: float,
-    noise: float,
-    free: NDArray[np.bool_],
-) -> tuple[Floats, Floats]:
-    """One step of recursive least squares for a sample of standard deviation `noise` [N]; new weights and covariance.
+    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
+        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
+        if regressor.shape != self.weights.shape or not np.all(np.isfinite(regressor)):
+            raise EstimationError(
+                f"resistance learner: regressor = {regressor} must be {self.weights.size} finite numbers"
+            )
+        EstimationError.check("resistance learner", {"error": error}, finite=("error",))
+        self._learn(regressor, error, acceleration)
 
-    Weights that are not `free` keep their values, as considered parameters in Schmidt's filter (1966); with all of them
-    free it is recursive least squares. Joseph's form keeps the covariance positive.
-    """
-    along = covariance @ regressor
-    gain = np.where(free, along, 0.0) / (noise * noise + float(regressor @ along))
-    rest = np.eye(weights.size) - np.outer(gain, regressor)
-    moved = rest @ covariance @ rest.T + noise * noise * np.outer(gain, gain)
-    return weights + gain * error, 0.5 * (moved + moved.T)
-
-
-def _checked(weights: ArrayLike) -> Floats:
-    array = np.array(weights, dtype=float)
-    if array.shape not in ((3,), (5,)) or not np.all(np.isfinite(array)):
-        raise EstimationError(f"resistance learner: weights = {weights!r} must be 3 or 5 numbers")
-    return array
-
-
-def _sample(weights: Floats, regressor: Floats, error: float) -> None:
-    if regressor.shape != weights.shape or not np.all(np.isfinite(regressor)):
-        raise EstimationError(
-            f"resistance learner: regressor = {regressor} must be {weights.size} finite numbers"
-        )
-    EstimationError.check("resistance learner", {"error": error}, finite=("error",))
+    def _learn(self, regressor: Floats, error: float, acceleration: float | None) -> None:
+        raise NotImplementedError
 
 
 @dataclass(eq=False)
-class GradientLearner:
+class GradientLearner(Learner):
     """(5) with one gain K_d for all weights; `as_printed` takes Z3 = a as the source prints it, not a + g sin(theta).
 
     With the misprint W3 learns nothing from a gradient at constant speed, and moves away from the truth where a and
     a + g sin(theta) have opposite signs, as when a train slows down uphill.
     """
 
-    weights: Floats
     gain: float
     as_printed: bool = False
-    kind: ClassVar[str] = "gradient"
 
     def __post_init__(self) -> None:
-        self.weights = _checked(self.weights)
+        super().__post_init__()
         EstimationError.check("resistance learner", self, positive=("gain",))
 
-    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
-        _sample(self.weights, regressor, error)
+    def _learn(self, regressor: Floats, error: float, acceleration: float | None) -> None:
         direction = regressor
         if self.as_printed:
             if acceleration is None:
@@ -116,44 +86,46 @@ class GradientLearner:
 
 
 @dataclass(eq=False)
-class NormalisedGradientLearner:
-    """Normalised gradient: `rate` in (0, 2) of a sample's error is taken away; `typical` (weights,) scales regressors."""
+class NormalisedGradientLearner(Learner):
+    """Normalised least mean squares: `rate` in (0, 2) of a sample's error is taken away, in scaled regressors Z / `typical`.
 
-    weights: Floats
+    Neither the unit of the force nor those of the regressors matter, if `typical` (weights,) has the same. Nothing is learnt
+    from a regressor of zeros.
+    """
+
     rate: float
     typical: Floats = field(default_factory=lambda: np.array(TYPICAL))
-    kind: ClassVar[str] = "normalised"
 
     def __post_init__(self) -> None:
-        self.weights = _checked(self.weights)
+        super().__post_init__()
         self.typical = np.array(self.typical, dtype=float)[: self.weights.size]
         EstimationError.check("resistance learner", self, positive=("rate", "typical[]"))
 
-    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
-        _sample(self.weights, regressor, error)
-        self.weights = normalised_step(self.weights, regressor, error, self.rate, self.typical)
+    def _learn(self, regressor: Floats, error: float, acceleration: float | None) -> None:
+        scaled = regressor / self.typical
+        size = float(scaled @ scaled)
+        if size > 0.0:
+            self.weights = self.weights + self.rate * error * scaled / (self.typical * size)
 
 
 @dataclass(eq=False)
-class LeastSquaresLearner:
+class LeastSquaresLearner(Learner):
     """Recursive least squares: `deviation` (weights,) of the prior, `noise` [N] of a sample, `forgetting` in (0, 1].
 
     Only weights whose regressor is not zero forget, and none beyond the prior: what a run does not excite must not drift
     off. `joint`: full least squares, in which a sample from a tunnel moves W1 too, through what both share with W3; the
-    source, and so the default, moves W1 in the open only.
+    source, and so the default, moves W1 in the open only. A weight that may not move keeps its value as a considered
+    parameter in Schmidt's filter (1966). Joseph's form keeps the covariance positive.
     """
 
-    weights: Floats
     deviation: Floats
     noise: float = 500.0
     forgetting: float = 1.0
     joint: bool = False
     covariance: Floats = field(init=False)
-    kind: ClassVar[str] = "least-squares"
 
     def __post_init__(self) -> None:
-        self.weights = _checked(self.weights)
+        super().__post_init__()
         self.deviation = np.array(self.deviation, dtype=float)
         if self.deviation.shape != self.weights.shape:
             raise EstimationError(
@@ -166,9 +138,7 @@ class LeastSquaresLearner:
             )
         self.covariance = np.diag(self.deviation**2)
 
-    def update(self, regressor: Floats, error: float, acceleration: float | None = None) -> None:
-        """Learn from one sample; see `alloc.onboard.speed_control.speed_controller.Learner`."""
-        _sample(self.weights, regressor, error)
+    def _learn(self, regressor: Floats, error: float, acceleration: float | None) -> None:
         excited = regressor != 0.0
         if self.forgetting < 1.0:
             prior = self.deviation / np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
@@ -176,21 +146,16 @@ class LeastSquaresLearner:
             grow = np.where(excited, grown, 1.0)
             self.covariance = grow[:, None] * self.covariance * grow
         free = np.ones(self.weights.size, dtype=bool)
-        if not self.joint:
-            for place in SECTION_WEIGHTS:
-                free[place] = excited[place]
-        self.weights, self.covariance = least_squares_step(
-            self.weights, self.covariance, regressor, error, self.noise, free
-        )
+        if not self.joint:  # W1 and W2 belong to a section each
+            free[:2] = excited[:2]
+        noise = self.noise * self.noise
+        along = self.covariance @ regressor
+        gain = np.where(free, along, 0.0) / (noise + float(regressor @ along))
+        rest = np.eye(free.size) - np.outer(gain, regressor)
+        moved = rest @ self.covariance @ rest.T + noise * np.outer(gain, gain)
+        self.weights = self.weights + gain * error
+        self.covariance = 0.5 * (moved + moved.T)
 
     def posterior(self) -> Floats:
         """Standard deviation of each weight, (weights,)."""
         return np.sqrt(np.diag(self.covariance))
-
-
-Learner = GradientLearner | NormalisedGradientLearner | LeastSquaresLearner
-LEARNERS: dict[str, Any] = {
-    learner.kind: learner
-    for learner in (GradientLearner, NormalisedGradientLearner, LeastSquaresLearner)
-}
-"""Kinds of learners by name."""

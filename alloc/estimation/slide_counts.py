@@ -4,7 +4,6 @@ Under automatic brake whose force follows the planned coefficient, measured coef
 distribution. Half of all brakings make an axle of the lead car slide, fewer an axle whose rail was wiped before.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,18 +35,10 @@ class SlideCounts:
             raise EstimationError(
                 f"slide counts: shape {slides.shape}; give one count per axle of more than {LEAD_AXLES} axles"
             )
-        if (
-            not np.all(np.isfinite(slides))
-            or np.any(slides < 0)
-            or np.any(slides != slides.round())
-        ):
-            bad = int(
-                np.flatnonzero(
-                    ~(np.isfinite(slides) & (slides >= 0) & (slides == np.round(slides)))
-                )[0]
-            )
+        wrong = np.flatnonzero(~(np.isfinite(slides) & (slides >= 0) & (slides == slides.round())))
+        if wrong.size:
             raise EstimationError(
-                f"slide counts: axle {bad + 1} has {slides[bad]}; counts are whole numbers, 0 or greater"
+                f"slide counts: axle {wrong[0] + 1} has {slides[wrong[0]]}; counts are whole numbers, 0 or greater"
             )
         if slides[:LEAD_AXLES].sum() == 0:
             raise EstimationError("slide counts: the lead car never slid, so there is no reference")
@@ -69,34 +60,27 @@ def read_slide_counts(path: str | Path) -> SlideCounts:
 
     Raises `EstimationError` naming the file, the line and what is wrong with it.
     """
+    named = f"slide counts {str(path)!r}"
     try:
-        with open(path, newline="", encoding="utf-8") as file:
-            lines = file.readlines()
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise EstimationError(
-            f"slide counts {str(path)!r} cannot be read: {error.strerror}"
-        ) from None
+        raise EstimationError(f"{named} cannot be read: {error.strerror}") from None
     remarks = [line[1:].strip() for line in lines if line.startswith("#")]
-    rows = [
-        (k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")
-    ]
-    header = [name.strip() for name in next(csv.reader([rows[0][1]]))] if rows else []
+    rows = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    header = [name.strip() for name in rows[0][1].split(",")] if rows else []
     if sorted(header) != ["axle", "slides"]:
-        raise EstimationError(
-            f"slide counts {str(path)!r}: the columns are {header}, must be axle, slides"
-        )
+        raise EstimationError(f"{named}: the columns are {header}, must be axle, slides")
     slides: list[int] = []
     for number, line in rows[1:]:
-        cells = dict(zip(header, next(csv.reader([line])), strict=False))
         try:
-            axle, count = int(cells["axle"]), int(cells["slides"])
-        except (KeyError, ValueError):
+            cells = dict(zip(header, map(int, line.split(",")), strict=True))
+        except ValueError:
             raise EstimationError(
-                f"slide counts {str(path)!r}, line {number}: {line.strip()!r} is no pair of whole numbers"
+                f"{named}, line {number}: {line.strip()!r} is no pair of whole numbers"
             ) from None
-        if axle != len(slides) + 1:
+        if cells["axle"] != len(slides) + 1:
             raise EstimationError(
-                f"slide counts {str(path)!r}, line {number}: axle {axle} where {len(slides) + 1} was due"
+                f"{named}, line {number}: axle {cells['axle']} where {len(slides) + 1} was due"
             )
-        slides.append(count)
+        slides.append(cells["slides"])
     return SlideCounts(np.array(slides), " ".join(remarks))

@@ -81,15 +81,13 @@ def find_slips(
     criterion: SlipCriterion,
 ) -> list[SlipEvent]:
     """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known."""
-
-    def near(end: int, begin: int) -> bool:
-        return bool(time[begin] - time[end - 1] < BRIDGED)
-
     slip = rim_speed - speed
     bound = criterion.bound(speed, rim_speed)
     events = []
     for sign in (1.0, -1.0):
-        for begin, end in bridged_spans(sign * slip > 0.5 * bound, near):
+        for begin, end in bridged_spans(
+            sign * slip > 0.5 * bound, lambda end, begin: time[begin] - time[end - 1] < BRIDGED
+        ):
             inside = slice(begin, end)
             beyond = np.flatnonzero(sign * slip[inside] > bound[inside])
             if beyond.size == 0:

@@ -15,43 +15,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
+from alloc.estimation.finite_series import finite_series, mean_rate, positive_series
 
 Floats = NDArray[np.float64]
 
 
-def _series(name: str, values: ArrayLike, instants: int, axles: int | None = None) -> Floats:
-    """`values` as (instants, axles), of one column if `axles` is None; raises `EstimationError`."""
-    array = np.asarray(values, dtype=float)
-    if array.ndim == 1 and axles is None:
-        array = array[:, None]
-    wanted = (instants, axles) if axles is not None else (instants, array.shape[-1])
-    if array.ndim != 2 or array.shape != wanted:
-        raise EstimationError(f"{name}: shape {array.shape} must be {wanted} (instants, axles)")
-    if not np.all(np.isfinite(array)):
-        row, column = np.argwhere(~np.isfinite(array))[0]
+def _checked(
+    time: ArrayLike, applied: ArrayLike, omega: ArrayLike, inertia: ArrayLike, radius: ArrayLike
+) -> tuple[Floats, ...]:
+    """The arguments that both functions have, as arrays that fit together; raises `EstimationError`."""
+    time = finite_series("time", time, (None,))
+    if time.size < 2 or not np.all(np.diff(time) > 0.0):
         raise EstimationError(
-            f"{name}: {array[row, column]} at instant {row}, column {column}; give the parts "
-            "before and after it separately"
+            "time must grow from instant to instant and have two instants or more"
         )
-    return array
-
-
-def _positive(name: str, values: ArrayLike, axles: int) -> Floats:
-    array = np.asarray(values, dtype=float)
-    if array.shape not in ((), (axles,)):
-        raise EstimationError(f"{name}: shape {array.shape} must be () or ({axles},)")
-    if not np.all(np.isfinite(array) & (array > 0.0)):
-        raise EstimationError(f"{name} = {array} must be finite and greater than 0")
-    return np.broadcast_to(array, (axles,))
-
-
-def _growing(time: ArrayLike) -> Floats:
-    array = np.asarray(time, dtype=float)
-    if array.ndim != 1 or array.size < 2:
-        raise EstimationError(f"time: shape {array.shape}; give two instants or more")
-    if not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0.0):
-        raise EstimationError("time must be finite and grow from instant to instant")
-    return array
+    applied = finite_series("applied_force", applied, (time.size, None))
+    omega = finite_series("angular_speed", omega, applied.shape)
+    inertia = positive_series("inertia", inertia, (), applied.shape[1:])
+    radius = positive_series("radius", radius, (), applied.shape[1:])
+    return time, applied, omega, inertia, radius
 
 
 def tangential_force(
@@ -71,11 +53,9 @@ def tangential_force(
     The mean is exact for series that are linear between instants. White noise of the rim speed with standard deviation s
     passes into the force as sqrt(2) J s / (R^2 window). Raises `EstimationError`. Source: JP4209318 (2), (4).
     """
-    time = _growing(time)
-    applied = _series("applied_force", applied_force, time.size)
-    omega = _series("angular_speed", angular_speed, time.size, applied.shape[1])
-    inertia = _positive("inertia", inertia, applied.shape[1])
-    radius = _positive("radius", radius, applied.shape[1])
+    time, applied, omega, inertia, radius = _checked(
+        time, applied_force, angular_speed, inertia, radius
+    )
     shortest = float(np.diff(time).max())
     if not window >= shortest * (1.0 - 1e-9):
         raise EstimationError(
@@ -85,14 +65,7 @@ def tangential_force(
     given = np.zeros_like(applied)
     np.cumsum(0.5 * (applied[1:] + applied[:-1]) * step, axis=0, out=given[1:])
     impulse = given - inertia / radius * omega
-    begin = np.maximum(time - 0.5 * window, time[0])
-    end = np.minimum(time + 0.5 * window, time[-1])
-    force = np.empty_like(impulse)
-    for i, column in enumerate(impulse.T):
-        force[:, i] = (np.interp(end, time, column) - np.interp(begin, time, column)) / (
-            end - begin
-        )
-    return force
+    return np.stack([mean_rate(time, column, window) for column in impulse.T], axis=1)
 
 
 def wheel_damage(
@@ -114,13 +87,11 @@ def wheel_damage(
     speeds does not bias Q, since no noise is multiplied by its own change. A relative error of the radius or of the train's
     speed does: it adds as much of the work of F_t. Raises `EstimationError`.
     """
-    time = _growing(time)
-    applied = _series("applied_force", applied_force, time.size)
-    axles = applied.shape[1]
-    omega = _series("angular_speed", angular_speed, time.size, axles)
-    train = _series("speed", speed, time.size, None if np.ndim(speed) == 1 else axles)
-    inertia, radius = _positive("inertia", inertia, axles), _positive("radius", radius, axles)
-    slip = radius * omega - train
+    time, applied, omega, inertia, radius = _checked(
+        time, applied_force, angular_speed, inertia, radius
+    )
+    train = finite_series("speed", speed, time.shape, applied.shape)
+    slip = radius * omega - (train if train.ndim == 2 else train[:, None])
     step = np.diff(time)[:, None]
     # product of two straight lines, integrated
     given = (

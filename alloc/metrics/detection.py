@@ -65,10 +65,9 @@ def _delays(run: xr.Dataset) -> list[float]:
     """Time from each slip's start to its detection [s]; nan where it was missed."""
     period = record_period(run)
     before, after = round(BEFORE / period), round(AFTER / period)
-    onsets_of_unit = [_onsets(run, unit) for unit in range(run.sizes["unit"])]
     delays = []
     for slip in slips(run):
-        onsets = onsets_of_unit[slip.unit]
+        onsets = _onsets(run, slip.unit)
         own = onsets[(onsets >= slip.start - before) & (onsets < slip.stop + after)]
         delays.append(float((own[0] - slip.start) * period) if own.size else float("nan"))
     return delays

@@ -6,6 +6,7 @@ runs away at more.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -84,9 +85,9 @@ def episodes(run: xr.Dataset) -> Iterator[Episode]:
         onsets = np.flatnonzero(np.diff(fallen.astype(np.int8)) == 1) + 1
         for start, stop in bridged_spans(short[:, unit], lambda stop, start: start - stop < stay):
             cuts = [start, *onsets[(onsets > start) & (onsets < stop)].tolist(), stop]
-            for k in range(len(cuts) - 1):
-                if cuts[k + 1] - cuts[k] >= least:
-                    yield Episode(unit, cuts[k], cuts[k + 1])
+            for first, end in pairwise(cuts):
+                if end - first >= least:
+                    yield Episode(unit, first, end)
 
 
 def searches(run: xr.Dataset) -> list[Search]:
@@ -154,12 +155,10 @@ def torque_fluctuation(run: xr.Dataset) -> float:
     units = run.sizes["unit"]
     unit_of_axle = run["axle_unit"].values
     axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)
-    per_coefficient = (
-        run["unit_static_load"].values
-        * run["unit_radius"].values
-        / (run["unit_gear"].values * axles)
+    load, radius, gear = (
+        run[name].values for name in ("unit_static_load", "unit_radius", "unit_gear")
     )
-    planned = run["expected"].values[demand].mean() * per_coefficient
+    planned = run["expected"].values[demand].mean() * (load * radius / (gear * axles))
     command = run["torque_command"].values[demand] / planned
     deviation = command - uniform_filter1d(command, window, axis=0, mode="nearest")
     return float(np.sqrt((deviation**2).mean()))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from alloc.lazy import names_of
 
 if TYPE_CHECKING:
+    from alloc.errors import OnboardError
     from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
     from alloc.onboard.controllers.perturb_observe import PerturbObserve
     from alloc.onboard.controllers.pi_creep import CreepControl
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
         Dropout,
         Observer,
         Onboard,
-        OnboardError,
         ReferenceSpeed,
         Sensors,
         Telegrams,
@@ -34,7 +34,7 @@ else:
             "controllers.pi_creep": "CreepControl",
             "controllers.steepest_gradient": "SteepestGradient",
             "controllers.torque_table": "TorqueTable",
-            "parameters": "Belief Braking Detector Dropout Observer Onboard OnboardError ReferenceSpeed "
+            "parameters": "Belief Braking Detector Dropout Observer Onboard ReferenceSpeed "
             "Sensors Telegrams",
             "slide_protection.parameters": "Fuzzy SlideProtection Threshold",
         },

@@ -2,10 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 
 class TrainSense(NamedTuple):

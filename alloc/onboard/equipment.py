@@ -1,16 +1,16 @@
 """What the train's computers know of their train: believed values, never the plant's state."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import OnboardError
 from alloc.onboard.parameters import Belief, Onboard
+from alloc.onboard.quantity import filled
 from alloc.plant.equations import GRAVITY
-from alloc.plant.model import Model
+from alloc.plant.model import Floats, Model
 
-Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
@@ -68,16 +68,6 @@ class _Weights(NamedTuple):
     train: float
 
 
-class _Plan(NamedTuple):
-    """What follows from the masses that the plan accelerates, see `Equipment`."""
-
-    blended: bool
-    own: Floats  # (units,) part of a unit's limit that turns its own wheelsets, before it is taken of the plan
-    planned_share: float
-    brake_share: float
-    moved_mass: float
-
-
 def equipment(model: Model, onboard: Onboard) -> Equipment:
     """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
     s, n = model.structure, model.layout
@@ -87,11 +77,9 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     empty, load = _unit_means(model, weights.empty), _unit_means(model, weights.load)
     weight = _unit_means(model, weights.loaded) * axles
     plan = _plan(model, onboard, weights, weight)
-    return Equipment(
-        axle_unit=s.axle_unit,
-        axle_body=s.axle_body,
-        axle_car=s.axle_car,
-        axle_group=s.axle_group,
+    return filled(
+        Equipment,
+        s,
         axle_radius=s.radius,
         unit_body=np.array(
             [s.axle_body[s.axle_unit == j][0] for j in range(n.units)], dtype=np.int64
@@ -106,15 +94,8 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         mass=weight / weight.mean() if n.units else weight,
         increment=_increments(model, onboard.belief),
         deviation=_of_units(onboard.belief.unit_deviation, np.zeros(n.units)),
-        drive_table=s.drive_table,
-        brake_table=s.brake_table,
-        own_inertia=plan.own / (GRAVITY * plan.planned_share) if n.units else plan.own,
-        planned_share=plan.planned_share,
-        moved_mass=plan.moved_mass,
-        blended=plan.blended,
-        brake_inertia=plan.own / (GRAVITY * plan.brake_share),
-        brake_share=plan.brake_share,
-        group=_brake_groups(model, onboard, weights, plan.brake_share),
+        **plan,
+        group=_brake_groups(model, onboard, weights, plan["brake_share"]),
     )
 
 
@@ -124,17 +105,14 @@ def _check(model: Model, onboard: Onboard) -> None:
         raise OnboardError(
             "on board: the train has no traction unit and no air brake; give at least one driven axle, or an air brake"
         )
-    if belief.loads is not None and len(belief.loads) != n.cars:
-        raise OnboardError(f"belief: {len(belief.loads)} loads for {n.cars} cars; give one per car")
-    if belief.increments is not None and len(belief.increments) != n.axles:
-        raise OnboardError(
-            f"belief: {len(belief.increments)} increments for {n.axles} axles; give one per axle from the front"
-        )
-    for name in ("unit_increments", "unit_deviation"):
+    for name, count, places in (
+        ("loads", n.cars, "cars"), ("increments", n.axles, "axles"),
+        ("unit_increments", n.units, "traction units"), ("unit_deviation", n.units, "traction units"),
+    ):  # fmt: skip
         given = getattr(belief, name)
-        if given is not None and (len(given) != n.units or not np.all(np.isfinite(given))):
+        if given is not None and (len(given) != count or not np.all(np.isfinite(given))):
             raise OnboardError(
-                f"belief: {name} = {given} must be {n.units} finite numbers, one per traction unit"
+                f"belief: {len(given)} {name} for {count} {places}; give a finite number for each from the front"
             )
     for dropout in onboard.sensors.dropouts:
         if dropout.axle >= n.axles:
@@ -176,8 +154,8 @@ def _weights(model: Model, onboard: Onboard) -> _Weights:
     return _Weights(empty, load, empty + load, s.inertia / s.radius**2, train)
 
 
-def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> _Plan:
-    """`weight` (units,): mass on each unit's axles."""
+def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> dict[str, Any]:
+    """What follows from the masses that the plan accelerates; `weight` (units,): mass on each unit's axles."""
     s, n = model.structure, model.layout
     turning, loaded = weights.turning, weights.loaded
 
@@ -193,13 +171,16 @@ def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> 
     # a train without motors does nothing for a command to pull, and brakes with air whatever is said of blending
     blended = n.groups > 0 and (onboard.braking.blended or n.units == 0)
     braked = driven | (s.axle_group >= 0) if blended else driven
-    return _Plan(
-        blended=blended,
-        own=own,
-        planned_share=moved(driven) / (GRAVITY * float(weight.sum())) if n.units else 0.0,
-        brake_share=moved(braked) / (GRAVITY * float(loaded[braked].sum())),
-        moved_mass=moved(braked),
-    )
+    planned_share = moved(driven) / (GRAVITY * float(weight.sum())) if n.units else 0.0
+    brake_share = moved(braked) / (GRAVITY * float(loaded[braked].sum()))
+    return {
+        "blended": blended,
+        "planned_share": planned_share,
+        "brake_share": brake_share,
+        "own_inertia": own / (GRAVITY * planned_share) if n.units else own,
+        "brake_inertia": own / (GRAVITY * brake_share),
+        "moved_mass": moved(braked),
+    }
 
 
 def _brake_groups(

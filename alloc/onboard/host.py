@@ -4,9 +4,9 @@ They see what the units' computers see: sensors, their belief, the limits handed
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ class UnitContext:
     """Telegrams between the units."""
     seed: int = 0
     """Of the telegrams' jitter and losses."""
+    settings: Any = None
+    """The controller's, as the run gives them; None: its own defaults."""
 
 
 class UnitSense(NamedTuple):
@@ -86,15 +88,10 @@ class HostController(Protocol):
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period."""
-        ...
 
 
-class HostControllerFactory(Protocol):
-    """Makes the controller of a unit when a run starts."""
-
-    def __call__(self, context: UnitContext) -> HostController:
-        """Build the controller."""
-        ...
+HostControllerFactory = Callable[[UnitContext], HostController]
+"""Makes the controller of a unit when a run starts."""
 
 
 class TrainController(Protocol):
@@ -102,15 +99,10 @@ class TrainController(Protocol):
 
     def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
         """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
-        ...
 
 
-class TrainControllerFactory(Protocol):
-    """Makes the controllers of a train when a run starts."""
-
-    def __call__(self, contexts: Sequence[UnitContext]) -> TrainController:
-        """Build the controllers; one context per unit, foremost first."""
-        ...
+TrainControllerFactory = Callable[[Sequence[UnitContext]], TrainController]
+"""Makes the controllers of a train when a run starts, of one context per unit, foremost first."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +117,8 @@ class HostedController:
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""
+    settings: type[Any] | None = None
+    """Frozen dataclass of what can be set, all with defaults: the table `[onboard.<name>]` of scenario files."""
 
 
 class EachUnit:
@@ -135,23 +129,18 @@ class EachUnit:
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """What each unit's own controller answers."""
-        return [
-            controller.decide(sense)
-            for controller, sense in zip(self.controllers, senses, strict=True)
-        ]
+        return [one.decide(sense) for one, sense in zip(self.controllers, senses, strict=True)]
 
 
 def each_unit(factory: HostControllerFactory) -> TrainControllerFactory:
     """Factory of a train whose units each have a controller of their own, which knows nothing of the others."""
-
-    def build(contexts: Sequence[UnitContext]) -> EachUnit:
-        return EachUnit([factory(context) for context in contexts])
-
-    return build
+    return lambda contexts: EachUnit([factory(context) for context in contexts])
 
 
-def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitContext]:
-    """What each unit's computer knows of its equipment, foremost unit first."""
+def unit_contexts(
+    model: Model, eq: Equipment, onboard: Onboard, controller: str
+) -> list[UnitContext]:
+    """What each unit's computer knows of its equipment, foremost unit first; with the settings of its `controller`."""
     mass = model.train.mass
     weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
     s = model.structure
@@ -173,21 +162,7 @@ def unit_contexts(model: Model, eq: Equipment, onboard: Onboard) -> list[UnitCon
             unloading=tuple(s.unloading[members[j]].tolist()),
             telegrams=onboard.telegrams,
             seed=onboard.sensors.seed,
+            settings=onboard.hosted.get(controller),
         )
         for j in range(eq.axles.size)
     ]
-
-
-__all__ = [
-    "EachUnit",
-    "HostController",
-    "HostControllerFactory",
-    "HostedController",
-    "TorqueDecision",
-    "TrainController",
-    "TrainControllerFactory",
-    "UnitContext",
-    "UnitSense",
-    "each_unit",
-    "unit_contexts",
-]

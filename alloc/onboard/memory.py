@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
+from alloc.plant.model import Floats
 
-Floats = NDArray[np.float64]
 Counter = NDArray[np.int64]
 
 SLOTS = 16
@@ -130,11 +130,8 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
     train.level[:] = np.nan
     lead = _singles(LeadMemory)
     lead.detected[:] = lead.slipped[:] = -np.inf
-
-    def zeros() -> Floats:
-        return np.zeros(n)
-
-    return Memory(
+    empty = Memory(*(np.zeros(n) for _ in Memory._fields))  # type: ignore[arg-type]
+    return empty._replace(
         unit=unit,
         unit_block=unit_block,
         train=train,
@@ -149,22 +146,14 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
-        worst_slip=zeros(),
         differentiator=np.full(n, speed),
         observer=np.full(n, np.nan),
-        observer_input=zeros(),
-        torque=zeros(),
-        drive_limit=zeros(),
-        brake_limit=zeros(),
         limit_max=np.full(n, np.inf),
         in_service=np.ones(n, dtype=np.bool_),
-        rise=zeros(),
         cap=np.full(n, expected),
         limit_wanted=np.full(n, expected),
         delivered=np.full(n, expected),
-        truth=zeros(),
         received=np.full(n, np.inf),
-        last_heard=zeros(),
         mail_time=np.full((n, SLOTS), np.inf),
         mail_limit=np.zeros((n, SLOTS)),
     )

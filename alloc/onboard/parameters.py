@@ -1,10 +1,11 @@
 """Parameters of what runs on board; what the train believes is kept apart from what is true."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
 from alloc.onboard.quantity import NOT_IN_FILES, quantity
 from alloc.onboard.slide_protection.parameters import SlideProtection
@@ -28,9 +29,8 @@ class Detector:
     speed_on: float = quantity(0.6, "km/h")
 
     def __post_init__(self) -> None:
-        check_numbers("detector", self, positive=("on", "pole", "speed_on"))
-        if not self.off < self.on:
-            raise OnboardError(f"detector: off = {self.off!r} must be below on = {self.on!r}")
+        OnboardError.check("detector", self, positive=("on", "pole", "speed_on"))
+        OnboardError.check_order("detector", self, "off", "on")
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Observer:
     pole: float = quantity(25.0, "1/s")
 
     def __post_init__(self) -> None:
-        check_numbers("observer", self, positive=("pole",))
+        OnboardError.check("observer", self, positive=("pole",))
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,7 @@ class Telegrams:
     silence: float = quantity(1.0, "s")
 
     def __post_init__(self) -> None:
-        check_numbers(
-            "telegrams", self, positive=("period", "silence"), nonnegative=("latency", "jitter")
-        )
+        OnboardError.check("telegrams", self, ("period", "silence"), ("latency", "jitter"))
         if not 0.0 <= self.loss <= 1.0:
             raise OnboardError(f"telegrams: loss = {self.loss!r} must lie in [0, 1]")
 
@@ -102,9 +100,11 @@ class Sensors:
     blind_share: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
-        check_numbers("sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error"))
+        OnboardError.check(
+            "sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error")
+        )
         if self.sensorless_pole is not None:
-            check_numbers("sensors", self, positive=("sensorless_pole",))
+            OnboardError.check("sensors", self, positive=("sensorless_pole",))
             if self.dropouts:
                 raise OnboardError(
                     "sensors: dropouts need sensors; leave out sensorless_pole or the dropouts"
@@ -134,7 +134,7 @@ class Braking:
     release_speed: float = quantity(0.5, "km/h")
 
     def __post_init__(self) -> None:
-        check_numbers("braking", self, positive=("blend_time",), nonnegative=("release_speed",))
+        OnboardError.check("braking", self, ("blend_time",), ("release_speed",))
 
 
 @dataclass(frozen=True)
@@ -150,13 +150,10 @@ class ReferenceSpeed:
     margin: float | None = quantity(None, "km/h/s")
 
     def __post_init__(self) -> None:
-        if self.bound not in ("command", "forces"):
-            raise OnboardError(
-                f"reference speed: bound = {self.bound!r} must be 'command' or 'forces'"
-            )
+        OnboardError.check_choice("reference speed", "bound", self.bound, ("command", "forces"))
         if self.margin is None:
             object.__setattr__(self, "margin", 0.3 if self.bound == "command" else 0.1)
-        check_numbers("reference speed", self, nonnegative=("margin",))
+        OnboardError.check("reference speed", self, nonnegative=("margin",))
 
 
 @dataclass(frozen=True)
@@ -191,6 +188,7 @@ class Onboard(BuiltInControllers):
     `limit_rate`: largest change of a limit per allocation, for the rules that know rates. `inertia_in_limit`: a unit's
     torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients at the
     rail; without it (6) as printed, whose torque delivers less at the rail than the cap by that part.
+    `hosted`: settings of controllers in Python by the controller's name; those not named take their defaults.
     """
 
     detector: Detector = field(default_factory=Detector)
@@ -205,9 +203,10 @@ class Onboard(BuiltInControllers):
     period: float = quantity(0.01, "s")
     limit_rate: float | None = quantity(None, "1")
     inertia_in_limit: bool = True
+    hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
 
     def __post_init__(self) -> None:
-        check_numbers("on board", self, positive=("hold_time", "rise_time", "period"))
+        OnboardError.check("on board", self, positive=("hold_time", "rise_time", "period"))
         if self.limit_rate is not None and not self.limit_rate > 0.0:
             raise OnboardError(f"on board: limit_rate = {self.limit_rate!r} must exceed 0")
         if self.telegrams.period < self.period:

@@ -1,8 +1,10 @@
-"""Fields of parameter records that say in which unit a file gives them."""
+"""Fields of parameter records: the unit in which a file gives them, and what compiled code takes of them."""
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Any
+from typing import Any, TypeVar
+
+Filled = TypeVar("Filled")
 
 NOT_IN_FILES = {"unit": None}
 """Metadata of a field that no scenario file sets."""
@@ -15,3 +17,15 @@ def quantity(default: Any, unit: str, names: Mapping[str, float] | None = None) 
     have a name there.
     """
     return field(default=default, metadata={"unit": unit, "names": names or {}})
+
+
+def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
+    """Named tuple `kind` of the fields of `source` that have the same names, and of `others`.
+
+    Every number gets the type that its field states: for another type all that is compiled would be compiled anew.
+    """
+    values = {}
+    for name, stated in kind.__annotations__.items():
+        value = others[name] if name in others else getattr(source, name)
+        values[name] = stated(value) if stated in (float, int, bool) else value
+    return kind(**values)

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from alloc.compilation import inlined_jit
+from alloc.compilation import equation, inlined_jit
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
-from alloc.onboard.reference_speed import acceleration_from_command, follow_reference
 
 
 @inlined_jit
@@ -68,6 +67,22 @@ def _read_speeds(eq, st, m, omega, noise):
             m.axle_omega[i] = m.reference[eq.axle_body[i]] / eq.axle_radius[i]
 
 
+@equation
+def acceleration_from_command(commanded, margin):
+    """Least and greatest acceleration [m/s2] that a train may have under a command, `margin` for gradients."""
+    return min(commanded, 0.0) - margin, max(commanded, 0.0) + margin
+
+
+@equation
+def follow_reference(reference, candidate, least, greatest, period):
+    """New reference speed [m/s]: the candidate, as far as a train could have got in one `period` [s].
+
+    `candidate` is the slowest axle when driving and the fastest when braking; where all axles slip it runs away, and the
+    bounds `least` and `greatest` [m/s2] on the train's acceleration keep the reference near its speed.
+    """
+    return min(max(candidate, reference + least * period), reference + greatest * period)
+
+
 @inlined_jit
 def _compare_with_reference(eq, st, m, sign, commanded):
     """Reference speeds, and how far the worst axle of each unit is from them."""
@@ -86,9 +101,7 @@ def _compare_with_reference(eq, st, m, sign, commanded):
             commanded, st.reference.margin
         )
     for body in range(m.reference.size):
-        if np.isinf(
-            m.candidate[body]
-        ):  # no axle left to tell: the driver's command is all there is
+        if np.isinf(m.candidate[body]):  # no axle is left: the driver's command is all there is
             m.candidate[body] = sign * (m.reference[body] + commanded * st.period)
         # bounds from memory: as constants of the loop their products would be rounded apart, and runs change in the last bit
         m.reference[body] = follow_reference(

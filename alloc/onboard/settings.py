@@ -1,6 +1,6 @@
 """What differs between runs, as compiled code reads it: parameters of the on-board functions."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,9 @@ from alloc.onboard.controllers.collection import BUILT_IN, LawSettings, law_sett
 from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
+from alloc.onboard.quantity import filled
 from alloc.onboard.slide_protection.state import SlideSettings, slide_settings
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 RESERVE = "cut-and-ramp"
 """Built-in controller that takes over where a hosted one gives up."""
@@ -97,9 +97,7 @@ class Settings(NamedTuple):
     hold_time: float
     rise_time: float
     rule: RuleSettings
-    hosted: (
-        bool  # whether the controller runs in Python, and the one of index `controller` in reserve
-    )
+    hosted: bool  # whether the controller runs in Python; that of index `controller` is its reserve
     controller: int
     law: LawSettings
     detector: DetectorSettings
@@ -113,57 +111,41 @@ class Settings(NamedTuple):
 
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
     """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted."""
-    d, t, sensors, braking = onboard.detector, onboard.telegrams, onboard.sensors, onboard.braking
+    period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
     hosted = controller not in BUILT_IN
-    return _typed(
-        Settings(
-            period=onboard.period,
-            hold_time=onboard.hold_time,
-            rise_time=onboard.rise_time,
-            rule=rule,
-            hosted=hosted,
-            controller=list(BUILT_IN).index(RESERVE if hosted else controller),
-            law=law_settings(onboard),
-            detector=DetectorSettings(
-                d.on, d.off, d.pole, differentiator_gain(d.pole, onboard.period), d.speed_on
-            ),
-            observer=ObserverSettings(
-                onboard.observer.pole, *observer_gains(onboard.observer.pole, onboard.period)
-            ),
-            telegrams=TelegramSettings(
-                t.latency, t.jitter, t.silence, t.loss, max(1, round(t.period / onboard.period))
-            ),
-            sensors=SensorSettings(
-                noisy=sensors.speed_noise > 0.0,
-                quantum=sensors.speed_quantum,
-                pole=sensors.sensorless_pole or 0.0,
-                blind_share=sensors.blind_share,
-                dropout=DropoutSettings(
-                    np.array([one.axle for one in sensors.dropouts], dtype=np.int64),
-                    np.array([one.begin for one in sensors.dropouts], dtype=float),
-                    np.array([one.until for one in sensors.dropouts], dtype=float),
-                ),
-            ),
-            reference=ReferenceSettings(
-                onboard.reference.bound == "forces", onboard.reference.margin or 0.0
-            ),
-            brakes=BrakeSettings(
-                float(braking.inertia_in_estimate), braking.blend_time, braking.release_speed
-            ),
-            slide=slide_settings(braking.slide_protection, onboard.period),
-        )
+    lost = np.array([(one.axle, one.begin, one.until) for one in sensors.dropouts], dtype=float)
+    lost = lost.reshape(-1, 3)
+    return filled(
+        Settings,
+        onboard,
+        rule=rule,
+        hosted=hosted,
+        controller=list(BUILT_IN).index(RESERVE if hosted else controller),
+        law=law_settings(onboard),
+        detector=filled(
+            DetectorSettings,
+            onboard.detector,
+            gain=differentiator_gain(onboard.detector.pole, period),
+        ),
+        observer=ObserverSettings(
+            float(onboard.observer.pole), *observer_gains(onboard.observer.pole, period)
+        ),
+        telegrams=filled(
+            TelegramSettings,
+            onboard.telegrams,
+            ticks=max(1, round(onboard.telegrams.period / period)),
+        ),
+        sensors=filled(
+            SensorSettings,
+            sensors,
+            noisy=sensors.speed_noise > 0.0,
+            quantum=sensors.speed_quantum,
+            pole=sensors.sensorless_pole or 0.0,
+            dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
+        ),
+        reference=filled(
+            ReferenceSettings, onboard.reference, by_forces=onboard.reference.bound == "forces"
+        ),
+        brakes=filled(BrakeSettings, braking, inertia=braking.inertia_in_estimate),
+        slide=slide_settings(braking.slide_protection, period),
     )
-
-
-def _typed(record: Any) -> Any:
-    """The same record with every number of the type that its field states: for another type all is compiled anew."""
-    kinds = type(record).__annotations__
-    values = (
-        _typed(value)
-        if isinstance(value, tuple)
-        else kinds[name](value)
-        if kinds.get(name) in (float, int, bool)
-        else value
-        for name, value in zip(record._fields, record, strict=True)
-    )
-    return type(record)(*values)

@@ -64,6 +64,3 @@ class TelegramLine(Generic[Content]):
     def silent(self, time: float) -> bool:
         """Whether nothing arrived for longer than `Telegrams.silence` before `time`."""
         return time - self._heard > self._telegrams.silence + ROUNDING
-
-
-__all__ = ["Telegram", "TelegramLine"]

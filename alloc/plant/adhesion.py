@@ -4,7 +4,7 @@ The laws are in `alloc.plant.adhesion_laws`; a curve of one's own is a `ShapedCu
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from typing import ClassVar
 
@@ -26,20 +26,17 @@ from alloc.registry import Registry
 
 @dataclass(frozen=True)
 class AdhesionCurve:
-    """Common part of the curves: an identifier and a parameter vector for the equations.
-
-    `q` is a vector, `steepest_slope(peak)` a bound on d mu / d slip velocity [s/m].
-    """
+    """Common part of the curves: `kind` names the law in compiled code, the fields are its parameters."""
 
     kind: ClassVar[int] = -1
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """Parameters as the equations take them."""
-        raise NotImplementedError
+        """Parameters as the equations take them, (6,): the fields in their order, then zeros."""
+        return np.append(astuple(self), np.zeros(6))[:6]
 
     def steepest_slope(self, peak: float) -> float:
-        """Upper bound of the slope over all slip velocities and speeds [s/m], for the stable step."""
+        """Upper bound of d mu / d slip velocity over all slip velocities and speeds [s/m], for the stable step."""
         raise NotImplementedError
 
     def coefficient(
@@ -47,10 +44,7 @@ class AdhesionCurve:
     ) -> NDArray[np.float64]:
         """Tangential force coefficient; `slip` and car `speed` in m/s, all arguments broadcast."""
         slip, peak, speed = (np.asarray(a, dtype=float) for a in (slip, peak, speed))
-        value: NDArray[np.float64] = tangential_coefficient(
-            self.kind, self.q, slip, speed, speed + slip, peak
-        )
-        return value
+        return tangential_coefficient(self.kind, self.q, slip, speed, speed + slip, peak)
 
     def limit(
         self, peak: ArrayLike, speed: ArrayLike = 0.0
@@ -59,12 +53,6 @@ class AdhesionCurve:
         peak, speed = np.asarray(peak, dtype=float), np.asarray(speed, dtype=float)
         coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed)
         return np.asarray(coefficient), np.asarray(slip)
-
-
-def _vector(*values: float) -> NDArray[np.float64]:
-    q = np.zeros(6)
-    q[: len(values)] = values
-    return q
 
 
 @dataclass(frozen=True)
@@ -90,11 +78,6 @@ class PiecewiseCurve(AdhesionCurve):
                 f"adhesion curve: residual_ratio = {self.residual_ratio} must lie in [0, 1)"
             )
 
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """Parameters as the equations take them, (6,)."""
-        return _vector(self.micro_slope, self.top_curvature, self.macro_slope, self.residual_ratio)
-
     def steepest_slope(self, peak: float) -> float:
         """Slope at the origin [s/m]."""
         return max(self.micro_slope, self.macro_slope)
@@ -119,17 +102,6 @@ class PolachCurve(AdhesionCurve):
             nonnegative=("decay", "ratio_at_infinity"),
         )
 
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """Parameters as the equations take them, (6,)."""
-        return _vector(
-            self.ratio_at_infinity,
-            self.decay,
-            self.adhesion_factor,
-            self.slip_factor,
-            self.creep_stiffness,
-        )
-
     def steepest_slope(self, peak: float) -> float:
         """Slope at the origin at the lowest reference speed [s/m]."""
         factor = 2.0 / math.pi * (self.adhesion_factor + self.slip_factor)
@@ -151,11 +123,6 @@ class SlipRatioCurve(AdhesionCurve):
                 "adhesion curve: peak_slip_ratio must lie in (0, 1) and residual_ratio in [0, 1], got "
                 f"{self.peak_slip_ratio} and {self.residual_ratio}"
             )
-
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """Parameters as the equations take them, (6,)."""
-        return _vector(self.peak_slip_ratio, self.residual_ratio)
 
     def steepest_slope(self, peak: float) -> float:
         """Slope at the origin at the lowest reference speed [s/m]."""
@@ -219,14 +186,3 @@ CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve", "readhesion.c
 CURVES.register("piecewise", PiecewiseCurve)
 CURVES.register("polach", PolachCurve)
 CURVES.register("slip-ratio", SlipRatioCurve)
-
-__all__ = [
-    "CURVES",
-    "POLACH_DRY",
-    "POLACH_WET",
-    "AdhesionCurve",
-    "PiecewiseCurve",
-    "PolachCurve",
-    "ShapedCurve",
-    "SlipRatioCurve",
-]

@@ -151,29 +151,10 @@ class ArrayModel:
             drag * car_speed,
             damper * (self.stretch_of_body @ speed),
         )
-        return self._stack(
-            [
-                speed,
-                body_force / column(s.body_mass, speed),
-                omega_rate,
-                torque_rate,
-                pressure_rate,
-                force * slip,
-                *(self._total(power) for power in works),
-            ],
-            state,
-        )
-
-    def _total(self, power: Array) -> Array:
-        if isinstance(power, np.ndarray):
-            return power.sum(axis=0, keepdims=True)
+        acceleration = body_force / column(s.body_mass, speed)
+        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, force * slip]
+        if isinstance(state, np.ndarray):
+            return np.concatenate([*parts, *(power.sum(axis=0, keepdims=True) for power in works)])
         import casadi
 
-        return casadi.sum1(power)
-
-    def _stack(self, parts: list[Array], like: Array) -> Array:
-        if isinstance(like, np.ndarray):
-            return np.concatenate(parts, axis=0)
-        import casadi
-
-        return casadi.vertcat(*parts)
+        return casadi.vertcat(*parts, *(casadi.sum1(power) for power in works))

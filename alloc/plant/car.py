@@ -2,8 +2,9 @@
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,24 +45,17 @@ class TorqueLimit:
     table: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        PlantError.check("torque limit", self, nonnegative=("peak", "power", "fade_speed"))
-        if not self.pull_out_speed > 0.0:
-            raise PlantError(
-                f"torque limit: pull_out_speed = {self.pull_out_speed!r} must exceed 0"
-            )
-        if self.table is not None:
-            PlantError.check("torque limit", self, nonnegative=("table[]",))
-            if len(self.table) == 0:
-                raise PlantError("torque limit: table is empty")
+        speed, table = ("pull_out_speed",), () if self.table is None else ("table[]",)
+        nonnegative = ("peak", "power", "fade_speed", *table)
+        PlantError.check("torque limit", self, speed, nonnegative, infinite=speed)
+        if self.table is not None and len(self.table) == 0:
+            raise PlantError("torque limit: table is empty")
 
     def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
         """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
         if self.table is not None:
-            values = np.asarray(self.table, dtype=float)
-            padded = np.full(EFFORT_TABLE_LENGTH, values[-1])
-            n = min(values.size, EFFORT_TABLE_LENGTH)
-            padded[:n] = values[:n]
-            return padded
+            values = np.array(self.table[:EFFORT_TABLE_LENGTH], dtype=float)
+            return np.pad(values, (0, EFFORT_TABLE_LENGTH - values.size), "edge")
         speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
         shaft_speed = gear_ratio * np.maximum(speed, 1e-3) / radius
         limit = np.minimum(self.peak, self.power / shaft_speed)
@@ -84,7 +78,7 @@ class Motors:
 
     def __post_init__(self) -> None:
         PlantError.check("motors", self, positive=("gear_ratio", "torque_lag"))
-        if self.group not in ("1C4M", "1C2M", "1C1M"):
+        if self.group not in get_args(InverterGroup):
             raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
 
 
@@ -162,40 +156,31 @@ class Car:
             nonnegative=("load", "centre_of_mass_height", "pivot_height"),
             finite=("axle_positions[]",),
         )
-        n = len(self.axle_positions)
+        for fault in self._faults():
+            raise PlantError(f"{owner}: {fault}")
+
+    def _faults(self) -> Iterator[str]:
+        """What does not fit together; each may only be looked for where there is none before it."""
+        n, positions, bogies = len(self.axle_positions), self.axle_positions, self.bogie_of_axle
         if n == 0:
-            raise PlantError(f"{owner}: has no axles; give axle_positions")
+            yield "has no axles; give axle_positions"
         for name in ("bogie_of_axle", "wheel_inertia", "driven"):
             if len(getattr(self, name)) != n:
-                raise PlantError(
-                    f"{owner}: {name} has {len(getattr(self, name))} entries for {n} axles"
-                )
-        positions = self.axle_positions
+                yield f"{name} has {len(getattr(self, name))} entries for {n} axles"
         if any(b <= a for a, b in itertools.pairwise(positions)):
-            raise PlantError(f"{owner}: axle_positions = {positions} must grow from the front")
+            yield f"axle_positions = {positions} must grow from the front"
         if positions[0] < 0.0 or positions[-1] > self.length:
-            raise PlantError(
-                f"{owner}: axle_positions = {positions} leave the car's {self.length} m"
-            )
-        steps = [b - a for a, b in itertools.pairwise(self.bogie_of_axle)]
-        if self.bogie_of_axle[0] != 0 or any(step not in (0, 1) for step in steps):
-            raise PlantError(
-                f"{owner}: bogie_of_axle = {self.bogie_of_axle} must count 0, 1, ... from the front"
-            )
+            yield f"axle_positions = {positions} leave the car's {self.length} m"
+        if bogies[0] != 0 or any(b - a not in (0, 1) for a, b in itertools.pairwise(bogies)):
+            yield f"bogie_of_axle = {bogies} must count 0, 1, ... from the front"
         if any(self.driven) and self.motors is None:
-            raise PlantError(f"{owner}: has driven axles but no motors")
-        brake = self.air_brake
-        if brake is not None and any(b > self.bogie_of_axle[-1] for b in brake.cut_out):
-            raise PlantError(
-                f"{owner}: cut_out = {brake.cut_out}, but its bogies are 0 to {self.bogie_of_axle[-1]}"
-            )
+            yield "has driven axles but no motors"
+        cut_out = () if self.air_brake is None else self.air_brake.cut_out
+        if any(bogie > bogies[-1] for bogie in cut_out):
+            yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"
         share = self.axle_load_share
-        if share is not None and not (
-            len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
-        ):
-            raise PlantError(
-                f"{owner}: axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
-            )
+        if share is not None and (len(share) != n or min(share) <= 0.0 or sum(share) > 1.0 + 1e-9):
+            yield f"axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
 
     @property
     def mass(self) -> float:
@@ -206,10 +191,7 @@ class Car:
     def static_axle_loads(self) -> NDArray[np.float64]:
         """Load of each axle [N], (axles,)."""
         n = len(self.axle_positions)
-        share = (
-            np.full(n, 1.0 / n) if self.axle_load_share is None else np.array(self.axle_load_share)
-        )
-        return np.asarray(self.mass * GRAVITY * share)
+        return np.asarray(self.mass * GRAVITY * np.array(self.axle_load_share or (1.0 / n,) * n))
 
     def unloading_factors(self) -> NDArray[np.float64]:
         """Load [N] lost by each axle per newton of the car's rail force, (axles,), summing to zero.
@@ -267,9 +249,7 @@ class Car:
         if self.motors is None:
             return []
         axles = [i for i, has_motor in enumerate(self.driven) if has_motor]
-        if self.motors.group == "1C1M":
-            return [[i] for i in axles]
-        if self.motors.group == "1C2M":
-            bogies = sorted({self.bogie_of_axle[i] for i in axles})
-            return [[i for i in axles if self.bogie_of_axle[i] == b] for b in bogies]
-        return [axles] if axles else []
+        count = len(self.driven)
+        part = {"1C4M": [0] * count, "1C2M": self.bogie_of_axle, "1C1M": range(count)}
+        groups = itertools.groupby(axles, key=part[self.motors.group].__getitem__)
+        return [list(members) for _, members in groups]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import astuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,9 +71,7 @@ def environment_of(
     for b, rail in enumerate(rails):
         law[:, :, b] = rail.axle_laws(layout.axles)
         for p, item in enumerate(rail.patches):
-            patch[p, :, b] = (
-                item.factor, item.start, item.end, item.edge, item.begin, item.until, item.fade,
-            )  # fmt: skip
+            patch[p, :, b] = astuple(item)
         for unit, time in failures[b].items():
             if not 0 <= unit < layout.units:
                 raise PlantError(
@@ -101,8 +100,6 @@ def environment_of(
         line_origin=origin,
         line_spacing=line.spacing,
         line=table,
-        receptivity=np.array(
-            [[r.mean, r.amplitude, r.period, r.phase] for r in receptivity]
-        ).T.copy(),
+        receptivity=np.array([astuple(r) for r in receptivity]).T.copy(),
         failure_time=failure,
     )

@@ -7,6 +7,7 @@ scenarios, and the wheels of Numba on PyPI come without Intel's vector mathemati
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,110 +28,6 @@ def _casadi(*operands: Any) -> Any:
     return None
 
 
-def where(condition: Any, if_true: Any, if_false: Any) -> Any:
-    """Elementwise choice; both alternatives are evaluated."""
-    casadi = _casadi(condition, if_true, if_false)
-    if casadi:
-        return casadi.if_else(condition, if_true, if_false)
-    return np.where(condition, if_true, if_false)
-
-
-def minimum(a: Any, b: Any) -> Any:
-    """Elementwise minimum."""
-    casadi = _casadi(a, b)
-    return casadi.fmin(a, b) if casadi else np.minimum(a, b)
-
-
-def maximum(a: Any, b: Any) -> Any:
-    """Elementwise maximum."""
-    casadi = _casadi(a, b)
-    return casadi.fmax(a, b) if casadi else np.maximum(a, b)
-
-
-def absolute(x: Any) -> Any:
-    """Elementwise absolute value."""
-    casadi = _casadi(x)
-    return casadi.fabs(x) if casadi else np.abs(x)
-
-
-def sqrt(x: Any) -> Any:
-    """Elementwise square root."""
-    casadi = _casadi(x)
-    return casadi.sqrt(x) if casadi else np.sqrt(x)
-
-
-def exp(x: Any) -> Any:
-    """Elementwise exponential."""
-    casadi = _casadi(x)
-    return casadi.exp(x) if casadi else np.exp(x)
-
-
-def atan(x: Any) -> Any:
-    """Elementwise inverse tangent."""
-    casadi = _casadi(x)
-    return casadi.atan(x) if casadi else np.arctan(x)
-
-
-def sine(x: Any) -> Any:
-    """Elementwise sine."""
-    casadi = _casadi(x)
-    return casadi.sin(x) if casadi else np.sin(x)
-
-
-def interpolate(table: Any, share: Any) -> Any:
-    """Linear interpolation in `table` (n,), whose first entry is no value, at `share` 0 to 1 of its length; no CasADi."""
-    if _casadi(share):
-        raise PlantError(
-            "a curve that is known by its values has no formula for the MPC to believe in; name another"
-        )
-    x = np.minimum(share * (len(table) - 2), len(table) - 2 - 1e-9)
-    k = np.floor(x).astype(int)
-    return table[k + 1] + (x - k) * (table[k + 2] - table[k + 1])
-
-
-# --- Numba ---------------------------------------------------------------------------------------
-
-
-@overload(where, jit_options=INLINED)
-def _where(condition, if_true, if_false):
-    def select(condition, if_true, if_false):
-        return if_true if condition else if_false
-
-    return select
-
-
-@overload(minimum, jit_options=INLINED)
-def _minimum(a, b):
-    def smaller(a, b):
-        return a if a < b else b
-
-    return smaller
-
-
-@overload(maximum, jit_options=INLINED)
-def _maximum(a, b):
-    def larger(a, b):
-        return a if a > b else b
-
-    return larger
-
-
-@overload(absolute, jit_options=INLINED)
-def _absolute(x):
-    def magnitude(x):
-        return math.fabs(x)
-
-    return magnitude
-
-
-@overload(sqrt, jit_options=INLINED)
-def _sqrt(x):
-    def root(x):
-        return math.sqrt(x)
-
-    return root
-
-
 def _write_exponent(typing_context, k):
 
     def generate(context, builder, signature, arguments):
@@ -144,8 +41,18 @@ def _write_exponent(typing_context, k):
 _power_of_two: Any = intrinsic(_write_exponent)
 """2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
 
+
+def _polynomial(*coefficients: float) -> Any:
+    """Horner's scheme with these coefficients, that of the highest power first; a chain of calls that are inlined."""
+    last = coefficients[-1]
+    if len(coefficients) == 1:
+        return equation(lambda x: last)
+    before = _polynomial(*coefficients[:-1])
+    return equation(lambda x: before(x) * x + last)
+
+
 # exp(r) on |r| <= ln(2)/2: Taylor terms up to r**13/13!, remainder below 5e-18.
-_EXP = tuple(1.0 / math.factorial(k) for k in range(14))
+_EXP = _polynomial(*(1.0 / math.factorial(k) for k in range(13, -1, -1)))
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # Cody and Waite
 _LOG2_E = 1.4426950408889634
 
@@ -158,46 +65,18 @@ def _exp_polynomial(x):
     bounded = 700.0 if bounded > 700.0 else bounded
     k = np.floor(bounded * _LOG2_E + 0.5)
     r = (bounded - k * _LN2_HIGH) - k * _LN2_LOW
-    p = _EXP[13]
-    p = p * r + _EXP[12]
-    p = p * r + _EXP[11]
-    p = p * r + _EXP[10]
-    p = p * r + _EXP[9]
-    p = p * r + _EXP[8]
-    p = p * r + _EXP[7]
-    p = p * r + _EXP[6]
-    p = p * r + _EXP[5]
-    p = p * r + _EXP[4]
-    p = p * r + _EXP[3]
-    p = p * r + _EXP[2]
-    p = p * r + 1.0
-    p = p * r + 1.0
-    return p * _power_of_two(k)
-
-
-@overload(exp, jit_options=INLINED)
-def _exp(x):
-    def exponential(x):
-        return _exp_polynomial(x + 0.0)
-
-    return exponential
+    return _EXP(r) * _power_of_two(k)
 
 
 # atan on [0, tan(pi/8)] after two reductions; odd rational minimax of the Cephes library.
-_ATAN_P = (
-    -8.750608600031904122785e-1,
-    -1.615753718733365076637e1,
-    -7.500855792314704667340e1,
-    -1.228866684490136173410e2,
-    -6.485021904942025371773e1,
-)
-_ATAN_Q = (
-    2.485846490142306297962e1,
-    1.650270098316988542046e2,
-    4.328810604912902668951e2,
-    4.853903996359136964868e2,
-    1.945506571482613964425e2,
-)
+_ATAN_P = _polynomial(
+    -8.750608600031904122785e-1, -1.615753718733365076637e1, -7.500855792314704667340e1,
+    -1.228866684490136173410e2, -6.485021904942025371773e1,
+)  # fmt: skip
+_ATAN_Q = _polynomial(
+    1.0, 2.485846490142306297962e1, 1.650270098316988542046e2, 4.328810604912902668951e2,
+    4.853903996359136964868e2, 1.945506571482613964425e2,
+)  # fmt: skip
 _TAN_3PI_8 = 2.41421356237309504880
 
 
@@ -211,20 +90,12 @@ def _atan_polynomial(x):
     offset = 0.5 * math.pi if large else (0.25 * math.pi if middle else 0.0)
     t = numerator / denominator
     z = t * t
-    p = (((_ATAN_P[0] * z + _ATAN_P[1]) * z + _ATAN_P[2]) * z + _ATAN_P[3]) * z + _ATAN_P[4]
-    q = ((((z + _ATAN_Q[0]) * z + _ATAN_Q[1]) * z + _ATAN_Q[2]) * z + _ATAN_Q[3]) * z + _ATAN_Q[4]
-    y = offset + (t + t * z * p / q)
+    y = offset + (t + t * z * _ATAN_P(z) / _ATAN_Q(z))
     return y if x >= 0.0 else -y
 
 
-@overload(atan, jit_options=INLINED)
-def _atan(x):
-    def inverse_tangent(x):
-        return _atan_polynomial(x + 0.0)
-
-    return inverse_tangent
-
-
+# Taylor terms from r**3/3! up to r**21/21!, over r**3: remainder below 2e-18 at |r| = pi/2
+_SINE = _polynomial(*((-1.0) ** k / math.factorial(2 * k + 1) for k in range(10, 0, -1)))
 _PI_HIGH, _PI_LOW = 3.14159265160560607910, 1.98418714791870343106e-09
 
 
@@ -233,28 +104,41 @@ def _sine_polynomial(x):
     k = np.floor(x * (1.0 / math.pi) + 0.5)
     r = (x - k * _PI_HIGH) - k * _PI_LOW
     z = r * r
-    # Taylor terms up to r**21/21!: remainder below 2e-18 at |r| = pi/2
-    p = 1.0 / 51090942171709440000.0
-    p = p * z - 1.0 / 121645100408832000.0
-    p = p * z + 1.0 / 355687428096000.0
-    p = p * z - 1.0 / 1307674368000.0
-    p = p * z + 1.0 / 6227020800.0
-    p = p * z - 1.0 / 39916800.0
-    p = p * z + 1.0 / 362880.0
-    p = p * z - 1.0 / 5040.0
-    p = p * z + 1.0 / 120.0
-    p = p * z - 1.0 / 6.0
-    p = r + r * z * p
     odd = k - 2.0 * np.floor(0.5 * k)
-    return p * (1.0 - 2.0 * odd)
+    return (r + r * z * _SINE(z)) * (1.0 - 2.0 * odd)
 
 
-@overload(sine, jit_options=INLINED)
-def _sine(x):
-    def polynomial_sine(x):
-        return _sine_polynomial(x + 0.0)
+def _operation(plain: Callable[..., Any], symbolic: str, compiled: Callable[..., Any]) -> Any:
+    """An elementwise operation: `plain` for NumPy, CasADi's function `symbolic`, and what is `compiled` in its place."""
 
-    return polynomial_sine
+    def operation(*operands: Any) -> Any:
+        casadi = _casadi(*operands)
+        return getattr(casadi, symbolic)(*operands) if casadi else plain(*operands)
+
+    overload(operation, jit_options=INLINED, strict=False)(lambda *operands: compiled)
+    return operation
+
+
+where = _operation(np.where, "if_else", lambda condition, a, b: a if condition else b)
+"""`a` where `condition` holds, else `b`; both are evaluated."""
+minimum = _operation(np.minimum, "fmin", lambda a, b: a if a < b else b)
+maximum = _operation(np.maximum, "fmax", lambda a, b: a if a > b else b)
+absolute = _operation(np.abs, "fabs", lambda x: math.fabs(x))
+sqrt = _operation(np.sqrt, "sqrt", lambda x: math.sqrt(x))
+exp = _operation(np.exp, "exp", lambda x: _exp_polynomial(x + 0.0))
+atan = _operation(np.arctan, "atan", lambda x: _atan_polynomial(x + 0.0))
+sine = _operation(np.sin, "sin", lambda x: _sine_polynomial(x + 0.0))
+
+
+def interpolate(table: Any, share: Any) -> Any:
+    """Linear interpolation in `table` (n,), whose first entry is no value, at `share` 0 to 1 of its length; no CasADi."""
+    if _casadi(share):
+        raise PlantError(
+            "a curve that is known by its values has no formula for the MPC to believe in; name another"
+        )
+    x = np.minimum(share * (len(table) - 2), len(table) - 2 - 1e-9)
+    k = np.floor(x).astype(int)
+    return table[k + 1] + (x - k) * (table[k + 2] - table[k + 1])
 
 
 @overload(interpolate, jit_options=INLINED)

@@ -1,7 +1,9 @@
 """The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients and tunnels."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,39 +90,27 @@ class Rail:
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:
-        PlantError.check(
-            "rail",
-            self,
-            positive=(
-                "level",
-                "scatter_length",
-                "conditioning_slip",
-                "cleaning_spacing",
-                "rear_axles",
-            ),
-            nonnegative=("scatter", "conditioning"),
-        )
-        if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
-            raise PlantError(
-                f"rail: speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
-            )
-        for name in ("speed_law", "rear_speed_law"):
-            law = getattr(self, name)
-            if law is None or isinstance(law, str):
-                continue
-            if len(law) != 3 or not all(math.isfinite(x) for x in law) or not law[1] > 0.0:
-                raise PlantError(
-                    f"rail: {name} = {law} must be three finite numbers, the offset > 0"
-                )
-        offset = self.speed_law_coefficients()[1]
-        if self.rear_speed_law is not None and self.rear_speed_law[1] != offset:
-            raise PlantError(
-                f"rail: rear_speed_law = {self.rear_speed_law} must have the offset {offset} of speed_law"
-            )
-        if not isinstance(self.seed, int) or self.seed < 0:
-            raise PlantError(f"rail: seed = {self.seed!r} must be a whole number, 0 or greater")
+        lengths = ("scatter_length", "cleaning_spacing", "rear_axles")
+        positive = ("level", *lengths, "conditioning_slip")
+        PlantError.check("rail", self, positive, nonnegative=("scatter", "conditioning"))
         if self.increments is not None:
             PlantError.check("rail", self, finite=("increments[]",))
+        for fault in self._faults():
+            raise PlantError(f"rail: {fault}")
+
+    def _faults(self) -> Iterator[str]:
+        if isinstance(self.speed_law, str) and self.speed_law not in SPEED_LAWS:
+            yield f"speed_law = {self.speed_law!r} is unknown; choose from {', '.join(SPEED_LAWS)}"
+        for name in ("speed_law", "rear_speed_law"):
+            law = getattr(self, name)
+            own = law is not None and not isinstance(law, str)
+            if own and not (len(law) == 3 and all(map(math.isfinite, law)) and law[1] > 0.0):
+                yield f"{name} = {law} must be three finite numbers, the offset > 0"
+        (_, offset, _), (_, rear_offset, _) = self._laws()
+        if rear_offset != offset:
+            yield f"rear_speed_law = {self.rear_speed_law} must have the offset {offset} of speed_law"
+        if not isinstance(self.seed, int) or self.seed < 0:
+            yield f"seed = {self.seed!r} must be a whole number, 0 or greater"
 
     def __repr__(self) -> str:
         law = self.speed_law if isinstance(self.speed_law, str) else "own"
@@ -129,30 +119,22 @@ class Rail:
             f"scatter {self.scatter:g}, {type(self.curve).__name__}>"
         )
 
-    def speed_law_coefficients(self) -> tuple[float, float, float]:
-        """Numerator, offset and constant of the speed law, scaled by `level`."""
-        a, b, c = SPEED_LAWS[self.speed_law] if isinstance(self.speed_law, str) else self.speed_law
-        return self.level * a, b, self.level * c
+    def _laws(self) -> list[tuple[float, float, float]]:
+        """Numerator, offset and constant of the speed law in front and of the one far back, scaled by `level`."""
+        front = SPEED_LAWS[self.speed_law] if isinstance(self.speed_law, str) else self.speed_law
+        return [
+            (self.level * a, b, self.level * c) for a, b, c in (front, self.rear_speed_law or front)
+        ]
 
     def axle_laws(self, axle_count: int) -> NDArray[np.float64]:
         """Numerator, offset and constant of every axle's speed law from the front, scaled by `level`, (3, axles)."""
-        front = np.array(self.speed_law_coefficients())[:, None]
-        if self.rear_speed_law is None:
-            return np.repeat(front, axle_count, axis=1)
-        a, b, c = self.rear_speed_law
-        rear = np.array([self.level * a, b, self.level * c])[:, None]
-        share = -np.expm1(-np.arange(axle_count) / self.rear_axles)
-        laws: NDArray[np.float64] = front + (rear - front) * share
-        return laws
+        front, rear = np.array(self._laws())[:, :, None]
+        return front - (rear - front) * np.expm1(-np.arange(axle_count) / self.rear_axles)
 
     def greatest_peak(self) -> float:
         """Estimate from above of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
-        laws = [self.speed_law_coefficients()]
-        if self.rear_speed_law is not None:
-            a, b, c = self.rear_speed_law
-            laws.append((self.level * a, b, self.level * c))
         # an axle's law lies between the two
-        base = max(max(a / b, 0.0) + c for a, b, c in laws)
+        base = max(max(a / b, 0.0) + c for a, b, c in self._laws())
         for patch in self.patches:
             base *= max(patch.factor, 1.0)
         growth = max(self.increments or (0.0,))
@@ -162,11 +144,8 @@ class Rail:
         """Scatter at its knots, (NOISE_KNOTS,); its standard deviation along the rail is `scatter`."""
         if self.scatter == 0.0:
             return np.zeros(NOISE_KNOTS)
-        generator = np.random.default_rng(self.seed)
-        table: NDArray[np.float64] = (
-            self.scatter * KNOT_SCATTER * generator.standard_normal(NOISE_KNOTS)
-        )
-        return table
+        draws = np.random.default_rng(self.seed).standard_normal(NOISE_KNOTS)
+        return np.asarray(self.scatter * KNOT_SCATTER * draws)
 
 
 @dataclass(frozen=True)
@@ -188,12 +167,10 @@ class Line:
         PlantError.check(
             "line", self, positive=("tunnel_factor", "spacing"), finite=("stations[]", "grades[]")
         )
-        if len(self.stations) != len(self.grades) or not self.stations:
-            raise PlantError(
-                f"line: {len(self.stations)} stations and {len(self.grades)} grades; give as many of "
-                "each, at least one"
-            )
-        if any(b < a for a, b in zip(self.stations, self.stations[1:], strict=False)):
+        stations, grades = len(self.stations), len(self.grades)
+        if stations != grades or not stations:
+            raise PlantError(f"line: {stations} stations and {grades} grades; give as many of each")
+        if any(b < a for a, b in pairwise(self.stations)):
             raise PlantError("line: stations must not fall")
         for start, end in self.tunnels:
             if not start < end:

@@ -64,7 +64,7 @@ def peak_field(s, e, layout, time, state, cleaning, w, peak):
                 knot[b] = (state[body, b] + offset) / e.noise_length[b]
             for b in range(
                 lanes
-            ):  # look-ups apart: LLVM does not vectorise them, but what surrounds them
+            ):  # apart: LLVM does not vectorise look-ups, but what surrounds them
                 k = int(np.floor(knot[b]))
                 before[b] = e.noise[b, k % NOISE_KNOTS]
                 after[b] = e.noise[b, (k + 1) % NOISE_KNOTS]
@@ -73,15 +73,9 @@ def peak_field(s, e, layout, time, state, cleaning, w, peak):
                 scatter[b] = interpolate_noise(before[b], after[b], fraction)
         for b in range(lanes):
             peak[i, b] = peak_coefficient(
-                state[layout.bodies + body, b],
-                e.law[0, i, b],
-                e.law[1, i, b],
-                e.law[2, i, b],
-                product[b],
-                e.increment[i, b],
-                scatter[b],
-                e.conditioning[0, b] * cleaning[i, b],
-            )
+                state[layout.bodies + body, b], e.law[0, i, b], e.law[1, i, b], e.law[2, i, b],
+                product[b], e.increment[i, b], scatter[b], e.conditioning[0, b] * cleaning[i, b],
+            )  # fmt: skip
 
 
 @inlined_jit

@@ -1,6 +1,6 @@
 """From a train to the arrays that the plant computes with."""
 
-from dataclasses import dataclass
+from dataclasses import astuple
 from typing import NamedTuple
 
 import numpy as np
@@ -42,9 +42,8 @@ class Structure(NamedTuple):
     shoe_friction: Floats  # (axles, 3)
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Rows of the state array (rows, lanes)."""
+class Layout(NamedTuple):
+    """Sizes of a train, and with them the rows of the state array (rows, lanes)."""
 
     bodies: int
     axles: int
@@ -169,9 +168,7 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
             axis=1,
         ),
         body_mass=np.array([mass.sum()]) if rigid else mass,
-        coupler=np.array(
-            [[k.stiffness, k.stiffening, k.damping, k.slack] for k in train.couplers or ()]
-        ).reshape(-1, 4),
+        coupler=np.array([astuple(coupler) for coupler in train.couplers or ()]).reshape(-1, 4),
         unit_axles=np.array([float(count) for _, count in units]),
         unit_lag=np.array([motor.torque_lag for motor, _ in motors]),
         unit_gear=np.array([motor.gear_ratio for motor, _ in motors]),
@@ -182,11 +179,5 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         shoe_gain=axle["shoe_gain"],
         shoe_friction=axle["shoe_friction"],
     )
-    layout = Layout(
-        bodies=structure.body_mass.size,
-        axles=len(axles),
-        cars=len(cars),
-        units=len(units),
-        groups=len(brakes),
-    )
-    return structure, layout
+    sizes = (structure.body_mass.size, len(axles), len(cars), len(units), len(brakes))
+    return structure, Layout(*sizes)

@@ -78,10 +78,15 @@ class AllocationProblem:
             rate = np.full(cap.size, self.rate) if np.ndim(self.rate) == 0 else self.rate
             put(self, "rate", _coefficients("rate", rate, cap.size))
 
+    def _given(self, name: str, otherwise: Floats) -> Floats:
+        """Field `name`, which construction made an array, or what holds where none was given."""
+        values = getattr(self, name)
+        return _frozen(otherwise) if values is None else values
+
     @cached_property
     def weight(self) -> Floats:
         """Mass of each unit, ones where none was given, (n,)."""
-        return _frozen(np.ones(self.n)) if self.mass is None else _array(self.mass)
+        return self._given("mass", np.ones(self.n))
 
     @cached_property
     def box(self) -> tuple[Floats, Floats]:
@@ -93,22 +98,20 @@ class AllocationProblem:
         if not self.slip:
             return np.zeros(self.n), np.full(self.n, np.inf)
         lower, upper = self.rate_box
-        upper = np.minimum(upper, _array(self.cap))
+        upper = np.minimum(upper, self.cap)
         return np.minimum(lower, upper), upper
 
     @cached_property
     def torque_limit(self) -> Floats:
         """`limit_max`, infinite where none was given, (n,)."""
-        return (
-            _frozen(np.full(self.n, np.inf)) if self.limit_max is None else _array(self.limit_max)
-        )
+        return self._given("limit_max", np.full(self.n, np.inf))
 
     @cached_property
     def rate_box(self) -> tuple[Floats, Floats]:
         """As `box`, without the caps: what bounds a unit that knows nothing of adhesion."""
         lower, upper = np.zeros(self.n), self.torque_limit
         if self.previous is not None and self.rate is not None:
-            previous, rate = _array(self.previous), _array(self.rate)
+            previous, rate = np.asarray(self.previous), np.asarray(self.rate)
             upper = np.minimum(upper, previous + rate)
             lower = np.minimum(np.maximum(previous - rate, 0.0), upper)
         return lower, upper
@@ -116,21 +119,17 @@ class AllocationProblem:
     @cached_property
     def in_force(self) -> Floats:
         """`previous`, the plan where none was given, (n,)."""
-        if self.previous is None:
-            return _frozen(np.full(self.n, self.expected))
-        return _array(self.previous)
+        return self._given("previous", np.full(self.n, self.expected))
 
     @cached_property
     def obtained(self) -> Floats:
         """`delivered`; where none was given, what the caps carry of the limits in force, (n,)."""
-        if self.delivered is None:
-            return _frozen(np.minimum(self.in_force, _array(self.cap)))
-        return _array(self.delivered)
+        return self._given("delivered", np.minimum(self.in_force, self.cap))
 
     @cached_property
     def available(self) -> Floats:
         """`truth`, the caps where none was given, (n,)."""
-        return _array(self.cap if self.truth is None else self.truth)
+        return self._given("truth", np.asarray(self.cap))
 
     @cached_property
     def within_reach(self) -> bool:
@@ -171,11 +170,6 @@ def _frozen(array: Floats) -> Floats:
     return array
 
 
-def _array(values: Any) -> Floats:
-    """An attribute that construction has already made an array."""
-    return values
-
-
 def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
     """A read-only copy of `values`, (n,); raises `AllocationError` where it is none."""
     try:
@@ -189,11 +183,8 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
     if n is not None and array.shape != (n,):
         raise AllocationError(f"{name} has shape {array.shape}, must be ({n},) as cap has")
     may_be_infinite = name in ("limit_max", "rate")
-    wrong = np.isnan(array) | (array < 0.0)
-    if not may_be_infinite:
-        wrong |= np.isinf(array)
-    if name == "mass":
-        wrong |= array == 0.0
+    largest = np.inf if may_be_infinite else np.finfo(float).max
+    wrong = ~((array >= 0.0) & (array <= largest)) | ((name == "mass") & (array == 0.0))
     if wrong.any():
         j = int(np.argmax(wrong))
         kind = "a number" if may_be_infinite else "finite and"

@@ -45,10 +45,7 @@ class Workspace:
         from scipy import sparse
 
         # "inaccurate" is within ten times the tolerances; what matters is checked below
-        self.solved = (
-            osqp.SolverStatus.OSQP_SOLVED,
-            osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
-        )
+        self.solved = (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE)
         self.n = n
         self.weight = np.ones(n)
         self.lower, self.upper = np.zeros(n + 1), np.ones(n + 1)
@@ -68,9 +65,7 @@ class Workspace:
         changes: dict[str, Any] = {}
         if not np.array_equal(weight, self.weight):
             self.weight = weight.copy()
-            self.matrix_data[::2] = (
-                weight  # each column holds its entry of the sum, then of the box
-            )
+            self.matrix_data[::2] = weight  # a column holds its entry of the sum, then of the box
             changes = {"Px": self.weight, "q": -self.weight, "Ax": self.matrix_data}
         self.lower[0] = self.upper[0] = total
         self.lower[1:], self.upper[1:] = lower, upper
@@ -92,10 +87,8 @@ def checked(
     return inside, "ok"
 
 
-@lru_cache(maxsize=256)
-def workspace(n: int) -> Workspace:
-    """The workspace for n units, set up on first use."""
-    return Workspace(n)
+workspace = lru_cache(maxsize=256)(Workspace)
+"""The workspace for n units, set up on first use."""
 
 
 def answer_qp(problem: AllocationProblem, name: str = "qp") -> Allocation:
@@ -110,13 +103,8 @@ def answer_qp(problem: AllocationProblem, name: str = "qp") -> Allocation:
 def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
     """w, lower and upper bounds of z, and the sum of w z that the bounds allow, nearest to n."""
     lower, upper = problem.box
-    weight = problem.weight / problem.weight.mean()
-    return (
-        weight,
-        lower / problem.expected,
-        upper / problem.expected,
-        problem.n * problem.attainable / problem.expected,
-    )
+    weight, plan = problem.weight / problem.weight.mean(), problem.expected
+    return weight, lower / plan, upper / plan, problem.n * problem.attainable / plan
 
 
 def finished(

@@ -36,10 +36,8 @@ class Formulation:
         )
 
 
-@lru_cache(maxsize=64)
-def formulation(n: int) -> Formulation:
-    """The formulation for n units, built on first use."""
-    return Formulation(n)
+formulation = lru_cache(maxsize=64)(Formulation)
+"""The formulation for n units, built on first use."""
 
 
 def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:

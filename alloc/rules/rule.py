@@ -87,6 +87,5 @@ RULES: Registry[Rule] = Registry(
 """Every rule by name: what there was before, the patent's, exact ones, and the one that knows the truth."""
 
 
-def find_rule(name: str) -> Rule:
-    """The rule called `name`; raises `AllocationError` with the nearest name for one that does not exist."""
-    return RULES.find(name)
+find_rule = RULES.find
+"""The rule of a name; raises `AllocationError` with the nearest name for one that does not exist."""

@@ -16,7 +16,7 @@ from alloc.driving import Controls, TrainSense, drive
 from alloc.estimation.brake_shortfall import CalibrationErrors, Shortfalls, find_shortfalls
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.event import DriverCommand, Event
-from alloc.onboard import Belief, Onboard, Sensors
+from alloc.onboard.parameters import Belief, Onboard, Sensors
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, logarithmic_increments

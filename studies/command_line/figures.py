@@ -26,14 +26,9 @@ def figures(
         Number of processes for that [default: one per core].
     """
     from studies.core.gallery import gallery
-    from studies.files.study_error import unknown
 
-    known = gallery().descriptions()
-    for name in names:
-        if name not in known:
-            raise unknown("figure", name, known)
     count = process_count(jobs)
     with progress() as on_row:
-        written = gallery().draw_figures(names or tuple(known), out, results, count, on_row)
+        written = gallery().draw_figures(names, out, results, count, on_row)
     for path in written:
         print(path)

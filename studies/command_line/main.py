@@ -57,8 +57,7 @@ def launch(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130."""
-    from alloc.errors import EstimationError, PlantError
-    from alloc.onboard import OnboardError
+    from alloc.errors import EstimationError, OnboardError, PlantError
     from alloc.rules import AllocationError
     from alloc.simulation import SimulationError
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.onboard import OnboardError
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, UnitContext, UnitSense
 from alloc.plant import compiled
@@ -35,7 +35,7 @@ def rehearse_plant(scenario: Scenario) -> None:
     event = scenario.event(0)
     model = event.model
     compiled.advance(
-        model.structure, model.environment, compiled.rows(model.layout), 0.0, event.step, 1,
+        model.structure, model.environment, model.layout, 0.0, event.step, 1,
         model.initial_state(), model.zero_inputs(), compiled.workspace(model, event.step),
     )  # fmt: skip
 

@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from studies.core.cell import OnRow
     from studies.core.store import Store
 
-GROUP = "readhesion.figures"
-"""Entry points: `gallery` is a `Gallery`; any other is a module that registers figures of its own."""
+GROUP = "readhesion.gallery"
+"""Entry points of what draws; figures of further packages stand in the group `readhesion.figures`."""
 
 
 class Gallery(Protocol):
@@ -32,9 +33,9 @@ class Gallery(Protocol):
         out: str | Path,
         results: str | Path,
         jobs: int = 1,
-        on_row: Callable[[str, int, int], None] | None = None,
+        on_row: "OnRow | None" = None,
     ) -> list[Path]:
-        """Draw figures by name from `results`, in which what is missing is run first; returns the files."""
+        """Draw figures by name [default: all] from `results`, in which what is missing is run first; returns the files."""
 
     def draw_comparison(self, table: "pd.DataFrame", store: "Store", out: str | Path) -> list[str]:
         """Draw the figures of a comparison; returns their names."""
@@ -48,7 +49,6 @@ class Gallery(Protocol):
 
 def gallery() -> Gallery:
     """What is installed to draw figures; raises `StudyError` if nothing is."""
-    found = entry_points(group=GROUP, name="gallery")
-    if not found:
-        raise StudyError("nothing is installed that draws figures; run `make setup`")
-    return cast(Gallery, next(iter(found)).load())
+    for found in entry_points(group=GROUP):
+        return cast(Gallery, found.load())
+    raise StudyError("nothing is installed that draws figures; run `make setup`")

@@ -17,6 +17,11 @@ class Strict(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, str_strip_whitespace=True
     )
 
+    @classmethod
+    def complete(cls) -> type[BaseModel]:
+        """The record with all its keys; one to which parts bring keys of their own has more than its class says."""
+        return cls
+
 
 class Foreign(BaseModel):
     """A frozen record of somebody else's format: keys that this project does not use are passed over."""
@@ -86,6 +91,7 @@ def _model_at(kind: type[BaseModel], place: tuple[int | str, ...]) -> type[BaseM
     for part in place:
         if isinstance(part, str) and part in kind.model_fields:
             kind = _record_in(kind.model_fields[part].annotation) or kind
+            kind = kind.complete() if issubclass(kind, Strict) else kind
     return kind
 
 

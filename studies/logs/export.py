@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.estimation.applied_force import applied_force
-from alloc.estimation.measured_run import MeasuredTrain
+from alloc.estimation.measured_run import MeasuredTrain, applied_force
 from alloc.plant.train import Train
 from studies.files.study_error import StudyError
 from studies.logs.columns import column_of

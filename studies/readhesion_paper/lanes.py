@@ -22,6 +22,7 @@ from alloc.plant import compiled
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from alloc.plant.right_side import peak_field
 from alloc.plant.train import Train
 
 Floats = NDArray[np.float64]
@@ -114,7 +115,7 @@ def _run(plant, timing, tables, drive, record):
             inputs.torque_command[0, b] = tables.torque[b]
         if k % timing.record_ticks == 0:
             n = k // timing.record_ticks
-            compiled.peak_field(s, e, rows, time, state, inputs.cleaning, w, w.peak)
+            peak_field(s, e, rows, time, state, inputs.cleaning, w, w.peak)
             for b in range(lanes):
                 for i in range(state.shape[0]):
                     record.state[n, i, b] = state[i, b]
@@ -175,7 +176,7 @@ def simulate_tables(
         states = np.zeros((records, n.rows, own.lanes))
         record = LaneRecord(states, *(np.zeros((records, own.lanes)) for _ in range(3)))
         plant = Plant(
-            own.structure, own.environment, compiled.rows(n), own.initial_state(), own.zero_inputs(),
+            own.structure, own.environment, n, own.initial_state(), own.zero_inputs(),
             compiled.workspace(own, timing.step),
         )  # fmt: skip
         _run(plant, timing, TableLanes(*constants[:, part].copy(), *memory), drive, record)

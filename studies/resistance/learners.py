@@ -16,7 +16,7 @@ from alloc.estimation.running_resistance import (
 )
 from alloc.event import DriverCommand, Event
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Onboard
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.resistance import WEIGHTS
 from alloc.plant.model import build

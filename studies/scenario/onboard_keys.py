@@ -1,9 +1,14 @@
 """What a scenario file says about the equipment on board, and what the train believes."""
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from alloc.onboard import Belief, Onboard
+from pydantic import BaseModel, ConfigDict, create_model, model_validator
+
+from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import HostedController
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
 from studies.files.strict import Strict
 from studies.files.units import si
@@ -24,8 +29,49 @@ class BeliefKeys(Strict):
 _Equipment: Any = keys_of(Onboard)
 
 
+def _hosted_controllers() -> dict[str, Any]:
+    """Hosted controllers that have settings, by the name of their table."""
+    found = {}
+    for name in CONTROLLERS:
+        with suppress(ImportError, AttributeError):  # one that needs what is not installed
+            controller = CONTROLLERS[name]
+            if isinstance(controller, HostedController) and controller.settings is not None:
+                found[name.replace("-", "_")] = controller
+    return found
+
+
 class OnboardKeys(_Equipment):
-    """Equipment of the train: `[onboard]`; its tables and keys are the fields of `alloc.onboard.Onboard`."""
+    """Equipment of the train: `[onboard]`; its tables and keys are the fields of `alloc.onboard.Onboard`.
+
+    A hosted controller that has settings has a table too, `[onboard.mpc_car]` for "mpc-car": the fields of their record.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    @classmethod
+    def complete(cls) -> type[BaseModel]:
+        """All keys, those of hosted controllers included, which may come with plug-ins."""
+        tables: Any = {
+            name: (keys_of(controller.settings), None)
+            for name, controller in _hosted_controllers().items()
+        }
+        return create_model("OnboardKeys", __base__=_Equipment, **tables)
+
+    @model_validator(mode="after")
+    def _fits(self) -> "OnboardKeys":
+        self.hosted()
+        return self
+
+    def hosted(self) -> dict[str, Any]:
+        """Settings of hosted controllers, by the controller's name."""
+        if not self.model_extra:
+            return {}
+        keys = self.complete().model_validate(self.model_extra)
+        return {
+            controller.name: built(getattr(keys, table), controller.settings)
+            for table, controller in _hosted_controllers().items()
+            if table in self.model_extra
+        }
 
     def onboard(
         self,
@@ -40,5 +86,5 @@ class OnboardKeys(_Equipment):
             "increments": (belief.increments or true_increments).increments(axles),
             "curve": true_curve if belief.curve is None else belief.curve.curve(),
         }
-        equipment = built(self, Onboard, belief=Belief(**believed))
+        equipment = built(self, Onboard, belief=Belief(**believed), hosted=self.hosted())
         return replace(equipment, sensors=replace(equipment.sensors, seed=seed))

@@ -14,8 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from alloc.errors import PlantError
-from alloc.onboard import OnboardError
+from alloc.errors import OnboardError, PlantError
 from alloc.onboard.equipment import equipment
 from alloc.plant.adhesion import CURVES
 from alloc.plant.model import build

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from alloc.event import DriverCommand, Event
 from alloc.metrics.motion import damage, distance
 from alloc.metrics.slide import air_consumption, locked_time
-from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
+from alloc.onboard.parameters import Braking, Onboard
+from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

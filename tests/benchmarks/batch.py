@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from alloc.errors import PlantError
-from alloc.plant.compiled import advance, rows, workspace
+from alloc.plant.compiled import advance, workspace
 from alloc.plant.model import Floats, Inputs, Model
 
 
@@ -43,7 +43,7 @@ class Batch:
             model, part = self._models[k], self._slices[k]
             own = Inputs(*(np.ascontiguousarray(values[:, part]) for values in inputs))
             end: float = advance(
-                model.structure, model.environment, rows(model.layout),
+                model.structure, model.environment, model.layout,
                 time, self.step, steps, self._states[k], own, self._workspaces[k],
             )  # fmt: skip
             return end

@@ -50,7 +50,7 @@ def _inputs(model: Model) -> Inputs:
 def _compiled(lanes: int):
     model = _model(lanes)
     inputs, w = _inputs(model), compiled.workspace(model, STEP)
-    sizes, start = compiled.rows(model.layout), model.initial_state(SPEED)
+    sizes, start = model.layout, model.initial_state(SPEED)
 
     def advance(steps):
         state = start.copy()

@@ -11,7 +11,6 @@ from alloc.estimation.running_resistance import (
     LeastSquaresLearner,
     NormalisedGradientLearner,
     gradient_step,
-    normalised_step,
 )
 from alloc.onboard.speed_control.resistance import Motion, regressor
 
@@ -73,9 +72,12 @@ def test_the_gradient_diverges_beyond_its_bound():
 def test_the_normalised_gradient_does_not_depend_on_units(seed, units, force_unit):
     z, c = motions(seed, 1)[0], np.array(units)
     error = float((TRUE - WRONG) @ z)
-    plain = normalised_step(WRONG, z, error, 0.3, TYPICAL)
+    one = NormalisedGradientLearner(WRONG, 0.3, TYPICAL)
+    one.update(z, error)
     # weights in other units: z in units of c, forces in force_unit
-    scaled = normalised_step(WRONG * force_unit / c, z * c, error * force_unit, 0.3, TYPICAL * c)
+    other = NormalisedGradientLearner(WRONG * force_unit / c, 0.3, TYPICAL * c)
+    other.update(z * c, error * force_unit)
+    plain, scaled = one.weights, other.weights
     np.testing.assert_allclose(scaled * c / force_unit, plain, rtol=1e-9)
     assert float((TRUE - plain) @ z) == pytest.approx(0.7 * error, rel=1e-6, abs=1e-6)
 

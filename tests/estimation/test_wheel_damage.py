@@ -92,15 +92,15 @@ def test_noise_passes_into_the_force_as_documented():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"time": TIME[::-1]}, "time must be finite and grow"),
+        ({"time": TIME[::-1]}, "time must grow"),
         ({"time": TIME[:1]}, "two instants"),
-        ({"applied_force": np.zeros((5, 2))}, "applied_force: shape"),
-        ({"angular_speed": np.zeros((TIME.size, 3))}, "angular_speed: shape"),
-        ({"speed": np.where(TIME[7] == TIME, np.nan, 1.0)}, "speed: nan at instant 7"),
-        ({"speed": np.zeros(3)}, "speed: shape"),
+        ({"applied_force": np.zeros((5, 2))}, "applied_force has shape"),
+        ({"angular_speed": np.zeros((TIME.size, 3))}, "angular_speed has shape"),
+        ({"speed": np.where(TIME[7] == TIME, np.nan, 1.0)}, r"speed holds nan at \(7,\)"),
+        ({"speed": np.zeros(3)}, "speed has shape"),
         ({"inertia": 0.0}, "inertia"),
         ({"radius": np.array([0.4, np.nan])}, "radius"),
-        ({"radius": np.array([0.4, 0.4, 0.4])}, "radius: shape"),
+        ({"radius": np.array([0.4, 0.4, 0.4])}, "radius has shape"),
     ],
 )
 def test_impossible_series_are_refused(changes, named):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from alloc.onboard import Belief, Braking, Onboard, Sensors
 from alloc.onboard.host import HostedController, each_unit
+from alloc.onboard.parameters import Belief, Braking, Onboard, Sensors
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail

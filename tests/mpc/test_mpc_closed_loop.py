@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Sensors
 from alloc.onboard.host import HostedController, each_unit
+from alloc.onboard.parameters import Sensors
 from alloc.simulation import simulate
 from mpc.hosted import MPC
 from mpc.settings import MpcSettings

@@ -4,9 +4,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
@@ -63,7 +63,7 @@ def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
     inputs = plant.zero_inputs()
     inputs.torque_command[:, 0] = command
     compiled.advance(
-        plant.structure, plant.environment, compiled.rows(n), 0.0, PERIOD / count, count, state,
+        plant.structure, plant.environment, n, 0.0, PERIOD / count, count, state,
         inputs, compiled.workspace(plant, PERIOD / count),
     )  # fmt: skip
     np.testing.assert_allclose(predicted, state[pick, 0], rtol=1e-11)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Braking, Onboard, Telegrams
 from alloc.onboard.host import UnitSense
+from alloc.onboard.parameters import Belief, Braking, Onboard, Telegrams
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set

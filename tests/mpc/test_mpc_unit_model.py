@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant import compiled
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -56,7 +56,7 @@ def _compare(curve, slip, step):
     inputs = plant.zero_inputs()
     inputs.torque_command[:] = 650.0
     compiled.advance(
-        plant.structure, plant.environment, compiled.rows(n), 0.0, step, round(PERIOD / step), state,
+        plant.structure, plant.environment, n, 0.0, step, round(PERIOD / step), state,
         inputs, compiled.workspace(plant, step),
     )  # fmt: skip
     return before, state[pick, 0], predicted

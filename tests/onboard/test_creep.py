@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard import Onboard, OnboardError, PerturbObserve, SteepestGradient
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.dispatch import control
-from alloc.onboard.controllers.perturb_observe import perturbed_step
+from alloc.onboard.controllers.perturb_observe import PerturbObserve, perturbed_step
 from alloc.onboard.controllers.pi_creep import hold_slip
-from alloc.onboard.controllers.steepest_gradient import gradient_step
+from alloc.onboard.controllers.steepest_gradient import SteepestGradient, gradient_step
 from alloc.onboard.equipment import equipment
 from alloc.onboard.memory import memory
+from alloc.onboard.parameters import Onboard
 from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -119,7 +120,7 @@ def obedient():
 
     def run(name, onboard, coefficient, time=30.0):
         eq = equipment(build(find_set("one-axle"), Rail(0.12)), onboard)
-        st = settings(onboard, RuleSettings(0, False, False, np.zeros(1)), name)
+        st = settings(onboard, RuleSettings(0, False, False), name)
         m = memory(eq, 5.0, 0.17)
         search = getattr(m.law, name.replace("-", "_"), None)
         to_torque = eq.axle_load[0] * eq.radius[0] / eq.gear[0]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard import Fuzzy, OnboardError, SlideProtection, Threshold
+from alloc.errors import OnboardError
 from alloc.onboard.slide_protection import LAWS
 from alloc.onboard.slide_protection.fuzzy import (
     HOLD,
@@ -18,7 +18,12 @@ from alloc.onboard.slide_protection.fuzzy import (
     memberships,
     valve_action,
 )
-from alloc.onboard.slide_protection.parameters import SENSITIVITIES
+from alloc.onboard.slide_protection.parameters import (
+    SENSITIVITIES,
+    Fuzzy,
+    SlideProtection,
+    Threshold,
+)
 
 SLIP, RATE = (0.0, 0.05, 0.15), (-1.0, 0.0, 1.0)
 slips = st.floats(0.0, 1.0)

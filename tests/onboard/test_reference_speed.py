@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard import Belief, Onboard, OnboardError, ReferenceSpeed
-from alloc.onboard.reference_speed import acceleration_from_command, follow_reference
+from alloc.errors import OnboardError
+from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed
+from alloc.onboard.sensing import acceleration_from_command, follow_reference
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Braking, Fuzzy, Onboard, SlideProtection
 from alloc.onboard.equipment import equipment
 from alloc.onboard.memory import memory
+from alloc.onboard.parameters import Braking, Onboard
 from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.onboard.slide_protection.protect import protect
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -31,7 +32,7 @@ class Cars:
     def __init__(self, protection: SlideProtection, period: float = CYCLE) -> None:
         onboard = Onboard(period=period, braking=Braking(slide_protection=protection))
         self.eq = equipment(MODEL, onboard)
-        self.settings = settings(onboard, RuleSettings(0, False, False, np.zeros(0)), "none")
+        self.settings = settings(onboard, RuleSettings(0, False, False), "none")
         self.memory = memory(self.eq, SPEED, 0.1)
         self.valve = np.full((4, 1), np.nan)
         self.tick = 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.onboard import Telegrams
+from alloc.onboard.parameters import Telegrams
 from alloc.onboard.telegram_line import TelegramLine
 
 PERIOD = 0.1

@@ -3,7 +3,8 @@
 import pytest
 
 from paper_figs.source import Source
-from studies.core.runner import Grid, run_grid
+from studies.comparison.grid import Grid
+from studies.core.runner import run_cells
 from studies.core.store import Store
 from studies.scenario.loading import load_scenario
 
@@ -18,4 +19,4 @@ def source(tmp_path_factory) -> Source:
     )
     grid = Grid(scenarios, RULES, ("none", "cut-and-ramp"), (0, 1))
     store = Store(tmp_path_factory.mktemp("results"))
-    return Source(store, run_grid(grid, store))
+    return Source(store, run_cells(grid.jobs(), store))

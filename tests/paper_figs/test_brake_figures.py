@@ -12,10 +12,10 @@ from paper_figs.brake_force import (
 )
 from paper_figs.registry import FIGURES
 from paper_figs.source import Source
-from studies.brake_force import study as brake_force
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import BRAKED_AT, estimate, run_test
 from studies.core.store import Store
+from studies.core.study import Study
 from tests.studies.brake_tables import brake_table
 
 
@@ -63,10 +63,10 @@ def test_bars_are_means_over_the_stop_and_the_accused_stand_out():
 
 
 def test_the_shares_are_the_sweeps_where_it_was_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(brake_force, "stored", lambda folder: 7)
+    monkeypatch.setattr(Study, "held", lambda self, folder: 7)
     asked = []
     monkeypatch.setattr(
-        brake_force, "run", lambda folder, days, *_: asked.append(days) or brake_table()
+        Study, "run", lambda self, folder, days, *_: asked.append(days) or brake_table()
     )
     FIGURES["brake-cut-out"].make(Source(Store(tmp_path)))
     assert asked == [7]

@@ -15,9 +15,10 @@ from paper_figs.claims import (
 )
 from paper_figs.differences import differences
 from paper_figs.source import Source
-from studies.claims import study as claims
+from studies.claims.study import CLAIMS as CLAIM_STUDY
 from studies.core.store import Store
-from studies.differences import study as sweep
+from studies.core.study import Study
+from studies.differences.study import DIFFERENCES
 from tests.studies.sweep_tables import claim_table as synthetic
 
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
@@ -32,7 +33,7 @@ def whole(axes) -> float:
 def test_the_forest_starts_with_the_number_of_the_statement(claim):
     table = synthetic(80)
     figure = CLAIMS[claim](table)
-    statement = next(s for s in claims.statements(table) if s.name == claim)
+    statement = next(s for s in CLAIM_STUDY.statements(table) if s.name == claim)
     value = next(iter(statement.numbers.values())).value
     factor = 1.0 if claim == "d" else 100.0
     assert whole(figure.axes[1]) == pytest.approx(factor * value)
@@ -64,17 +65,17 @@ def test_a_part_that_fails_stands_on_the_other_side():
 
 def test_the_table_is_the_sweeps_and_what_it_lacks_is_run(tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(claims, "run", lambda *arguments: asked.append(arguments))
+    monkeypatch.setattr(Study, "run", lambda self, *arguments: asked.append(arguments))
     source = Source(Store(tmp_path), None, 2)
     CLAIM_TABLE(source)
-    monkeypatch.setattr(claims, "stored", lambda folder: 300)
+    monkeypatch.setattr(Study, "held", lambda self, folder: 300)
     CLAIM_TABLE(source)
     assert [arguments[1] for arguments in asked] == [FEW_EVENTS, 300]
     assert asked[0][0] == tmp_path / "sweeps" / "claims"
 
 
 def test_differences_show_the_quartiles_of_the_problems(tmp_path):
-    table = sweep.run(tmp_path, 30, 0, 1, duration=2.5)
+    table = DIFFERENCES.run(tmp_path, 30, 0, 1, duration=2.5)
     axes = differences(table).axes[0]
     chosen = table[(table["part"] == "problem") & (table["kind"] == "plain")]
     rows = chosen[(chosen["rule"] == "greedy") & chosen["within_reach"].astype(bool)]

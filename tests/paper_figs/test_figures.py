@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
-from alloc.onboard import Detector
 from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.parameters import Detector
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
@@ -48,7 +48,7 @@ from paper_figs.readhesion_paper import (
     torque_table,
 )
 from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
-from paper_figs.registry import all_figures
+from paper_figs.registry import FIGURES
 from paper_figs.resistance import (
     air_resistance,
     gradient_change,
@@ -62,11 +62,7 @@ from paper_figs.slides import (
     slide_pareto,
     slide_tables,
 )
-from paper_figs.style import (
-    CONTROLLER_FILL,
-    STYLE_FILE,
-    rule_colour,
-)
+from paper_figs.style import CONTROLLER_FILL, STYLE_FILE, rule_colour
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
@@ -92,7 +88,6 @@ from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
-FIGURES = all_figures()
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
@@ -105,13 +100,13 @@ COUNTED = {
 @pytest.fixture(scope="module")
 def runs():
     scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
-    return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0), {}) for rule in ("alone", "exact")]
+    return [simulate_job(Job(scenario, rule, "cut-and-ramp", 0)) for rule in ("alone", "exact")]
 
 
 @pytest.fixture(scope="module")
 def stop():
     scenario = load_scenario("wet-stop").changed(duration_s=6.0)
-    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0), {})
+    return simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +212,7 @@ def test_every_figure_is_drawn(drawn):
 
 def test_every_figure_of_the_register_has_its_function():
     for entry in FIGURES.values():
-        assert callable(entry.draw)
+        assert callable(entry)
         assert len(entry.description) > 20
 
 

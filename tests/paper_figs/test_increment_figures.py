@@ -5,7 +5,7 @@ import pytest
 
 from alloc.estimation import increments
 from alloc.estimation.slide_counts import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
-from alloc.onboard import Detector
+from alloc.onboard.parameters import Detector
 from alloc.plant.rail import logarithmic_increments
 from paper_figs.adhesion import PLANNED, planned, planned_curves
 from paper_figs.events import UNIT, slip_detection
@@ -22,6 +22,7 @@ from paper_figs.registry import FIGURES
 from paper_figs.source import Source
 from studies.core.job import Job, simulate_job
 from studies.core.store import Store
+from studies.core.study import Study
 from studies.learning.series import TOLERANCE
 from studies.scenario.loading import load_scenario
 from tests.studies.learning_tables import falling, synthetic
@@ -30,7 +31,7 @@ from tests.studies.learning_tables import falling, synthetic
 @pytest.fixture(scope="module")
 def run():
     scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
-    return simulate_job(Job(scenario, "alone", "cut-and-ramp", 0), {})
+    return simulate_job(Job(scenario, "alone", "cut-and-ramp", 0))
 
 
 def test_detection_shows_the_recorded_acceleration_between_the_thresholds(run):
@@ -113,10 +114,10 @@ def test_learning_shows_mean_errors_station_by_station():
 def test_the_table_is_the_sweeps(tmp_path, monkeypatch):
     asked = []
 
-    def run(*arguments):
+    def run(self, *arguments):
         asked.append(arguments)
         return synthetic(falling, trains=1)
 
-    monkeypatch.setattr("studies.learning.study.run", run)
+    monkeypatch.setattr(Study, "run", run)
     FIGURES["learning"].make(Source(Store(tmp_path), None, 2))
     assert asked == [(tmp_path / "sweeps" / "learning", FEW_EVENTS, 0, 2, None)]

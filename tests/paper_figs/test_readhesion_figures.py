@@ -16,6 +16,7 @@ from paper_figs.readhesion_sweeps import FEW_EVENTS, calibration, margin_sweep, 
 from paper_figs.registry import FIGURES
 from paper_figs.source import Source
 from studies.core.store import Store
+from studies.core.study import Study
 from studies.readhesion_paper.calibration import RANGES, best, fulfilling
 from studies.readhesion_paper.paper import CALIBRATED, DROP, RECOVERY, run_cases
 from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
@@ -86,20 +87,17 @@ def test_the_calibration_marks_the_best_set_and_the_range_of_the_good_ones():
 def test_data_come_from_the_sweeps_of_the_results(tmp_path, monkeypatch):
     source, asked = Source(Store(tmp_path), jobs=2), []
 
-    def run(folder, events, seed, jobs, on_row):
+    def run(self, folder, events, seed, jobs, on_row):
         asked.append((folder.name, events, seed, jobs))
         return sweep_table() if folder.name == "readhesion" else calibration_table()
 
-    monkeypatch.setattr("studies.readhesion_paper.study.run", run)
-    monkeypatch.setattr("studies.readhesion_paper.calibration_study.run", run)
+    monkeypatch.setattr(Study, "run", run)
     for name in ("margin-sweep", "width-sweep", "calibration"):
         assert len(FIGURES[name].make(source).axes) >= 3
     assert asked == [("readhesion", 1, 0, 2)] * 2 + [("calibration", FEW_EVENTS, 0, 2)]
-    monkeypatch.setattr(
-        "studies.readhesion_paper.calibration_study.stored", lambda _: calibration_table()
-    )
+    monkeypatch.setattr(Study, "held", lambda self, folder: 500)
     FIGURES["calibration"].make(source)
-    assert len(asked) == 3
+    assert asked[3:] == [("calibration", 500, 0, 2)]
 
 
 def test_runs_are_made_once(monkeypatch):

@@ -84,7 +84,6 @@ def run() -> Callable[..., Trace]:
         steps = 1 if sample is None else round(sample / step)
         state = model.initial_state(speed, position) if state is None else state.copy()
         w, idle = compiled.workspace(model, step), model.zero_inputs()
-        sizes = compiled.rows(n)
         time, states, cleaning = [0.0], [state.copy()], [idle.cleaning.copy()]
         for k in range(round(duration / (step * steps))):
             now = k * steps * step
@@ -95,7 +94,7 @@ def run() -> Callable[..., Trace]:
                 idle.cleaning,
             )
             end = compiled.advance(
-                model.structure, model.environment, sizes, now, step, steps, state, inputs, w
+                model.structure, model.environment, n, now, step, steps, state, inputs, w
             )
             time.append(end)
             states.append(state.copy())

@@ -9,11 +9,12 @@ from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRat
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
+from alloc.plant.right_side import derivative as inlined_derivative
 from alloc.plant.sets import SETS
 from tests.compiled_part import from_python
 from tests.plant.numpy_plant import environment_at
 
-derivative = from_python(compiled.derivative)
+derivative = from_python(inlined_derivative)
 
 LANES = 3
 TIME = 1.7
@@ -89,7 +90,7 @@ def test_numpy_and_numba_agree(name, curve, law):
         local = environment_at(model, TIME, state, inputs.cleaning, arrays)
         slope = np.full((n.rows, LANES), np.nan)
         derivative(
-            model.structure, model.environment, compiled.rows(n), TIME, state,
+            model.structure, model.environment, n, TIME, state,
             inputs.torque_command, inputs.pressure_target, inputs.valve, inputs.cleaning, w, slope,
         )  # fmt: skip
         np.testing.assert_allclose(w.peak, local.peak, rtol=1e-12)

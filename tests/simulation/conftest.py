@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from alloc.onboard import Belief, Onboard
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.train import Car, Motors, TorqueLimit, Train

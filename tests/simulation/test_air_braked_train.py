@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.errors import OnboardError
 from alloc.metrics import METRICS, evaluate
 from alloc.metrics.slide import ATMOSPHERE
-from alloc.onboard import Braking, Fuzzy, Onboard, OnboardError, SlideProtection
 from alloc.onboard.host import HostedController
+from alloc.onboard.parameters import Braking, Onboard
+from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build

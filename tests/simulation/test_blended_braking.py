@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Braking, Onboard, SlideProtection
+from alloc.onboard.parameters import Belief, Braking, Onboard
+from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, Receptivity, logarithmic_increments
 from alloc.plant.sets import find_set

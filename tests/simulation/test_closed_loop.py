@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.onboard import Belief, Onboard, Sensors, Telegrams
+from alloc.onboard.parameters import Belief, Onboard, Sensors, Telegrams
 from alloc.rules import find_rule
 from alloc.simulation import DriverCommand, SimulationError, simulate
 from tests.plant.numpy_plant import mechanical_energy

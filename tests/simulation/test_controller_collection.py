@@ -5,7 +5,8 @@ import pkgutil
 
 import pytest
 
-from alloc.onboard import OnboardError, controllers
+from alloc.errors import OnboardError
+from alloc.onboard import controllers
 from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.registry import CONTROLLERS

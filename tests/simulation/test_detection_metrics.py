@@ -6,7 +6,7 @@ import xarray as xr
 
 from alloc.metrics import evaluate
 from alloc.metrics.detection import detection_delay, false_alarms, missed_slips, slips
-from alloc.onboard import Onboard, Sensors
+from alloc.onboard.parameters import Onboard, Sensors
 from alloc.simulation import simulate
 
 

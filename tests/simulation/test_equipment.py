@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Belief, Onboard, Sensors, Telegrams
 from alloc.onboard.equipment import equipment
+from alloc.onboard.parameters import Belief, Onboard, Sensors, Telegrams
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, logarithmic_increments
 from alloc.plant.sets import find_set

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.errors import OnboardError
 from alloc.metrics import evaluate
-from alloc.onboard import Dropout, Onboard, OnboardError, Sensors, Telegrams
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.parameters import Dropout, Onboard, Sensors, Telegrams
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.rules import find_rule

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Braking, CreepControl, Onboard
 from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.controllers.pi_creep import CreepControl
+from alloc.onboard.parameters import Braking, Onboard
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

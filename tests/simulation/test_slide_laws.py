@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from alloc.errors import EstimationError
-from alloc.estimation.applied_force import applied_force
+from alloc.estimation.measured_run import applied_force
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.equations import GRAVITY
 from alloc.plant.sets import find_set

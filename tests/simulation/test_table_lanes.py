@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from alloc.event import DriverCommand, Event, SimulationError
-from alloc.onboard import Onboard, TorqueTable
+from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.onboard.parameters import Onboard
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail

@@ -5,8 +5,7 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 import pytest
 
-from alloc.onboard import Fuzzy
-from alloc.onboard.slide_protection.parameters import SENSITIVITIES
+from alloc.onboard.slide_protection.parameters import SENSITIVITIES, Fuzzy
 from alloc.plant.sets import jp4209318_3car
 from studies.slides.jp4209318 import (
     BOUNDS,

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from alloc.event import DriverCommand
-from alloc.onboard import TorqueTable
+from alloc.onboard.controllers.torque_table import TorqueTable
 from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from alloc.plant.right_side import derivative
 from alloc.plant.sets import find_set
 from alloc.plant.sets.one_axle import rail
 from studies.readhesion_paper.lanes import simulate_tables
@@ -53,8 +54,8 @@ def test_slip_accelerates_as_in_the_plant(train, slip):
     state[n.omega], state[n.torque] = (speed + slip) / s.radius[0], torque
     inputs, w = plant.zero_inputs(), compiled.workspace(plant, 1e-3)
     slope = np.zeros_like(state)
-    from_python(compiled.derivative)(
-        s, plant.environment, compiled.rows(n), 0.0, state, inputs.torque_command, w.target,
+    from_python(derivative)(
+        s, plant.environment, n, 0.0, state, inputs.torque_command, w.target,
         w.valve, inputs.cleaning, w, slope,
     )  # fmt: skip
     rate = s.radius[0] * slope[n.omega][0, 0] - slope[n.speed][0, 0]

@@ -2,8 +2,13 @@
 
 import pytest
 
-from alloc.onboard import Braking, Fuzzy, Onboard, Sensors, SlideProtection, Threshold
-from alloc.onboard.slide_protection.parameters import SENSITIVITIES
+from alloc.onboard.parameters import Braking, Onboard, Sensors
+from alloc.onboard.slide_protection.parameters import (
+    SENSITIVITIES,
+    Fuzzy,
+    SlideProtection,
+    Threshold,
+)
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 

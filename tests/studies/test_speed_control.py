@@ -7,8 +7,8 @@ from alloc.driving import drive
 from alloc.errors import EstimationError, OnboardError
 from alloc.estimation.resistance_log import RunLog, learn_from_log
 from alloc.estimation.running_resistance import LeastSquaresLearner
-from alloc.onboard import Belief, Onboard
 from alloc.onboard.equipment import equipment
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.speed_controller import SpeedControl
 from alloc.onboard.speed_control.traction import Traction

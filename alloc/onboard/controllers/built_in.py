@@ -1,6 +1,10 @@
 """What a readhesion controller that is compiled with the loop consists of."""
 
+from collections import namedtuple
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from alloc.compilation import equation
 
@@ -24,20 +28,32 @@ class BuiltInController:
     marker: ClassVar[str]
     """In figures, as Matplotlib names it."""
     law: ClassVar[Any]
+    _remembered: ClassVar[Mapping[str, float]]
+    Parameters: ClassVar[Any]
+    Memory: ClassVar[Any]
+    """Named tuples of the parameters and of what the law remembers, as compiled code takes them."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, remembered: Mapping[str, float] | None = None) -> None:
+        """`remembered`: what the law keeps of every unit, and its value at the start of a run."""
+        cls._remembered = remembered or {}
+        for kind, names in (("Parameters", cls.__annotations__), ("Memory", cls._remembered)):
+            record: Any = namedtuple(cls.__name__ + kind, names, module=cls.__module__)  # type: ignore[misc]
+            record.__qualname__ = f"{cls.__qualname__}.{kind}"  # where Numba's cache looks for it
+            setattr(cls, kind, record)
         missing = [part for part in BuiltInController.__annotations__ if not hasattr(cls, part)]
         if missing:
             raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
 
     def settings(self, onboard: "Onboard") -> Any:
         """Named tuple of numbers that the law takes as `p`; None if it needs none."""
-        return None
+        values = [float(getattr(self, name)) for name in self.Parameters._fields]
+        return self.Parameters(*values) if values else None
 
-    @staticmethod
-    def memory(units: int) -> Any:
+    @classmethod
+    def memory(cls, units: int) -> Any:
         """Named tuple of arrays (units,) that the law keeps in `k`, as at the start of a run; None if it keeps none."""
-        return None
+        arrays = [np.full(units, value) for value in cls._remembered.values()]
+        return cls.Memory(*arrays) if arrays else None
 
 
 @equation

@@ -1,13 +1,9 @@
 """Readhesion control of one unit: cut the torque on slip, hold, ramp back; driven by the observer's estimate."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from alloc.compilation import equation
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import (
     BuiltInController,
     direction,
@@ -16,33 +12,11 @@ from alloc.onboard.controllers.built_in import (
 )
 from alloc.onboard.quantity import quantity
 
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-Floats = NDArray[np.float64]
-
 FOLLOW, CUT, HOLD, RAMP = 0, 1, 2, 3
 """Phases of the controller."""
 
 RECOVERY_TIMEOUT = 3.0
 """Time [s] after which an unsuccessful cut goes to zero torque: the estimate was too high to readhere."""
-
-
-class CutAndRampSettings(NamedTuple):
-    """As `CutAndRamp`."""
-
-    cut: float
-    recover: float
-    hold: float
-    ramp: float
-
-
-class CutAndRampMemory(NamedTuple):
-    """Phase, time in it [s], and the torque [N m] that the rail carried at detection, (units,) each."""
-
-    phase: NDArray[np.int64]
-    clock: Floats
-    base: Floats
 
 
 @equation
@@ -90,8 +64,9 @@ def cut_and_ramp_unit(eq, st, m, p, k, j, commanded):
     return share_of_target(m, j)
 
 
+# time in the phase [s], and the torque [N m] that the rail carried at detection
 @dataclass(frozen=True)
-class CutAndRamp(BuiltInController):
+class CutAndRamp(BuiltInController, remembered={"phase": FOLLOW, "clock": 0.0, "base": 0.0}):
     """Readhesion control on the observer's estimate, after Kadowaki and Ohishi.
 
     On detection the torque is cut to `cut` times the torque that the estimate says the rail can carry; once the wheels
@@ -111,18 +86,8 @@ class CutAndRamp(BuiltInController):
     ramp: float = quantity(3.0, "s")
 
     def __post_init__(self) -> None:
-        check_numbers("cut-and-ramp", self, ("ramp",), ("cut", "recover", "hold"))
+        OnboardError.check("cut-and-ramp", self, ("ramp",), ("cut", "recover", "hold"))
         if not self.cut <= self.recover <= 1.0:
             raise OnboardError(
                 f"cut-and-ramp: needs cut <= recover <= 1, got {self.cut!r} and {self.recover!r}"
             )
-
-    def settings(self, onboard: "Onboard") -> CutAndRampSettings:
-        """Numbers of the law."""
-        return CutAndRampSettings(self.cut, self.recover, self.hold, self.ramp)
-
-    @staticmethod
-    def memory(units: int) -> CutAndRampMemory:
-        """Every unit follows its target."""
-        phase = np.full(units, FOLLOW, dtype=np.int64)
-        return CutAndRampMemory(phase, np.zeros(units), np.zeros(units))

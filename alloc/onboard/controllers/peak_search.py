@@ -1,38 +1,25 @@
 """What searches for the peak of the adhesion curve share: means over intervals, and a reference that moves."""
 
 import math
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from alloc.compilation import equation
-
-Floats = NDArray[np.float64]
 
 LIMITING = 0.999
 """Share of its target below which a unit counts as limited by its readhesion controller, and a search goes on."""
 
 
-class SearchMemory(NamedTuple):
-    """What a searching creep controller remembers, (units,) each."""
-
-    allowed: Floats  # integral of creep control; nan: nothing yet
-    reference: Floats  # slip velocity that is held [m/s]
-    step: Floats  # last one of the reference [m/s]
-    clock: Floats  # time in this interval [s]
-    coefficient_sum: Floats
-    slip_sum: Floats
-    samples: Floats
-    last_coefficient: Floats  # mean of the last interval; nan: none
-    last_slip: Floats
-
-
-def search_memory(units: int) -> SearchMemory:
-    """Nothing yet."""
-    memory = SearchMemory(*(np.zeros(units) for _ in SearchMemory._fields))
-    memory.allowed[:] = memory.last_coefficient[:] = np.nan
-    return memory
+REMEMBERED = {
+    "allowed": math.nan,  # integral of creep control; nan: nothing yet
+    "reference": 0.0,  # slip velocity that is held [m/s]
+    "step": 0.0,  # last one of the reference [m/s]
+    "clock": 0.0,  # time in this interval [s]
+    "coefficient_sum": 0.0,
+    "slip_sum": 0.0,
+    "samples": 0.0,
+    "last_coefficient": math.nan,  # mean of the last interval; nan: none
+    "last_slip": 0.0,
+}
+"""What a searching creep controller remembers of every unit."""
 
 
 @equation
@@ -44,7 +31,7 @@ def _start_interval(k, j):
 def interval_is_over(st, m, p, k, j):
     """Add what unit `j` senses to its means; whether an interval is over. Only while the controller limits the torque."""
     if math.isnan(k.allowed[j]):
-        k.reference[j] = p.creep.reference
+        k.reference[j] = st.law.creep.reference
     if m.unit.torque_factor[j] >= LIMITING:  # adhesion suffices: nothing to be learnt of the peak
         _start_interval(k, j)
         k.last_coefficient[j] = math.nan

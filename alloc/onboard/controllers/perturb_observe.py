@@ -2,32 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 from alloc.compilation import equation
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.onboard.controllers.peak_search import (
-    SearchMemory,
-    interval_is_over,
-    move_reference,
-    search_memory,
-)
-from alloc.onboard.controllers.pi_creep import CreepSettings, hold_slip_of_unit
+from alloc.onboard.controllers.peak_search import REMEMBERED, interval_is_over, move_reference
+from alloc.onboard.controllers.pi_creep import hold_slip_of_unit
 from alloc.onboard.quantity import quantity
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-
-class PerturbObserveSettings(NamedTuple):
-    """As `PerturbObserve`, with the gains of creep control."""
-
-    creep: CreepSettings
-    interval: float
-    step: float
-    lowest: float
-    highest: float
 
 
 @equation
@@ -49,11 +30,11 @@ def perturb_observe_unit(eq, st, m, p, k, j, commanded):
         else:
             step = perturbed_step(k.step[j], coefficient - k.last_coefficient[j], p.step)
         move_reference(p, k, j, step, coefficient, slip)
-    return hold_slip_of_unit(eq, st, m, p.creep, k.allowed, k.reference[j], j, commanded)
+    return hold_slip_of_unit(eq, st, m, st.law.creep, k.allowed, k.reference[j], j, commanded)
 
 
 @dataclass(frozen=True)
-class PerturbObserve(BuiltInController):
+class PerturbObserve(BuiltInController, remembered=REMEMBERED):
     """Perturb and observe: every `interval` [s] the creep reference moves by `step` [m/s], on if the coefficient rose.
 
     The coefficient is the observer's, averaged over the second half of the interval. The reference stays within `lowest`
@@ -76,18 +57,5 @@ class PerturbObserve(BuiltInController):
     highest: float = quantity(0.5, "km/h")
 
     def __post_init__(self) -> None:
-        check_numbers("perturb-observe", self, ("interval", "step", "lowest", "highest"))
-        if not self.lowest < self.highest:
-            raise OnboardError(
-                f"perturb-observe: lowest = {self.lowest!r} must be below highest = {self.highest!r}"
-            )
-
-    def settings(self, onboard: "Onboard") -> PerturbObserveSettings:
-        """Numbers of the law."""
-        creep = onboard.creep.settings(onboard)
-        return PerturbObserveSettings(creep, self.interval, self.step, self.lowest, self.highest)
-
-    @staticmethod
-    def memory(units: int) -> SearchMemory:
-        """Nothing yet."""
-        return search_memory(units)
+        OnboardError.check("perturb-observe", self, ("interval", "step", "lowest", "highest"))
+        OnboardError.check_order("perturb-observe", self, "lowest", "highest")

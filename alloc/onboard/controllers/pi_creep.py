@@ -2,13 +2,9 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from alloc.compilation import equation
-from alloc.errors import check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import (
     BuiltInController,
     direction,
@@ -16,23 +12,6 @@ from alloc.onboard.controllers.built_in import (
     torque_per_coefficient,
 )
 from alloc.onboard.quantity import quantity
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-
-class CreepSettings(NamedTuple):
-    """As `CreepControl`."""
-
-    reference: float
-    proportional: float
-    integral: float
-
-
-class CreepMemory(NamedTuple):
-    """The integral: coefficient that is allowed, (units,); nan: nothing yet."""
-
-    allowed: NDArray[np.float64]
 
 
 @equation
@@ -49,7 +28,7 @@ def hold_slip(allowed, slip, reference, ceiling, proportional, integral, period)
 
 @equation
 def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
-    """Command of unit `j` that holds `reference` [m/s] with the gains of `p`; `allowed` (units,) is its integral."""
+    """Command of unit `j` that holds `reference` [m/s] with the gains `p`; `allowed` (units,) is its integral."""
     sign = direction(commanded)
     to_torque = torque_per_coefficient(eq, j)
     ceiling = sign * m.unit.torque_target[j] / to_torque
@@ -68,8 +47,9 @@ def creep_unit(eq, st, m, p, k, j, commanded):
     return hold_slip_of_unit(eq, st, m, p, k.allowed, p.reference, j, commanded)
 
 
+# the integral: coefficient that is allowed; nan: nothing yet
 @dataclass(frozen=True)
-class CreepControl(BuiltInController):
+class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
     """Creep control: the torque is what a PI controller of the slip velocity allows.
 
     `reference` [m/s] is the slip of the unit's worst axle that is held; `proportional` [s/m] and `integral` [1/m] are gains
@@ -90,13 +70,4 @@ class CreepControl(BuiltInController):
     integral: float = quantity(8.0, "1/m")
 
     def __post_init__(self) -> None:
-        check_numbers("creep", self, ("reference", "proportional", "integral"))
-
-    def settings(self, onboard: "Onboard") -> CreepSettings:
-        """Numbers of the law."""
-        return CreepSettings(self.reference, self.proportional, self.integral)
-
-    @staticmethod
-    def memory(units: int) -> CreepMemory:
-        """Nothing yet."""
-        return CreepMemory(np.full(units, np.nan))
+        OnboardError.check("creep", self, ("reference", "proportional", "integral"))

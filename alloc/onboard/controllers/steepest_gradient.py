@@ -2,34 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 from alloc.compilation import equation
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.onboard.controllers.peak_search import (
-    SearchMemory,
-    interval_is_over,
-    move_reference,
-    search_memory,
-)
-from alloc.onboard.controllers.pi_creep import CreepSettings, hold_slip_of_unit
+from alloc.onboard.controllers.peak_search import REMEMBERED, interval_is_over, move_reference
+from alloc.onboard.controllers.pi_creep import hold_slip_of_unit
 from alloc.onboard.quantity import quantity
-
-if TYPE_CHECKING:
-    from alloc.onboard.parameters import Onboard
-
-
-class SteepestGradientSettings(NamedTuple):
-    """As `SteepestGradient`, with the gains of creep control."""
-
-    creep: CreepSettings
-    interval: float
-    gain: float
-    least: float
-    largest: float
-    lowest: float
-    highest: float
 
 
 @equation
@@ -57,11 +36,11 @@ def steepest_gradient_unit(eq, st, m, p, k, j, commanded):
                 p.gain, p.least, p.largest,
             )  # fmt: skip
         move_reference(p, k, j, step, coefficient, slip)
-    return hold_slip_of_unit(eq, st, m, p.creep, k.allowed, k.reference[j], j, commanded)
+    return hold_slip_of_unit(eq, st, m, st.law.creep, k.allowed, k.reference[j], j, commanded)
 
 
 @dataclass(frozen=True)
-class SteepestGradient(BuiltInController):
+class SteepestGradient(BuiltInController, remembered=REMEMBERED):
     """Steepest gradient: as `PerturbObserve`, but the step is `gain` [m2/s2] times the slope d mu / d slip.
 
     The slope is the quotient of both changes between intervals. Steps are bounded by `least` and `largest` [m/s]: without
@@ -86,24 +65,6 @@ class SteepestGradient(BuiltInController):
 
     def __post_init__(self) -> None:
         names = ("interval", "gain", "least", "largest", "lowest", "highest")
-        check_numbers("steepest-gradient", self, names)
-        if not self.lowest < self.highest:
-            raise OnboardError(
-                f"steepest-gradient: lowest = {self.lowest!r} must be below highest = {self.highest!r}"
-            )
-        if not self.least <= self.largest:
-            raise OnboardError(
-                f"steepest-gradient: least = {self.least!r} must not exceed largest = {self.largest!r}"
-            )
-
-    def settings(self, onboard: "Onboard") -> SteepestGradientSettings:
-        """Numbers of the law."""
-        return SteepestGradientSettings(
-            onboard.creep.settings(onboard), self.interval, self.gain, self.least, self.largest,
-            self.lowest, self.highest,
-        )  # fmt: skip
-
-    @staticmethod
-    def memory(units: int) -> SearchMemory:
-        """Nothing yet."""
-        return search_memory(units)
+        OnboardError.check("steepest-gradient", self, names)
+        OnboardError.check_order("steepest-gradient", self, "lowest", "highest")
+        OnboardError.check_order("steepest-gradient", self, "least", "largest", equal=True)

@@ -4,19 +4,14 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from alloc.compilation import equation
-from alloc.errors import check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController, direction
 from alloc.onboard.detector import differentiate, differentiator_gain
-from alloc.onboard.quantity import quantity
+from alloc.onboard.quantity import filled, quantity
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
-
-Floats = NDArray[np.float64]
 
 
 class TorqueTableSettings(NamedTuple):
@@ -28,13 +23,6 @@ class TorqueTableSettings(NamedTuple):
     gain: float
     rise_share: float
     fall_share: float
-
-
-class TorqueTableMemory(NamedTuple):
-    """Rim speed behind the differentiator's filter [m/s] and torque behind the table's [N m], (units,); nan: nothing yet."""
-
-    speed: Floats
-    torque: Floats
 
 
 def lag_share(time_constant: float, period: float) -> float:
@@ -69,8 +57,9 @@ def table_unit(eq, st, m, p, k, j, commanded):
     return factor
 
 
+# rim speed behind the differentiator's filter [m/s], torque behind the table's [N m]; nan: nothing yet
 @dataclass(frozen=True)
-class TorqueTable(BuiltInController):
+class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": math.nan}):
     """Static table of the readhesion paper, section 2.3 and Fig. 5: torque factor over the deviation of acceleration.
 
     The deviation is the rim's acceleration, by a pseudo-differentiator of `time_constant` tau [s], less the commanded one.
@@ -93,25 +82,16 @@ class TorqueTable(BuiltInController):
     time_constant: float = quantity(0.18, "s")
 
     def __post_init__(self) -> None:
-        check_numbers("table", self, ("width", "rise", "fall", "time_constant"), ("margin",))
+        OnboardError.check("table", self, ("width", "rise", "fall", "time_constant"), ("margin",))
 
     def constants(self, period: float) -> TorqueTableSettings:
         """Numbers of the law for a control `period` [s]."""
         pole = 1.0 / self.time_constant
-        return TorqueTableSettings(
-            self.margin,
-            self.width,
-            pole,
-            differentiator_gain(pole, period),
-            lag_share(self.rise, period),
-            lag_share(self.fall, period),
-        )
+        return filled(
+            TorqueTableSettings, self, pole=pole, gain=differentiator_gain(pole, period),
+            rise_share=lag_share(self.rise, period), fall_share=lag_share(self.fall, period),
+        )  # fmt: skip
 
     def settings(self, onboard: "Onboard") -> TorqueTableSettings:
         """Numbers of the law."""
         return self.constants(onboard.period)
-
-    @staticmethod
-    def memory(units: int) -> TorqueTableMemory:
-        """Nothing yet."""
-        return TorqueTableMemory(np.full(units, np.nan), np.full(units, np.nan))

@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.quantity import quantity
+from alloc.onboard.slide_protection import LAWS
 
 SENSITIVITIES: dict[str, float] = {"low": 0.853, "medium": 1.0, "high": 4.2}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
@@ -27,11 +28,8 @@ class Threshold:
     hold: float = quantity(0.08, "1")
 
     def __post_init__(self) -> None:
-        check_numbers("threshold slide protection", self, positive=("release", "hold"))
-        if not self.hold <= self.release:
-            raise OnboardError(
-                f"threshold slide protection: hold = {self.hold!r} must not exceed release = {self.release!r}"
-            )
+        OnboardError.check("threshold slide protection", self, positive=("release", "hold"))
+        OnboardError.check_order("threshold slide protection", self, "hold", "release", equal=True)
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Fuzzy:
     pole: float = quantity(6.6789, "1/s")
 
     def __post_init__(self) -> None:
-        check_numbers("fuzzy slide protection", self, positive=("sensitivity", "pole"))
+        OnboardError.check("fuzzy slide protection", self, positive=("sensitivity", "pole"))
         _check_growing("slip", self.slip)
         _check_growing("rate", self.rate)
 
@@ -83,18 +81,11 @@ class SlideProtection:
     refill: float = quantity(0.5, "s")
 
     def __post_init__(self) -> None:
-        check_numbers(
+        OnboardError.check(
             "slide protection",
             self,
-            positive=("period", "deceleration", "sounding", "time_out", "refill"),
-            nonnegative=("cut_out_speed",),
+            ("period", "deceleration", "sounding", "time_out", "refill"),
+            ("cut_out_speed",),
         )
-        for name, known in (
-            ("law", ("none", "threshold", "fuzzy")),
-            ("reference", ("train", "car")),
-        ):
-            value = getattr(self, name)
-            if value not in known:
-                raise OnboardError(
-                    f"slide protection: {name} = {value!r} must be one of {', '.join(known)}"
-                )
+        OnboardError.check_choice("slide protection", "law", self.law, LAWS)
+        OnboardError.check_choice("slide protection", "reference", self.reference, ("train", "car"))

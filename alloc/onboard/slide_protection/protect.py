@@ -110,6 +110,3 @@ def protect(eq, st, m, tick, braking, valve):
             _decide(eq, p, m, g)
     for g in range(k.action.size):
         valve[g, 0] = k.action[g]
-
-
-__all__ = ["LOWEST_SPEED", "STANDING_SPEED", "protect"]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from alloc.onboard import slide_protection
 from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.quantity import filled
 from alloc.onboard.slide_protection.parameters import SlideProtection
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 
 class ThresholdSettings(NamedTuple):
@@ -62,24 +62,21 @@ class SlideMemory(NamedTuple):
 def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
     """Settings for a control period [s], to a whole number of which the protection's is rounded."""
     every = max(1, round(protection.period / period))
-    fuzzy, threshold = protection.fuzzy, protection.threshold
-    return SlideSettings(
+    fuzzy = protection.fuzzy
+    return filled(
+        SlideSettings,
+        protection,
         law=slide_protection.LAWS[protection.law],
         every=every,
         period=every * period,
         of_car=protection.reference == "car",
-        deceleration=protection.deceleration,
-        sounding=protection.sounding,
-        cut_out_speed=protection.cut_out_speed,
-        time_out=protection.time_out,
-        refill=protection.refill,
-        threshold=ThresholdSettings(threshold.release, threshold.hold),
-        fuzzy=FuzzySettings(
-            fuzzy.sensitivity,
-            np.array(fuzzy.slip, dtype=float),
-            np.array(fuzzy.rate, dtype=float),
-            fuzzy.pole,
-            differentiator_gain(fuzzy.pole, every * period),
+        threshold=filled(ThresholdSettings, protection.threshold),
+        fuzzy=filled(
+            FuzzySettings,
+            fuzzy,
+            slip=np.array(fuzzy.slip, dtype=float),
+            rate=np.array(fuzzy.rate, dtype=float),
+            gain=differentiator_gain(fuzzy.pole, every * period),
         ),
     )
 
@@ -87,13 +84,7 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
 def slide_memory(cars: int, axles: int, groups: int, speed: float) -> SlideMemory:
     """Memory of a train that rolls at `speed` [m/s]."""
     return SlideMemory(
-        reference=np.full(cars, speed),
-        candidate=np.full(cars, speed),
-        lost=np.zeros(cars),
-        filtered=np.zeros(axles),
-        locked=np.zeros(axles, dtype=np.bool_),
-        severity=np.zeros(groups),
-        action=np.zeros(groups),
-        away=np.zeros(groups),
-        refill=np.zeros(groups),
-    )
+        np.full(cars, speed), np.full(cars, speed), np.zeros(cars),
+        np.zeros(axles), np.zeros(axles, dtype=np.bool_),
+        *(np.zeros(groups) for _ in range(4)),
+    )  # fmt: skip

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from alloc.errors import OnboardError
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from alloc.errors import check_numbers
+from alloc.errors import OnboardError
 
 
 @dataclass
@@ -19,7 +19,7 @@ class Feedback:
     """The integrator [A]."""
 
     def __post_init__(self) -> None:
-        check_numbers("speed feedback", self, positive=("proportional",), nonnegative=("integral",))
+        OnboardError.check("speed feedback", self, ("proportional",), ("integral",))
 
     @classmethod
     def for_train(

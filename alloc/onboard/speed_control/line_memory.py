@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import OnboardError
 from alloc.plant.equations import gradient_force
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,15 @@ its turning wheelsets add, M_r. Where M_r is known (it does not change with the 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from alloc.errors import OnboardError
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 WEIGHTS = ("W1", "W2", "W3")
 """Air resistance in the open and in tunnels [kg/m], mass [kg]: the source's weights, K1, K2 and K3/g of its claim 2."""
 EXTENDED_WEIGHTS = (*WEIGHTS, "A", "B")
 """Also constant [N] and linear [N s/m] running resistance; not in the source."""
-OPEN, TUNNEL, MASS, CONSTANT, LINEAR = range(5)
-"""Places of the weights."""
 
 
 class Motion(NamedTuple):

@@ -4,11 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.errors import OnboardError
-
-Floats = NDArray[np.float64]
+from alloc.plant.model import Floats
 
 
 class Regression(NamedTuple):

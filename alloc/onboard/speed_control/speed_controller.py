@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
@@ -23,14 +22,12 @@ from alloc.onboard.speed_control.resistance import (
 from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
 from alloc.onboard.speed_control.switch import USE, LearnThenUse
 from alloc.onboard.speed_control.traction import Traction
+from alloc.plant.model import Floats
 
 if TYPE_CHECKING:
     from alloc.onboard.driver import Controls, TrainSense
 
-Floats = NDArray[np.float64]
-
 Mode = Literal["feedback", "compensation", "feedforward", "learn-then-use"]
-MODES: tuple[str, ...] = get_args(Mode)
 """Feedback alone (Fig. 8); compensation by position (claims 1, 2); feedforward from commanded values, learning while it
 acts if there is a learner (claims 3, 4); learning on the feedback, then using it (claim 5)."""
 
@@ -73,11 +70,8 @@ class Learning:
     train_length: float = 0.0
 
     def __post_init__(self) -> None:
-        check_numbers("speed control", self, nonnegative=("train_length",))
-        if self.error not in ("feedback", "model"):
-            raise OnboardError(
-                f"speed control: error = {self.error!r} must be 'feedback' or 'model'"
-            )
+        OnboardError.check("speed control", self, nonnegative=("train_length",))
+        OnboardError.check_choice("speed control", "error", self.error, ("feedback", "model"))
 
 
 class SpeedControl:
@@ -106,14 +100,8 @@ class SpeedControl:
         self.memory, self.learning = memory or LineMemory(), learning or Learning()
         self.rotating_mass, self.speed_noise = rotating_mass, speed_noise
         learner, switch = self.learning.learner, self.learning.switch
-        check_numbers(
-            "speed control",
-            self,
-            positive=("period",),
-            nonnegative=("rotating_mass", "speed_noise"),
-        )
-        if mode not in MODES:
-            raise OnboardError(f"speed control: mode = {mode!r} must be one of {', '.join(MODES)}")
+        OnboardError.check("speed control", self, ("period",), ("rotating_mass", "speed_noise"))
+        OnboardError.check_choice("speed control", "mode", mode, get_args(Mode))
         if weights is None and learner is None and mode != "feedback":
             raise OnboardError(f"speed control: mode {mode!r} needs weights or a learner")
         if (switch is None or learner is None) and mode == "learn-then-use":

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
 
 LEARN, USE = 1, 2
 """The switch command's signals."""
@@ -28,11 +28,8 @@ class LearnThenUse:
     """Time [s] since the last change."""
 
     def __post_init__(self) -> None:
-        check_numbers("learn-then-use", self, positive=("small", "large", "window"))
-        if not self.small <= self.large:
-            raise OnboardError(
-                f"learn-then-use: small = {self.small!r} must not exceed large = {self.large!r}"
-            )
+        OnboardError.check("learn-then-use", self, positive=("small", "large", "window"))
+        OnboardError.check_order("learn-then-use", self, "small", "large", equal=True)
 
     def update(self, error: float, period: float) -> bool:
         """Take the error [N] of one `period` [s]; whether the signal changed."""

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from alloc.errors import OnboardError, check_numbers
+from alloc.errors import OnboardError
+from alloc.plant.model import Floats
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Traction:
     current_per_force: float = 1e-3
 
     def __post_init__(self) -> None:
-        check_numbers("traction", self, positive=("current_per_force",))
+        OnboardError.check("traction", self, positive=("current_per_force",))
 
     @classmethod
     def of(cls, train: Train, current_per_force: float = 1e-3) -> "Traction":

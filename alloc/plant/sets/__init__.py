@@ -19,6 +19,3 @@ SETS: Registry[Callable[[], Train]] = Registry(
 def find_set(name: str) -> Train:
     """The train of the set `name`; raises `PlantError` with the nearest known name if there is none."""
     return SETS.find(name)()
-
-
-__all__ = ["SETS", "find_set"]

@@ -1,6 +1,7 @@
 """Locomotive and container wagons with draft gear, as in RTRI's running tests with 5 and with 17 wagons."""
 
 import math
+from functools import partial
 
 from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
 from alloc.plant.sets import SETS
@@ -124,15 +125,5 @@ def train(wagons: int) -> Train:
     )
 
 
-def train_of_5() -> Train:
-    """Locomotive and 5 wagons."""
-    return train(5)
-
-
-def train_of_17() -> Train:
-    """Locomotive and 17 wagons."""
-    return train(17)
-
-
-SETS.register("freight-5", train_of_5)
-SETS.register("freight-17", train_of_17)
+SETS.register("freight-5", partial(train, 5))
+SETS.register("freight-17", partial(train, 17))

@@ -1,14 +1,34 @@
-"""Blended braking, JP5484215 embodiment 3: the electric brake first, the air brake fills what it falls short of.
+"""From the units' limits to their torque targets and the brakes' cylinder pressures.
 
-While a unit receives limits it holds its air brake, which is too slow for readhesion, and controls the motors to what
-the limit leaves beside it.
+Driving and without blended brakes: limits (6) and (6') of JP5484215, load compensation, the motor's limit. Blended braking,
+embodiment 3: the electric brake first, the air brake fills what it falls short of. While a unit receives limits it holds
+its air brake, which is too slow for readhesion, and controls the motors to what the limit leaves beside it.
 """
 
 import numpy as np
 
 from alloc.compilation import inlined_jit
+from alloc.onboard.observer import empty_torque_limit, load_compensated
 from alloc.onboard.slide_protection.protect import LOWEST_SPEED, protect
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+
+
+@inlined_jit
+def set_targets(eq, st, m, commanded):
+    """Torque target of each unit: (6) and (6') plus its wheelsets' inertia, within the motor's limit, with bounded rise."""
+    sign = 1.0 if commanded >= 0.0 else -1.0
+    for j in range(eq.axles.size):
+        limit = m.unit.limit[j] if commanded != 0.0 else 0.0
+        empty = empty_torque_limit(limit, eq.empty_axle_mass[j], eq.radius[j], eq.gear[j])
+        share = 1.0 + eq.own_inertia[j]
+        wanted = share * load_compensated(empty, eq.empty_axle_mass[j], eq.load_per_axle[j])
+        planned = m.train.expected[0] * (eq.empty_axle_mass[j] + eq.load_per_axle[j])
+        step = share * planned * GRAVITY * eq.radius[j] / eq.gear[j] * st.period / st.rise_time
+        bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]
+        m.rise[j] = min(min(wanted, bound), m.rise[j] + step) if commanded != 0.0 else 0.0
+        m.unit.torque_target[j] = sign * m.rise[j]
+        m.unit.air_brake_force[j] = 0.0
+    m.lead.brake_rise[0] = 0.0
 
 
 @inlined_jit
@@ -22,9 +42,7 @@ def set_brake_targets(eq, st, m):
         step = expected * to_torque * st.period / st.rise_time
         m.rise[j] = min(m.unit.limit[j] * to_torque, m.rise[j] + step)
         pattern = m.rise[j]
-        if np.isfinite(
-            m.received[j]
-        ):  # limits arrive: the unit's own pattern following is suppressed
+        if np.isfinite(m.received[j]):  # limits arrive: the unit no longer follows its own pattern
             air[j] = min(air[j], pattern * at_rim)
             pattern = max(pattern - air[j] / at_rim, 0.0)
         else:
@@ -39,6 +57,14 @@ def set_brake_targets(eq, st, m):
             pattern = wanted
         m.unit.torque_target[j] = -min(pattern, m.brake_limit[j])
     m.lead.brake_rise[0] = min(m.lead.brake_rise[0] + st.period / st.rise_time, 1.0)
+
+
+@inlined_jit
+def restrain_blind_units(st, m):
+    """A unit that knows the speed of none of its axles could not notice slip: it gets a part of its target."""
+    for j in range(m.unit.torque_target.size):
+        if m.unit.axles_seen[j] == 0.0:
+            m.unit.torque_target[j] *= st.sensors.blind_share
 
 
 @inlined_jit
