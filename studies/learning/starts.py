@@ -160,8 +160,7 @@ def _excess(run: xr.Dataset, truth: Floats) -> dict[str, float]:
     for reference in get_args(Reference):
         data = increment_data(run, reference)
         excess = np.array([datum.increment - truth[datum.unit] for datum in data])
-        known = excess.size > 0
         found[f"data_{reference}"] = float(excess.size)
-        found[f"excess_{reference}"] = float(excess.mean()) if known else np.nan
-        found[f"square_{reference}"] = float((excess**2).mean()) if known else np.nan
+        for name, values in (("excess", excess), ("square", excess**2)):
+            found[f"{name}_{reference}"] = float(values.mean()) if values.size else np.nan
     return found

@@ -156,7 +156,7 @@ def brake_event(
 ) -> Event:
     """A full brake application of so many `cars` from 100 km/h to standstill; `protection` replaces the fuzzy one."""
     if protection is None:
-        protection = slide_protection(undisclosed, sensitivity)
+        protection = slide_protection(law="fuzzy", fuzzy=undisclosed.fuzzy(sensitivity))
     braking = Braking(slide_protection=protection, release_speed=0.0)
     return Event(
         name=f"JP4209318, {cars} cars",
@@ -176,15 +176,9 @@ def brake_event(
     )
 
 
-def slide_protection(undisclosed: Undisclosed, sensitivity: float = 1.0) -> SlideProtection:
-    """The fuzzy slide protection at this sensitivity, every 20 ms, each car by itself."""
-    return SlideProtection(
-        law="fuzzy",
-        fuzzy=undisclosed.fuzzy(sensitivity),
-        period=CYCLE,
-        reference="car",
-        deceleration=CAR_DECELERATION,
-    )
+def slide_protection(**law: Any) -> SlideProtection:
+    """The slide protection of this law, every 20 ms, each car by itself."""
+    return SlideProtection(period=CYCLE, reference="car", deceleration=CAR_DECELERATION, **law)
 
 
 def brake(event: Event) -> xr.Dataset:

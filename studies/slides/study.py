@@ -13,8 +13,6 @@ from studies.slides.electric import PART as ELECTRIC
 from studies.slides.electric import electric_row, electric_tasks
 from studies.slides.jp4209318 import (
     CALIBRATED,
-    CAR_DECELERATION,
-    CYCLE,
     DURATIONS,
     HALVED_STEP,
     HELD_OUT,
@@ -49,17 +47,13 @@ def stops() -> Iterator[Stop]:
     for value in SENSITIVITIES:
         yield {"part": "pareto", "cars": 3, "sensitivity": value}, _fuzzy(value), 3, STEP
     for hold, release in THRESHOLDS:
-        plain = _plain(law="threshold", threshold=Threshold(release=release, hold=hold))
+        plain = slide_protection(law="threshold", threshold=Threshold(release=release, hold=hold))
         yield {"part": "threshold", "cars": 3, "hold": hold, "release": release}, plain, 3, STEP
-    yield {"part": "none", "cars": 3}, _plain(law="none"), 3, STEP
+    yield {"part": "none", "cars": 3}, slide_protection(law="none"), 3, STEP
 
 
 def _fuzzy(sensitivity: float) -> SlideProtection:
-    return slide_protection(CALIBRATED, sensitivity)
-
-
-def _plain(**law: Any) -> SlideProtection:
-    return SlideProtection(period=CYCLE, reference="car", deceleration=CAR_DECELERATION, **law)
+    return slide_protection(law="fuzzy", fuzzy=CALIBRATED.fuzzy(sensitivity))
 
 
 def stop_row(protection: SlideProtection, cars: int, step: float) -> dict[str, Any]:
