@@ -20,9 +20,9 @@ from paper_figs.style import (
     rule_look,
 )
 from studies.claims import statements as claimed
-from studies.claims.drawn_events import complete
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.statements import PARTS
+from studies.core.drawn_events import complete
 from studies.core.statement import CONFIDENCE, mean_interval
 from studies.core.verdict import LEAST_EVENTS, Part, Test
 

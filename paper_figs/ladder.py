@@ -22,7 +22,7 @@ from paper_figs.style import (
     name_rows,
     new_panels,
 )
-from studies.claims.drawn_events import complete
+from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
 from studies.curves.statements import CURVES, PAIRS, paired_difference
 from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS

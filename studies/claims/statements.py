@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import pandas as pd
 
-from studies.claims.drawn_events import paired
-from studies.claims.events import BELIEVED_SLOPE, QUANTITIES
 from studies.claims.measures import EXCESS_EDGES, excess_column
+from studies.claims.quantities import BELIEVED_SLOPE, QUANTITIES
+from studies.core.drawn_events import paired
 from studies.core.statement import Interval, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 

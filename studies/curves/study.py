@@ -4,9 +4,10 @@ from typing import Any
 
 import pandas as pd
 
-from studies.claims.events import DURATION, draw, event_name
+from studies.claims.events import DURATION
 from studies.claims.events import scenario as claim_event
 from studies.claims.measures import measure
+from studies.claims.quantities import draw, event_name
 from studies.core.job import Job
 from studies.core.study import Study, each_event
 from studies.curves.statements import BASE, CURVES, INFORMED, RULES, curve_statements

@@ -3,7 +3,7 @@
 from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
-from studies.claims.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.scenario.loading import load_scenario
 from studies.scenario.scenario import Scenario
 

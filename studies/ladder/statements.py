@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pandas as pd
 
-from studies.claims.drawn_events import paired
+from studies.core.drawn_events import paired
 from studies.core.statement import CONFIDENCE, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 

@@ -1,6 +1,6 @@
 """The ladder of readhesion controllers, from none to MPC: all of them meet the same random events with the same noise."""
 
-from studies.claims.drawn_events import complete
+from studies.core.drawn_events import complete
 from studies.core.job import Job
 from studies.core.study import Study, each_event
 from studies.ladder.events import DURATION, EVENTS, scenario

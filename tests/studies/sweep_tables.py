@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.claims.events import drawn_table
 from studies.claims.measures import EXCESS_EDGES, excess_column
+from studies.claims.quantities import drawn_table
 from studies.claims.study import RULES
 from studies.differences.answers import RULES as DIFFERENCE_RULES
 

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from alloc.rules import RULES
-from studies.claims.events import QUANTITIES, draw, drawn_table, scenario
+from studies.claims.events import scenario
 from studies.claims.measures import EXCESS_EDGES, excess_column, measure
+from studies.claims.quantities import QUANTITIES, draw, drawn_table
 from studies.claims.study import CLAIMS
 from studies.claims.study import RULES as CLAIM_RULES
 from studies.core.collection import all_studies, find_study, study_folder

@@ -3,8 +3,9 @@
 import pandas as pd
 import pytest
 
-from studies.claims.events import REFERENCE_SPEED, draw
+from studies.claims.events import REFERENCE_SPEED
 from studies.claims.events import scenario as claim_event
+from studies.claims.quantities import draw
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.curves.statements import (
     BASE,

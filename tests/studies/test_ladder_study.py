@@ -6,7 +6,7 @@ import pytest
 
 from alloc.plant.adhesion import POLACH_WET
 from alloc.simulation import CONTROLLERS, simulate
-from studies.claims.drawn_events import complete
+from studies.core.drawn_events import complete
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.ladder.events import (
     QUANTITIES,
