@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.onboard.host import UnitContext
+from alloc.plant.structure import Ints
 from mpc.compiled_model import CompiledModel, compiled_model
-from mpc.generated import compile_source
-from mpc.shooting import Ints, Nonzeros
-from mpc.unit_model import CONSTANTS, UnitModel, Units, group_of, unit_model, unloading
+from mpc.generated import compile_source, function_source
+from mpc.shooting import Nonzeros
+from mpc.unit_model import CONSTANTS, UnitModel, Units, cars_of, group_of, unit_model, unloading
 
 
 class _Block(NamedTuple):
@@ -32,14 +33,6 @@ class _Block(NamedTuple):
     transfer: bool
 
 
-_HEADER = '''"""Written by mpc.assembly; do not edit."""
-
-import numpy as np
-from numba import float64, njit, void
-
-from alloc.compilation import FASTMATH
-
-'''
 _GATHER = """
     x, u = np.empty({n} + 1 + {m}), np.empty({m})
     p, f = np.empty({size}), np.empty({n} + 1 + {m})
@@ -86,46 +79,36 @@ _FUNCTIONS = (
 
 
 def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
-    cars = [list(members) for _, members in groupby(group, key=lambda context: context.car)]
-    models = [unit_model(members) for members in cars]
+    pairs = [(unit_model(car), bool(unloading(car).any())) for car in cars_of(group)]
     blocks: list[_Block] = []
-    axle = unit = nonzero = upper = first = 0
-    for _, alike in groupby(models, key=id):
+    axle = unit = nonzero = upper = 0
+    for _, alike in groupby(pairs, key=lambda pair: id(pair[0])):
         run = list(alike)
-        model, count = run[0], len(run)
+        (model, transfer), cars = run[0], len(run)
         cell = compiled_model(model, code)
-        transfer = bool(unloading(cars[first]).any())
-        blocks.append(_Block(cell, model, count, axle, unit, nonzero, upper, transfer))
-        axle, unit = axle + count * model.axles, unit + count * model.units
-        nonzero, upper = (
-            nonzero + count * cell.nonzeros.row.size,
-            upper + count * cell.nonzeros.upper_row.size,
-        )
-        first += count
+        blocks.append(_Block(cell, model, cars, axle, unit, nonzero, upper, transfer))
+        axle, unit = axle + cars * model.axles, unit + cars * model.units
+        nonzero += cars * cell.nonzeros.row.size
+        upper += cars * cell.nonzeros.upper_row.size
     return blocks
 
 
 def _source(blocks: list[_Block], axles: int, units: int) -> str:
-    text = _HEADER
+    text = ""
     for b, block in enumerate(blocks):
         names = ", ".join(f"{name} as {name}_{b}" for name, _, _ in _FUNCTIONS)
         text += f"from {block.cell.slope.__module__} import {names}\n"
-    for name, outputs, body in _FUNCTIONS:
-        arguments = ["state", "torque", "parameters", *outputs]
-        signature = ", ".join(["float64[::1]"] * len(arguments))
-        text += (
-            f'\n\n@njit(void({signature}), cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)\n'
-            f"def {name}({', '.join(arguments)}):\n"
-        )
-        text += "    slopes[0] = 0.0\n" if "slopes" in outputs else ""
+    for name, outputs, template in _FUNCTIONS:
+        body = "    slopes[0] = 0.0\n" if "slopes" in outputs else ""
         for b, block in enumerate(blocks):
-            text += (_GATHER + body).format(
+            body += (_GATHER + template).format(
                 b=b, n=block.model.axles, m=block.model.units, size=block.model.parameters.numel(),
                 cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
                 constants=len(CONSTANTS), transfer=block.transfer, nonzero=block.nonzero,
                 nonzeros=block.cell.nonzeros.row.size, upper=block.upper,
                 uppers=block.cell.nonzeros.upper_row.size,
             )  # fmt: skip
+        text += function_source(name, ["state", "torque", "parameters", *outputs], body)
     return text
 
 
@@ -137,14 +120,8 @@ def _places(blocks: list[_Block], field: str, axles: int, units: int) -> Ints:
         local = getattr(block.cell.nonzeros, field)
         for c in range(block.cars):
             axle, unit = block.axle + c * n, block.unit + c * m
-            whole = np.concatenate(
-                [
-                    [0],
-                    1 + axle + np.arange(n),
-                    1 + axles + unit + np.arange(m),
-                    1 + axles + units + unit + np.arange(m),
-                ]
-            )
+            torque = 1 + axles + unit + np.arange(m)
+            whole = np.concatenate([[0], 1 + axle + np.arange(n), torque, units + torque])
             found.append(whole[local])
     return np.concatenate(found)
 
@@ -155,10 +132,10 @@ def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
     `code` as for `compiled_model`.
     """
     group = group_of(units)
-    if len({context.car for context in group}) == 1:
+    if len(cars_of(group)) == 1:
         return compiled_model(unit_model(units), code)
     blocks = _blocks(group, code)
     axles = sum(context.axles for context in group)
     made = compile_source(_source(blocks, axles, len(group)))
     places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]
-    return CompiledModel(made.slope, made.rate, made.curvature, Nonzeros(*places))
+    return CompiledModel(made["slope"], made["rate"], made["curvature"], Nonzeros(*places))

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from numba import float64, void
 
-from mpc.shooting import CUBE, LINEARISED, MATRIX, VECTOR, Floats, record, sweep
+from alloc.plant.structure import Floats
+from mpc.shooting import CUBE, LINEARISED, MATRIX, VECTOR, record, sweep
 
 
 class CostWeights(NamedTuple):

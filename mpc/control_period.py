@@ -10,14 +10,13 @@ import time as clock
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
+from alloc.plant.structure import Floats
+from mpc.belief import CurveObserver, GroupBelief
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-
-Floats = NDArray[np.float64]
 
 
 class PredictiveController:
@@ -25,6 +24,8 @@ class PredictiveController:
 
     Arrays of its methods are (units,), or (axles,) unit by unit, and count positive in the direction of the demand.
     """
+
+    belief: CurveObserver | GroupBelief
 
     def __init__(
         self, contexts: Sequence[UnitContext], settings: MpcSettings, solver: RealTimeIteration
@@ -35,10 +36,6 @@ class PredictiveController:
         self._shifts = math.isclose(contexts[0].period, settings.step)
         self._sign = 0.0
         self._before = np.zeros(len(contexts))
-
-    def _forget_forces(self) -> None:
-        """Start the observers anew: the direction of the demand has changed."""
-        raise NotImplementedError
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
         """Take in the readings; `estimate` is each unit's own of its coefficient."""
@@ -79,7 +76,7 @@ class PredictiveController:
         total = float(target.sum())
         sign = math.copysign(1.0, total) if total else self._sign or 1.0
         if sign != self._sign:
-            self._forget_forces()
+            self.belief.forget_forces()
             self._before = np.maximum(sign * torque, 0.0)
             self._solver.restart(self._before)
             self._sign = sign

@@ -20,6 +20,7 @@ as they are, by coefficient, judged by the peak supposed meanwhile, and judged a
 """
 
 import math
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +28,9 @@ from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.adhesion_laws import adhesion_limit
+from alloc.plant.adhesion_laws import PIECEWISE, POLACH, adhesion_limit, tangential_coefficient
+from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
-from mpc.stretched_curve import micro_slip, stretch_parameters
-
-Floats = NDArray[np.float64]
 
 SUMS = np.dtype([(name, float) for name in ("pairs", "x", "xx", "slip", "x_slip")])
 """Sums over the accepted pairs of expected slip x and measured slip."""
@@ -82,6 +81,46 @@ BEND = 1.5
 RISEN = 1.2
 """Felt coefficient over that of the last slip from which on the rail has changed; noise alone reaches a little less."""
 
+GREATEST_RATIO = 0.9
+"""Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""
+
+BISECTIONS = 24
+
+
+@jit
+def stretch_parameters(kind, q, stretch, out):
+    """Fill `out` (6,) with the parameters `q` (6,) of a curve stretched along the slip axis."""
+    for k in range(q.size):
+        out[k] = q[k]
+    if kind == PIECEWISE:
+        out[0] = q[0] / stretch
+        out[1] = q[1] / (stretch * stretch)
+    elif kind == POLACH:
+        out[4] = q[4] / stretch
+    else:
+        out[0] = min(q[0] * stretch, GREATEST_RATIO)
+
+
+@jit
+def micro_slip(kind, q, coefficient, peak, top, speed):
+    """Slip velocity [m/s] where the branch that rises to `peak` at `top` has `coefficient`; odd in it, at most `top`."""
+    low, high = 0.0, top
+    wanted = abs(coefficient)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if tangential_coefficient(kind, q, middle, speed, speed + middle, peak) < wanted:
+            low = middle
+        else:
+            high = middle
+    return math.copysign(0.5 * (low + high), coefficient)
+
+
+def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:
+    """The `curve` with its rising branch stretched along the slip axis."""
+    q = np.empty(6)
+    stretch_parameters(curve.kind, curve.q, stretch, q)
+    return type(curve)(*(float(value) for value in q[: len(fields(curve))]))
+
 
 @jit
 def take_in(sums, c, expected, slip, number, offset):
@@ -115,12 +154,6 @@ def _keep(bins, coefficient, slip):
     row.pairs += 1.0
     row.coefficient += coefficient
     row.slip += slip
-
-
-@jit
-def _empty(bins):
-    for row in bins:
-        row.pairs = row.coefficient = row.slip = 0.0
 
 
 @jit
@@ -167,7 +200,8 @@ def _update(kind, q, c, initial, offset, speed, slips, coefficient, peak, told, 
             if most[i] > 0.0:
                 # what it carried before the slip it could carry, even if the rail has changed since
                 _judge(kind, q, c, bins[i], max(known, most[i]), c.tested, speed, offset, sums)
-                _empty(bins[i])
+                for row in bins[i]:
+                    row.pairs = row.coefficient = row.slip = 0.0
                 most[i] = 0.0
                 news = True
             limit, top = adhesion_limit(kind, q, known, speed)
@@ -210,29 +244,27 @@ def stretch_estimate(sums, c, offset, resolution):
     return min(max(above / below, c.smallest), c.largest)
 
 
-def curve_constants(belief: CurveBelief, period: float) -> Constants:
-    """Constants of the estimation at control `period` [s], as the compiled functions take them."""
-    unit = belief.slip_scale**2 / period  # excitation by one axle in a second
-    return Constants(
-        prior=belief.prior * unit,
-        fading=1.0 / (belief.memory * unit),
-        smallest=belief.smallest,
-        largest=belief.largest,
-        tested=belief.tested_share,
-        untested=belief.untested_share,
-        resolution=0.1 * belief.slip_scale,
-    )
-
-
 class StretchEstimator:
     """Stretch of one unit's curve, see the module."""
 
     def __init__(
         self, curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
     ) -> None:
-        """For a unit of `axles` that was given `curve`; `initial` is the peak believed before anything was felt."""
-        self._kind, self._given = curve.kind, curve.q
-        self._constants, self._initial = curve_constants(belief, period), initial
+        """For a unit of `axles` that was given `curve`, at control `period` [s].
+
+        `initial` is the peak believed before anything was felt.
+        """
+        self._kind, self._given, self._initial = curve.kind, curve.q, initial
+        unit = belief.slip_scale**2 / period  # excitation by one axle in a second
+        self._constants = Constants(
+            prior=belief.prior * unit,
+            fading=1.0 / (belief.memory * unit),
+            smallest=belief.smallest,
+            largest=belief.largest,
+            tested=belief.tested_share,
+            untested=belief.untested_share,
+            resolution=0.1 * belief.slip_scale,
+        )
         self._memory = Memory(
             Sums.zeros(), Sums.zeros(), np.zeros((axles, BINS), CLASS), np.zeros(axles)
         )

@@ -6,14 +6,13 @@ out as Python source beside Numba's cache, once per model, and compiled there.
 """
 
 import hashlib
-from types import ModuleType
 from typing import Any
 
 import casadi as cs
 
 from mpc.code_cache import load_module
 
-_BINARY = {
+_OPERATIONS = {
     cs.OP_ADD: "{0} + {1}",
     cs.OP_SUB: "{0} - {1}",
     cs.OP_MUL: "{0} * {1}",
@@ -27,8 +26,6 @@ _BINARY = {
     cs.OP_FMIN: "minimum({0}, {1})",
     cs.OP_FMAX: "maximum({0}, {1})",
     cs.OP_IF_ELSE_ZERO: "{1} if {0} != 0.0 else 0.0",
-}
-_UNARY = {
     cs.OP_ASSIGN: "{0}",
     cs.OP_NEG: "-{0}",
     cs.OP_SQ: "{0} * {0}",
@@ -42,14 +39,13 @@ _UNARY = {
     cs.OP_ATAN: "atan({0})",
     cs.OP_SIN: "sine({0})",
 }
-_HEADER = '''"""Written by mpc.generated; do not edit."""
+_HEADER = '''"""Written by mpc; do not edit."""
 
-from numba import float64, void
+import numpy as np
+from numba import float64, types, void
 
-from alloc.compilation import FASTMATH
 from alloc.plant.operations import absolute, atan, exp, maximum, minimum, sine, sqrt
-from numba import njit
-
+from mpc.shooting import VECTOR, sweep
 '''
 
 
@@ -57,27 +53,32 @@ class TranslationError(NotImplementedError):
     """An expression holds an operation that has no translation; the message names it."""
 
 
-def _body(function: cs.Function) -> list[str]:
-    lines = []
+def _body(function: cs.Function) -> str:
+    text = ""
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         inputs, outputs = function.instruction_input(k), function.instruction_output(k)
+        target = f"w{outputs[0]}"
         if operation == cs.OP_CONST:
-            lines.append(f"w{outputs[0]} = {function.instruction_constant(k)!r}")
+            value = repr(function.instruction_constant(k))
         elif operation == cs.OP_INPUT:
-            lines.append(f"w{outputs[0]} = {function.name_in(inputs[0])}[{inputs[1]}]")
+            value = f"{function.name_in(inputs[0])}[{inputs[1]}]"
         elif operation == cs.OP_OUTPUT:
-            lines.append(f"{function.name_out(outputs[0])}[{outputs[1]}] = w{inputs[0]}")
-        elif operation in _BINARY:
-            text = _BINARY[operation].format(f"w{inputs[0]}", f"w{inputs[1]}")
-            lines.append(f"w{outputs[0]} = {text}")
-        elif operation in _UNARY:
-            lines.append(f"w{outputs[0]} = {_UNARY[operation].format(f'w{inputs[0]}')}")
+            target, value = f"{function.name_out(outputs[0])}[{outputs[1]}]", f"w{inputs[0]}"
+        elif operation in _OPERATIONS:
+            value = _OPERATIONS[operation].format(*(f"w{i}" for i in inputs))
         else:
             raise TranslationError(
                 f"{function.name()}: CasADi operation {operation} has no translation"
             )
-    return lines
+        text += f"    {target} = {value}\n"
+    return text
+
+
+def function_source(name: str, arguments: list[str], body: str) -> str:
+    """Python source of a Numba function of float64 vectors; `body` is indented and ends its last line."""
+    signature = ", ".join(["VECTOR"] * len(arguments))
+    return f"\n\n@sweep(void({signature}))\ndef {name}({', '.join(arguments)}):\n{body}"
 
 
 def source(functions: list[cs.Function]) -> str:
@@ -86,26 +87,19 @@ def source(functions: list[cs.Function]) -> str:
     Every input and output is a float64 vector of its nonzeros (columnwise); outputs are written in place, structural
     zeros are left out. Raises `TranslationError` for operations that the plant's equations do not use.
     """
-    text = _HEADER
-    for function in functions:
-        names = [function.name_in(i) for i in range(function.n_in())]
-        names += [function.name_out(i) for i in range(function.n_out())]
-        signature = ", ".join(["float64[::1]"] * len(names))
-        text += (
-            f'@njit(void({signature}), cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)\n'
-            f"def {function.name()}({', '.join(names)}):\n"
-        )
-        text += "".join(f"    {line}\n" for line in _body(function)) + "\n\n"
-    return text
+    return "".join(
+        function_source(function.name(), function.name_in() + function.name_out(), _body(function))
+        for function in functions
+    )
 
 
-def compile_source(text: str) -> ModuleType:
-    """Module of the source `text`, kept beside Numba's cache under a name that follows from it."""
-    name = "readhesion_generated_" + hashlib.sha256(text.encode()).hexdigest()[:16]
-    return load_module(name, text)
+def compile_source(text: str) -> dict[str, Any]:
+    """What the source `text` defines, by name; kept beside Numba's cache under a name that follows from it."""
+    whole = _HEADER + text
+    name = "readhesion_generated_" + hashlib.sha256(whole.encode()).hexdigest()[:16]
+    return vars(load_module(name, whole))
 
 
 def compile_functions(functions: list[cs.Function]) -> dict[str, Any]:
     """Numba functions of the SX `functions` by name, see `source`; compiled once per machine and expression."""
-    module = compile_source(source(functions))
-    return {function.name(): getattr(module, function.name()) for function in functions}
+    return compile_source(source(functions))

@@ -16,7 +16,8 @@ from typing import Any
 import casadi as cs
 import llvmlite.binding as llvm
 
-from mpc.code_cache import create, folder, load_module
+from mpc.code_cache import create, folder
+from mpc.generated import compile_source, function_source
 from mpc.settings import MpcError
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -34,13 +35,6 @@ NATIVE = "-march=native"
 
 TIME_LIMIT = 300.0
 """Longest compilation [s]."""
-
-_HEADER = '''"""Written by mpc.generated_c; do not edit."""
-
-from numba import float64, njit, types, void
-
-POINTER = types.CPointer(float64)
-'''
 
 
 class CompilerError(MpcError):
@@ -60,14 +54,9 @@ def find_compiler() -> list[str]:
     )
 
 
-def _names(function: cs.Function) -> tuple[list[str], list[str]]:
-    inputs = [function.name_in(i) for i in range(function.n_in())]
-    return inputs, [function.name_out(i) for i in range(function.n_out())]
-
-
 def _plain_function(function: cs.Function, suffix: str) -> str:
     """C function of the plain vectors around CasADi's; its work vectors lie on the stack."""
-    inputs, outputs = _names(function)
+    inputs, outputs = function.name_in(), function.name_out()
     arguments = [f"const double *__restrict__ {name}" for name in inputs]
     arguments += [f"double *__restrict__ {name}" for name in outputs]
     # CasADi's tables have room for its own use behind the arguments
@@ -129,18 +118,12 @@ def _machine() -> str:
 
 def _caller(function: cs.Function, suffix: str) -> str:
     """Python source of the Numba function that calls the C function."""
-    names = [name for side in _names(function) for name in side]
-    pointers = ", ".join(["POINTER"] * len(names))
-    vectors = ", ".join(["float64[::1]"] * len(names))
-    name = f"{function.name()}_{suffix}"
-    return f"""
-{name} = types.ExternalFunction("{name}", types.void({pointers}))
-
-
-@njit(void({vectors}), cache=True, nogil=True)
-def {function.name()}({", ".join(names)}):
-    {name}({", ".join(f"{n}.ctypes" for n in names)})
-"""
+    names = function.name_in() + function.name_out()
+    pointers = ", ".join(["types.CPointer(float64)"] * len(names))
+    symbol = f"{function.name()}_{suffix}"
+    call = f"    {symbol}({', '.join(f'{name}.ctypes' for name in names)})\n"
+    declared = f'\n{symbol} = types.ExternalFunction("{symbol}", types.void({pointers}))\n'
+    return declared + function_source(function.name(), names, call)
 
 
 def compile_c_functions(functions: list[cs.Function]) -> dict[str, Any]:
@@ -155,6 +138,4 @@ def compile_c_functions(functions: list[cs.Function]) -> dict[str, Any]:
     library = folder() / f"readhesion_c_{key}.so"
     create(library, lambda aside: _compile(compiler, c_source(functions, key), aside))
     llvm.load_library_permanently(str(library))
-    text = _HEADER + "".join(_caller(function, key) for function in functions)
-    module = load_module(f"readhesion_c_{key}", text)
-    return {function.name(): getattr(module, function.name()) for function in functions}
+    return compile_source("".join(_caller(function, key) for function in functions))

@@ -1,16 +1,17 @@
 """The readhesion MPC of several units as one problem: of the units of a car, or of all units of a train without delay."""
 
 from collections.abc import Sequence
-from itertools import groupby
 
 import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
-from mpc.control_period import Floats, PredictiveController
-from mpc.group_belief import GroupBelief
+from alloc.plant.structure import Floats
+from mpc.belief import GroupBelief
+from mpc.control_period import PredictiveController
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonProblem
 from mpc.settings import MpcSettings
+from mpc.unit_model import cars_of
 
 
 class GroupController(PredictiveController):
@@ -20,6 +21,8 @@ class GroupController(PredictiveController):
     within what their motors and their believed adhesion allow. A unit alone keeps to its own target. If anything goes
     wrong, all units of the group are told so.
     """
+
+    belief: GroupBelief
 
     def __init__(
         self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
@@ -32,9 +35,6 @@ class GroupController(PredictiveController):
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """Torque command of each unit for the coming control period; never raises."""
         return self._answer(senses)
-
-    def _forget_forces(self) -> None:
-        self.belief.forget_forces()
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
         self.belief.update(speed, omega, torque)
@@ -59,9 +59,7 @@ class CarControllers:
     def __init__(
         self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
     ) -> None:
-        self.cars = [
-            list(members) for _, members in groupby(contexts, key=lambda context: context.car)
-        ]
+        self.cars = cars_of(contexts)
         """Contexts of each car's units."""
         self.controllers = [GroupController(members, settings) for members in self.cars]
 

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
+from alloc.plant.structure import Floats
 from alloc.rules.exact import exact_limits
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.unit_model import parameters, unit_of_axle
-
-Floats = NDArray[np.float64]
 
 
 class GroupProblem:

@@ -7,8 +7,8 @@ has an entry per unit may be a plain number where there is one.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from alloc.plant.structure import Floats
 from mpc.condensing import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.settings import MpcSettings
 from mpc.unit_model import (
@@ -18,8 +18,6 @@ from mpc.unit_model import (
     torque_per_coefficient,
     unit_of_axle,
 )
-
-Floats = NDArray[np.float64]
 
 
 class HorizonProblem(NamedTuple):

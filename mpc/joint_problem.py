@@ -9,17 +9,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
+from alloc.plant.structure import Floats
 from mpc.assembly import compiled_group
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.unit_model import parameters, substeps
-
-Floats = NDArray[np.float64]
 
 
 class Report(NamedTuple):
@@ -92,31 +90,18 @@ class JointProblem:
         unit that is bound by its rail is asked for more than it is believed to carry: its own controller knows its rail
         better than a report of some age, and only an axle that is pushed finds out that adhesion has come back.
         """
-        states = [
-            forecast.state(report, known)
-            for forecast, report, known in zip(self._forecasts, reports, commands, strict=True)
-        ]
-        before = np.array(
-            [
-                known[-1] if known.size else report.command
-                for report, known in zip(reports, commands, strict=True)
-            ]
-        )
+        pairs = list(zip(reports, commands, strict=True))
+        states = [f.state(*pair) for f, pair in zip(self._forecasts, pairs, strict=True)]
+        before = np.array([known[-1] if known.size else r.command for r, known in pairs])
         speed = float(states[0][0])
         slip = np.concatenate(
             [r * s[1:-1] - s[0] for r, s in zip(self._radius, states, strict=True)]
         )
-        target = np.array([report.target for report in reports])
-        carried = np.array([report.carried for report in reports])
-        rail = (
-            np.concatenate([report.peak for report in reports]),
-            np.concatenate([report.peak_slip for report in reports]),
-            carried,
-        )
-        omega = (speed + slip) / self._group.radius
-        torque = np.array([state[-1] for state in states])
-        limit = np.array([report.limit for report in reports])
-        problem = self._group.problem((speed, omega, torque), rail, target, before, limit)
+        target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
+        peak = np.concatenate([r.peak for r in reports])
+        peak_slip = np.concatenate([r.peak_slip for r in reports])
+        state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
+        problem = self._group.problem(state, (peak, peak_slip, carried), target, before, limit)
         solver = self._group.solver
         if self._cold:
             solver.restart(before)

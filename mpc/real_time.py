@@ -95,7 +95,7 @@ class RealTimeIteration:
         cost, residual, done = np.nan, np.inf, 0
         while done == 0 or (done < settings.iterations and clock.perf_counter() < give_up):
             self._linearise(problem)
-            cost = self._cost(self._now.nodes, self.torques)
+            cost = float(trajectory_cost(self._now.nodes, self.torques, self._terms))
             residual = self._residual(problem)
             if not (np.isfinite(cost) and np.isfinite(residual)):
                 return HorizonSolution(self.torques.copy(), cost, residual, done, "not finite")
@@ -121,10 +121,6 @@ class RealTimeIteration:
             self._small_step, self._substeps, self._now, self._cube,
         )  # fmt: skip
         condense(self._now, self.torques, self._terms, self._quadratic)
-
-    def _cost(self, nodes: np.ndarray, torques: np.ndarray) -> float:
-        """Cost of a trajectory for the problem of the last linearisation."""
-        return float(trajectory_cost(nodes, torques, self._terms))
 
     def _residual(self, problem: HorizonProblem) -> float:
         now = self.torques / self._scale
@@ -176,7 +172,7 @@ class RealTimeIteration:
                 self._model.slope, self._trial, problem.parameters, self._small_step,
                 self._substeps, self._trial_nodes, self._rows,
             )  # fmt: skip
-            if self._cost(self._trial_nodes, self._trial) <= cost:
+            if trajectory_cost(self._trial_nodes, self._trial, self._terms) <= cost:
                 self.torques[:] = self._trial
                 return True
             self._trial += self.torques

@@ -9,14 +9,10 @@ Torques of several units lie step by step in one vector (horizon * units,), so t
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import float64, int64, njit, types, void
-from numpy.typing import NDArray
 
 from alloc.compilation import FASTMATH
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from alloc.plant.structure import Floats, Ints
 
 
 class Nonzeros(NamedTuple):

@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.onboard.telegram_line import TelegramLine
+from alloc.plant.structure import Floats
 from mpc.group_controller import CarControllers
 from mpc.joint_problem import JointProblem, Report
 from mpc.settings import MpcSettings
-
-Floats = NDArray[np.float64]
 
 SENT_KEPT = 16
 """Orders remembered per unit; more cannot be younger than a report that is still used."""

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
+from alloc.plant.structure import Floats
 from mpc.belief import CurveObserver
-from mpc.control_period import Floats, PredictiveController
+from mpc.control_period import PredictiveController
+from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.stretched_curve import stretched
 from mpc.unit_model import parameters, torque_per_coefficient
 
 STIFFNESS_MARGIN = 0.8
@@ -23,6 +24,8 @@ class MpcController(PredictiveController):
     It follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque;
     see `MpcSettings` for the weights.
     """
+
+    belief: CurveObserver
 
     def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
         settings = settings or MpcSettings()
@@ -37,9 +40,6 @@ class MpcController(PredictiveController):
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period; never raises."""
         return self._answer([sense])[0]
-
-    def _forget_forces(self) -> None:
-        self.belief.forget_forces()
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
         self.belief.update(float(speed[0]), omega, float(torque[0]), float(estimate[0]))

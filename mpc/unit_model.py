@@ -7,21 +7,20 @@ so all of the same shape and kind of adhesion curve share one expression and one
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.equations import slip_velocity
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Rail
+from alloc.plant.structure import Floats, Ints
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Units = UnitContext | Sequence[UnitContext]
 """A unit alone, or a group, foremost first."""
 
@@ -37,6 +36,13 @@ def group_of(units: Units) -> tuple[UnitContext, ...]:
     if isinstance(units, UnitContext):
         return (replace(units, unloading=()),)
     return tuple(units)
+
+
+def cars_of(units: Units) -> list[tuple[UnitContext, ...]]:
+    """The units of each car of the group."""
+    return [
+        tuple(members) for _, members in groupby(group_of(units), key=lambda context: context.car)
+    ]
 
 
 def unit_of_axle(units: Units) -> Ints:
@@ -94,11 +100,8 @@ def _car(group: tuple[UnitContext, ...]) -> Car:
 
 def _plant(group: tuple[UnitContext, ...]) -> Model:
     """The group as a train of the plant."""
-    cars = [
-        _car(tuple(context for context in group if context.car == car))
-        for car in dict.fromkeys(context.car for context in group)
-    ]
-    plant = build(Train("group", tuple(cars)), Rail(1.0, curve=group[0].curve))
+    train = Train("group", tuple(map(_car, cars_of(group))))
+    plant = build(train, Rail(1.0, curve=group[0].curve))
     unit = unit_of_axle(group)
 
     def values(name: str) -> Floats:
@@ -163,21 +166,13 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
-    none: Any = cs.SX(0, 1)
-    command: Any = torque
-    clean: Any = cs.SX(n, 1)
-    rate = arrays.derivative(
-        whole,
-        Inputs(torque_command=command, pressure_target=none, valve=none, cleaning=clean),
-        Local(
-            peak=peak,
-            grade=grade,
-            air_factor=1.0,
-            drive_limit=UNBOUNDED_TORQUE,
-            brake_limit=UNBOUNDED_TORQUE,
-            health=1.0,
-        ),
-    )
+    inputs: dict[str, Any] = {
+        "torque_command": torque, "pressure_target": cs.SX(0, 1), "valve": cs.SX(0, 1),
+        "cleaning": cs.SX(n, 1),
+    }  # fmt: skip
+    unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
+    local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)
+    rate = arrays.derivative(whole, Inputs(**inputs), local)
     return UnitModel(
         axles=n,
         units=m,
@@ -225,18 +220,3 @@ def torque_per_coefficient(context: UnitContext) -> float:
     """
     rim = context.inertia * context.axles / (context.radius**2 * context.mass)
     return context.axle_load * context.radius / context.gear_ratio * (1.0 + rim)
-
-
-__all__ = [
-    "CONSTANTS",
-    "UnitModel",
-    "Units",
-    "group_of",
-    "parameters",
-    "slip_matrix",
-    "substeps",
-    "torque_per_coefficient",
-    "unit_model",
-    "unit_of_axle",
-    "unloading",
-]

@@ -20,9 +20,9 @@ from paper_figs.style import (
     rule_look,
 )
 from studies.claims import statements as claimed
+from studies.claims.drawn_events import complete
 from studies.claims.measures import EXCESS_EDGES, excess_column
-from studies.claims.parts import PARTS
-from studies.claims.study import complete
+from studies.claims.statements import PARTS
 from studies.core.statement import CONFIDENCE, mean_interval
 from studies.core.verdict import LEAST_EVENTS, Part, Test
 
@@ -152,7 +152,7 @@ def claim_e(table: pd.DataFrame) -> Figure:
 
 def _bearing_on(table: pd.DataFrame, claim: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All events of the sweep, one row each, and those that bear on a claim."""
-    pairs = claimed.paired(complete(table))
+    pairs = claimed.pairs_of(complete(table))
     return pairs, claimed.claim_population(pairs, claim)
 
 

@@ -22,10 +22,10 @@ from paper_figs.style import (
     name_rows,
     new_panels,
 )
+from studies.claims.drawn_events import complete
 from studies.core.statement import mean_interval
 from studies.curves.statements import CURVES, PAIRS, paired_difference
 from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
-from studies.ladder.study import complete
 
 FEW_EVENTS = 6
 """Events that are run for the figure where the results hold fewer: two of each train."""

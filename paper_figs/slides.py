@@ -17,9 +17,8 @@ from paper_figs.registry import figure
 from paper_figs.source import made, study
 from paper_figs.style import Look, controller_look, handle, legend_below, new_panels, plain_ticks
 from studies.slides.electric import CONTROLLERS, PART
-from studies.slides.front import front
 from studies.slides.jp4209318 import CALIBRATED, Undisclosed, brake, brake_event
-from studies.slides.targets import TABLE_3, TABLE_4
+from studies.slides.targets import TABLE_3, TABLE_4, front
 
 SPEEDS = {10.0: BLUE, 50.0: GREEN, 100.0: VERMILION}
 """Speed [km/h] and its colour."""

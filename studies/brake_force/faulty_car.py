@@ -76,10 +76,10 @@ class Stop(NamedTuple):
     true_force: Floats
     """At the rails [N], (time, cars)."""
 
-    def shortfalls(self, system: MeasuringSystem = SYSTEM) -> Shortfalls:
+    def shortfalls(self) -> Shortfalls:
         """What the cars fell short of, with the uncertainty as threshold."""
         m, w = self.measured, self.window
-        constant = system.calibration.deviation(
+        constant = SYSTEM.calibration.deviation(
             m.bare_mass, m.acceleration[w].mean(axis=0), m.coupler_force[w].mean(axis=0)
         )
         return find_shortfalls(self.allocated[w], self.estimated[w], constant)
@@ -97,9 +97,7 @@ def commuter_train(seed: int) -> Train:
     return train.loaded(tuple(draw.uniform(0.0, GREATEST_LOAD, len(train.cars)))).coupled(COUPLER)
 
 
-def allocated_stops(
-    fault: Fault | None, seed: int, level: float = SLIPPERY, draws: int = 1
-) -> list[Stop]:
+def allocated_stops(fault: Fault | None, seed: int, draws: int = 1) -> list[Stop]:
     """One stop under the train's computers and the reference rule on slippery rails, measured `draws` times.
 
     `seed` draws loads and rail, and with the number of the measurement the sensor errors.
@@ -107,12 +105,16 @@ def allocated_stops(
     train = commuter_train(seed)
     failures: dict[int, float] = {}
     if fault is not None:
-        train = _cut_out(train, fault.car, fault.bogies)
+        cars = list(train.cars)
         if fault.motors:
-            powered = [k for k, car in enumerate(train.cars) if car.motors is not None]
+            powered = [k for k, car in enumerate(cars) if car.motors is not None]
             failures = {powered.index(fault.car): 0.0}
+        brake = cars[fault.car].air_brake
+        assert brake is not None
+        cars[fault.car] = replace(cars[fault.car], air_brake=replace(brake, cut_out=fault.bogies))
+        train = replace(train, cars=tuple(cars))
     increments = tuple(logarithmic_increments(train.axle_count))
-    rail = Rail(level, increments=increments, scatter=0.012 if level < DRY else 0.0, seed=seed)
+    rail = Rail(SLIPPERY, increments=increments, scatter=0.012, seed=seed)
     event = Event(
         "stop",
         build(train, rail, failures=failures),
@@ -166,14 +168,6 @@ def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[St
     return _measured(run, train, seed, draws, decrement)
 
 
-def _cut_out(train: Train, car: int, bogies: tuple[int, ...]) -> Train:
-    cars = list(train.cars)
-    brake = cars[car].air_brake
-    assert brake is not None
-    cars[car] = replace(cars[car], air_brake=replace(brake, cut_out=bogies))
-    return replace(train, cars=tuple(cars))
-
-
 def _measured(
     run: xr.Dataset, train: Train, seed: int, draws: int, decrement: Floats
 ) -> list[Stop]:
@@ -188,6 +182,3 @@ def _measured(
         allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
         stops.append(Stop(run, m, window, allocated, estimated, true))
     return stops
-
-
-__all__ = ["Fault", "Stop", "allocated_stops", "commuter_train", "driven_stops"]

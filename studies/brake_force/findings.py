@@ -14,8 +14,14 @@ from studies.brake_force.faulty_car import (
     commuter_train,
     driven_stops,
 )
-from studies.brake_force.measurement import MeasuringSystem
-from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
+from studies.brake_force.running_tests import (
+    BRAKED_AT,
+    SYSTEM,
+    TestResult,
+    estimate,
+    run_test,
+    smooth,
+)
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -51,15 +57,14 @@ def running_test_row(name: str, seed: int) -> Row:
 
 def row_of_test(name: str, result: TestResult) -> Row:
     """Numbers of the test called `name`, forces in kN; which ones depends on the test."""
-    row: Row = {"part": "test", "test": name} | _averages(result) | _errors(result)
-    if name == "locomotive":
-        row |= _shock(result)
-    if name in ("locomotive", "all"):
-        row |= _locomotive(result) | _settled(result)
-    if name == "all":
-        row |= _spikes(result)
-    if name == "emergency":
-        row |= _theory(result)
+    parts = {
+        "locomotive": (_shock, _locomotive, _settled),
+        "all": (_locomotive, _settled, _spikes),
+        "emergency": (_theory,),
+    }
+    row: Row = {"part": "test", "test": name}
+    for part in (_averages, _errors, *parts.get(name, ())):
+        row |= part(result)
     return row
 
 
@@ -68,7 +73,7 @@ def _averages(result: TestResult) -> Row:
     w, m = result.window, result.measured
     wagons = batch_mean(estimate(result).wagons[w] / 1e3, trend=TREND)
     truth = float(result.true_force[w, 1:].sum(axis=1).mean() / 1e3)
-    errors = MeasuringSystem().calibration
+    errors = SYSTEM.calibration
     a = float(m.acceleration[w, 1].mean())
     mass = float(m.mass[1:].sum())
     first = float(m.coupler_force[w, 0].mean())
@@ -112,10 +117,10 @@ def _shock(result: TestResult) -> Row:
     steady = coupler_force_between(true[:, 0], m.mass[0], true[:, 1:].sum(axis=1), m.mass[1:].sum())
     first = m.coupler_force[:, 0]
     contact = int(np.argmax(first < -CONTACT))
-    second = round(1.0 / MeasuringSystem().period)
+    second = round(1.0 / SYSTEM.period)
     peak = contact + int(np.argmin(first[contact : contact + 2 * second]))
     about = first - steady
-    noise = MeasuringSystem().coupler_noise
+    noise = SYSTEM.coupler_noise
 
     def swing(part: slice) -> float:
         """Standard deviation without the sensor's noise [kN]."""
@@ -134,7 +139,7 @@ def _shock(result: TestResult) -> Row:
 def _settling(result: TestResult) -> int:
     """Sample from which the accelerations of locomotive and first wagon agree until the end."""
     m, end = result.measured, result.window.stop
-    second = round(1.0 / MeasuringSystem().period)
+    second = round(1.0 / SYSTEM.period)
     apart = np.square(m.acceleration[:end, 0] - m.acceleration[:end, 1])
     running = np.sqrt(np.convolve(apart, np.ones(second) / second, "valid"))
     above = np.flatnonzero(running > AGREEMENT)
@@ -247,24 +252,22 @@ def driven_rows(
 
 def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
     """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
-    said: dict[str, list[bool]] = {
-        "found": [],
-        "first": [],
-        "wrong": [],
-        "whole": [],
-        "others_short": [],
-    }
+    said = []
     threshold, error = [], []
     for stop in stops:
         shortfalls, w = stop.shortfalls(), stop.window
         accused, allocated = shortfalls.accused, stop.allocated[w].mean(axis=0)
         sound = stop.true_shortfall < SOUND * allocated
-        said["found"].append(faulty in accused)
-        said["first"].append(bool(accused.size and accused[0] == faulty))
         others = [k for k in accused if k != faulty]
-        said["wrong"].append(bool(np.any(sound[others])))
-        said["whole"].append(bool(np.any((stop.true_shortfall < WHOLE * allocated)[others])))
-        said["others_short"].append(bool(np.any(~sound[others])))
+        said.append(
+            {
+                "found": faulty in accused,
+                "first": accused.size > 0 and accused[0] == faulty,
+                "wrong": np.any(sound[others]),
+                "whole": np.any((stop.true_shortfall < WHOLE * allocated)[others]),
+                "others_short": np.any(~sound[others]),
+            }
+        )
         threshold.append(float(np.mean(shortfalls.threshold / allocated)))
         error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)
     shortfall = stops[0].true_shortfall / stops[0].allocated[stops[0].window].mean(axis=0)
@@ -273,8 +276,5 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
         "true_share": np.nan if faulty is None else float(shortfall[faulty]),
         "error_in_deviations": rms(np.concatenate(error)),
         "threshold": float(np.mean(threshold)),
-        **{name: float(np.mean(values)) for name, values in said.items()},
+        **{name: float(np.mean([one[name] for one in said])) for name in said[0]},
     }
-
-
-__all__ = ["SHORTFALLS", "SOUND", "allocated_rows", "driven_rows", "row_of_test"]

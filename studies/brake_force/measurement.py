@@ -105,25 +105,21 @@ def record(run: xr.Dataset, train: Train, system: MeasuringSystem) -> Measured:
 
 def disturb(exact: Measured, train: Train, system: MeasuringSystem, seed: int) -> Measured:
     """The same with sensor errors drawn from `seed`."""
-    draw = np.random.default_rng([seed, 41])
+    draw = np.random.default_rng([seed, 41]).standard_normal
     errors = system.calibration
-    a, force = exact.acceleration, exact.coupler_force
-    bare = exact.bare_mass * (1.0 + errors.mass * draw.standard_normal(exact.bare_mass.size))
-    offsets = errors.acceleration_offset * draw.standard_normal(a.shape[1])
-    gains = 1.0 + errors.coupler_gain * draw.standard_normal(force.shape[1])
-    zeros = errors.coupler_offset * draw.standard_normal(force.shape[1])
+    a, force, pressure = exact.acceleration, exact.coupler_force, exact.pressure
+    bare = exact.bare_mass * (1.0 + errors.mass * draw(exact.bare_mass.size))
+    offsets = errors.acceleration_offset * draw(a.shape[1])
+    gains = 1.0 + errors.coupler_gain * draw(force.shape[1])
+    zeros = errors.coupler_offset * draw(force.shape[1])
     # noise after what is constant: that must not depend on how long the run is
-    noise = system.speed_noise * draw.standard_normal(exact.speed.shape)
-    speed = np.abs(exact.speed + noise)
+    speed = np.abs(exact.speed + system.speed_noise * draw(exact.speed.shape))
     return Measured(
         time=exact.time,
         speed=speed,
-        acceleration=a + offsets + system.acceleration_noise * draw.standard_normal(a.shape),
-        coupler_force=gains * force
-        + zeros
-        + system.coupler_noise * draw.standard_normal(force.shape),
-        pressure=exact.pressure
-        + system.pressure_noise * draw.standard_normal(exact.pressure.shape),
+        acceleration=a + offsets + system.acceleration_noise * draw(a.shape),
+        coupler_force=gains * force + zeros + system.coupler_noise * draw(force.shape),
+        pressure=pressure + system.pressure_noise * draw(pressure.shape),
         bare_mass=bare,
         mass=rolling_mass(bare, *turning_inertia(train)),
         resistance=resistance_of_cars(train, speed),
@@ -153,15 +149,3 @@ def true_brake_forces(run: xr.Dataset, train: Train) -> Floats:
     """True force [N] of the brakes of each car, as a force at the rims of wheels that roll, (time, cars)."""
     inertia, radius = turning_inertia(train)
     return rail_brake_forces(run) - inertia / radius**2 * run["car_acceleration"].values
-
-
-__all__ = [
-    "Measured",
-    "MeasuringSystem",
-    "disturb",
-    "rail_brake_forces",
-    "record",
-    "resistance_of_cars",
-    "true_brake_forces",
-    "turning_inertia",
-]

@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from alloc.driving import Controls, TrainSense, drive
 from alloc.estimation.brake_force_mean import braking_window
 from alloc.estimation.brake_force_smoother import SmoothedForces, smooth_brake_forces
-from alloc.estimation.car_brake_force import (
-    BrakeRigging,
-    car_brake_forces,
-    group_brake_force,
-)
+from alloc.estimation.car_brake_force import BrakeRigging, car_brake_forces, group_brake_force
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -44,6 +40,7 @@ LONGEST = 90.0
 """Time [s] after which a test ends at the latest."""
 STOP_SPEED = 0.3
 """Speed [m/s] of the foremost car below which a test ends, the train being about to stand."""
+SYSTEM = MeasuringSystem()
 RIGGING = BrakeRigging(
     freight.CYLINDERS, freight.LEVER_RATIO, freight.RIGGING_EFFICIENCY, freight.PISTON_AREA
 )
@@ -100,24 +97,6 @@ def train_of_test(test: BrakeTest, seed: int) -> Train:
     return replace(train, cars=tuple(cars))
 
 
-class BrakeHandle:
-    """A driver who applies the brake once; the plant's cylinders know when the brake pipe's wave reaches them."""
-
-    def __init__(self, train: Train, pressure: float, locomotive_only: bool = False) -> None:
-        self.pressure = np.array(
-            [
-                0.0 if locomotive_only and k > 0 else pressure
-                for k, car in enumerate(train.cars)
-                for _ in range(car.bogie_of_axle[-1] + 1)
-            ]
-        )
-
-    def __call__(self, sense: TrainSense, controls: Controls) -> bool:
-        """Brake from `BRAKED_AT` on; the test ends when the train is about to stand."""
-        controls.pressure[:] = self.pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
-        return sense.speed > STOP_SPEED
-
-
 class TestResult(NamedTuple):
     """A test as it was measured, and what was truly so, at the same instants."""
 
@@ -130,22 +109,32 @@ class TestResult(NamedTuple):
     """The report's: 63.2 % of the steady pressure to standstill."""
 
 
-def run_test(name: str, seed: int, system: MeasuringSystem | None = None) -> TestResult:
+def run_test(name: str, seed: int) -> TestResult:
     """Make a test on the plant and measure it; `seed` draws wagons and sensor errors."""
     test = TESTS[name]
     train = train_of_test(test, seed)
     run = drive_test(test, train)
-    system = system or MeasuringSystem()
-    measured = disturb(record(run, train, system), train, system, seed)
-    true = system.sampled(run, true_brake_forces(run, train))
+    measured = disturb(record(run, train, SYSTEM), train, SYSTEM, seed)
+    true = SYSTEM.sampled(run, true_brake_forces(run, train))
     # the wagons' pressure, measured on the first; where they are not braked the locomotive's
     pressure = measured.pressure[:, 0 if test.locomotive_only else 1]
     return TestResult(test, train, measured, true, braking_window(pressure, measured.speed))
 
 
 def drive_test(test: BrakeTest, train: Train) -> xr.Dataset:
-    """The recorded run of a test."""
-    driver = BrakeHandle(train, test.pressure, test.locomotive_only)
+    """The recorded run of a test; the plant's cylinders know when the brake pipe's wave reaches them."""
+    pressure = np.array(
+        [
+            0.0 if test.locomotive_only and k > 0 else test.pressure
+            for k, car in enumerate(train.cars)
+            for _ in range(car.bogie_of_axle[-1] + 1)
+        ]
+    )
+
+    def driver(sense: TrainSense, controls: Controls) -> bool:
+        controls.pressure[:] = pressure if sense.time >= BRAKED_AT - 1e-9 else 0.0
+        return sense.speed > STOP_SPEED
+
     length = sum(car.length for car in train.cars)
     model = build(train, Rail(DRY), span=(0.0, length + LONGEST * test.speed / 3.6))
     return drive(model, driver, LONGEST, test.title, test.speed / 3.6, length, 0.01)
@@ -183,13 +172,10 @@ def estimate(result: TestResult) -> Estimates:
     )
 
 
-def smooth(result: TestResult, system: MeasuringSystem | None = None) -> SmoothedForces:
+def smooth(result: TestResult) -> SmoothedForces:
     """Brake force of every car from its own acceleration, smoothed."""
-    m, system = result.measured, system or MeasuringSystem()
+    m = result.measured
     return smooth_brake_forces(
-        m.acceleration, m.coupler_force, m.mass, system.period, system.acceleration_noise,
-        system.coupler_noise, resistance=m.resistance,
+        m.acceleration, m.coupler_force, m.mass, SYSTEM.period, SYSTEM.acceleration_noise,
+        SYSTEM.coupler_noise, resistance=m.resistance,
     )  # fmt: skip
-
-
-__all__ = ["TESTS", "BrakeTest", "Estimates", "TestResult", "estimate", "run_test", "smooth"]

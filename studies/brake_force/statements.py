@@ -10,7 +10,6 @@ import math
 import numpy as np
 import pandas as pd
 
-from studies.brake_force.faulty_car_statements import faulty_car, smallest_shortfall
 from studies.core.statement import Statement, share_interval
 from studies.core.verdict import LEAST_EVENTS, Bound, decided, judged
 
@@ -22,6 +21,14 @@ CUT_OUT = {"all": 5.0, "4 wagons": 4.0, "3 wagons": 3.0, "2.5 wagons": 2.5}
 """Tests of the report's Table 2 and the wagons braked in them."""
 BOGIE = 0.5
 """One bogie, in wagons: the resolution that the report claims at least."""
+LACKING = 0.05
+"""Share of its allocated force from which on a car counts as short."""
+SURE = 0.95
+"""Share of stops in which a faulty car must be found."""
+RARE = 0.05
+"""Share of stops in which a sound car may be accused."""
+TENTH = 0.1
+"""Share of a car's brake force from which on it is claimed to be missed."""
 
 
 def brake_force_statements(table: pd.DataFrame) -> list[Statement]:
@@ -36,8 +43,8 @@ def brake_force_statements(table: pd.DataFrame) -> list[Statement]:
         *([_cut_out(tests)] if set(CUT_OUT) <= known else []),
         *(_emergency(tests["emergency"], tests["all"]) if {"emergency", "all"} <= known else []),
         *([_remedies(tests), _uncertainty(tests)] if "emergency" in known else []),
-        *([faulty_car(stops)] if len(stops) else []),
-        *([smallest_shortfall(dry)] if len(dry) else []),
+        *([_faulty_car(stops)] if len(stops) else []),
+        *([_smallest_shortfall(dry)] if len(dry) else []),
     ]
 
 
@@ -222,4 +229,52 @@ def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
         "batch means about a parabola and calibration errors; Wilson's interval of the share",
         {why: not covered.low > 0.95},
         enough=len(rows) >= LEAST_EVENTS,
+    )
+
+
+def _faulty_car(stops: pd.DataFrame) -> Statement:
+    """Stops under allocation: where the faulty car is named first, and how often a sound one is accused."""
+    kinds = {str(kind): rows for kind, rows in stops.groupby("kind", sort=False)}
+    short = {
+        kind: rows
+        for kind, rows in kinds.items()
+        if kind != "sound" and rows["true_share"].mean() > LACKING
+    }
+    bounds = [
+        *(Bound(f"named first: {kind}", rows["first"], least=SURE) for kind, rows in short.items()),
+        Bound("share of stops in which a sound car is accused", stops["wrong"], most=RARE),
+        *(Bound(f"accused all the same: {kind}", rows["found"], most=RARE)
+          for kind, rows in kinds.items() if kind not in short and kind != "sound"),
+        Bound("another car, truly short, is found too", stops["others_short"]),
+        Bound("allocations per stop", stops["rule_calls"]),
+    ]  # fmt: skip
+    return judged(
+        "faulty car found under allocation",
+        "the estimate names the car that did not deliver its allocated force, and accuses no other",
+        bounds,
+        "a sound car falls truly short by less than 5 %; stated for a train: 1 % accused wrongly",
+    )
+
+
+def _smallest_shortfall(dry: pd.DataFrame) -> Statement:
+    """Dry stops: how small a shortfall is found, and how often another car is accused."""
+    bounds = [
+        Bound(
+            f"found, {missing:.1%} missing",
+            dry[dry["missing"] == missing]["found"],
+            least=SURE if missing >= TENTH else -math.inf,
+        )
+        for missing in sorted(set(dry["missing"].astype(float)) - {0.0}, reverse=True)
+    ]
+    return judged(
+        "smallest shortfall found",
+        "a tenth of one car's brake force that is missing is found in one stop",
+        [
+            *bounds,
+            Bound("share of stops in which a sound car is accused", dry["wrong"], most=RARE),
+            Bound("share in which a car is accused that truly lacks less than 1 %", dry["whole"]),
+            Bound("threshold over a car's allocated force", dry["threshold"]),
+            Bound("error over the stated deviation", dry["error_in_deviations"]),
+        ],
+        "dry stops; 10 measurements of each; shares of force that the car's shoes lack, beside 2 % of scatter",
     )

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import pandas as pd
 
-from studies.claims.events import QUANTITIES
+from studies.claims.drawn_events import paired
+from studies.claims.events import BELIEVED_SLOPE, QUANTITIES
 from studies.claims.measures import EXCESS_EDGES, excess_column
-from studies.claims.parts import PARTS
 from studies.core.statement import Interval, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 
@@ -31,20 +31,34 @@ POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] %, n = {}", 100)
 """A share in per cent, or a difference of shares in points."""
 
 
-def paired(events: pd.DataFrame) -> pd.DataFrame:
-    """One row per event: what was drawn, and every number of every rule as column (name, rule) joined by "@"."""
+def pairs_of(events: pd.DataFrame) -> pd.DataFrame:
+    """One row per event: what was drawn, and every number of every rule as ``number@rule``."""
     drawn = [name for name in QUANTITIES if name in events]
-    numbers = [
-        str(name)
-        for name in events.select_dtypes("number")
-        if name not in drawn and name not in ("seed", "wall_time")
-    ]
-    wide = pd.concat(
-        {name: events.pivot(index="scenario", columns="rule", values=name) for name in numbers},
-        axis=1,
-    )
-    wide.columns = pd.Index([f"{column[0]}@{column[1]}" for column in wide.columns])
-    return wide.join(events.groupby("scenario")[drawn].first())
+    numbers = events.select_dtypes("number").columns.difference([*drawn, "seed", "wall_time"])
+    return paired(events, "rule", numbers, drawn)
+
+
+PARTS: dict[str, Part] = {
+    "summer": lambda e: e["season"] == "summer",
+    "winter": lambda e: e["season"] == "winter",
+    "growth along the train much below belief": lambda e: e["slope"] < 0.67 * BELIEVED_SLOPE,
+    "growth along the train about as believed": lambda e: e["slope"].between(
+        0.67 * BELIEVED_SLOPE, 1.33 * BELIEVED_SLOPE
+    ),
+    "growth along the train much above belief": lambda e: e["slope"] > 1.33 * BELIEVED_SLOPE,
+    "little scatter (< 0.006)": lambda e: e["scatter"] < 0.006,
+    "much scatter (>= 0.006)": lambda e: e["scatter"] >= 0.006,
+    "uniform rail": lambda e: e["patch_factor"] == 1.0,
+    "a patch": lambda e: e["patch_factor"] < 1.0,
+    "adhesion independent of speed": lambda e: e["speed_law"] == "none",
+    "adhesion falling with speed": lambda e: e["speed_law"] != "none",
+    "heavier front": lambda e: e["tilt"] < -0.25,
+    "even load": lambda e: e["tilt"].abs() <= 0.25,
+    "heavier rear": lambda e: e["tilt"] > 0.25,
+    "level line": lambda e: e["grade_permille"] == 0.0,
+    "a gradient": lambda e: e["grade_permille"] > 0.0,
+}
+"""Name -> which events of a table with what was drawn (`studies.claims.events`) belong to it."""
 
 
 def within_reach(pairs: pd.DataFrame) -> "pd.Series[bool]":
@@ -65,7 +79,7 @@ REACH_PARTS: dict[str, Part] = {
 
 
 def claim_population(pairs: pd.DataFrame, claim: str) -> pd.DataFrame:
-    """Rows of `paired` that bear on a claim, a to e."""
+    """Rows of `pairs_of` that bear on a claim, a to e."""
     slips = pairs["unit_detections@alone"] > 0
     chosen = {
         "a": within_reach(pairs) & (pairs["held_effort@alone"] < REACHED),
@@ -102,7 +116,7 @@ def over_test() -> Test:
 
 def claim_statements(events: pd.DataFrame) -> list[Statement]:
     """One statement per claim from rows of `studies.claims.study` in which every rule succeeded."""
-    pairs = paired(events)
+    pairs = pairs_of(events)
     claims = {"a": _reaches, "b": _at_bound, "c": _about_95, "d": _ride, "e": _preset}
     return [claim(claim_population(pairs, name)) for name, claim in claims.items()]
 

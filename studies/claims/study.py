@@ -1,8 +1,7 @@
 """The claims of JP5484215 put to the test by Monte Carlo: random events, every rule meets each of them."""
 
-import pandas as pd
-
-from studies.claims.events import DURATION, drawn_table, scenario
+from studies.claims.drawn_events import complete
+from studies.claims.events import DURATION, EVENTS, scenario
 from studies.claims.measures import measure
 from studies.claims.statements import claim_statements
 from studies.core.job import Job
@@ -17,18 +16,11 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
     return [Job(one, rule, "cut-and-ramp", k, measure) for rule in RULES]
 
 
-def complete(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the events in which all rules succeeded: only those can be paired."""
-    good = table[table["status"] == "ok"]
-    rules = good.groupby("scenario")["rule"].nunique()
-    return good[good["scenario"].isin(rules.index[rules == table["rule"].nunique()])]
-
-
 CLAIMS = Study(
     name="claims",
     question="claims (a) to (e) of JP5484215 over random events, all rules paired",
     default_events=240,
     cells=each_event(cells),
-    finish=lambda table, seed, events: table.merge(drawn_table(seed, events), on="scenario"),
+    finish=EVENTS.joined,
     judge=lambda table: claim_statements(complete(table)),
 )

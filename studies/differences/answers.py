@@ -27,9 +27,7 @@ def answer_rows(asked: AllocationProblem) -> list[dict[str, object]]:
     limit from the exact one. unmet: whether the patent's case is B, and the sum of the limits below the plan.
     """
     answers = {rule: ALL_RULES[rule](asked) for rule in RULES}
-    exact = answers["exact"].limit
-    plan = asked.expected
-    upper = asked.box[1]
+    exact, upper, plan = answers["exact"].limit, asked.box[1], asked.expected
     case = "B" if float(np.asarray(asked.cap, dtype=float).mean()) > plan else "A"
     rows: list[dict[str, object]] = []
     for rule, answer in answers.items():

@@ -1,9 +1,10 @@
 """Where rules can differ: one kind of allocation problem each, drawn at random, and one kind of slip event."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
@@ -17,6 +18,7 @@ SIGMA = 0.012
 HEAVIEST = 1.4
 """Full over empty motor car: 44 t over 32 t."""
 
+Floats = NDArray[np.float64]
 Generator = np.random.Generator
 Values = dict[str, Any]
 
@@ -30,18 +32,10 @@ def _caps(g: Generator) -> Values:
     return {"cap": cap, "expected": EXPECTED}
 
 
-def _masses(g: Generator, v: Values) -> Values:
-    return {"mass": g.uniform(1.0, HEAVIEST, v["cap"].size)}
-
-
 def _not_growing(g: Generator, v: Values) -> Values:
     error = SIGMA * g.standard_normal(v["cap"].size)
     error[0] = 0.0
     return {"cap": np.maximum(v["cap"] + error, 0.0)}
-
-
-def _torque(g: Generator, v: Values) -> Values:
-    return {"limit_max": np.full(v["cap"].size, EXPECTED * g.uniform(1.0, 1.15))}
 
 
 def _failed(g: Generator, v: Values) -> Values:
@@ -50,27 +44,27 @@ def _failed(g: Generator, v: Values) -> Values:
     return {"limit_max": limit_max}
 
 
-def _rates(g: Generator, v: Values) -> Values:
-    return {"previous": np.full(v["cap"].size, EXPECTED), "rate": EXPECTED * g.uniform(0.02, 0.2)}
-
-
 def _all(g: Generator, v: Values) -> Values:
     # without a failed motor: with it the plan is hardly ever within reach
-    values = v | _not_growing(g, v)
-    for change in (_masses, _torque, _rates):
-        values |= change(g, values)
+    values = dict(v)
+    for kind in ("caps not growing", "unequal masses", "torque limits", "rate limits"):
+        values |= KINDS[kind](g, values)
     return values
+
+
+def _of_each(v: Values, value: float) -> Floats:
+    return np.full(v["cap"].size, value)
 
 
 KINDS: dict[str, Callable[[Generator, Values], Values]] = {
     "plain": lambda g, v: {},
-    "unequal masses": _masses,
+    "unequal masses": lambda g, v: {"mass": g.uniform(1.0, HEAVIEST, v["cap"].size)},
     "caps not growing": _not_growing,
-    "torque limits": _torque,
+    "torque limits": lambda g, v: {"limit_max": _of_each(v, EXPECTED * g.uniform(1.0, 1.15))},
     "failed motor": _failed,
-    "rate limits": _rates,
+    "rate limits": lambda g, v: {"previous": _of_each(v, EXPECTED), "rate": EXPECTED * g.uniform(0.02, 0.2)},
     "all but a failed motor": _all,
-}
+}  # fmt: skip
 """Name -> what it changes of a problem with equal masses, growing caps and nothing else that bounds."""
 
 
@@ -81,47 +75,23 @@ def problem(seed: int, kind: str, k: int) -> AllocationProblem:
     return AllocationProblem(**(values | KINDS[kind](own, values)))
 
 
-def _uneven(g: Generator) -> Scenario:
-    load = g.uniform(0.0, 12.0, 8)
-    return _start(g, load_t=tuple(load.tolist()), command=[_command(2.7)])
-
-
-def _misbelieved(g: Generator) -> Scenario:
+def _believed(g: Generator) -> dict[str, Any]:
     axle = logarithmic_increments(32, 0.0166, -0.0132) + np.repeat(SIGMA * g.standard_normal(8), 4)
-    return _start(g, belief={"increments": {"law": "given", "values": tuple(axle.tolist())}})
+    return {"increments": {"law": "given", "values": tuple(axle.tolist())}}
 
 
-def _fast(g: Generator) -> Scenario:
-    return _start(g, initial_speed_kmh=22.0, load_t=(6.0,) * 8, target_speed_kmh=None)
-
-
-def _failing(g: Generator) -> Scenario:
-    return _start(g, failures=[{"unit": int(g.integers(2, 5)), "time_s": 3.0}])
-
-
-def _slow_limits(g: Generator) -> Scenario:
-    return _start(g, onboard={"limit_rate": float(EXPECTED * g.uniform(0.02, 0.1))})
-
-
-def _start(g: Generator, **values: Any) -> Scenario:
-    base = load_scenario("wet-start")
-    rail = base.rail.model_dump() | {"level": float(g.uniform(0.128, 0.148)), "scatter": 0.003}
-    return base.changed(**({"duration_s": 12.0, "case": None, "rail": rail} | values))
-
-
-def _command(acceleration_kmhs: float) -> Mapping[str, float]:
-    return {"time_s": 0.0, "acceleration_kmhs": acceleration_kmhs}
-
-
-EVENTS: dict[str, Callable[[Generator], Scenario]] = {
-    "plain": _start,
-    "unequal masses": _uneven,
-    "caps not growing": _misbelieved,
-    "torque limits": _fast,
-    "failed motor": _failing,
-    "rate limits": _slow_limits,
-}
-"""Kind -> a slip event of that kind: start on rail on which the front is short and the whole is not, or hardly."""
+EVENTS: dict[str, Callable[[Generator], dict[str, Any]]] = {
+    "plain": lambda g: {},
+    "unequal masses": lambda g: {
+        "load_t": tuple(g.uniform(0.0, 12.0, 8).tolist()),
+        "command": [{"time_s": 0.0, "acceleration_kmhs": 2.7}],
+    },
+    "caps not growing": lambda g: {"belief": _believed(g)},
+    "torque limits": lambda g: {"initial_speed_kmh": 22.0, "load_t": (6.0,) * 8, "target_speed_kmh": None},
+    "failed motor": lambda g: {"failures": [{"unit": int(g.integers(2, 5)), "time_s": 3.0}]},
+    "rate limits": lambda g: {"onboard": {"limit_rate": float(EXPECTED * g.uniform(0.02, 0.1))}},
+}  # fmt: skip
+"""Kind -> what it changes of a start on rail on which the front is short and the whole is not, or hardly."""
 
 
 def event_name(seed: int, kind: str, k: int) -> str:
@@ -132,4 +102,9 @@ def event_name(seed: int, kind: str, k: int) -> str:
 def event(seed: int, kind: str, k: int) -> Scenario:
     """Event `k` of a kind, from `seed`, kind and `k` alone."""
     generator = np.random.default_rng([seed, k, 101 + list(KINDS).index(kind)])
-    return EVENTS[kind](generator).changed(name=event_name(seed, kind, k))
+    own = EVENTS[kind](generator)
+    base = load_scenario("wet-start")
+    level = float(generator.uniform(0.128, 0.148))
+    rail = base.rail.model_dump() | {"level": level, "scatter": 0.003}
+    name = event_name(seed, kind, k)
+    return base.changed(**({"duration_s": 12.0, "case": None, "rail": rail, "name": name} | own))

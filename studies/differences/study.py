@@ -19,10 +19,8 @@ def cells(seed: int, problems: int, duration: float | None = None) -> list[Cell]
     """`problems` of each kind, and closed-loop events of each kind; `duration` [s] shortens the events."""
     check_rules(RULES)
     changed = {} if duration is None else {"duration_s": duration}
-    blocks = [
-        (first, min(first + PROBLEMS_PER_EVENT, problems))
-        for first in range(0, problems, PROBLEMS_PER_EVENT)
-    ]
+    size = PROBLEMS_PER_EVENT
+    blocks = [(first, min(first + size, problems)) for first in range(0, problems, size)]
     return [
         *(
             Task(f"{kind}/{seed}/{block[0]}", problem_rows, (seed, kind, *block),

@@ -2,10 +2,8 @@
 
 from typing import Any
 
-import numpy as np
-
 from alloc.plant.adhesion import POLACH_WET
-from studies.claims.events import Quantity
+from studies.claims.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.scenario.loading import load_scenario
 from studies.scenario.scenario import Scenario
 
@@ -32,73 +30,38 @@ QUANTITIES: dict[str, Quantity] = {
         "a peak at 0.05 m/s with a fall behind it, and one at 0.2 ... 0.6 m/s, wide and moving with speed",
         lambda _, d: ("piecewise", "polach")[d["number"] // len(TRAINS) % 2],
     ),
-    "residual_ratio": Quantity(
-        "uniform, 0.5 ... 0.9 of the peak at infinite slip (piecewise only)",
+    "residual_ratio": uniform(
+        0.5, 0.9, " of the peak at infinite slip (piecewise only)",
         "readhesion paper leaves it open; at 0.9 adhesion is used whatever the wheels do",
-        lambda g, _: float(g.uniform(0.5, 0.9)),
     ),
-    "level": Quantity(
-        "uniform, 0.13 ... 0.19, at 15 km/h",
+    "level": uniform(
+        0.13, 0.19, ", at 15 km/h",
         "about the planned 0.16: in a third of the events the plan is within reach before the drop",
-        lambda g, _: float(g.uniform(0.13, 0.19)),
     ),
-    "drop_factor": Quantity(
-        "uniform, 0.5 ... 0.8",
-        "readhesion paper, Table 2: 0.12 of 0.18",
-        lambda g, _: float(g.uniform(0.5, 0.8)),
-    ),
-    "drop_begin_s": Quantity(
-        "uniform, 2.5 ... 4.0 s", "after the torque is up", lambda g, _: float(g.uniform(2.5, 4.0))
-    ),
-    "drop_length_s": Quantity(
-        "uniform, 3.0 ... 5.0 s",
-        "long enough for a search",
-        lambda g, _: float(g.uniform(3.0, 5.0)),
-    ),
-    "scatter": Quantity(
-        "0 in 40 %, else uniform, 0.002 ... 0.008, correlated over 20 m",
+    "drop_factor": uniform(0.5, 0.8, "", "readhesion paper, Table 2: 0.12 of 0.18"),
+    "drop_begin_s": uniform(2.5, 4.0, " s", "after the torque is up"),
+    "drop_length_s": uniform(3.0, 5.0, " s", "long enough for a search"),
+    "scatter": sometimes(
+        0.6, 0.002, 0.008, ", correlated over 20 m", 0.0,
         "JP5484215 par. on (12)-(15): 0.012 over all its measurements; none: a rail that keeps still for a search",
-        lambda g, _: float(g.uniform(0.002, 0.008)) if g.random() < 0.6 else 0.0,
     ),
-    "patch_factor": Quantity(
-        "none in 60 %, else uniform, 0.6 ... 0.9, from 10 to 40 m",
-        "assumed: met after some seconds, axle after axle",
-        lambda g, _: float(g.uniform(0.6, 0.9)) if g.random() < 0.4 else 1.0,
+    "patch_factor": sometimes(
+        0.4, 0.6, 0.9, " times the coefficient, from 10 to 40 m", 1.0, "assumed: met after some seconds, axle after axle"
     ),
-    "speed_noise_kmh": Quantity(
-        "uniform, 0 ... 0.04 km/h",
-        "twice the scenario scattered-rail at most",
-        lambda g, _: float(g.uniform(0.0, 0.04)),
+    "speed_noise_kmh": uniform(0.0, 0.04, " km/h", "twice the scenario scattered-rail at most"),
+    "grade_permille": sometimes(
+        0.4, 5.0, 20.0, " per mille uphill", 0.0, "as in the events of the claims"
     ),
-    "grade_permille": Quantity(
-        "0 in 60 %, else uniform, 5 ... 20 per mille uphill",
-        "as in the events of the claims",
-        lambda g, _: float(g.uniform(5.0, 20.0)) if g.random() < 0.4 else 0.0,
-    ),
-}
+}  # fmt: skip
 """Every drawn quantity in the order of drawing."""
-
-
-def draw(seed: int, k: int) -> dict[str, Any]:
-    """The quantities of event `k`, from `seed` and `k` alone."""
-    generator = np.random.default_rng([seed, k, 7])
-    drawn: dict[str, Any] = {"number": k}
-    for name, quantity in QUANTITIES.items():
-        drawn[name] = quantity.draw(generator, drawn)
-    return drawn
-
-
-def event_name(seed: int, k: int) -> str:
-    """Name of event `k`."""
-    return f"ladder-{seed}-{k:04d}"
+EVENTS = DrawnEvents("ladder", QUANTITIES, stream=(7,), numbered=True)
+draw, event_name = EVENTS.draw, EVENTS.event_name
 
 
 def polach_level(adhesion: float) -> float:
     """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`."""
     level = adhesion
-    for _ in range(
-        20
-    ):  # the peak grows a little less than in proportion: a few repetitions meet it
+    for _ in range(20):  # the peak grows a little less than in proportion
         level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED)[0])
     return level
 

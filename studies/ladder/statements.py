@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pandas as pd
 
+from studies.claims.drawn_events import paired
 from studies.core.statement import CONFIDENCE, Statement, in_words
 from studies.core.verdict import Numbers, Part, Test, compared
 
@@ -54,7 +55,9 @@ PARTS: dict[str, Part] = {
 
 def ladder_statements(table: pd.DataFrame) -> list[Statement]:
     """Statements on a table of `studies.ladder.study`, of events in which no controller failed."""
-    events = paired(table)
+    numbers = [*METRICS, "wrong_steps_still", "wrong_steps_changing"]
+    drawn = ("train", "curve", "scatter", "patch_factor")
+    events = paired(table, "controller", numbers, drawn)
     return [
         *(_yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
         *(_rung(events, below, name) for below, name in pairwise(LADDER)),
@@ -62,15 +65,6 @@ def ladder_statements(table: pd.DataFrame) -> list[Statement]:
         *(_restless(events, name) for name in SEARCHING),
         *(_misled(events, name) for name in SEARCHING),
     ]
-
-
-def paired(table: pd.DataFrame) -> pd.DataFrame:
-    """One row per event: what was drawn, and every number as ``name@controller``."""
-    names = [*METRICS, "wrong_steps_still", "wrong_steps_changing"]
-    wide = table.pivot(index="scenario", columns="controller", values=names)
-    wide.columns = ["@".join(column) for column in wide.columns]
-    drawn = table.drop_duplicates("scenario").set_index("scenario")
-    return wide.join(drawn[["train", "curve", "scatter", "patch_factor"]])
 
 
 def difference(events: pd.DataFrame, metric: str, name: str, other: str) -> "pd.Series[float]":

@@ -1,10 +1,9 @@
 """The ladder of readhesion controllers, from none to MPC: all of them meet the same random events with the same noise."""
 
-import pandas as pd
-
+from studies.claims.drawn_events import complete
 from studies.core.job import Job
 from studies.core.study import Study, each_event
-from studies.ladder.events import DURATION, draw, event_name, scenario
+from studies.ladder.events import DURATION, EVENTS, scenario
 from studies.ladder.measures import measure
 from studies.ladder.statements import HOSTED_RUNG, LADDER, ladder_statements
 
@@ -26,23 +25,11 @@ def controllers_of(k: int) -> list[str]:
     return [name for name in LADDER if name != HOSTED_RUNG or k // BLOCK % 2 == 0]
 
 
-def drawn(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
-    """The rows with what was drawn for their events."""
-    rows = [{"scenario": event_name(seed, k), **draw(seed, k)} for k in range(events)]
-    return table.merge(pd.DataFrame(rows), on="scenario")
-
-
-def complete(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the events in which all controllers that met them succeeded: only those can be paired."""
-    failed = table["scenario"][table["status"] != "ok"]
-    return table[~table["scenario"].isin(failed)]
-
-
 LADDER_STUDY = Study(
     name="ladder",
     question="readhesion controllers from none to MPC: adhesion used, search time, fluctuation, slip, damage",
     default_events=30,
     cells=each_event(cells),
-    finish=drawn,
+    finish=EVENTS.joined,
     judge=lambda table: ladder_statements(complete(table)),
 )

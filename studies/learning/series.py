@@ -5,21 +5,12 @@ from typing import get_args
 import pandas as pd
 
 from alloc.estimation.increment_data import Reference
-from studies.core.statement import Interval, in_words, mean_interval
 from studies.core.verdict import Part
 
 TOLERANCE = 0.002
 """Largest error of any unit's increment with which it counts as learnt: a tenth of what the increments reach."""
 COARSE = 0.005
 """A second, coarser tolerance, reported beside it."""
-LITTLE_EFFORT = 0.01
-"""Loss of effort, as a share of the plan, that counts as little."""
-COEFFICIENT = in_words("{:+.4f} ({:+.4f} to {:+.4f})")
-PERCENT = in_words("{:+.2f} % ({:+.2f} to {:+.2f})", 100.0)
-AXLE_SECONDS = in_words("{:+.2f} axle s ({:+.2f} to {:+.2f})")
-KILOJOULES = in_words("{:+.1f} kJ ({:+.1f} to {:+.1f})")
-SHARE = in_words("{:.1%} ({:.1%} to {:.1%})")
-"""What puts intervals into words."""
 SERIES = ["rail", "stored", "train", "direction"]
 
 
@@ -54,12 +45,10 @@ def per_series(table: pd.DataFrame) -> pd.DataFrame:
         wide[f"covered, {arm}"] = groups["covered"].mean()
         for reference in get_args(Reference):
             data = ordered[f"data_{reference}"]
-            total = data.groupby([ordered[key] for key in SERIES]).sum()
-            summed = (data * ordered[f"excess_{reference}"]).groupby(
-                [ordered[key] for key in SERIES]
-            )
+            summed = ordered.assign(excess=data * ordered[f"excess_{reference}"]).groupby(SERIES)
+            total = summed[f"data_{reference}"].sum()
             wide[f"data {reference}, {arm}"] = total
-            wide[f"excess {reference}, {arm}"] = summed.sum() / total.where(total > 0.0)
+            wide[f"excess {reference}, {arm}"] = summed["excess"].sum() / total.where(total > 0.0)
         for name, tolerance in (("stations", TOLERANCE), ("coarse", COARSE)):
             wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_learnt, tolerance)
     return pd.DataFrame(wide).reset_index()
@@ -72,16 +61,3 @@ def _learnt(rows: pd.DataFrame, tolerance: float) -> float:
         return float(rows["station"].iloc[0])
     later = rows["station"][rows["station"] > outside.iloc[-1]]
     return float(later.iloc[0]) if len(later) else float("nan")
-
-
-def difference(series: pd.DataFrame, quantity: str, arm: str, other: str) -> "pd.Series[float]":
-    """A quantity under `arm` minus the same under `other`, one number per series."""
-    return series[f"{quantity}, {arm}"] - series[f"{quantity}, {other}"]
-
-
-def by_part(series: pd.DataFrame, column: str, words: str) -> dict[str, Interval]:
-    """Mean of a column over each kind of series, by `words` and kind."""
-    return {
-        f"{words}, {name}": mean_interval(series[part(series)][column])
-        for name, part in PARTS.items()
-    }

@@ -8,6 +8,7 @@ drawn independently of each other.
 
 import tempfile
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -18,19 +19,15 @@ from scipy.stats import norm
 
 from alloc.estimation.increment_data import Reference, detections, increment_data
 from alloc.estimation.increments import unit_increments
-from alloc.estimation.learning import (
-    DIRECTIONS,
-    GaussianPosterior,
-    load_learning,
-    save_learning,
-)
+from alloc.estimation.learning import DIRECTIONS, GaussianPosterior, load_learning, save_learning
 from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.rules.qp_robust import PROBABILITY
 from alloc.simulation import simulate
 from studies.learning.arms import ARMS, believed_increments, first_learning
 from studies.scenario.loading import load_scenario
-from studies.scenario.scenario import Scenario
+
+Floats = NDArray[np.float64]
 
 STATIONS = 24
 """Starts of a train in each running direction: stations of a commuter line, end to end."""
@@ -39,8 +36,8 @@ DURATION = 12.0
 BASE = "wet-start"
 
 LEVEL, HALF_WIDTH = 0.128, 0.0147
-"""Level of the rail, uniform from station to station: below 0.147, so that B1 slips at every start, and on both sides of the
-level at which the train as a whole reaches the plan. Deviation 0.0085."""
+"""Level of the rail, uniform from station to station: below 0.147, so that the foremost unit slips at every start, and on
+both sides of the level at which the train as a whole reaches the plan. Deviation 0.0085."""
 SCATTER = 0.0085
 """Scatter along a rail that is not even. With the level's deviation it makes 0.012, that of JP5484215 par. 0055, half of the
 variance each (assumed)."""
@@ -66,19 +63,14 @@ class Series(NamedTuple):
     @property
     def label(self) -> str:
         """Name for people and files."""
-        return f"{self.rail}/{self.stored}/{self.arm}/{self.train}".replace(" ", "-").replace(
-            ",", ""
-        )
+        label = f"{self.rail}/{self.stored}/{self.arm}/{self.train}"
+        return label.replace(" ", "-").replace(",", "")
 
 
 def series_of_train(train: int, stations: int, seed: int, duration: float) -> list[Series]:
     """The series of a train in every arm, on each kind of rail, from each kind of wrong values."""
-    return [
-        Series(rail, stored, arm, train, stations, seed, duration)
-        for rail in RAILS
-        for stored in STORED
-        for arm in ARMS
-    ]
+    kinds = product(RAILS, STORED, ARMS)
+    return [Series(*kind, train, stations, seed, duration) for kind in kinds]
 
 
 def series_rows(series: Series) -> list[dict[str, Any]]:
@@ -97,21 +89,20 @@ def _start(series: Series, direction: str, station: int, memory: Path) -> dict[s
     arm = ARMS[series.arm]
     event, level = station_event(series, direction, station)
     truth = true_unit_increments(event)
+    stored = STORED[series.stored] * truth
     known = load_learning(memory, event.model.train.name)
-    learner = known.get(direction) or first_learning(arm, STORED[series.stored] * truth)
-    believed = believed_increments(arm, learner, STORED[series.stored] * truth, truth)
+    learner = known.get(direction) or first_learning(arm, stored)
+    believed = believed_increments(arm, learner, stored, truth)
     deviation = learner.deviation() if isinstance(learner, GaussianPosterior) else 0.0 * truth
     belief = replace(
-        event.onboard.belief,
-        unit_increments=tuple(believed.tolist()),
-        unit_deviation=tuple(deviation.tolist()),
-    )
+        event.onboard.belief, unit_increments=tuple(believed.tolist()), unit_deviation=tuple(deviation.tolist())
+    )  # fmt: skip
     run = simulate(replace(event, onboard=replace(event.onboard, belief=belief)), arm.rule)
     data = increment_data(run, arm.reference)
     for datum in data:
         learner.add(datum.unit, datum.increment)
     save_learning(memory, event.model.train.name, known | {direction: learner})
-    learnt = believed_increments(arm, learner, STORED[series.stored] * truth, truth)
+    learnt = believed_increments(arm, learner, stored, truth)
     return {
         **{name: getattr(series, name) for name in ("rail", "stored", "arm", "train")},
         "direction": direction,
@@ -135,30 +126,23 @@ def station_event(series: Series, direction: str, station: int) -> tuple[Event, 
     event_seed, level_seed = np.random.SeedSequence(numbers).generate_state(2)
     level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
     base = load_scenario(BASE)
-    return _station(base, series, direction, level).event(int(event_seed)), level
-
-
-def _station(base: Scenario, series: Series, direction: str, level: float) -> Scenario:
     rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[series.rail]}
-    return base.changed(
+    changed = base.changed(
         rail=rail, duration_s=series.duration, reversed=DIRECTIONS.index(direction) > 0
     )
+    return changed.event(int(event_seed)), level
 
 
-def true_unit_increments(event: Event) -> NDArray[np.float64]:
+def true_unit_increments(event: Event) -> Floats:
     """Increment of each unit over the foremost one as the rail has it on average, (units,)."""
     rail, structure = event.model.rails[0], event.model.structure
     return unit_increments(np.asarray(rail.increments, dtype=float), structure.axle_unit)
 
 
 def _judged(
-    run: xr.Dataset,
-    believed: NDArray[np.float64],
-    deviation: NDArray[np.float64],
-    learnt: NDArray[np.float64],
-    truth: NDArray[np.float64],
+    run: xr.Dataset, believed: Floats, deviation: Floats, learnt: Floats, truth: Floats
 ) -> dict[str, float]:
-    """Errors of what was believed and learnt, over the units behind B1, and their slips."""
+    """Errors of what was believed and learnt, over the units behind the foremost unit, and their slips."""
     error = (learnt - truth)[1:]
     lowered = believed - float(norm.ppf(PROBABILITY)) * deviation
     return {
@@ -170,14 +154,13 @@ def _judged(
     }
 
 
-def _excess(run: xr.Dataset, truth: NDArray[np.float64]) -> dict[str, float]:
+def _excess(run: xr.Dataset, truth: Floats) -> dict[str, float]:
     """By reference: number of data, and mean and mean square of what they exceed the truth by (nan: no data)."""
     found: dict[str, float] = {}
     for reference in get_args(Reference):
         data = increment_data(run, reference)
         excess = np.array([datum.increment - truth[datum.unit] for datum in data])
-        known = excess.size > 0
         found[f"data_{reference}"] = float(excess.size)
-        found[f"excess_{reference}"] = float(excess.mean()) if known else np.nan
-        found[f"square_{reference}"] = float((excess**2).mean()) if known else np.nan
+        for name, values in (("excess", excess), ("square", excess**2)):
+            found[f"{name}_{reference}"] = float(values.mean()) if values.size else np.nan
     return found

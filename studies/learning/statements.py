@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 import pandas as pd
 
 from alloc.estimation.increment_data import Reference
-from studies.core.statement import Interval, Statement, mean_interval, share_interval
+from studies.core.statement import Interval, Statement, in_words, mean_interval, share_interval
 from studies.core.verdict import (
     LEAST_EVENTS,
     Numbers,
@@ -16,21 +16,16 @@ from studies.core.verdict import (
     intervals_of,
     with_and_without,
 )
-from studies.learning.series import (
-    AXLE_SECONDS,
-    COARSE,
-    COEFFICIENT,
-    KILOJOULES,
-    LITTLE_EFFORT,
-    PARTS,
-    PERCENT,
-    SHARE,
-    TOLERANCE,
-    by_part,
-    difference,
-    per_series,
-)
+from studies.learning.series import COARSE, PARTS, TOLERANCE, per_series
 
+LITTLE_EFFORT = 0.01
+"""Loss of effort, as a share of the plan, that counts as little."""
+COEFFICIENT = in_words("{:+.4f} ({:+.4f} to {:+.4f})")
+PERCENT = in_words("{:+.2f} % ({:+.2f} to {:+.2f})", 100.0)
+AXLE_SECONDS = in_words("{:+.2f} axle s ({:+.2f} to {:+.2f})")
+KILOJOULES = in_words("{:+.1f} kJ ({:+.1f} to {:+.1f})")
+SHARE = in_words("{:.1%} ({:.1%} to {:.1%})")
+"""What puts intervals into words."""
 METHOD = (
     "one event = one train in one running direction, all its stations; 95 % intervals by Student's t over the paired "
     "differences of the series (those of parts widened after Bonferroni)"
@@ -66,23 +61,33 @@ def _compared(
     return compared(name, claim, series, test, PARTS, show, numbers, method, others, every=True)
 
 
+def difference(series: pd.DataFrame, quantity: str, arm: str, other: str) -> "pd.Series[float]":
+    """A quantity under `arm` minus the same under `other`, one number per series."""
+    return series[f"{quantity}, {arm}"] - series[f"{quantity}, {other}"]
+
+
+def _by_part(series: pd.DataFrame, column: str, words: str) -> dict[str, Any]:
+    """A column over each kind of series, by `words` and kind."""
+    return {f"{words}, {name}": series[part(series)][column] for name, part in PARTS.items()}
+
+
 def _minus(
-    series: pd.DataFrame, quantities: Iterable[str], arm: str, other: str, words: str = ""
-) -> dict[str, Any]:
-    """Quantities under `arm` minus the same under `other`, series by series; `words`: what stands for "arm minus other"."""
-    words = words or f"{arm} minus {other}"
-    return {f"{name}, {words}": difference(series, name, arm, other) for name in quantities}
+    series: pd.DataFrame, quantities: Iterable[str], arm: str, other: str, words: str = "", by_part: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Quantities under `arm` minus the same under `other`, series by series; `words`: what stands for "arm minus other".
 
-
-def _minus_by_part(
-    series: pd.DataFrame, quantities: Iterable[str], arm: str, other: str, words: str = ""
-) -> dict[str, Any]:
-    """The same over each kind of series."""
+    `by_part`: over each kind of series instead.
+    """
+    kinds = (
+        {f", {name}": series[part(series)] for name, part in PARTS.items()}
+        if by_part
+        else {"": series}
+    )
     return {
-        f"{text}, {name}": values
-        for name, part in PARTS.items()
-        for text, values in _minus(series[part(series)], quantities, arm, other, words).items()
-    }
+        f"{quantity}, {words or f'{arm} minus {other}'}{kind}": difference(rows, quantity, arm, other)
+        for kind, rows in kinds.items()
+        for quantity in quantities
+    }  # fmt: skip
 
 
 def _learnt(series: pd.DataFrame, arm: str) -> Statement:
@@ -117,8 +122,8 @@ def _closer(series: pd.DataFrame, arm: str) -> Statement:
         test, COEFFICIENT,
         {
             "largest error taken away": test.quantity(series),
-            **by_part(series, f"error, {arm}", "largest error at the end"),
-            **by_part(series, f"bias, {arm}", "mean error at the end"),
+            **_by_part(series, f"error, {arm}", "largest error at the end"),
+            **_by_part(series, f"bias, {arm}", "mean error at the end"),
         },
     )  # fmt: skip
 
@@ -129,7 +134,7 @@ def _gain(
 ) -> Statement:  # fmt: skip
     numbers = _minus(series, [quantity], "running mean", "no learning")
     for arm in (*LEARNERS, "truth"):
-        numbers |= _minus_by_part(series, [quantity], arm, "no learning")
+        numbers |= _minus(series, [quantity], arm, "no learning", by_part=True)
     return _compared(
         series, f"gain-{name}", f"learning by (16), (17) gives {words} than keeping the wrong increments",
         Test(lambda e: difference(e, quantity, "running mean", "no learning"), wanted=wanted),
@@ -145,7 +150,7 @@ def _as_good_as_truth(series: pd.DataFrame, arm: str) -> Statement:
         Test(lambda e: difference(e, "effort_ratio", arm, "truth"), -LITTLE_EFFORT),
         PERCENT,
         _minus(series, ("effort_ratio", "slip_time", "damage"), arm, "truth")
-        | _minus_by_part(series, ["effort_ratio"], arm, "truth"),
+        | _minus(series, ["effort_ratio"], arm, "truth", by_part=True),
         LATE,
     )  # fmt: skip
 
@@ -182,11 +187,12 @@ def _held_is_better(series: pd.DataFrame) -> Statement:
     test = Test(lambda e: difference(e, "error", "running mean, held", "running mean"), wanted=-1)
     return _compared(
         series, "held-reference",
-        "B1's estimate at its own last slip is the better reference than the one at the telegram's receipt (par. 0064)",
+        "the foremost unit's estimate at its own last slip is the better reference than that at the telegram's receipt "
+        "(par. 0064)",
         test, COEFFICIENT,
         {
             "largest error at the end, held minus received": test.quantity(series),
-            **by_part(series, "bias, running mean, held", "mean error at the end, held"),
+            **_by_part(series, "bias, running mean, held", "mean error at the end, held"),
         },
     )  # fmt: skip
 
@@ -202,7 +208,7 @@ def _robust(series: pd.DataFrame) -> Statement:
         {
             "slip_time [axle s], robust minus plain": test.quantity(series),
             **_minus(series, ("effort_ratio", "damage", "rear_detections", "error", "data held"), *arms),
-            **_minus_by_part(series, ("effort_ratio", "slip_time", "rear_detections"), *arms),
+            **_minus(series, ("effort_ratio", "slip_time", "rear_detections"), *arms, by_part=True),
         },
         f"both learn by the Gaussian posterior; {LATE}",
         [(f"effort: more than {LITTLE_EFFORT:.0%} lost", cost)],
@@ -217,7 +223,7 @@ def _covered(series: pd.DataFrame) -> Statement:
         test, SHARE,
         {
             "share of units and stations": test.quantity(series),
-            **by_part(series, "covered, Gaussian, robust", "share"),
+            **_by_part(series, "covered, Gaussian, robust", "share"),
         },
         f"share of units and stations whose true increment exceeds mean minus 1.28 posterior deviations; {METHOD}",
     )  # fmt: skip

@@ -195,9 +195,6 @@ def refined_rows(start: Sequence[float], unit: str, evaluations: int) -> list[di
     inward = np.where(first > 0.5, -NEARNESS[-1], NEARNESS[-1])
     minimize(
         misfit, first, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(RANGES),
-        options={
-            "maxfev": evaluations,
-            "initial_simplex": np.vstack([first, first + np.diag(inward)]),
-        },
+        options={"maxfev": evaluations, "initial_simplex": np.vstack([first, first + np.diag(inward)])},
     )  # fmt: skip
     return rows[:evaluations]

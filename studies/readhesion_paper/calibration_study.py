@@ -1,16 +1,137 @@
-"""The calibration of what the readhesion paper does not print."""
+"""The calibration of what the readhesion paper does not print: does a set do as it says, how narrow is it, which unit?"""
 
 from functools import partial
+from typing import Any
 
+import pandas as pd
+
+from studies.core.statement import Interval, Statement
 from studies.core.study import Study
+from studies.core.verdict import decide, decided, intervals_of
 from studies.readhesion_paper.calibration import (
     DEFAULT_SAMPLES,
     NEARNESS,
+    NOT_ASKED_OF_ALL,
+    RANGES,
+    best,
     first_cells,
+    fulfilling,
     near_cells,
     refining_cells,
 )
-from studies.readhesion_paper.calibration_statements import calibration_statements
+from studies.readhesion_paper.findings import CLAIMS
+
+NARROW = 2.0
+"""A parameter is narrowly determined where the largest value that fulfils all is at most this multiple of the least."""
+NEAR_BEST = 1.5
+"""Sets whose objective is at most this multiple of the best one's are as good for all that the paper prints."""
+WORDS = {
+    "residual_ratio": "mu_inf over mu_max",
+    "rise": "T_u [s]",
+    "fall": "T_d [s]",
+    "time_constant": "tau [s]",
+}
+"""Name of each parameter, with its unit."""
+
+
+def calibration_statements(table: pd.DataFrame) -> list[Statement]:
+    """Statements on a table of `CALIBRATION`."""
+    good, chosen = fulfilling(table), best(table)
+    near = table[table["objective"] <= NEAR_BEST * chosen["objective"]]
+    same, other = (near[near["unit"] == chosen["unit"]], near[near["unit"] != chosen["unit"]])
+    return [
+        _exists(table, good, chosen),
+        *(_narrow(name, chosen, good, same) for name in RANGES),
+        _unit(table, good, chosen, other),
+        _all_at_once(table),
+    ]
+
+
+def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> Statement:
+    met = {f"not met: {claim}": bool(chosen[f"met: {name}"]) for name, claim in CLAIMS.items()}
+    wide = table[table["stage"] == "wide"].index
+    return decided(
+        "a set exists",
+        "some values of what is not printed make the controller do all that the paper says",
+        met,
+        {
+            f"findings met by the best set, of {len(CLAIMS)}": sum(met.values()),
+            "its objective": chosen["objective"],
+            "objective of the values assumed": table.loc[table["stage"] == "assumed", "objective"].head(1).min(),
+            "share of wide samples that fulfil all but the half-slip": pd.Series(wide.isin(good.index)),
+        },
+        f"Latin hypercube and simplex method; fulfils: all findings but {', '.join(NOT_ASKED_OF_ALL)}",
+        partly=len(good) > 0,
+    )  # fmt: skip
+
+
+def _range(value: float, rows: pd.DataFrame, name: str) -> Interval:
+    """A value with the range of a column; not of confidence."""
+    return Interval(float(value), float(rows[name].min()), float(rows[name].max()), len(rows))
+
+
+def _narrow(name: str, chosen: pd.Series, good: pd.DataFrame, near: pd.DataFrame) -> Statement:
+    fulfil = _range(chosen[name], good, name)
+    return decided(
+        f"narrow: {name}",
+        f"the paper's findings determine {WORDS[name]} to within a factor of {NARROW:g}",
+        {"": fulfil.count > 1 and fulfil.high <= NARROW * fulfil.low},
+        {
+            f"{WORDS[name]}: best; range of the sets that fulfil": fulfil,
+            f"{WORDS[name]}: best; range near the best objective": _range(chosen[name], near, name),
+        },
+        f"limits are ranges, not confidence; near: the same unit, objective up to {NEAR_BEST:g} times the best one's",
+    )
+
+
+def _unit(
+    table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series, near: pd.DataFrame
+) -> Statement:
+    """`near`: sets in the other unit that come near the best objective."""
+    others = table[table["unit"] != chosen["unit"]]
+    numbers: dict[str, Any] = {"sets near the best objective in the other unit": len(near)}
+    missing: dict[str, bool] = {}
+    if len(others):
+        rival = others.sort_values("objective", kind="stable").iloc[0]
+        missing = {
+            f"not met in {rival['unit']}: {claim}": bool(rival[f"met: {name}"])
+            for name, claim in CLAIMS.items()
+        }
+        numbers |= {
+            f"objective of the best set in {row['unit']}": row["objective"]
+            for row in (chosen, rival)
+        }
+        numbers |= {
+            f"{words} of the best set in {rival['unit']}; range of those near": _range(
+                rival[name], near, name
+            )
+            for name, words in WORDS.items()
+        }
+    return Statement(
+        "unit",
+        f"a_0 and a_w are meant in {chosen['unit']}: in the other unit no set comes near",
+        decide([len(good) > 0, near.empty]),
+        intervals_of(numbers),
+        tuple(words for words, met in missing.items() if not met),
+        f"near: objective up to {NEAR_BEST:g} times that of the best set that fulfils most",
+    )
+
+
+def _all_at_once(table: pd.DataFrame) -> Statement:
+    """The half-slip stands apart: by how much other findings must give way to it."""
+    shown = table[[f"met: {name}" for name in NOT_ASKED_OF_ALL]]
+    both, one = table["met"][shown.all(axis=1)], table["met"][shown.any(axis=1)]
+    return decided(
+        "half-slip",
+        "the half-slip at mu_lim 0.16 goes together with the other findings",
+        {"": bool(both.max() == len(CLAIMS))},
+        {
+            "sets with both its findings": len(both),
+            "most findings met with both": both.max(),
+            "most findings met with one of them": one.max(),
+        },
+    )
+
 
 CALIBRATION = Study(
     name="calibration",

@@ -106,11 +106,8 @@ def _drop(runs: TableRuns, lane: int) -> dict[str, Finding]:
     reached = float(runs.torque[before, lane] / runs.torque_per_coefficient)
     needed = max(PAPER_LIMITS)
     numbers = {"coefficient that the torque asks for at 6 s": reached}
-    return {
-        "slips at the drop": Finding(
-            reached > needed, float(np.clip((needed - reached) / 0.01, 0.0, WORST)), numbers
-        )
-    }
+    misfit = float(np.clip((needed - reached) / 0.01, 0.0, WORST))
+    return {"slips at the drop": Finding(reached > needed, misfit, numbers)}
 
 
 def _case_a(runs: TableRuns, lane: int) -> dict[str, Finding]:
@@ -134,16 +131,14 @@ def _case_a(runs: TableRuns, lane: int) -> dict[str, Finding]:
         "A readheres": _yes(possible, WORST),
         "A period": Finding(possible and period_met, period_misfit, {"period [s]": cycle.period}),
         "A slips": Finding(
-            possible and slips_misfit == 0.0 and slips_met,
-            slips_misfit,
+            possible and slips_misfit == 0.0 and slips_met, slips_misfit,
             {"slips before the limit cycle": float(cycle.slips_before)},
         ),
         "A switching": Finding(
-            possible and outside == 0.0 and short == 0.0,
-            float(min(outside + short, WORST)),
+            possible and outside == 0.0 and short == 0.0, float(min(outside + short, WORST)),
             {"median time between 0 and 1 [s]": switching, "share of time at 0 or 1": extremes},
         ),
-    }
+    }  # fmt: skip
 
 
 def _case_b(runs: TableRuns, lane: int) -> dict[str, Finding]:
@@ -161,15 +156,12 @@ def _case_b(runs: TableRuns, lane: int) -> dict[str, Finding]:
     return {
         "B first slip": _yes(recovers, WORST, slips=float(len(slips))),
         "B second slip": Finding(second_met, second_misfit, {"start [s]": second}),
-        "B diverges": _yes(
-            diverges, WORST, **{"slip at 14 s [m/s]": float(runs.slip[inside, lane][-1])}
-        ),
+        "B diverges": _yes(diverges, WORST, **{"slip at 14 s [m/s]": float(runs.slip[inside, lane][-1])}),
         "B factor rests": Finding(
-            settling_met and between,
-            settling_misfit if between else WORST,
+            settling_met and between, settling_misfit if between else WORST,
             {"time until it rests [s]": settling, "factor": last},
         ),
-    }
+    }  # fmt: skip
 
 
 def limits_of(table: pd.DataFrame, over: str) -> "pd.Series[float]":
@@ -187,29 +179,20 @@ def grid_findings(table: pd.DataFrame) -> dict[str, Finding]:
     slope_width, slope_margin = _slope(narrow), _slope(by_margin)
     return {
         "wide never": _yes(
-            bool(wide.isna().all()),
-            0.5 + wide.notna().mean(),
-            **{"a_w that readhere": float(wide.count())},
+            bool(wide.isna().all()), 0.5 + wide.notna().mean(), **{"a_w that readhere": float(wide.count())}
         ),
         "narrow somewhere": _yes(
-            bool(narrow.notna().all()),
-            3.0 * narrow.isna().mean(),
-            **{"largest a_w that readheres": _last(narrow)},
+            bool(narrow.notna().all()), 3.0 * narrow.isna().mean(),
+            **{"largest a_w that readheres": float(narrow.dropna().index.max())},
         ),
         "margin lowers limit": _grows(by_margin, "a_0"),
         "width raises limit": _grows(narrow, "a_w"),
         "width is steeper": _yes(
-            slope_width > slope_margin,
-            **{"per a_w": slope_width, "per a_0": slope_margin},
+            slope_width > slope_margin, **{"per a_w": slope_width, "per a_0": slope_margin}
         ),
         **_use_findings(table),
         **_half_slip_findings(table),
-    }
-
-
-def _last(limits: "pd.Series[float]") -> float:
-    known = limits.dropna()
-    return float(known.index.max()) if len(known) else np.nan
+    }  # fmt: skip
 
 
 def _slope(limits: "pd.Series[float]") -> float:
@@ -238,13 +221,8 @@ def _use_findings(table: pd.DataFrame) -> dict[str, Finding]:
     widest = float(spread.max()) if len(spread) else np.nan
     at_margin = good[np.isclose(good["margin"], CASE_A.margin)]
     at_margin = at_margin[at_margin["limit"] < HALF_SLIP_LIMIT - 1e-9]
-    slopes = np.array(
-        [
-            _slope(one.set_index("width")["utilisation"])
-            for _, one in at_margin.groupby("limit")
-            if len(one) > 1
-        ]
-    )
+    groups = [one.set_index("width") for _, one in at_margin.groupby("limit") if len(one) > 1]
+    slopes = np.array([_slope(one["utilisation"]) for one in groups])
     growing = float((slopes > 0.0).mean()) if slopes.size else np.nan
     excess = widest / USED_SPREAD - 1.0 if np.isfinite(widest) else 1.0
     return {
@@ -264,21 +242,17 @@ def _half_slip_findings(table: pd.DataFrame) -> dict[str, Finding]:
     below = below[below["limit"] < HALF_SLIP_LIMIT - 1e-9]
     best = float(below["used_coefficient"].max()) if len(below) else np.nan
     used = float(at["used_coefficient"].get(width, np.nan))
+    lasted = zip(HALF_SLIP_WIDTHS, longest, strict=True)
     return {
         "half-slip lasts": _yes(
-            min(longest) >= HALF_SLIP_TIME,
-            1.0 - min(longest) / HALF_SLIP_TIME,
-            **{
-                f"longest slip with a_w {w} [s]": v
-                for w, v in zip(HALF_SLIP_WIDTHS, longest, strict=True)
-            },
+            min(longest) >= HALF_SLIP_TIME, 1.0 - min(longest) / HALF_SLIP_TIME,
+            **{f"longest slip with a_w {w} [s]": v for w, v in lasted},
         ),
         "half-slip costs": _yes(
-            used < best,
-            (used - best) / 0.01 if np.isfinite(best) else 1.0,
+            used < best, (used - best) / 0.01 if np.isfinite(best) else 1.0,
             **{"mu_use at 0.16": used, "best mu_use at lower mu_lim": best},
         ),
-    }
+    }  # fmt: skip
 
 
 def objective(findings: dict[str, Finding]) -> float:

@@ -30,8 +30,8 @@ from alloc.plant.train import Train
 
 Floats = NDArray[np.float64]
 
-SLIP, TORQUE, DEVIATION, COMMAND, ONE = range(5)
-"""States of the reduced model, and the constant 1 that makes its modes linear."""
+SLIP, TORQUE, DEVIATION, COMMAND = range(4)
+"""States of the reduced model; the fifth is the constant 1 that makes its modes linear."""
 
 STEP = 2e-4
 """Time [s] between looks for a switching, which is then found within the step."""
@@ -131,19 +131,16 @@ class ReducedModel:
         per_deviation = -1.0 / t.width if zone == 1 else 0.0
         at_zero = (1.0, 1.0 + t.margin / t.width, 0.0)[zone]
         share = 1.0 / (t.rise if rising else t.fall)
-        a = np.zeros((5, 5))
-        a[SLIP, TORQUE] = self.torque_gain
-        a[SLIP, SLIP] = -(self.wheel_gain + self.train_gain) * slope
-        a[SLIP, ONE] = -(self.wheel_gain + self.train_gain) * offset
-        a[TORQUE, TORQUE], a[TORQUE, COMMAND] = -1.0 / self.lag, 1.0 / self.lag
-        a[DEVIATION, TORQUE] = self.torque_gain / t.time_constant
-        a[DEVIATION, SLIP] = -self.wheel_gain * slope / t.time_constant
-        a[DEVIATION, DEVIATION] = -1.0 / t.time_constant
-        a[DEVIATION, ONE] = -(self.wheel_gain * offset + self.acceleration) / t.time_constant
-        a[COMMAND, COMMAND] = -share
-        a[COMMAND, DEVIATION] = share * self.target * per_deviation
-        a[COMMAND, ONE] = share * self.target * at_zero
-        return a
+        forced = share * self.target
+        both, wheel = self.wheel_gain + self.train_gain, self.wheel_gain
+        tau, lag = t.time_constant, self.lag
+        return np.array([
+            [-both * slope, self.torque_gain, 0.0, 0.0, -both * offset],
+            [0.0, -1.0 / lag, 0.0, 1.0 / lag, 0.0],
+            [-wheel * slope / tau, self.torque_gain / tau, -1.0 / tau, 0.0, -(wheel * offset + self.acceleration) / tau],
+            [0.0, 0.0, forced * per_deviation, -share, forced * at_zero],
+            [0.0, 0.0, 0.0, 0.0, 0.0],
+        ])  # fmt: skip
 
     def limit_cycle(self, tolerance: float = 1e-6) -> LimitCycle | None:
         """The cycle that the loop settles in after adhesion has dropped to `peak`; None where slip grows or it rests.
@@ -194,10 +191,8 @@ class ReducedModel:
         low, high = 0.0, STEP
         for _ in range(30):
             middle = 0.5 * (low + high)
-            if self.mode(expm(rates * middle) @ state) == mode:
-                low = middle
-            else:
-                high = middle
+            left = self.mode(expm(rates * middle) @ state) != mode
+            low, high = (low, middle) if left else (middle, high)
         return high
 
 
@@ -233,13 +228,11 @@ def growth(table: TorqueTable, lag: float, gain: float) -> float:
     step = 0.05 * lag  # a swing takes tens of lags
     matrices = []
     for constant in (table.fall, table.rise):
-        a = np.array(
-            [
-                [-1.0 / lag, 0.0, 1.0 / lag],
-                [gain / table.time_constant, -1.0 / table.time_constant, 0.0],
-                [0.0, -1.0 / constant, -1.0 / constant],
-            ]
-        )
+        a = np.array([
+            [-1.0 / lag, 0.0, 1.0 / lag],
+            [gain / table.time_constant, -1.0 / table.time_constant, 0.0],
+            [0.0, -1.0 / constant, -1.0 / constant],
+        ])  # fmt: skip
         matrices.append(expm(a * step))
     state, sizes, largest, rising = np.array([1.0, 0.0, 1.0]), [1.0], 0.0, False
     for _ in range(SWINGS * 3000):

@@ -8,17 +8,15 @@ import pandas as pd
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets import one_axle
 from studies.readhesion_paper.limit_cycle import LimitCycle, ReducedModel, growth, reduced_model
-from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, Unprinted, assess
+from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, assess
 
 NO_CYCLE = LimitCycle(math.nan, (math.nan, math.nan), (math.nan, math.nan))
 
 
-def paper_model(
-    width: float = CASE_A.width, limit: float = CASE_A.limit, unprinted: Unprinted = CALIBRATED
-) -> ReducedModel:
+def paper_model(width: float = CASE_A.width, limit: float = CASE_A.limit) -> ReducedModel:
     """The loop of the readhesion paper, a_w in its numbers, on a rail of mu_lim, with a_0 of its case A."""
-    curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
-    table = unprinted.table(CASE_A.margin, width)
+    curve = PiecewiseCurve(residual_ratio=CALIBRATED.residual_ratio)
+    table = CALIBRATED.table(CASE_A.margin, width)
     return reduced_model(one_axle.train(), table, curve, limit, COMMAND.accelerations[0])
 
 
@@ -30,18 +28,14 @@ def compare_cycles(widths: Sequence[float], limits: Sequence[float], jobs: int =
     """
     cases = [Case(width=width, limit=limit) for width in widths for limit in limits]
     table = assess(CALIBRATED, cases, jobs)
-    rows = []
-    for case in cases:
-        model = paper_model(case.width, case.limit)
-        cycle = model.limit_cycle() or NO_CYCLE
-        rows.append(
-            {
-                "predicted_period": cycle.period,
-                "predicted_slip_swing": cycle.slip[1] - cycle.slip[0],
-                "predicted_torque_swing": (cycle.torque[1] - cycle.torque[0]) / model.target,
-            }
-        )
-    return pd.concat([table, pd.DataFrame(rows)], axis=1)
+    models = [paper_model(case.width, case.limit) for case in cases]
+    cycles = [model.limit_cycle() or NO_CYCLE for model in models]
+    swings = [(c.torque[1] - c.torque[0]) / m.target for c, m in zip(cycles, models, strict=True)]
+    return table.assign(
+        predicted_period=[cycle.period for cycle in cycles],
+        predicted_slip_swing=[cycle.slip[1] - cycle.slip[0] for cycle in cycles],
+        predicted_torque_swing=swings,
+    )
 
 
 def growth_over_widths(widths: Sequence[float]) -> list[float]:

@@ -90,7 +90,6 @@ def run_cases(
     cases: Sequence[Case],
     recovers: bool = False,
     step: float = STEP,
-    record_period: float = 1e-3,
     top_curvature: float | None = None,
 ) -> TableRuns:
     """Runs of the scenario, a lane per case; `top_curvature` replaces the C that the paper prints.
@@ -112,9 +111,7 @@ def run_cases(
     ]
     tables = [unprinted.table(case.margin, case.width) for case in cases]
     end = END if recovers else LOW_END
-    return simulate_tables(
-        one_axle.train(), rails, tables, COMMAND, BEGIN, end, step, record_period
-    )
+    return simulate_tables(one_axle.train(), rails, tables, COMMAND, BEGIN, end, step)
 
 
 def signals_of(runs: TableRuns) -> Signals:
@@ -145,22 +142,17 @@ def _assess(
     unprinted: Unprinted, cases: Sequence[Case], step: float, top_curvature: float | None
 ) -> pd.DataFrame:
     runs = run_cases(unprinted, cases, step=step, top_curvature=top_curvature)
-    return indices(runs, cases)
-
-
-def indices(runs: TableRuns, cases: Sequence[Case]) -> pd.DataFrame:
-    """Rows of `assess` from runs whose rail stays low."""
     signals = signals_of(runs)
     table = pd.DataFrame(cases, columns=list(Case._fields))
     table["possible"] = readhesion_possible(signals, DROP, RECOVERY)
     table["used_coefficient"] = used_coefficient(runs.time, runs.coefficient, DROP, RECOVERY)
     table["utilisation"] = utilisation(table["used_coefficient"], table["limit"])
-    cycles = [limit_cycle(signals, lane, drop=DROP) for lane in range(len(cases))]
-    table["period"] = [cycle.period for cycle in cycles]
-    table["slip_swing"] = [cycle.slip_swing for cycle in cycles]
-    table["torque_swing"] = [cycle.torque_swing / runs.plan for cycle in cycles]
-    table["slips_before"] = [cycle.slips_before for cycle in cycles]
-    table["longest_slip"] = [longest_slip(runs, lane) for lane in range(len(cases))]
+    lanes = range(len(cases))
+    cycles = [limit_cycle(signals, lane, drop=DROP) for lane in lanes]
+    for name in ("period", "slip_swing", "torque_swing", "slips_before"):
+        table[name] = [getattr(cycle, name) for cycle in cycles]
+    table["torque_swing"] /= runs.plan
+    table["longest_slip"] = [longest_slip(runs, lane) for lane in lanes]
     return table
 
 

@@ -12,14 +12,11 @@ from studies.readhesion_paper.paper import (
     STEP,
     Unprinted,
 )
-from studies.readhesion_paper.rows import case_rows, searched_rows
+from studies.readhesion_paper.sensitivity import case_rows, searched_rows
 from studies.readhesion_paper.statements import readhesion_statements
 
 PRINTED, NARROW = "as printed", "narrow throughout"
-PARABOLAS: dict[str, float | None] = {
-    PRINTED: None,
-    NARROW: 0.25 * 5.0**2 / min(PAPER_LIMITS),
-}
+PARABOLAS: dict[str, float | None] = {PRINTED: None, NARROW: 0.25 * 5.0**2 / min(PAPER_LIMITS)}
 """Curvature of the curve's parabola: as printed, and narrowed by the plant only where the curve would not exist otherwise
 (mu_max < 0.156); or so narrow from the start that the plant narrows it nowhere."""
 

@@ -75,22 +75,13 @@ def feedback(route: Route, control: Control) -> Feedback:
     )
 
 
-def make_learner(
-    route: Route,
-    kind: str = "normalised",
-    weights: int = 3,
-    wrong: tuple[float, float, float] = WRONG,
-) -> Learner:
-    """A learner that begins with weights `wrong` by these factors (A and B, if any, with zero)."""
-    true = route.true_weights(weights)
-    start = np.array([*(np.array(wrong) * true[:3]), 0.0, 0.0])[:weights]
+def beginning(
+    route: Route, weights: int, wrong: tuple[float, float, float] = WRONG
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights `wrong` by these factors, A and B, if any, zero; and the size of what each multiplies; two (weights,)."""
+    start = np.array([*(np.array(wrong) * route.true_weights()), 0.0, 0.0])[:weights]
     speed, rate = route.command.speeds[0], route.command.acceleration
-    typical = np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
-    if kind == "normalised":
-        return NormalisedGradientLearner(start, RATE, typical)
-    # prior: wrong by as much as the weights begin; A and B by what they can be
-    prior = np.array([*(0.5 * true[:3]), *np.maximum(true[3:], [5e3, 300.0][: weights - 3])])
-    return LeastSquaresLearner(start, prior)
+    return start, np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
 
 
 def drive_case(
@@ -98,7 +89,6 @@ def drive_case(
     case: str,
     control: Control = "PI",
     learner: Learner | None = None,
-    reading: str = "middle",
     speed_noise: float = 0.0,
     seed: int = 0,
     open_loop: bool = False,
@@ -111,18 +101,12 @@ def drive_case(
     """
     if case not in ALL_CASES:
         raise unknown("case", case, ALL_CASES)
+    start, typical = beginning(route, 3, wrong)
     if case == LEARNED and learner is None:
-        learner = make_learner(route, wrong=wrong)
-        _run(route, case, control, learner, reading, speed_noise, seed + 1, False, wrong)
-    if case == USED and learner is None:
-        learner = make_learner(route, "least-squares", wrong=wrong)
-    return _run(route, case, control, learner, reading, speed_noise, seed, open_loop, wrong)
-
-
-def _run(
-    route: Route, case: str, control: Control, learner: Learner | None, reading: str,
-    speed_noise: float, seed: int, open_loop: bool, wrong: tuple[float, float, float],
-) -> CaseRun:  # fmt: skip
+        learner = NormalisedGradientLearner(start, RATE, typical)
+        drive_case(route, case, control, learner, speed_noise, seed + 1, False, wrong)
+    if case == USED and learner is None:  # prior: wrong by as much as the weights begin
+        learner = LeastSquaresLearner(start, 0.5 * route.true_weights())
     true = route.true_weights(5 if case == EXACT else 3)
     weights = true * np.array(wrong) if case == WRONGLY else true
     mass = route.train.mass + route.train.rotating_mass
@@ -136,7 +120,7 @@ def _run(
         else "feedforward" if case in (LEARNED, EXACT)
         else "learn-then-use" if case == USED
         else "compensation",
-        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, reading)),
+        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, "middle")),
         None if case == FEEDBACK else weights,
         Learning(
             learner if case in (LEARNED, USED) else None,
@@ -187,20 +171,3 @@ def disturbances(route: Route, done: CaseRun) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def compare_cases(
-    route: Route,
-    controls: tuple[Control, ...] = CONTROLS,
-    cases: tuple[str, ...] = (*CASES, FRONT, CARS),
-    speed_noise: float = 0.0,
-    seed: int = 0,
-) -> pd.DataFrame:
-    """Disturbances of all cases under all controls, with columns `route`, `control` and `case`; means over like points."""
-    parts = []
-    for control in controls:
-        for case in cases:
-            done = drive_case(route, case, control, speed_noise=speed_noise, seed=seed)
-            found = disturbances(route, done).drop(columns="position").groupby("kind").mean()
-            parts.append(found.reset_index().assign(route=route.name, control=control, case=case))
-    return pd.concat(parts, ignore_index=True)

@@ -5,22 +5,8 @@ from typing import Any
 import numpy as np
 
 from alloc.estimation.excitation import LARGEST_DEVIATION, LEARNED
-from studies.resistance.driven_cases import (
-    CARS,
-    CASES,
-    CONTROLS,
-    CURRENT_PER_FORCE,
-    EXACT,
-    FEEDBACK,
-    FRONT,
-    RIGHT,
-    SPEED_NOISE,
-    USED,
-    CaseRun,
-    disturbances,
-    drive_case,
-)
-from studies.resistance.driven_cases import LEARNED as LEARNED_CASE
+from alloc.onboard.speed_control.resistance import WEIGHTS
+from studies.resistance import driven_cases as cases
 from studies.resistance.learners import (
     LEARNER_NAMES,
     boarding,
@@ -42,7 +28,7 @@ LEVEL = (0.10, 0.14)
 """Adhesion coefficient of the slip event after boarding, uniform."""
 FALSE_BY = 3.0 * LARGEST_DEVIATION
 """Relative error of a weight that must not be called learned."""
-ONE_CAR = {FEEDBACK: "one car, feedback only", RIGHT: "one car, compensation"}
+ONE_CAR = {cases.FEEDBACK: "one car, feedback only", cases.RIGHT: "one car, compensation"}
 """Labels of the cases that are also driven with a single car."""
 QUANTITIES = ("speed_peak", "acceleration_peak", "acceleration_rms", "jerk_peak")
 
@@ -59,7 +45,7 @@ def draw(seed: int, event: int) -> dict[str, Any]:
     return {
         "event": event,
         "route": name,
-        "control": CONTROLS[int(generator.integers(2))],
+        "control": cases.CONTROLS[int(generator.integers(2))],
         "load_share": float(generator.uniform(0.0, 1.0)),
         "tunnel_factor": float(generator.uniform(*TUNNEL_FACTOR)),
         "gradient": float(STEEPEST[name] * generator.uniform(0.25, 1.0)),
@@ -83,43 +69,42 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
     of = drawn_route(drawn)
     noise_seed = 1000 * seed + 10 * event
     row = {name: value for name, value in drawn.items() if name not in ("wrong", "loads")}
-    row |= {f"wrong_{name}": x for name, x in zip(("W1", "W2", "W3"), drawn["wrong"], strict=True)}
+    row |= {f"wrong_{name}": x for name, x in zip(WEIGHTS, drawn["wrong"], strict=True)}
 
-    def driven(case: str, open_loop: bool = False, on: Route = of) -> CaseRun:
-        return drive_case(
-            on, case, drawn["control"], speed_noise=SPEED_NOISE, seed=noise_seed,
+    def driven(case: str, open_loop: bool = False, on: Route = of) -> cases.CaseRun:
+        return cases.drive_case(
+            on, case, drawn["control"], speed_noise=cases.SPEED_NOISE, seed=noise_seed,
             open_loop=open_loop, wrong=drawn["wrong"],
         )  # fmt: skip
 
-    done = {case: driven(case) for case in (*CASES, FRONT, CARS, EXACT, USED)}
+    done = {case: driven(case) for case in cases.ALL_CASES}
     for case, one in done.items():
-        means = disturbances(of, one).groupby("kind")[list(QUANTITIES)].mean()
-        for kind, values in means.iterrows():
-            row |= {column(q, str(kind), case): float(values[q]) for q in QUANTITIES}
-        force = one.log["feedback_current"].values / CURRENT_PER_FORCE
+        row |= _felt(of, one, case)
+        force = one.log["feedback_current"].values / cases.CURRENT_PER_FORCE
         row[f"feedback_share@{case}"] = _rms(force) / _rms(one.log["force"].values)
     single = of.one_car()
     for case, label in ONE_CAR.items():
-        means = (
-            disturbances(single, driven(case, on=single)).groupby("kind")[list(QUANTITIES)].mean()
-        )
-        for kind, values in means.iterrows():
-            row |= {column(q, str(kind), label): float(values[q]) for q in QUANTITIES}
+        row |= _felt(single, driven(case, on=single), label)
     true = of.true_weights()
-    for place, name in enumerate(("W1", "W2", "W3")):
-        row[f"{name}@{LEARNED_CASE}"] = float(
-            done[LEARNED_CASE].control.weights[place] / true[place]
-        )
-    row |= _alone(of, done[FEEDBACK], noise_seed)
-    row |= _switched(done[USED], driven(USED, True))
+    learned = done[cases.LEARNED].control.weights / true
+    row |= {f"{name}@{cases.LEARNED}": float(x) for name, x in zip(WEIGHTS, learned, strict=True)}
+    row |= _alone(of, done[cases.FEEDBACK], noise_seed)
+    row |= _switched(done[cases.USED], driven(cases.USED, True))
     return row | _boarded(drawn, noise_seed)
+
+
+def _felt(of: Route, done: cases.CaseRun, label: str) -> dict[str, float]:
+    """Disturbances of a run, means over like points."""
+    means = cases.disturbances(of, done).groupby("kind")[list(QUANTITIES)].mean()
+    felt = means.stack()
+    return {column(q, kind, label): float(felt[kind, q]) for kind, q in felt.index}
 
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def _alone(of: Route, done: CaseRun, seed: int) -> dict[str, float]:
+def _alone(of: Route, done: cases.CaseRun, seed: int) -> dict[str, float]:
     """The stand-alone learners on the run of the feedback alone; `equivalent`: W1 that stands for A, B and C in cruise."""
     row = {}
     for weights in (3, 5):
@@ -129,7 +114,7 @@ def _alone(of: Route, done: CaseRun, seed: int) -> dict[str, float]:
                 continue
             _, found = learn_passes(of, done.run, learner, seed=seed)
             label = f"{name}, {weights}"
-            for place, weight in enumerate(("W1", "W2", "W3")):
+            for place, weight in enumerate(WEIGHTS):
                 row[f"{weight}@{label}"] = float(found.weights[-1, place] / true[place])
         statuses = [one for one in found.excitation.weights if one.status == LEARNED]
         row[f"learned@{weights}"] = float(len(statuses))
@@ -143,7 +128,7 @@ def _alone(of: Route, done: CaseRun, seed: int) -> dict[str, float]:
     return row
 
 
-def _switched(closed: CaseRun, open_loop: CaseRun) -> dict[str, float]:
+def _switched(closed: cases.CaseRun, open_loop: cases.CaseRun) -> dict[str, float]:
     """Claim 5: share of the time in which what was learnt is used, and the speed's error then."""
     row = {}
     for name, one in (("use", closed), ("use as printed", open_loop)):

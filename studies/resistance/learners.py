@@ -26,7 +26,7 @@ from studies.resistance.driven_cases import (
     FEEDBACK,
     FILTER_TIME,
     SPEED_NOISE,
-    WRONG,
+    beginning,
     drive_case,
 )
 from studies.resistance.routes import FULL_LOAD, LINE_SPACING, Route, route
@@ -45,13 +45,10 @@ BOARDING_SPEED, BOARDING_RATE, BOARDING_TIME = 15.0, 0.5, 60.0
 
 
 def learners(of: Route, weights: int = 3) -> dict[str, Learner]:
-    """Every learner by name, beginning with `WRONG` weights."""
-    true = of.true_weights(weights)
-    start = np.array([*(np.array(WRONG) * true[:3]), 0.0, 0.0])[:weights]
-    speed, rate = of.command.speeds[0], of.command.acceleration
-    gain = BOUND_SHARE * 2.0 / speed**4
-    typical = np.array([speed**2, speed**2, rate, 1.0, speed])[:weights]
-    prior = np.array([*(0.5 * true[:3]), 5e3, 300.0])[:weights]
+    """Every learner by name, with wrong weights at first."""
+    start, typical = beginning(of, weights)
+    gain = BOUND_SHARE * 2.0 / of.command.speeds[0] ** 4
+    prior = np.array([*(0.5 * of.true_weights()), 5e3, 300.0])[:weights]
     return {
         PRINTED: GradientLearner(start, gain, as_printed=True),
         GRADIENT: GradientLearner(start, gain),
@@ -61,11 +58,11 @@ def learners(of: Route, weights: int = 3) -> dict[str, Learner]:
 
 
 def learn_passes(
-    of: Route, run: xr.Dataset, learner: Learner, passes: int = 1, own: bool = True, seed: int = 0
+    of: Route, run: xr.Dataset, learner: Learner, passes: int = 1, seed: int = 0
 ) -> tuple[pd.DataFrame, Learnt]:
     """Errors of W1, W2, W3 relative to the plant's over `passes` of a recorded run, each with its own noise.
 
-    `own`: the mass of the turning wheelsets is known, and W3 is the train's mass.
+    The mass of the turning wheelsets is known, and W3 is the train's mass.
     """
     true = of.true_weights(learner.weights.size)
     parts = []
@@ -74,7 +71,7 @@ def learn_passes(
             RunLog.of_run(run, SPEED_NOISE, seed + k),
             of.memory(),
             learner,
-            of.train.rotating_mass if own else 0.0,
+            of.train.rotating_mass,
             FILTER_TIME,
             of.length,
         )
@@ -84,11 +81,11 @@ def learn_passes(
     return pd.concat(parts, ignore_index=True), found
 
 
-def convergence(of: Route, passes: int = 3, thin: int = 20) -> pd.DataFrame:
-    """Errors of all learners over the same recorded run of the feedback alone, every `thin`-th sample; column `learner`."""
+def convergence(of: Route, passes: int = 3) -> pd.DataFrame:
+    """Errors of all learners over the same recorded run of the feedback alone, every 20th sample; column `learner`."""
     run = drive_case(of, FEEDBACK).run
     parts = [
-        learn_passes(of, run, learner, passes)[0].iloc[::thin].assign(learner=name)
+        learn_passes(of, run, learner, passes)[0].iloc[::20].assign(learner=name)
         for name, learner in learners(of).items()
     ]
     return pd.concat(parts, ignore_index=True)

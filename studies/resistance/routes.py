@@ -1,6 +1,7 @@
 """Routes of the speed control's study: a train, its line with a tunnel and gradients, and the commanded speed."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,7 @@ LINE_SPACING = 1.0
 """Metres over which gradient and tunnel change."""
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """A place where the resistance changes."""
 
     position: float
@@ -44,17 +44,15 @@ class Route:
 
     def memory(self, reading: str = "middle") -> LineMemory:
         """What the train remembers of the line, read at its "front", its "middle" or in the middle of all "cars"."""
-        ends = np.cumsum([car.length for car in self.train.cars])
-        middles = ends - 0.5 * np.array([car.length for car in self.train.cars])
+        lengths = np.array([car.length for car in self.train.cars])
+        ends, line = np.cumsum(lengths), self.line
         offsets = {
             "front": (0.0,),
             "middle": (-0.5 * float(ends[-1]),),
-            "cars": tuple(float(-x) for x in middles),
+            "cars": tuple((0.5 * lengths - ends).tolist()),
         }[reading]
-        line = self.line
-        return LineMemory(
-            line.stations, tuple(100.0 * g for g in line.grades), line.tunnels, offsets
-        )
+        grades = tuple(100.0 * grade for grade in line.grades)
+        return LineMemory(line.stations, grades, line.tunnels, offsets)
 
     @property
     def length(self) -> float:

@@ -12,7 +12,8 @@ structure carries; noise of 1e-4 on every parameter, how far any such number can
 import argparse
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,8 @@ from scipy.stats import qmc
 from studies.files.study_error import StudyError
 from studies.files.writable import check_writable
 from studies.slides.damped_least_squares import minimise
-from studies.slides.jp4209318 import BOUNDS, Undisclosed, parameters
-from studies.slides.targets import (
-    HOLD_OUT,
-    implausible,
-    outcomes,
-    residuals,
-    unreached,
-)
+from studies.slides.jp4209318 import BOUNDS, Undisclosed
+from studies.slides.targets import HOLD_OUT, implausible, outcomes, residuals, unreached
 
 DEFAULT_SAMPLES, DEFAULT_STARTS = 60, 2
 ITERATIONS = 12
@@ -55,8 +50,6 @@ JITTER_DRAWS = 16
 LOGARITHMIC = ("conditioning_slip", "rate_growing", "sensitivity_high")
 """Parameters that are drawn on a logarithmic scale."""
 
-OnRow = Callable[[str, int, int], None]
-
 
 def from_unit_cube(point: NDArray[np.float64]) -> Undisclosed:
     """The set at a point of the unit cube, (parameters,)."""
@@ -71,7 +64,7 @@ def from_unit_cube(point: NDArray[np.float64]) -> Undisclosed:
 def to_unit_cube(undisclosed: Undisclosed) -> NDArray[np.float64]:
     """Where in the unit cube a set lies, (parameters,)."""
     point = []
-    for name, value in parameters(undisclosed).items():
+    for name, value in asdict(undisclosed).items():
         low, high = BOUNDS[name]
         logarithmic = math.log(value / low) / math.log(high / low)
         point.append(logarithmic if name in LOGARITHMIC else (value - low) / (high - low))
@@ -95,7 +88,7 @@ def row_of(undisclosed: Undisclosed, stage: str, start: int) -> dict[str, Any]:
     return {
         "stage": stage,
         "start": start,
-        **parameters(undisclosed),
+        **asdict(undisclosed),
         **found,
         "misfit": misfit(undisclosed, found),
         "misfit without 2": misfit(undisclosed, found, HOLD_OUT),
@@ -117,10 +110,7 @@ def draw(samples: int, seed: int) -> list[Undisclosed]:
 
 
 def refine(
-    start: Undisclosed,
-    number: int,
-    leave_out: str | None = None,
-    iterations: int | None = None,
+    start: Undisclosed, number: int, leave_out: str | None = None, iterations: int | None = None
 ) -> dict[str, Any]:
     """Row of the best set that damped least squares find from `start`, in `ITERATIONS` where nothing else is said."""
 
@@ -139,41 +129,28 @@ def calibrate(
     starts: int,
     seed: int,
     jobs: int,
-    on_row: OnRow | None = None,
     iterations: int | None = None,
 ) -> pd.DataFrame:
     """A row per set: drawn ("wide"); refined from `BY_HAND` (start 0) and the best drawn; the same without two cars."""
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-
-    def collect(tasks: list[Any], what: str) -> list[dict[str, Any]]:
-        done = []
-        for k, result in enumerate(parallel(tasks)):
-            done.append(result)
-            if on_row is not None:
-                on_row(what, k + 1, len(tasks))
-        return done
+    parallel = joblib.Parallel(n_jobs=jobs)
 
     sets = draw(samples, seed) if samples else []
-    rows = collect([joblib.delayed(row_of)(one, "wide", k) for k, one in enumerate(sets)], "drawn")
+    rows = parallel(joblib.delayed(row_of)(one, "wide", k) for k, one in enumerate(sets))
     order = np.argsort([row["misfit"] for row in rows], kind="stable")
     chosen = [BY_HAND, *(sets[k] for k in order)][:starts]
-    tasks = [
+    refined = parallel(
         joblib.delayed(refine)(start, k, leave_out, iterations)
         for k, start in enumerate(chosen)
         for leave_out in (None, HOLD_OUT)
-    ]
-    return pd.DataFrame(rows + collect(tasks, "refined"))
+    )
+    return pd.DataFrame(rows + refined)
 
 
 def jittered(undisclosed: Undisclosed, seed: int, k: int) -> dict[str, Any]:
     """Outcomes of the set with the draw `k` of normal noise of `JITTER` on every parameter."""
-    values = parameters(undisclosed)
-    noise = np.random.default_rng(seed).standard_normal((k + 1, len(values)))[k]
-    noisy = {
-        name: value * (1.0 + JITTER * float(x))
-        for (name, value), x in zip(values.items(), noise, strict=True)
-    }
-    return outcomes(Undisclosed(**noisy))
+    noise = np.random.default_rng(seed).standard_normal((k + 1, len(BOUNDS)))[k]
+    values = zip(asdict(undisclosed).values(), noise, strict=True)
+    return outcomes(Undisclosed(*(value * (1.0 + JITTER * float(x)) for value, x in values)))
 
 
 def jitter(undisclosed: Undisclosed, seed: int, draws: int = JITTER_DRAWS) -> pd.DataFrame:

@@ -10,14 +10,15 @@ import pandas as pd
 from studies.core.statement import Interval, Statement, single
 from studies.core.verdict import decide, decided, over_cases
 from studies.slides.electric import electric_statement
-from studies.slides.front import front
-from studies.slides.jp4209318 import BOUNDS, CALIBRATED, RIVALS, parameters
+from studies.slides.jp4209318 import BOUNDS, CALIBRATED, RIVALS
 from studies.slides.targets import (
     HOLD_OUT,
     HOLD_OUT_TOLERANCE,
     TABLE_3,
     TARGETS,
+    front,
     reached,
+    target_numbers,
     unreached,
 )
 
@@ -37,16 +38,8 @@ def _numbers(row: "pd.Series[Any]") -> dict[str, float]:
 def tables(table: pd.DataFrame, part: str = "tables") -> dict[str, float]:
     """The targets' numbers from the rows of a part."""
     rows = table[table["part"] == part].set_index(["cars", "setting"])
-    distance, q = rows["distance"], rows["damage"]
-    medium = float(distance.loc[3, "medium"])
-    return {
-        **{f"distance {cars}": float(distance.loc[cars, "medium"]) for cars in TABLE_3},
-        "Q medium": float(q.loc[3, "medium"]),
-        "Q low": float(q.loc[3, "low"] / q.loc[3, "medium"]),
-        "Q high": float(q.loc[3, "high"] / q.loc[3, "medium"]),
-        "longer high": 100.0 * (float(distance.loc[3, "high"]) / medium - 1.0),
-        "longer low": 100.0 * (float(distance.loc[3, "low"]) / medium - 1.0),
-    }
+    stops: Any = rows[["distance", "damage"]].to_dict("index")
+    return target_numbers(stops)
 
 
 def slide_statements(table: pd.DataFrame) -> list[Statement]:
@@ -218,8 +211,7 @@ def _not_unique(table: pd.DataFrame) -> Statement:
     rows = table[table["part"] == "rival"]
     tried = zip(RIVALS, rows.iterrows(), strict=True)
     good = [rival for rival, (_, row) in tried if not unreached(_numbers(row))]
-    sets = [parameters(one_set) for one_set in (CALIBRATED, *good)]
-    ranges = {name: [values[name] for values in sets] for name in BOUNDS}
+    ranges = {name: [getattr(one, name) for one in (CALIBRATED, *good)] for name in BOUNDS}
     return decided(
         "not unique", "the tables determine the undisclosed curves and rules", {"": not good},
         {

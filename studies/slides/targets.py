@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from studies.slides.jp4209318 import Undisclosed, brake, brake_event, measures
 
@@ -55,31 +56,40 @@ HOLD_OUT = "distance 2"
 HOLD_OUT_TOLERANCE = 0.01 * TABLE_3[2]
 
 
-def outcomes(undisclosed: Undisclosed, step: float = 1e-3) -> dict[str, float]:
-    """The targets' numbers as this set gives them, and locked time [s] and time-outs of all five runs together."""
-    of_length = {
-        cars: measures(brake(brake_event(undisclosed, cars, step=step))) for cars in (1, 2)
-    }
-    settings = undisclosed.sensitivities
-    of_setting = {
-        name: measures(brake(brake_event(undisclosed, 3, value, step=step)))
-        for name, value in settings.items()
-    }
-    medium = of_setting["medium"]
-    runs = [*of_length.values(), *of_setting.values()]
+def target_numbers(stops: Mapping[tuple[int, str], Mapping[str, float]]) -> dict[str, float]:
+    """The targets' numbers from the `measures` of stops by number of cars and setting."""
+
+    def over_medium(measure: str, setting: str) -> float:
+        return stops[3, setting][measure] / stops[3, "medium"][measure]
+
     return {
-        "distance 1": of_length[1]["distance"],
-        "distance 2": of_length[2]["distance"],
-        "distance 3": medium["distance"],
-        "Q medium": medium["damage"],
-        "Q low": of_setting["low"]["damage"] / medium["damage"],
-        "Q high": of_setting["high"]["damage"] / medium["damage"],
-        "longer high": 100.0 * (of_setting["high"]["distance"] / medium["distance"] - 1.0),
-        "longer low": 100.0 * (of_setting["low"]["distance"] / medium["distance"] - 1.0),
-        "locked": sum(run["locked_time"] for run in runs),
-        "time-outs": sum(run["time_outs"] for run in runs),
-        "slides": _slide_faults(medium),
+        **{f"distance {cars}": stops[cars, "medium"]["distance"] for cars in TABLE_3},
+        "Q medium": stops[3, "medium"]["damage"],
+        **{f"Q {setting}": over_medium("damage", setting) for setting in ("low", "high")},
+        **{f"longer {setting}": 100.0 * (over_medium("distance", setting) - 1.0) for setting in ("high", "low")},
+    }  # fmt: skip
+
+
+def outcomes(undisclosed: Undisclosed) -> dict[str, float]:
+    """The targets' numbers as this set gives them, and locked time [s] and time-outs of all five runs together."""
+    settings = undisclosed.sensitivities
+    runs = [(1, "medium"), (2, "medium"), *((3, setting) for setting in settings)]
+    stops = {
+        (cars, setting): measures(brake(brake_event(undisclosed, cars, settings[setting])))
+        for cars, setting in runs
     }
+    return {
+        **target_numbers(stops),
+        "locked": sum(stop["locked_time"] for stop in stops.values()),
+        "time-outs": sum(stop["time_outs"] for stop in stops.values()),
+        "slides": _slide_faults(stops[3, "medium"]),
+    }
+
+
+def front(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of runs that no other run beats in both distance and Q, by growing distance."""
+    ordered = rows.sort_values(["distance", "damage"])
+    return ordered[ordered["damage"] < ordered["damage"].cummin().shift(fill_value=np.inf)]
 
 
 def _slide_faults(medium: Mapping[str, float]) -> float:
@@ -130,9 +140,5 @@ def residuals(
         0.0 if name == leave_out else (found[name] - target.value) / target.tolerance
         for name, target in TARGETS.items()
     ]
-    penalties = [
-        1e3 * implausible(undisclosed),
-        min(found["locked"], 5.0),
-        10.0 * found["slides"],
-    ]
+    penalties = [1e3 * implausible(undisclosed), min(found["locked"], 5.0), 10.0 * found["slides"]]
     return [value if math.isfinite(value) else 1e3 for value in (*deviations, *penalties)]

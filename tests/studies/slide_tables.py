@@ -5,7 +5,7 @@ import pandas as pd
 
 from studies.slides.electric import electric_tasks
 from studies.slides.jp4209318 import RIVALS
-from studies.slides.runs import SENSITIVITIES, THRESHOLDS
+from studies.slides.study import SENSITIVITIES, THRESHOLDS
 from studies.slides.targets import TABLE_3, TABLE_4
 
 SLIP = {f"slip_{i + 1}": 0.08 - 0.004 * i - 0.002 * (i % 2) for i in range(12)}

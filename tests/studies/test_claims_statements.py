@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from scipy.stats import bootstrap, ttest_rel
 
-from studies.claims.parts import PARTS
-from studies.claims.study import CLAIMS, complete
+from studies.claims.drawn_events import complete
+from studies.claims.statements import PARTS
+from studies.claims.study import CLAIMS
 from studies.core.statement import (
     CONDITIONS,
     FAILS,

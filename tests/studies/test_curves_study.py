@@ -6,7 +6,6 @@ import pytest
 from studies.claims.events import REFERENCE_SPEED, draw
 from studies.claims.events import scenario as claim_event
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
-from studies.curves.events import informed, scenario
 from studies.curves.statements import (
     BASE,
     CURVES,
@@ -17,7 +16,7 @@ from studies.curves.statements import (
     curve_statements,
     paired_difference,
 )
-from studies.curves.study import CURVE_STUDY
+from studies.curves.study import CURVE_STUDY, informed, scenario
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5

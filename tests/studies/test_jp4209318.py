@@ -1,6 +1,6 @@
 """The demonstration of JP4209318: what its calibrated set reaches, is allowed to be, and is not to be read into it."""
 
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from studies.slides.jp4209318 import (
     brake,
     brake_event,
     measures,
-    parameters,
 )
 from studies.slides.targets import (
     GREATEST_PEAK,
@@ -75,7 +74,7 @@ def test_two_cars_are_predicted_by_a_fit_to_one_and_three():
 @pytest.mark.parametrize("rival", RIVALS)
 def test_other_sets_reach_the_tables_as_well(rival):
     assert unreached(outcomes(rival)) == []
-    ratios = [parameters(rival)[name] / value for name, value in parameters(CALIBRATED).items()]
+    ratios = [asdict(rival)[name] / value for name, value in asdict(CALIBRATED).items()]
     assert max(max(ratios), 1.0 / min(ratios)) > 1.2  # it is another set
 
 
@@ -94,7 +93,7 @@ def test_the_distance_is_that_to_standstill(medium):
 @pytest.mark.parametrize("name", SETS)
 def test_every_set_is_plausible(name):
     one = SETS[name]
-    for key, value in parameters(one).items():
+    for key, value in asdict(one).items():
         low, high = BOUNDS[key]
         assert low <= value <= high, key
     speeds = np.linspace(0.0, 100.0, 51)

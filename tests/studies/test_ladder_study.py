@@ -6,6 +6,7 @@ import pytest
 
 from alloc.plant.adhesion import POLACH_WET
 from alloc.simulation import CONTROLLERS, simulate
+from studies.claims.drawn_events import complete
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
 from studies.ladder.events import (
     QUANTITIES,
@@ -17,7 +18,7 @@ from studies.ladder.events import (
 )
 from studies.ladder.measures import INTERVAL, measure
 from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
-from studies.ladder.study import BLOCK, LADDER_STUDY, RULE, complete, controllers_of
+from studies.ladder.study import BLOCK, LADDER_STUDY, RULE, controllers_of
 from tests.studies.ladder_tables import ladder_table
 
 SHORT = 1.5

@@ -1,5 +1,7 @@
 """The calibration of the slide protection's demonstration: its method, its coordinates, its table and its command."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,7 +20,7 @@ from studies.slides.calibration import (
     undisclosed_of,
 )
 from studies.slides.damped_least_squares import minimise
-from studies.slides.jp4209318 import BOUNDS, CALIBRATED, parameters
+from studies.slides.jp4209318 import BOUNDS, CALIBRATED
 from studies.slides.targets import TARGETS, implausible
 
 WELL = {name: target.value for name, target in TARGETS.items()} | {
@@ -70,10 +72,10 @@ def test_they_keep_to_the_cube():
 
 def test_the_cube_is_the_bounds():
     for x, k in ((0.0, 0), (1.0, 1)):
-        corner = parameters(from_unit_cube(np.full(len(BOUNDS), x)))
+        corner = asdict(from_unit_cube(np.full(len(BOUNDS), x)))
         assert corner == pytest.approx({name: bound[k] for name, bound in BOUNDS.items()})
     for one in (CALIBRATED, BY_HAND):
-        assert parameters(from_unit_cube(to_unit_cube(one))) == pytest.approx(parameters(one))
+        assert asdict(from_unit_cube(to_unit_cube(one))) == pytest.approx(asdict(one))
 
 
 def test_drawn_sets_are_plausible_and_differ():

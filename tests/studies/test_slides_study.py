@@ -7,12 +7,11 @@ import pytest
 
 from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
-from studies.slides import runs
-from studies.slides.front import front
+from studies.slides import study
 from studies.slides.jp4209318 import RIVALS
 from studies.slides.statements import slide_statements, tables
 from studies.slides.study import SLIDE_PROTECTION
-from studies.slides.targets import TABLE_3, TABLE_4, TARGETS
+from studies.slides.targets import TABLE_3, TABLE_4, TARGETS, front
 from tests.studies.slide_tables import slide_table
 
 
@@ -98,9 +97,9 @@ def test_thresholds_are_judged_at_equal_q(table):
 
 
 def test_a_table_is_made_once_and_an_interrupted_one_goes_on(tmp_path, monkeypatch):
-    few = list(islice(runs.stops(), 2))
-    monkeypatch.setattr(runs, "stops", lambda: iter(few))
-    monkeypatch.setattr(runs, "electric_tasks", lambda: iter([("1C4M", "cut-and-ramp")]))
+    few = list(islice(study.stops(), 2))
+    monkeypatch.setattr(study, "stops", lambda: iter(few))
+    monkeypatch.setattr(study, "electric_tasks", lambda: [("1C4M", "cut-and-ramp")])
     cells = 5 + len(RIVALS)
     seen = []
 
