@@ -179,7 +179,9 @@ class Car:
         if any(bogie > bogies[-1] for bogie in cut_out):
             yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"
         share = self.axle_load_share
-        if share is not None and (len(share) != n or min(share) <= 0.0 or sum(share) > 1.0 + 1e-9):
+        if share is not None and not (
+            len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
+        ):
             yield f"axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
 
     @property
