@@ -20,6 +20,7 @@ as they are, by coefficient, judged by the peak supposed meanwhile, and judged a
 """
 
 import math
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -27,10 +28,9 @@ from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.adhesion_laws import adhesion_limit
+from alloc.plant.adhesion_laws import PIECEWISE, POLACH, adhesion_limit, tangential_coefficient
 from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
-from mpc.stretched_curve import micro_slip, stretch_parameters
 
 SUMS = np.dtype([(name, float) for name in ("pairs", "x", "xx", "slip", "x_slip")])
 """Sums over the accepted pairs of expected slip x and measured slip."""
@@ -80,6 +80,46 @@ BEND = 1.5
 
 RISEN = 1.2
 """Felt coefficient over that of the last slip from which on the rail has changed; noise alone reaches a little less."""
+
+GREATEST_RATIO = 0.9
+"""Bound of a stretched curve's slip ratio at the peak, which is below 1 by definition."""
+
+BISECTIONS = 24
+
+
+@jit
+def stretch_parameters(kind, q, stretch, out):
+    """Fill `out` (6,) with the parameters `q` (6,) of a curve stretched along the slip axis."""
+    for k in range(q.size):
+        out[k] = q[k]
+    if kind == PIECEWISE:
+        out[0] = q[0] / stretch
+        out[1] = q[1] / (stretch * stretch)
+    elif kind == POLACH:
+        out[4] = q[4] / stretch
+    else:
+        out[0] = min(q[0] * stretch, GREATEST_RATIO)
+
+
+@jit
+def micro_slip(kind, q, coefficient, peak, top, speed):
+    """Slip velocity [m/s] where the branch that rises to `peak` at `top` has `coefficient`; odd in it, at most `top`."""
+    low, high = 0.0, top
+    wanted = abs(coefficient)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if tangential_coefficient(kind, q, middle, speed, speed + middle, peak) < wanted:
+            low = middle
+        else:
+            high = middle
+    return math.copysign(0.5 * (low + high), coefficient)
+
+
+def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:
+    """The `curve` with its rising branch stretched along the slip axis."""
+    q = np.empty(6)
+    stretch_parameters(curve.kind, curve.q, stretch, q)
+    return type(curve)(*(float(value) for value in q[: len(fields(curve))]))
 
 
 @jit

@@ -8,10 +8,10 @@ from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
 from mpc.belief import CurveObserver
 from mpc.control_period import PredictiveController
+from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.stretched_curve import stretched
 from mpc.unit_model import parameters, torque_per_coefficient
 
 STIFFNESS_MARGIN = 0.8

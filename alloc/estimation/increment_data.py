@@ -11,20 +11,20 @@ from alloc.errors import EstimationError
 Reference = Literal["received", "held"]
 
 TELEGRAM_DELAY = 0.1
-"""Time [s] from a unit's detection to B1's receipt: latency 0.05 and half a period of 0.1, `alloc.onboard.Telegrams`."""
+"""Time [s] from a unit's detection to its receipt by the foremost unit: latency 0.05 and half of the telegrams' period."""
 HOLD_TIME = 5.0
-"""Age [s] beyond which B1's held estimate is no longer in use, `alloc.onboard.Onboard.hold_time`."""
+"""Age [s] beyond which the foremost unit's held estimate is no longer in use, `alloc.onboard.Onboard.hold_time`."""
 
 
 class IncrementDatum(NamedTuple):
-    """What B1 makes of one telegram."""
+    """What the foremost unit makes of one telegram."""
 
     unit: int
     """Unit that slipped, counted from 0 at the front; never 0 itself."""
     time: float
     """Instant of its detection [s]."""
     increment: float
-    """Its coefficient minus B1's."""
+    """Its coefficient minus the foremost unit's."""
 
 
 def increment_data(
@@ -33,12 +33,13 @@ def increment_data(
     delay: float = TELEGRAM_DELAY,
     hold_time: float = HOLD_TIME,
 ) -> list[IncrementDatum]:
-    """Increments that a run yields, in order of time: estimate of unit j at its detection minus B1's estimate.
+    """Increments that a run yields, in order of time: estimate of unit j at its detection minus the foremost one's.
 
-    `reference` "received": B1's estimate when it receives the telegram, `delay` [s] later, as par. 0064 says. Where B1
-    does not slip then, that is what it delivers and not what its rail could carry: the datum is too high. "held": B1's
-    estimate at its own last detection, the coefficient that (5) adds the increments to; no datum where that is older than
-    `hold_time` [s]. B1 is unit 0, the foremost; a run in which it fails does not say who takes over, so leave such out.
+    `reference` "received": the estimate of the foremost unit (B1 of JP5484215) when it receives the telegram, `delay` [s]
+    later, as par. 0064 says. Where it does not slip then, that is what it delivers and not what its rail could carry: the
+    datum is too high. "held": its estimate at its own last detection, the coefficient that (5) adds the increments to; no
+    datum where that is older than `hold_time` [s]. The foremost unit is unit 0. A run in which it fails does not say who
+    takes over, so leave such out.
     Raises `EstimationError` for an unknown reference or a time below 0.
     """
     if reference not in get_args(Reference):

@@ -21,7 +21,7 @@ class Learning:
     """What all ways of learning have: the increment of each unit, checks, and a state that a file keeps."""
 
     increment: Floats
-    """(units,), as stored in B1."""
+    """(units,), as stored in the foremost unit."""
     kind: ClassVar[str]
 
     def _to_arrays(self, *names: str) -> None:

@@ -26,7 +26,7 @@ class Slip(NamedTuple):
 @metric(
     "estimate_error",
     "1",
-    "error of B1's held estimate against the true adhesion at its detections",
+    "error of the foremost unit's held estimate against the true adhesion at its detections",
     0,
 )
 def estimate_error(run: xr.Dataset) -> float:

@@ -6,7 +6,7 @@ The true bound of unit j is normal about its cap with standard deviation d_j. Th
 
 a linear constraint again: the program of `alloc.rules.qp` with lower caps (Charnes and Cooper, Management Science 6
 (1959), p. 73: deterministic equivalent of an individual chance constraint). The probability holds unit by unit; that all
-caps hold at once is less probable, and what B1's estimate shifts in all caps alike is part of each deviation.
+caps hold at once is less probable, and what the foremost unit's estimate shifts in all caps alike is part of each deviation.
 """
 
 from dataclasses import replace

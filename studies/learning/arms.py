@@ -34,15 +34,15 @@ ARMS: dict[str, Arm] = {
     "Gaussian, robust": Arm("gaussian", rule="qp-robust", reference="held"),
 }
 """Arms by name: "no learning" keeps the stored values, "truth" has the true ones. "running mean" is the patent's learning
-with the patent's data; "held" takes B1's estimate at its own last slip for reference (`alloc.estimation.increment_data`),
-as the Gaussian learners do, whose model has no room for biased data."""
+with the patent's data; "held" takes the foremost unit's estimate at its last slip for reference, as
+the Gaussian learners do, whose model has no room for biased data."""
 
 
 def first_learning(arm: Arm, stored: NDArray[np.float64]) -> Learning:
     """The learner of an arm before its first station. Arms that do not learn collect data all the same."""
     if arm.learner == "gaussian":
         variance = np.full(stored.size, PRIOR_DEVIATION**2)
-        variance[0] = 0.0  # B1 is the reference
+        variance[0] = 0.0  # the foremost unit is the reference
         return GaussianPosterior(stored, variance, noise=SIGMA)
     return RunningMean(stored, np.full(stored.size, STORED_COUNT), FIRST, FURTHER)
 

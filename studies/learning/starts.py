@@ -36,8 +36,8 @@ DURATION = 12.0
 BASE = "wet-start"
 
 LEVEL, HALF_WIDTH = 0.128, 0.0147
-"""Level of the rail, uniform from station to station: below 0.147, so that B1 slips at every start, and on both sides of the
-level at which the train as a whole reaches the plan. Deviation 0.0085."""
+"""Level of the rail, uniform from station to station: below 0.147, so that the foremost unit slips at every start, and on
+both sides of the level at which the train as a whole reaches the plan. Deviation 0.0085."""
 SCATTER = 0.0085
 """Scatter along a rail that is not even. With the level's deviation it makes 0.012, that of JP5484215 par. 0055, half of the
 variance each (assumed)."""
@@ -142,7 +142,7 @@ def true_unit_increments(event: Event) -> Floats:
 def _judged(
     run: xr.Dataset, believed: Floats, deviation: Floats, learnt: Floats, truth: Floats
 ) -> dict[str, float]:
-    """Errors of what was believed and learnt, over the units behind B1, and their slips."""
+    """Errors of what was believed and learnt, over the units behind the foremost unit, and their slips."""
     error = (learnt - truth)[1:]
     lowered = believed - float(norm.ppf(PROBABILITY)) * deviation
     return {

@@ -187,7 +187,8 @@ def _held_is_better(series: pd.DataFrame) -> Statement:
     test = Test(lambda e: difference(e, "error", "running mean, held", "running mean"), wanted=-1)
     return _compared(
         series, "held-reference",
-        "B1's estimate at its own last slip is the better reference than the one at the telegram's receipt (par. 0064)",
+        "the foremost unit's estimate at its own last slip is the better reference than that at the telegram's receipt "
+        "(par. 0064)",
         test, COEFFICIENT,
         {
             "largest error at the end, held minus received": test.quantity(series),

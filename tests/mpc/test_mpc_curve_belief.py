@@ -5,9 +5,8 @@ import pytest
 
 from alloc.plant.adhesion_laws import tangential_coefficient
 from mpc.belief import CurveObserver
-from mpc.curve_belief import StretchEstimator
+from mpc.curve_belief import StretchEstimator, micro_slip, stretched
 from mpc.settings import CurveBelief, PeakBelief
-from mpc.stretched_curve import micro_slip, stretched
 
 PERIOD, PEAK, SPEED = 0.01, 0.12, 10.0
 KINDS = ("piecewise", "polach", "slip-ratio")

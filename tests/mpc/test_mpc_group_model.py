@@ -44,7 +44,7 @@ def _plant(cars, inverters):
 def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
     plant = _plant(cars, inverters)
     onboard = Onboard(belief=Belief())
-    group = unit_contexts(plant, equipment(plant, onboard), onboard)
+    group = unit_contexts(plant, equipment(plant, onboard), onboard, "mpc")
     assert sorted({context.car for context in group}) == list(range(cars))
     n, rng = plant.layout, np.random.default_rng(2)
     state = plant.initial_state(12.0)

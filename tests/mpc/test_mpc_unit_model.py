@@ -41,7 +41,7 @@ def _compare(curve, slip, step):
     """State after a control period by plant and by prediction, in the model's order."""
     plant = _plant(curve)
     onboard = Onboard(belief=Belief(curve=curve))
-    context = unit_contexts(plant, equipment(plant, onboard), onboard)[0]
+    context = unit_contexts(plant, equipment(plant, onboard), onboard, "mpc")[0]
     n = plant.layout
     state = plant.initial_state(12.0)
     state[n.omega, 0] += np.array(slip) / 0.43
