@@ -14,7 +14,7 @@ import pandas as pd
 
 from alloc.event import DriverCommand, Event
 from alloc.metrics import motion
-from alloc.onboard import Belief, Onboard, ReferenceSpeed
+from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car

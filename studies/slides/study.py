@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from alloc.onboard import SlideProtection, Threshold
+from alloc.onboard.slide_protection.parameters import SlideProtection, Threshold
 from studies.core.cell import Task
 from studies.core.study import Study
 from studies.slides.calibration import JITTER_DRAWS, jittered
