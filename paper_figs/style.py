@@ -56,14 +56,18 @@ def new_panels(
     return drawn, drawn.subplots(rows, columns, **layout)
 
 
+OTHER_COLOUR = "#882255"
+"""Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
+
+
 def rule_colour(rule: str) -> str:
     """The rule's colour, the same in every figure."""
-    return RULES[rule].colour
+    return RULES[rule].colour if rule in RULES else OTHER_COLOUR
 
 
 def rule_marker(rule: str) -> str:
     """The rule's marker, so that colour is never the only sign."""
-    return RULES[rule].marker
+    return RULES[rule].marker if rule in RULES else "h"
 
 
 def rule_look(rule: str) -> Look:

@@ -131,7 +131,8 @@ def hash_run(scenario: str, rule: str, controller: str) -> str:
 
 
 def hash_study(name: str) -> list[tuple[str, str]]:
-    """Hashes of a study's small table and of its statements."""
+    """Hashes of a study's small table and of its statements, with solvers that remember no problem before."""
+    workspace.cache_clear()
     events, settings = SMALL[name]
     study = find_study(name)
     with tempfile.TemporaryDirectory() as folder:

@@ -7,8 +7,10 @@ import numpy as np
 from alloc.compilation import equation, jit
 from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE
 from alloc.rules.alone import ALONE
-from alloc.rules.exact import EXACT, ORACLE
-from alloc.rules.greedy import GREEDY, GREEDY_CLAIM
+from alloc.rules.exact import EXACT
+from alloc.rules.greedy import GREEDY
+from alloc.rules.greedy_claim import GREEDY_CLAIM
+from alloc.rules.oracle import ORACLE
 from alloc.rules.preset import PRESET
 from alloc.rules.rule import Rule
 from alloc.rules.sharing import SHARING

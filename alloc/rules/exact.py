@@ -151,21 +151,3 @@ EXACT = Rule(
     colour="#0072b2", marker="P",
 )  # fmt: skip
 RULES.register("exact", EXACT)
-
-
-@jit
-def oracle_law(units, expected, limit_out):
-    """Limits at the exact level of the true coefficients."""
-    return exact_limits(units.truth, expected, units.mass, units.limit_max, limit_out)
-
-
-def answer_oracle(problem: AllocationProblem) -> Allocation:
-    """The exact answer to the problem with the true coefficients."""
-    return answer_exact(problem.changed(cap=problem.available))
-
-
-ORACLE = Rule(
-    "oracle", "the exact level on the true coefficients: what could be had at best", answer_oracle,
-    oracle_law, periodic=True, needs_truth=True, colour="#000000", marker="*",
-)  # fmt: skip
-RULES.register("oracle", ORACLE)

@@ -1,7 +1,7 @@
 """The rule of JP5484215: the foremost unit's slip bounds all, the rear takes over what the front lost.
 
-`greedy` is the description's reading of its step S210; `greedy-claim` is that of claim 1. Like the patent both count units,
-not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
+This is the description's reading of its step S210; `alloc.rules.greedy_claim` is that of claim 1. Like the patent both
+count units, not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
 """
 
 from alloc.compilation import jit
@@ -57,32 +57,3 @@ GREEDY = Rule(
     law=greedy_law, colour="#d55e00", marker="s",
 )  # fmt: skip
 RULES.register("greedy", GREEDY)
-
-
-@jit
-def claim_level(cap, expected):
-    """Level by claim 1: units are added until the running sum covers the deficit; case B only."""
-    front, small = deficit_of_front(cap, expected)
-    enough = small - ROUNDING * cap.size * expected
-    large = 0.0
-    for m in range(front, cap.size):
-        large += cap[m] - expected
-        if large >= enough:
-            return cap[m]
-    return cap[cap.size - 1]
-
-
-@jit
-def greedy_claim_law(units, expected, limit_out):
-    """Limits by claim 1."""
-    reached = within_reach(units.cap, expected)
-    level = claim_level(units.cap, expected) if reached else highest_cap(units.cap)
-    limits_under(level, units.cap, units.limit_max, limit_out)
-    return level, reached
-
-
-GREEDY_CLAIM = Rule(
-    "greedy-claim", "the reference as claim 1 of JP5484215 words it: a running sum",
-    law=greedy_claim_law, colour="#cc79a7", marker="D",
-)  # fmt: skip
-RULES.register("greedy-claim", GREEDY_CLAIM)
