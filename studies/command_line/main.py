@@ -30,6 +30,7 @@ app = App(
 for command in (compare, simulate, run_line, sweep, figures, analyse):
     app.command(command)
 app.command(list_names, name="list")
+app.meta.suppress_keyboard_interrupt = False
 
 
 @app.meta.default

@@ -230,7 +230,7 @@ def test_a_solver_that_is_not_installed_is_named(refused, short_file, monkeypatc
 
 
 def test_a_controller_that_is_not_installed_is_named(refused, short_file, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mpc", None)
+    monkeypatch.setitem(sys.modules, "mpc.hosted", None)
     line = refused("compare", "--scenario", short_file, "--controllers", "mpc")
     assert "controller 'mpc' needs something that is not installed" in line
 

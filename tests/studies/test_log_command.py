@@ -73,7 +73,7 @@ def test_the_columns_of_a_log_are_listed(call):
     ("arguments", "words"),
     [
         (["analyse", "none.csv", "--train", "jp4209318-3car"], "log 'none.csv' does not exist"),
-        (["analyse", "log.csv", "--train", "jp42-3car"], "unknown parameter set 'jp42-3car'"),
+        (["analyse", "log.csv", "--train", "jp42-3car"], "unknown train 'jp42-3car'"),
         (["analyse", "log.csv", "--train", "none.toml"], "train file 'none.toml' does not exist"),
         (["analyse", "log.csv"], "--train"),
         (["analyse", "log.csv", "--train", "one-axle", "--slip-kmh", "0"], "--slip-kmh 0"),
