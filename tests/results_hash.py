@@ -21,8 +21,7 @@ import pandas as pd
 import xarray as xr
 
 from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.rules import RULES
-from alloc.rules.qp import workspace
+from alloc.rules import RULES, qp
 from studies.core.collection import find_study
 from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
@@ -123,7 +122,7 @@ def statements_hash(statements: list[Statement]) -> str:
 
 def hash_run(scenario: str, rule: str, controller: str) -> str:
     """Hash of one run of a shipped scenario, with solvers that remember no run before it."""
-    workspace.cache_clear()
+    qp.workspace.cache_clear()
     chosen = load_scenario(scenario)
     if is_hosted(controller):
         chosen = chosen.changed(duration_s=min(chosen.duration_s, HOSTED_DURATION))
@@ -132,7 +131,7 @@ def hash_run(scenario: str, rule: str, controller: str) -> str:
 
 def hash_study(name: str) -> list[tuple[str, str]]:
     """Hashes of a study's small table and of its statements, with solvers that remember no problem before."""
-    workspace.cache_clear()
+    qp.workspace.cache_clear()
     events, settings = SMALL[name]
     study = find_study(name)
     with tempfile.TemporaryDirectory() as folder:

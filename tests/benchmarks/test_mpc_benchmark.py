@@ -153,7 +153,9 @@ def test_real_time_iteration_against_warm_ipopt(benchmark, case, problems, measu
     benchmark(lambda: [step(problem) for problem in problems[:10]])
     levels = ", ".join(f"{value:.1e}" for value in quantiles)
     print(f"\n{text}ratio {ratio:.0f}; residual median, p90, p99, worst: {levels}")
-    if benchmark.enabled:  # times are judged by `make bench` alone: beside other work they say little
+    if (
+        benchmark.enabled
+    ):  # times are judged by `make bench` alone: beside other work they say little
         assert ratio >= case.least_speed_up[code == "c"]
 
 
