@@ -32,9 +32,15 @@ from alloc.plant.adhesion_laws import PIECEWISE, POLACH, adhesion_limit, tangent
 from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
 
-SUMS = np.dtype([(name, float) for name in ("pairs", "x", "xx", "slip", "x_slip")])
+
+def _named(*names: str) -> np.dtype[np.record]:
+    """Type of records of numbers, whose fields are attributes in Python as in compiled code."""
+    return np.dtype((np.record, [(name, float) for name in names]))
+
+
+SUMS = _named("pairs", "x", "xx", "slip", "x_slip")
 """Sums over the accepted pairs of expected slip x and measured slip."""
-CLASS = np.dtype([(name, float) for name in ("pairs", "coefficient", "slip")])
+CLASS = _named("pairs", "coefficient", "slip")
 """Kept pairs of one class of coefficients: their number, and sums."""
 
 

@@ -1,0 +1,140 @@
+"""One control period of the on-board computers equals a second transcription of it, over random trains' states and signals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from alloc.onboard.actuation import (
+    brake_receiver,
+    restrain_blind_units,
+    set_brake_targets,
+    set_targets,
+)
+from alloc.onboard.distribution import distribute, prepare_allocation
+from alloc.onboard.equipment import equipment
+from alloc.onboard.memory import memory
+from alloc.onboard.parameters import (
+    Belief,
+    Braking,
+    Dropout,
+    Onboard,
+    ReferenceSpeed,
+    Sensors,
+    Telegrams,
+)
+from alloc.onboard.sensing import sense
+from alloc.onboard.settings import RuleSettings, settings
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from tests.onboard.uneven import uneven_train
+from tests.uncompiled.computers import Computers
+
+GROWTH = tuple(0.002 * k + 0.0003 * k**2 for k in range(20))
+ONBOARD = Onboard(
+    belief=Belief(increments=GROWTH),
+    sensors=Sensors(load_error=0.03, seed=2),
+    telegrams=Telegrams(period=0.04, latency=0.02, jitter=0.03, loss=0.2, silence=0.1),
+    hold_time=0.3,
+    rise_time=0.15,
+)
+LOST = tuple(
+    Dropout(axle, 0.05, until)
+    for axle, until in ((1, 0.2), (4, 0.3), (5, 0.3), (6, 0.25), (7, 0.3))
+)
+ONBOARDS = {
+    "plain": (ONBOARD, {}, True),
+    "coupled": (ONBOARD, {"coupled": True}, False),
+    "by forces": (replace(ONBOARD, reference=ReferenceSpeed("forces")), {"coupled": True}, True),
+    "dropouts": (replace(ONBOARD, sensors=replace(ONBOARD.sensors, dropouts=LOST)), {"coupled": True}, True),
+    "blind by forces": (
+        replace(ONBOARD, reference=ReferenceSpeed("forces", 0.2), sensors=replace(ONBOARD.sensors, dropouts=LOST)),
+        {}, False,
+    ),
+    "sensorless": (replace(ONBOARD, sensors=Sensors(sensorless_pole=30.0, speed_quantum=0.02)), {}, False),
+    "without air": (replace(ONBOARD, inertia_in_limit=False), {"braked": False}, True),
+    "not blended": (replace(ONBOARD, braking=Braking(blended=False)), {}, False),
+    "as printed": (replace(ONBOARD, braking=Braking(blend_time=0.3, inertia_in_estimate=False)), {}, True),
+}  # fmt: skip
+
+
+def agree(name, found, expected):
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def compare(m, twin, names):
+    for name, value in names.items():
+        agree(name, value, getattr(twin, name))
+    for name, count in twin.counts.items():
+        assert getattr(m.counter, name)[0] == count, name
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("case", ONBOARDS)
+def test_periods_equal_their_second_transcription(case, seed):
+    onboard, options, periodic = ONBOARDS[case]
+    rng = np.random.default_rng(seed)
+    model = build(uneven_train(**options), Rail(0.15))
+    eq = equipment(model, onboard)
+    st = settings(onboard, RuleSettings(0, periodic, False), "none")
+    speed, n, groups = 12.0, eq.axles.size, eq.group.unit.size
+    m, twin = memory(eq, speed, 0.08), Computers(eq, st, speed, 0.08)
+    pressure, valve = np.zeros((groups, 1)), np.zeros((groups, 1))
+    direction, commanded = (1.0, -1.0, -1.0)[seed], 0.0
+    failing, away = rng.random(n) < 0.3, rng.random() < 0.5
+    for tick in range(45):
+        time = tick * st.period
+        if tick % 6 == 0:
+            commanded = float(direction * rng.choice([0.0, 0.4, 0.8, 1.1]))
+        speed += 0.5 * commanded * st.period
+        slip = direction * rng.exponential(0.25, eq.axle_radius.size) * (rng.random() < 0.6)
+        omega = (speed + slip + 0.3 * rng.standard_normal() * (tick % 4 == 0)) / eq.axle_radius
+        noise = 0.02 * rng.standard_normal(omega.size)
+        torque = direction * rng.uniform(-50.0, 600.0, n)
+        service = ~(failing & (tick > 20)) | (tick > 35)
+        m.in_service[:] = service
+        sense(eq, st, m, time, commanded, omega, torque, noise)
+        twin.sense(time, commanded, omega, torque, noise, service)
+        compare(m, twin, {
+            "speed": m.speed, "reference": m.reference, "axle_omega": m.axle_omega, "worst_slip": m.worst_slip,
+            "acceleration": m.unit.computed_acceleration, "coefficient": m.unit.coefficient_estimate,
+            "slipping": m.unit.slipping, "first": m.lead.unit[0], "drive_limit": m.drive_limit,
+            "brake_limit": m.brake_limit, "limit_max": m.limit_max, "torque": m.torque, "moved": m.lead.acceleration[0],
+            "estimate": m.lead.estimate[0], "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0],
+        })  # fmt: skip
+        needed = prepare_allocation(eq, st, m, time, tick, commanded)
+        assert needed == twin.prepare(time, tick, commanded)
+        agree("cap", m.cap, twin.cap)
+        if needed:  # any answer will do
+            twin.limit_wanted = m.limit_wanted[:] = twin.expected * rng.uniform(0.3, 1.2, n)
+            twin.limit_wanted = twin.limit_wanted.copy()
+            twin.case = m.train.case[0] = float(rng.integers(1, 3))
+            m.train.level[0] = 0.1
+        elif m.train.case[0] == 0.0:
+            assert np.isnan(m.train.level[0])
+        delay, fate = rng.random((2, n))
+        if away and tick > 12:
+            fate[:] = 0.0  # the line is dead: units fall back
+        distribute(eq, st, m, time, tick, delay, fate)
+        twin.distribute(time, tick, delay, fate)
+        compare(m, twin, {
+            "limit": m.unit.limit, "limit_wanted": m.limit_wanted, "delivered": m.delivered, "received": m.received,
+            "fallen_back": m.unit.fallen_back, "case": m.train.case[0], "expected": m.train.expected[0],
+        })  # fmt: skip
+        braking = eq.blended and commanded < 0.0
+        if braking:
+            set_brake_targets(eq, st, m)
+            twin.brake_targets()
+        else:
+            set_targets(eq, st, m, commanded)
+            twin.targets(commanded)
+        restrain_blind_units(st, m)
+        twin.restrain()
+        compare(m, twin, {"target": m.unit.torque_target, "air": m.unit.air_brake_force, "rise": m.rise,
+                          "brake_rise": m.lead.brake_rise[0]})  # fmt: skip
+        twin.torque_command = m.unit.torque_command[:] = m.unit.torque_target * rng.uniform(
+            0.6, 1.0, n
+        )
+        twin.torque_command = twin.torque_command.copy()
+        brake_receiver(eq, st, m, tick, braking, pressure, valve)
+        agree("pressure", pressure[:, 0], twin.pressures(braking))

@@ -1,0 +1,177 @@
+"""Trajectory, cost, gradient and Hessians on a small polynomial model, against textbook formulas and CasADi's derivatives."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from mpc.condensing import (
+    AxleTerms,
+    Cost,
+    CostWeights,
+    Quadratic,
+    UnitTerms,
+    add_second_order,
+    condense,
+    trajectory_cost,
+)
+from mpc.shooting import Linearised, Nonzeros, linearise, second_order, simulate
+
+STATES, UNITS, HORIZON, SUBSTEPS, STEP = 3, 2, 3, 2, 0.15
+SIZE, WIDTH = HORIZON * UNITS, STATES + UNITS
+P = np.array([0.7, 0.4])
+
+x, u, p, w = (cs.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 2), ("w", 3)))
+RATE = cs.vertcat(
+    p[0] * x[1] * x[2] - 0.3 * x[0] ** 2 + 0.2 * u[0],
+    u[0] * (1.0 + 0.3 * x[0]) - p[1] * x[1] ** 3,
+    u[1] - 0.5 * u[1] ** 2 * x[2] + 0.6 * x[0] * x[1] + 0.2 * u[0] * u[1],
+)
+BOTH = cs.vertcat(x, u)
+JACOBIAN = cs.jacobian(RATE, BOTH)
+UPPER = cs.triu(cs.hessian(cs.dot(w, RATE), BOTH)[0])
+_rate = cs.Function("rate", [x, u, p], [RATE])
+_jacobian = cs.Function("jacobian", [x, u, p], [JACOBIAN])
+_upper = cs.Function("upper", [x, u, p, w], [UPPER])
+NONZEROS = Nonzeros(
+    *map(np.array, (*JACOBIAN.sparsity().get_triplet(), *UPPER.sparsity().get_triplet()))
+)
+
+
+def slope(state, torque, parameters, out):
+    out[:] = np.asarray(_rate(state, torque, parameters)).ravel()
+
+
+def rate(state, torque, parameters, out, nonzeros):
+    slope(state, torque, parameters, out)
+    nonzeros[:] = _jacobian(state, torque, parameters).nonzeros()
+
+
+def curvature(state, torque, parameters, weights, out):
+    out[:] = _upper(state, torque, parameters, weights).nonzeros()
+
+
+def trajectory(torques, start):
+    """Classical Runge-Kutta, two steps per control period, as CasADi expressions or numbers."""
+    nodes = [start]
+    for k in range(HORIZON):
+        now, torque = nodes[-1], torques[k * UNITS : (k + 1) * UNITS]
+        for _ in range(SUBSTEPS):
+            k1 = _rate(now, torque, P)
+            k2 = _rate(now + 0.5 * STEP * k1, torque, P)
+            k3 = _rate(now + 0.5 * STEP * k2, torque, P)
+            k4 = _rate(now + STEP * k3, torque, P)
+            now = now + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        nodes.append(now)
+    return nodes
+
+
+def cost(nodes, torques, c):
+    """The cost as the module states it."""
+    total, last = 0.0, cs.DM(c.unit.before)
+    for k in range(HORIZON):
+        now = torques[k * UNITS : (k + 1) * UNITS]
+        parts = [(now - cs.DM(v)) / cs.DM(c.unit.scale) for v in (c.unit.target, c.unit.reference)]
+        share, change = cs.DM(c.unit.share), (now - last) / cs.DM(c.unit.scale)
+        total += c.weights.tracking * cs.dot(share, parts[0]) ** 2
+        total += c.weights.rate * cs.dot(share, change**2)
+        total += c.weights.evenness * cs.dot(share, parts[1] ** 2)
+        excess = cs.fmax(0.0, cs.DM(c.slip_matrix) @ nodes[k + 1] - cs.DM(c.axle.slip_limit))
+        total += c.weights.slip * cs.dot(cs.DM(c.axle.share), (excess / c.weights.slip_scale) ** 2)
+        last = now
+    return total
+
+
+def _case(seed):
+    """Random start, torques and cost; about half of the slips are beyond their limits."""
+    rng = np.random.default_rng(seed)
+    terms = Cost(
+        slip_matrix=np.array([[-1.0, 0.8, 0.0], [-1.0, 0.0, 0.9], [-0.7, 0.4, 0.2]]),
+        axle=AxleTerms(
+            np.array([-0.2, 0.1, 0.05]) * rng.uniform(0.5, 2.0), np.array([0.3, 0.3, 0.4])
+        ),
+        unit=UnitTerms(*(rng.uniform(0.3, 1.2, UNITS) for _ in range(4)), np.array([0.6, 0.4])),
+        weights=CostWeights(1.3, 2.1, 0.4, 0.15, 0.6),
+    )
+    return terms, rng.uniform(0.2, 1.0, STATES), rng.uniform(0.1, 1.0, SIZE)
+
+
+def _linearised(torques, start):
+    evaluations = 4 * HORIZON * SUBSTEPS
+    out = Linearised(
+        *(np.full(shape, np.nan) for shape in (
+            (HORIZON + 1, STATES), (HORIZON, STATES, WIDTH), (evaluations, STATES),
+            (evaluations, NONZEROS.row.size), (evaluations, STATES, WIDTH),
+        ))
+    )  # fmt: skip
+    out.nodes[0] = start
+    linearise(rate, NONZEROS, torques, P, STEP, SUBSTEPS, out, np.full((3, STATES, WIDTH), np.nan))
+    return out
+
+
+def _condensed(around, torques, terms):
+    quadratic = Quadratic(
+        *(np.full(shape, np.nan) for shape in (
+            (SIZE, SIZE), SIZE, (HORIZON + 1, STATES), (HORIZON + 1, STATES, SIZE), (3, SIZE)
+        ))
+    )  # fmt: skip
+    condense(around, torques, terms, quadratic)
+    return quadratic
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_trajectory_and_cost_are_those_of_the_formulas(seed):
+    terms, start, torques = _case(seed)
+    nodes = np.full((HORIZON + 1, STATES), np.nan)
+    nodes[0] = start
+    simulate(slope, torques, P, STEP, SUBSTEPS, nodes, np.full((3, STATES), np.nan))
+    expected = [np.asarray(node).ravel() for node in trajectory(torques, cs.DM(start))]
+    np.testing.assert_allclose(nodes, expected, rtol=1e-12)
+    found = trajectory_cost(nodes, torques, terms)
+    assert found == pytest.approx(
+        float(cost(list(map(cs.DM, nodes)), cs.DM(torques), terms)), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sensitivities_are_the_trajectorys_derivatives(seed):
+    _, start, torques = _case(seed)
+    out = _linearised(torques, start)
+    symbols, state = cs.SX.sym("torques", UNITS), cs.SX.sym("state", STATES)
+    one = trajectory(cs.repmat(symbols, HORIZON, 1), state)[1]
+    jacobian = cs.Function("j", [state, symbols], [cs.jacobian(one, cs.vertcat(state, symbols))])
+    for k in range(HORIZON):
+        expected = np.asarray(jacobian(out.nodes[k], torques[k * UNITS : (k + 1) * UNITS]))
+        np.testing.assert_allclose(out.sensitivity[k], expected, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gradient_and_both_hessians_are_the_costs(seed):
+    terms, start, torques = _case(seed)
+    symbols = cs.SX.sym("torques", SIZE)
+    scale = np.tile(terms.unit.scale, HORIZON)
+    nodes = trajectory(symbols, start)
+    total = cost(nodes, symbols, terms)
+    hessian, gradient = cs.hessian(total, symbols)
+    # Gauss-Newton: the second derivatives with the nodes as linear functions of the torques
+    straight = [cs.DM(start)]
+    jacobians = [
+        cs.Function("n", [symbols], [node, cs.jacobian(node, symbols)]) for node in nodes[1:]
+    ]
+    for function in jacobians:
+        value, jacobian = function(torques)
+        straight.append(value + jacobian @ (symbols - torques))
+    gauss_newton = cs.hessian(cost(straight, symbols, terms), symbols)[0]
+    exact = cs.Function("exact", [symbols], [gradient, hessian, gauss_newton])
+    g, h, gn = (np.asarray(value) for value in exact(torques))
+    around = _linearised(torques, start)
+    quadratic = _condensed(around, torques, terms)
+    both = np.outer(scale, scale)
+    np.testing.assert_allclose(quadratic.gradient, g.ravel() * scale, rtol=1e-10)
+    np.testing.assert_allclose(quadratic.hessian, gn * both, rtol=1e-9, atol=1e-10)
+    hessians = np.full((HORIZON, WIDTH, WIDTH), np.nan)
+    second_order(
+        curvature, NONZEROS, torques, P, STEP, SUBSTEPS, around, quadratic.adjoint, hessians,
+        np.full((6, max(WIDTH, NONZEROS.upper_row.size)), np.nan),
+    )  # fmt: skip
+    add_second_order(hessians, terms, quadratic, np.full((2 * WIDTH, SIZE), np.nan))
+    np.testing.assert_allclose(quadratic.hessian, h * both, rtol=1e-9, atol=1e-10)
