@@ -31,7 +31,7 @@ os.environ |= {
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("alloc/rules", "alloc/metrics", "alloc/onboard", "mpc")
-TESTS = ("tests/rules", "tests/onboard", "tests/mpc", "tests/simulation")
+TESTS = ("tests/rules", "tests/onboard", "tests/uncompiled", "tests/mpc", "tests/simulation")
 STORED = ROOT / "docs/mutants.csv"
 USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
@@ -63,6 +63,10 @@ OPERATORS = [
     "ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop",
 ]  # fmt: skip
 """Cosmic Ray's operators whose faults a person could make; its others (`<<` for `+`) mostly raise `TypeError`."""
+
+
+Outcomes = dict[str, tuple[str, float]]
+"""By test."""
 
 
 class Mutant(NamedTuple):
@@ -198,8 +202,8 @@ class Copy:
 
     def run(
         self, file: str, wanted: frozenset[str] | None, seconds: float, uncompiled: bool
-    ) -> dict[str, tuple[str, float]]:
-        """Outcome and time of a file's tests; of the `wanted` ones up to the first that fails. One that crashes has failed."""
+    ) -> Outcomes:
+        """Outcome and time of a file's tests; of the `wanted` ones up to the first that fails. A crash is a failure."""
         self.results.write_text("")
         child = os.fork()
         if child == 0:
@@ -266,7 +270,9 @@ def usable_tests(copy: Copy, uncompiled: bool) -> dict[str, dict[str, float]]:
     """File -> test -> processor time [s], of the tests that pass without a fault."""
     known = json.loads(USABLE.read_text()) if USABLE.exists() else {}
     found = {}
-    for path in sorted(path for folder in TESTS for path in (ROOT / folder).glob("test_*.py")):
+    # the whole loop takes too long as plain Python
+    folders = TESTS[:-1] if uncompiled else TESTS
+    for path in sorted(path for folder in folders for path in (ROOT / folder).glob("test_*.py")):
         file = path.relative_to(ROOT).as_posix()
         mark = f"{hashlib.sha256(path.read_bytes()).hexdigest()} {uncompiled}"
         if mark not in known:
@@ -284,7 +290,7 @@ def usable_tests(copy: Copy, uncompiled: bool) -> dict[str, dict[str, float]]:
 
 
 def noticed_by(copy: Copy, fault: Mutant, first: str, usable: dict[str, dict[str, float]]) -> str:
-    """The test that notices a fault, "" if none does; asked are tests that import its file, those of the fewest files first."""
+    """The test that notices a fault, "" if none does; asked are tests that import its file, the most special first."""
     name, spent = fault.file.removesuffix(".py").replace("/", "."), 0.0
     near = [test for test, times in usable.items() if times and name in _imported(test)]
     for test in sorted(near, key=lambda test: (not first.startswith(test), len(_imported(test)))):

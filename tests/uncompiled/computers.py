@@ -1,4 +1,4 @@
-"""The train's computers written a second time: as the docstrings say, in arrays and queues, sharing only equipment and settings.
+"""The train's computers written a second time, in arrays and queues; only equipment and settings are shared.
 
 `Computers` takes one control period at a time. Names are those of `alloc.onboard.memory`.
 """

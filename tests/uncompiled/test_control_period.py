@@ -1,4 +1,4 @@
-"""One control period of the on-board computers equals a second transcription of it, over random trains' states and signals."""
+"""The on-board computers equal their second transcription, control period by control period, under random signals."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Trajectory, cost, gradient and Hessians on a small polynomial model, against textbook formulas and CasADi's derivatives."""
+"""Trajectory, cost, gradient and Hessians of a polynomial model, against formulas and CasADi's derivatives."""
 
 import casadi as cs
 import numpy as np
