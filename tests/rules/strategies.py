@@ -53,3 +53,27 @@ def problems(draw, bounded=False, largest=LARGEST):
             options["previous"] = some(0.0, 1.5 * EXPECTED)
             options["rate"] = draw(st.floats(0.0, EXPECTED))
     return AllocationProblem(cap, EXPECTED, **options)
+
+
+@st.composite
+def uneven_problems(draw, largest=8):
+    """Problems of units whose masses differ by a factor up to 1000, with any of the fields that bound or inform a rule."""
+    n = draw(integers(1, largest))
+
+    def each(value):
+        return np.array(draw(st.lists(value, min_size=n, max_size=n)))
+
+    def maybe(name, value):
+        if draw(st.booleans()):
+            options[name] = each(value)
+
+    coefficient = st.one_of(st.floats(0.0, 2.0 * EXPECTED), st.just(EXPECTED))
+    options = {"mass": 10.0 ** each(st.floats(0.0, 3.0))}
+    maybe("limit_max", st.one_of(coefficient, st.just(np.inf)))
+    maybe("previous", coefficient)
+    maybe("delivered", coefficient)
+    maybe("truth", coefficient)
+    if "previous" in options and draw(st.booleans()):
+        rate = st.one_of(st.floats(0.0, EXPECTED), st.sampled_from((0.0, np.inf)))
+        options["rate"] = draw(rate) if draw(st.booleans()) else each(rate)
+    return AllocationProblem(each(coefficient), EXPECTED, **options)
