@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from alloc.rules import AllocationProblem, find_rule
 from alloc.rules.exact import box_limits
@@ -128,6 +129,29 @@ def test_exact_level_is_its_transcription(rule, problem):
     between = [a < level < b for a, b in zip(lowest, highest, strict=True)]
     if abs(surplus) > 1e-11 * EXPECTED * float(sum(mass)) and (surplus < 0 or any(between)):
         assert answer.level == pytest.approx(float(level), rel=1e-11, abs=atol)
+
+
+@many
+@given(
+    units=st.lists(
+        st.tuples(st.floats(0.0, 3.0), st.floats(0.5, 1.4), st.floats(0.0, 1.0)),
+        min_size=2,
+        max_size=8,
+    )
+)
+@example(units=[(1.0, 1.2, 0.5), (2.0, 0.6, 1.0), (0.0, 0.5, 0.2)])
+@example(units=[(2.5, 1.1, 0.5), (3.0, 0.6, 1.0), (2.0, 0.9, 0.9), (1.0, 0.7, 0.0)])
+def test_level_between_bounds_is_its_transcription(units):
+    """Each unit: the exponent of its mass, its lower bound and the room above that, both as a share of the plan."""
+    exponent, low, room = np.array(units).T
+    mass, lower, upper = 10.0**exponent, EXPECTED * low, EXPECTED * (low + room)
+    limit = np.empty(mass.size)
+    _, reached = box_limits(lower, upper, mass, EXPECTED, limit)
+    limits, _, case = reference.level_within(*map(exactly, (lower, upper, mass)), PLAN)
+    atol = 2e-12 * EXPECTED * mass.sum() / mass.min()
+    np.testing.assert_allclose(limit, [float(x) for x in limits], rtol=1e-11, atol=atol)
+    surplus = mass @ (upper - EXPECTED)
+    assert reached == (case == "B") or abs(surplus) < 1e-11 * EXPECTED * mass.sum()
 
 
 def test_level_where_even_the_lower_bounds_exceed_the_plan_is_the_least_of_them():
