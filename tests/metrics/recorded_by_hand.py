@@ -115,4 +115,4 @@ ATTRIBUTES = {
 def recorded(**attributes):
     """The run, with these attributes in place of its own."""
     time = 2.0 + PERIOD * K
-    return xr.Dataset(VARIABLES, coords={"time": time}, attrs=ATTRIBUTES | attributes)
+    return xr.Dataset(VARIABLES, {"time": time}, ATTRIBUTES | attributes).copy(deep=True)

@@ -67,13 +67,14 @@ def uneven_problems(draw, largest=8):
         if draw(st.booleans()):
             options[name] = each(value)
 
-    coefficient = st.one_of(st.floats(0.0, 2.0 * EXPECTED), st.just(EXPECTED))
-    options = {"mass": 10.0 ** each(st.floats(0.0, 3.0))}
+    # of integers every size is drawn alike, where numbers would mostly be plain ones
+    coefficient = integers(0, 2048).map(lambda k: EXPECTED * k / 1024.0)
+    options = {"mass": 10.0 ** each(integers(0, 3000).map(lambda k: k / 1000.0))}
     maybe("limit_max", st.one_of(coefficient, st.just(np.inf)))
     maybe("previous", coefficient)
     maybe("delivered", coefficient)
     maybe("truth", coefficient)
     if "previous" in options and draw(st.booleans()):
-        rate = st.one_of(st.floats(0.0, EXPECTED), st.sampled_from((0.0, np.inf)))
+        rate = st.one_of(coefficient, coefficient.map(lambda x: 0.2 * x), st.just(np.inf))
         options["rate"] = draw(rate) if draw(st.booleans()) else each(rate)
     return AllocationProblem(each(coefficient), EXPECTED, **options)

@@ -134,16 +134,16 @@ def test_exact_level_is_its_transcription(rule, problem):
 @many
 @given(
     units=st.lists(
-        st.tuples(st.floats(0.0, 3.0), st.floats(0.5, 1.4), st.floats(0.0, 1.0)),
+        st.tuples(st.integers(0, 3000), st.integers(500, 1400), st.integers(0, 1000)),
         min_size=2,
         max_size=8,
     )
 )
-@example(units=[(1.0, 1.2, 0.5), (2.0, 0.6, 1.0), (0.0, 0.5, 0.2)])
-@example(units=[(2.5, 1.1, 0.5), (3.0, 0.6, 1.0), (2.0, 0.9, 0.9), (1.0, 0.7, 0.0)])
+@example(units=[(1000, 1200, 500), (2000, 600, 1000), (0, 500, 200)])
+@example(units=[(2500, 1100, 500), (3000, 600, 1000), (2000, 900, 900), (1000, 700, 0)])
 def test_level_between_bounds_is_its_transcription(units):
-    """Each unit: the exponent of its mass, its lower bound and the room above that, both as a share of the plan."""
-    exponent, low, room = np.array(units).T
+    """Each unit in thousandths: the exponent of its mass, its lower bound and the room above that as shares of the plan."""
+    exponent, low, room = np.array(units).T / 1000.0
     mass, lower, upper = 10.0**exponent, EXPECTED * low, EXPECTED * (low + room)
     limit = np.empty(mass.size)
     _, reached = box_limits(lower, upper, mass, EXPECTED, limit)
