@@ -91,6 +91,12 @@ def test_sharing_is_its_transcription(problem):
     check(find_rule("sharing")(problem), problem, limits, surplus)
 
 
+def test_sharing_takes_back_what_is_too_much_but_asks_no_unit_to_brake():
+    # by hand: both deliver 0.3 where 0.2 is wanted; half of 2 x 0.1 over two units is 0.05 less for each
+    problem = AllocationProblem([0.3] * 2, 0.2, previous=[0.01, 0.3], delivered=[0.3, 0.3])
+    assert find_rule("sharing")(problem).limit == pytest.approx([0.0, 0.25], rel=1e-14, abs=0.0)
+
+
 def test_sharing_counts_a_negative_estimate_as_nothing():
     # by hand: unit 1 lacks 0.2 of its limit and falls by half of it; unit 2, of twice the mass, gets half of 0.2 / 2
     units = units_of(AllocationProblem([0.2, 0.2], 0.2, mass=[1.0, 2.0]))
