@@ -97,6 +97,20 @@ def test_a_filter_takes_samples_once_it_has_settled_and_starts_anew_in_a_tunnel(
         learn_from_log(whole, MEMORY, Witness(TRUE), filter_time=100.0)
 
 
+def test_a_filter_starts_anew_after_samples_that_were_left_out():
+    found = learn_from_log(
+        log(),
+        LineMemory(),
+        Witness(TRUE),
+        filter_time=1.0,
+        keep=lambda time: abs(time - 25.0) > 2.0,
+    )
+    # samples at 23.0 to 27.0 s are left out, that is 46 to 54; each stretch gives its seventh first
+    k = np.arange(120)
+    expected = ((k >= 6) & (k < 46)) | (k >= 55 + 6)
+    np.testing.assert_array_equal(np.isfinite(found.error), expected)
+
+
 def test_commanded_speed_and_acceleration_stand_in_for_the_measured_ones():
     whole = log()
     rate = np.append(np.diff(whole.speed) / PERIOD, 0.0)
