@@ -132,3 +132,11 @@ def test_bad_values_are_refused(tmp_path):
         RunningMean([0.0], [0], first=0)
     with pytest.raises(EstimationError, match="cannot be written"):
         save_learning(tmp_path / "no" / "learnt.json", "train", {})
+
+
+def test_posterior_with_drift_by_hand():
+    # prior 4e-4 grows by 1e-4 to 5e-4 against noise 5e-4: half of the difference is taken, half of the variance left
+    learning = GaussianPosterior([0.010, 0.5], [4e-4, 1.0], np.sqrt(5e-4), drift=1e-4)
+    assert learning.add(0, 0.030)
+    assert learning.increment.tolist() == [pytest.approx(0.020), 0.5]
+    assert learning.variance.tolist() == [pytest.approx(2.5e-4), 1.0]
