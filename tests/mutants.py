@@ -31,11 +31,11 @@ os.environ |= {
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("alloc/rules", "alloc/metrics", "alloc/onboard", "mpc")
-TESTS = ("tests/rules", "tests/onboard", "tests/uncompiled", "tests/mpc", "tests/simulation")
+TESTS = ("tests/rules", "tests/metrics", "tests/onboard", "tests/uncompiled", "tests/mpc")
 STORED = ROOT / "docs/mutants.csv"
 USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
-TEST_SECONDS, MUTANT_SECONDS = 2.0, 60.0
+TEST_SECONDS, MUTANT_SECONDS = 2.0, 25.0
 """Longest processor time of a test that is used, and of all tests of one fault."""
 LIBRARIES = (
     "numba",
@@ -168,12 +168,13 @@ class _TooLong(BaseException):
 class _Watch:
     """Plug-in of pytest: notes outcome and processor time of each test, of the `wanted` ones alone if these are given."""
 
-    def __init__(self, wanted: frozenset[str] | None, results: Path) -> None:
+    def __init__(self, wanted: dict[str, float] | None, results: Path) -> None:
         self.wanted, self.results = wanted, results
 
     def pytest_collection_modifyitems(self, items: list) -> None:
         if self.wanted is not None:
             items[:] = [item for item in items if item.nodeid in self.wanted]
+            items.sort(key=lambda item: self.wanted[item.nodeid])
 
     def pytest_runtest_setup(self, item) -> None:
         if self.wanted is None:  # rings in processor time, so other processes do not matter
@@ -201,7 +202,7 @@ class Copy:
         shutil.copy2(ROOT / "pyproject.toml", folder)
 
     def run(
-        self, file: str, wanted: frozenset[str] | None, seconds: float, uncompiled: bool
+        self, file: str, wanted: dict[str, float] | None, seconds: float, uncompiled: bool
     ) -> Outcomes:
         """Outcome and time of a file's tests; of the `wanted` ones up to the first that fails. A crash is a failure."""
         self.results.write_text("")
@@ -220,7 +221,7 @@ class Copy:
         return found if code in (0, 1) and found else {**found, file: ("failed", seconds)}
 
     def _pytest(
-        self, file: str, wanted: frozenset[str] | None, seconds: float, uncompiled: bool
+        self, file: str, wanted: dict[str, float] | None, seconds: float, uncompiled: bool
     ) -> int:
         import numba
         import pytest
@@ -252,10 +253,10 @@ class Copy:
             "--import-mode=importlib",
         ]
         options += [f"-pno:{name}" for name in ("cacheprovider", "xdist", "benchmark")]
-        options += ["--maxfail=8" if wanted is None else "-x"]
+        options += ["--maxfail=3" if wanted is None else "-x"]
         return pytest.main([*options, file], plugins=[_Watch(wanted, self.results)])
 
-    def noticed(self, fault: Mutant, test: str, wanted: frozenset[str], seconds: float) -> str:
+    def noticed(self, fault: Mutant, test: str, wanted: dict[str, float], seconds: float) -> str:
         """The first of the `wanted` tests of the file `test` that fails with the fault; "" if none does."""
         path = self.folder / fault.file
         path.write_text(fault.source)
@@ -270,9 +271,7 @@ def usable_tests(copy: Copy, uncompiled: bool) -> dict[str, dict[str, float]]:
     """File -> test -> processor time [s], of the tests that pass without a fault."""
     known = json.loads(USABLE.read_text()) if USABLE.exists() else {}
     found = {}
-    # the whole loop takes too long as plain Python
-    folders = TESTS[:-1] if uncompiled else TESTS
-    for path in sorted(path for folder in folders for path in (ROOT / folder).glob("test_*.py")):
+    for path in sorted(path for folder in TESTS for path in (ROOT / folder).glob("test_*.py")):
         file = path.relative_to(ROOT).as_posix()
         mark = f"{hashlib.sha256(path.read_bytes()).hexdigest()} {uncompiled}"
         if mark not in known:
@@ -297,7 +296,7 @@ def noticed_by(copy: Copy, fault: Mutant, first: str, usable: dict[str, dict[str
         seconds = sum(usable[test].values())
         if spent + seconds <= MUTANT_SECONDS:
             spent += seconds
-            if found := copy.noticed(fault, test, frozenset(usable[test]), 30.0 + 5.0 * seconds):
+            if found := copy.noticed(fault, test, usable[test], 30.0 + 5.0 * seconds):
                 return found
     return ""
 
@@ -310,7 +309,7 @@ def read_stored() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def sample(copy: Copy, number: int, seed: int) -> int:
+def sample(copy: Copy, number: int, seed: int, keep: bool) -> int:
     """Draw `number` faults and store what noticed them."""
     files = [
         path.relative_to(ROOT).as_posix()
@@ -328,7 +327,9 @@ def sample(copy: Copy, number: int, seed: int) -> int:
             continue
         row = fault._asdict()
         known = before.get(key(row), {"noticed_by": "", "remark": ""})
-        test = noticed_by(copy, fault, known["noticed_by"], usable[plain(fault.file)])
+        test = known["noticed_by"]
+        if not (keep and test):
+            test = noticed_by(copy, fault, test, usable[plain(fault.file)])
         del row["source"]
         rows[key(row)] = row | {"noticed_by": test, "remark": "" if test else known["remark"]}
         print(
@@ -365,8 +366,11 @@ def again(copy: Copy, number: int, seed: int) -> int:
         made = (mutant(*place) for place in sites(row["file"]) if place[1] == row["operator"])
         fault = next((one for one in made if one and key(one._asdict()) == key(row)), None)
         test = row["noticed_by"]
-        file, wanted = test.partition("::")[0], frozenset([test])
-        if fault is None or copy.run(file, wanted, 60.0, plain(row["file"])).keys() != wanted:
+        file, wanted = test.partition("::")[0], {test: 0.0}
+        if (
+            fault is None
+            or copy.run(file, wanted, 60.0, plain(row["file"])).keys() != wanted.keys()
+        ):
             continue  # code or test has changed
         noticed.append(bool(copy.noticed(fault, file, wanted, 60.0)))
         if not noticed[-1]:
@@ -387,12 +391,19 @@ def main() -> int:
     parser.add_argument("command", choices=("sample", "again"))
     parser.add_argument("--number", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--keep",
+        action="store_true",
+        help="sample: ask only about faults that nothing noticed before",
+    )
     given = parser.parse_args()
     for library in LIBRARIES:
         importlib.import_module(library)
     with tempfile.TemporaryDirectory() as folder:
-        command = {"sample": sample, "again": again}[given.command]
-        return command(Copy(Path(folder)), given.number, given.seed)
+        copy = Copy(Path(folder))
+        if given.command == "sample":
+            return sample(copy, given.number, given.seed, given.keep)
+        return again(copy, given.number, given.seed)
 
 
 if __name__ == "__main__":
