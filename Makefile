@@ -3,9 +3,11 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+MUTANTS ?= 200
+SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare figures test results-hash bench lint types clean
+.PHONY: help setup compare figures test mutants mutants-again results-hash bench lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -27,6 +29,12 @@ figures: setup       ## draw the figures of the papers
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
+
+mutants: setup       ## put MUTANTS faults (drawn by SEED) into the code, one at a time: do tests notice them?
+	$(BIN)/python -m tests.mutants sample --number $(MUTANTS) --seed $(SEED)
+
+mutants-again: setup ## put ten of the stored faults into the code again
+	$(BIN)/python -m tests.mutants again --number 10
 
 results-hash: setup  ## compare hashes of runs, tables and statements with the stored ones
 	$(BIN)/python -m tests.results_hash
