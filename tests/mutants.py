@@ -1,8 +1,8 @@
 """Mutation testing: small faults that Cosmic Ray puts into the code, one at a time, must make a test fail.
 
 `python -m tests.mutants sample` draws faults, stores in `docs/mutants.csv` which test noticed each, and writes the page
-about it; `again` draws from those stored and asks whether the same test still does; `page` writes the page alone. Work is on a
-copy of the project, in one process that forks for each run of pytest. What the compiled loop consists of runs as plain
+about it; `again` draws from those stored and asks whether the same test still does; `page` writes the page alone. They work
+on a copy of the project, in one process that forks for each run of pytest. What the compiled loop consists of runs as plain
 Python, for compiling it takes a minute. A test is used if it passes without a fault, in `TEST_SECONDS`.
 """
 
