@@ -10,7 +10,7 @@ import pytest
 import mpc.real_time as real_time
 from mpc.condensing import Quadratic
 from mpc.horizon import HorizonProblem
-from mpc.real_time import HALVINGS, RealTimeIteration
+from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings, Weights
 
 SCALE = np.array([10.0, 20.0])
@@ -154,7 +154,7 @@ def test_a_step_that_would_raise_the_cost_is_halved(monkeypatch):
     monkeypatch.setattr(real_time, "simulate", lambda *_: None)
     monkeypatch.setattr(real_time, "trajectory_cost", cost)
     problem = PROBLEM._replace(state=np.array([7.0]))
-    for allowed, halvings in ((4.0, 0), (1.0, 2), (0.99, 3), (4.0 / 2**HALVINGS, HALVINGS)):
+    for allowed, halvings in ((4.0, 0), (1.0, 2), (0.99, 3), (4.0 / 2**12, 12)):
         solver.torques[:], solver._trial[:] = 8.0, 12.0
         seen.clear()
         assert solver._search(problem, allowed)
@@ -162,7 +162,7 @@ def test_a_step_that_would_raise_the_cost_is_halved(monkeypatch):
         assert solver.torques.tolist() == [8.0 + 4.0 / 2**halvings] * 4
     assert solver._trial_nodes[0] == 7.0
     solver.torques[:], solver._trial[:] = 8.0, 12.0
-    assert not solver._search(problem, 3.9 / 2**HALVINGS)
+    assert not solver._search(problem, 3.9 / 2**12)
     assert solver.torques.tolist() == [8.0] * 4
 
 

@@ -42,7 +42,8 @@ def test_course_of_one_slip():
     assert np.all(torque[3:11] == CUT_TO * 800.0)
     assert np.all(torque[11:20] == RECOVER * 800.0)
     rising = torque[np.array(phases) == RAMP]
-    assert np.allclose(np.diff(rising[:-1]), RATE * PERIOD)
+    assert np.allclose(np.diff(rising), RATE * PERIOD)
+    assert rising.size == round((1000.0 - RECOVER * 800.0) / (RATE * PERIOD))
     assert torque[-1] == 1000.0
 
 

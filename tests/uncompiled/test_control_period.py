@@ -138,3 +138,35 @@ def test_periods_equal_their_second_transcription(case, seed):
         twin.torque_command = twin.torque_command.copy()
         brake_receiver(eq, st, m, tick, braking, pressure, valve)
         agree("pressure", pressure[:, 0], twin.pressures(braking))
+
+
+def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
+    train = uneven_train()
+    model = build(replace(train, cars=(train.cars[0], train.cars[4])), Rail(0.15))
+    onboard = Onboard(rise_time=0.02)
+    eq = equipment(model, onboard)
+    st = settings(onboard, RuleSettings(0, True, True), "none")
+    m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros((4, 1)), np.zeros((4, 1))
+    empty, omega = np.zeros(0), 10.0 / eq.axle_radius
+    for tick in range(3):
+        sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, np.zeros(8))
+        assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8)
+        distribute(eq, st, m, 0.01 * tick, tick, empty, empty)
+        set_brake_targets(eq, st, m)
+        brake_receiver(eq, st, m, tick, True, pressure, valve)
+    assert m.lead.brake_rise[0] == 1.0
+    assert m.counter.telegrams_sent[0] == 0
+    a, b, c = eq.group.friction.T
+    force = eq.group.gain * pressure[:, 0] * (a / (3.6 * m.reference[0] + b) + c)
+    np.testing.assert_allclose(
+        (force * eq.group.axles).sum(), 0.8 * train_mass(model, eq), rtol=1e-9
+    )
+
+
+def train_mass(model, eq):
+    """Mass with what the wheelsets resist, up to how much the foremost axle of a bogie differs from the other."""
+    return float(
+        (eq.group.weight / 9.80665 * (1.0 + eq.group.inertia) * eq.group.axles).sum()
+        * eq.brake_share
+        * 9.80665
+    )

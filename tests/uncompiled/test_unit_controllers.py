@@ -1,0 +1,206 @@
+"""Built-in readhesion controllers of units equal their second transcription, driving and braking, under random signals."""
+
+import math
+
+import numpy as np
+import pytest
+
+from alloc.onboard.controllers.collection import BUILT_IN
+from alloc.onboard.controllers.dispatch import control
+from alloc.onboard.equipment import equipment
+from alloc.onboard.memory import memory
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.settings import RuleSettings, settings
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from tests.onboard.uneven import uneven_train
+
+MODEL = build(uneven_train(), Rail(0.15))
+ONBOARD = Onboard()
+EQ = equipment(MODEL, ONBOARD)
+TORQUE = EQ.axle_load * EQ.radius / EQ.gear
+"""Of a coefficient of 1, by unit."""
+PERIOD = ONBOARD.period
+
+
+class Nothing:
+    """Follows its target."""
+
+    def __init__(self, j):
+        self.j, self.torque = j, 0.0
+
+    def decide(self, s):
+        return s["target"], 1.0
+
+
+class Cut(Nothing):
+    """Cut, hold, ramp."""
+
+    phase, clock, base = "follow", 0.0, 0.0
+
+    def decide(self, s):
+        p, carried = ONBOARD.cut_and_ramp, s["coefficient"] * TORQUE[self.j]
+        self.clock += PERIOD
+        if s["slipping"] and self.phase != "cut":
+            self.phase, self.clock = "cut", 0.0
+            carried -= s["air"] * EQ.radius[self.j] / EQ.gear[self.j]
+            self.base = float(np.clip(carried, 0.0, s["target"]))
+        elif self.phase == "cut" and not s["slipping"]:
+            self.phase, self.clock = "hold", 0.0
+        elif self.phase == "hold" and self.clock >= p.hold:
+            self.phase = "ramp"
+        elif self.phase == "ramp" and self.torque >= s["target"]:
+            self.phase = "follow"
+        self.torque = {
+            "cut": p.cut * self.base if self.clock < 3.0 else 0.0,
+            "hold": p.recover * self.base,
+            "ramp": self.torque + s["expected"] * TORQUE[self.j] / p.ramp * PERIOD,
+            "follow": s["target"],
+        }[self.phase]
+        self.torque = min(self.torque, s["target"])
+        return self.torque, self.torque / s["target"] if s["target"] else 1.0
+
+
+class Creep(Nothing):
+    """PI control of slip."""
+
+    allowed, share = math.nan, 1.0
+
+    def reference(self, s):
+        return ONBOARD.creep.reference
+
+    def decide(self, s):
+        p, ceiling, reference = ONBOARD.creep, s["target"] / TORQUE[self.j], self.reference(s)
+        allowed = ceiling if math.isnan(self.allowed) else self.allowed
+        error = reference - s["slip"]
+        self.allowed = float(np.clip(allowed + p.integral * error * PERIOD, 0.0, ceiling))
+        torque = (
+            float(np.clip(self.allowed + p.proportional * error, 0.0, ceiling)) * TORQUE[self.j]
+        )
+        self.share = torque / s["target"] if s["target"] else 1.0
+        return torque, self.share
+
+
+class Search(Creep):
+    """Creep control whose reference moves."""
+
+    def __init__(self, j, parameters, step):
+        super().__init__(j)
+        self.p, self.step = parameters, step
+        self.held, self.last_step, self.last, self.means, self.clock = 0.0, 0.0, None, [], 0.0
+
+    def reference(self, s):
+        if math.isnan(self.allowed):
+            self.held = ONBOARD.creep.reference
+        if self.share >= 0.999:
+            self.clock, self.means, self.last = 0.0, [], None
+            return self.held
+        self.clock += PERIOD
+        if self.clock > 0.5 * self.p.interval:
+            self.means.append((s["coefficient"], s["slip"]))
+        if self.clock >= self.p.interval:
+            now = np.mean(self.means, axis=0)
+            change = None if self.last is None else now - self.last
+            step = self.step(self.p, self.last_step, change)
+            wanted = self.held + step
+            inside = self.p.lowest <= wanted <= self.p.highest
+            self.last_step, self.held = (
+                step if inside else -step,
+                float(np.clip(wanted, self.p.lowest, self.p.highest)),
+            )
+            self.clock, self.means, self.last = 0.0, [], now
+        return self.held
+
+
+def perturbed(p, last, change):
+    if change is None:
+        return math.copysign(p.step, last)
+    return p.step * (1.0 if last >= 0.0 else -1.0) * (-1.0 if change[0] < 0.0 else 1.0)
+
+
+def climbing(p, last, change):
+    if change is None or abs(change[1]) < 0.3 * p.least:
+        return math.copysign(p.least, last)
+    slope = p.gain * change[0] / change[1]
+    return math.copysign(np.clip(abs(slope), p.least, p.largest), slope)
+
+
+class Table(Nothing):
+    """Torque factor by the deviation of acceleration, behind an asymmetric lag."""
+
+    filtered = math.nan
+
+    def decide(self, s):
+        p = ONBOARD.table
+        if math.isnan(self.filtered):
+            self.filtered, self.torque = s["speed"], s["command"]
+        acceleration = (s["speed"] - self.filtered) / p.time_constant
+        self.filtered += (1.0 - math.exp(-PERIOD / p.time_constant)) * (s["speed"] - self.filtered)
+        deviation = s["sign"] * acceleration - abs(s["commanded"])
+        factor = float(np.clip((p.margin + p.width - deviation) / p.width, 0.0, 1.0))
+        lag = p.rise if factor * s["target"] > self.torque else p.fall
+        self.torque += (1.0 - math.exp(-PERIOD / lag)) * (factor * s["target"] - self.torque)
+        return self.torque, factor
+
+
+TWINS = {
+    "none": Nothing,
+    "cut-and-ramp": Cut,
+    "pi-creep": Creep,
+    "perturb-observe": lambda j: Search(j, ONBOARD.perturb_observe, perturbed),
+    "steepest-gradient": lambda j: Search(j, ONBOARD.steepest_gradient, climbing),
+    "table": Table,
+}
+
+
+def test_every_controller_has_its_second_transcription():
+    assert set(TWINS) == set(BUILT_IN)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("name", TWINS)
+def test_commands_equal_the_second_transcription(name, sign):
+    st = settings(ONBOARD, RuleSettings(0, False, False), name)
+    m, rng, n = memory(EQ, 10.0, 0.08), np.random.default_rng(7), EQ.axles.size
+    twins, slip, speed = [TWINS[name](j) for j in range(n)], np.zeros(n), 10.0
+    for tick in range(500):
+        commanded = 0.0 if tick in (20, 21) and sign > 0.0 else 0.8 * sign
+        m.train.expected[0] = 0.08
+        target = (
+            np.full(n, 0.0)
+            if tick == 30
+            else 500.0 + 30.0 * np.arange(n) + 200.0 * (tick % 97 > 60)
+        )
+        slip = 0.97 * slip + rng.normal(0.004, 0.02, n) + 0.5 * (tick in (50, 250))
+        speed += 0.8 * sign * PERIOD
+        m.speed[:] = speed + sign * (slip + 0.3 * slip**2)
+        m.worst_slip[:] = slip
+        m.unit.slipping[:] = slip > 0.25 if tick < 120 or tick > 240 else 0.0
+        if tick > 280:
+            m.unit.slipping[0] = 1.0
+        m.unit.coefficient_estimate[:] = rng.uniform(-0.01, 0.12, n)
+        m.unit.air_brake_force[:] = rng.uniform(0.0, 900.0, n) * (sign < 0.0)
+        m.unit.torque_target[:] = sign * target
+        before = sign * m.unit.torque_command.copy()
+        control(EQ, st, m, commanded)
+        for j, twin in enumerate(twins):
+            command, share = twin.decide({
+                "sign": sign, "commanded": commanded, "target": target[j], "slip": slip[j], "speed": m.speed[j],
+                "slipping": m.unit.slipping[j] > 0.0, "coefficient": m.unit.coefficient_estimate[j],
+                "air": m.unit.air_brake_force[j], "expected": 0.08, "command": before[j],
+            })  # fmt: skip
+            assert sign * m.unit.torque_command[j] == pytest.approx(command, rel=1e-9, abs=1e-9), (
+                tick,
+                j,
+            )
+            assert m.unit.torque_factor[j] == pytest.approx(share, rel=1e-9, abs=1e-9), (tick, j)
+
+
+def test_a_hosted_controllers_share_is_not_its_reserves():
+    st = settings(ONBOARD, RuleSettings(0, False, False), "mpc")
+    m = memory(EQ, 10.0, 0.08)
+    m.unit.torque_factor[:] = 0.3
+    m.unit.torque_target[:] = 400.0
+    control(EQ, st, m, 0.5)
+    assert m.unit.torque_command.tolist() == [400.0] * 4
+    assert m.unit.torque_factor.tolist() == [0.3] * 4
