@@ -92,6 +92,17 @@ def test_a_wheel_that_stands_is_locked_above_walking_pace(rim, speed, locked):
     assert (LOCK_SPEED, STANDING_SPEED) == (5.0 / 3.6, 0.1)
 
 
+def test_slip_at_the_peak_itself_is_not_past_it():
+    run = recorded()
+    run["slip_velocity"].values[:] = 0.0
+    run["slip_velocity"].values[10:20, 0] = 0.10
+    run["slip_velocity"].values[30:32, 0] = 0.20  # twice the peak is no slip either, but past it
+    run["slipping"].values[:] = 0
+    run["slipping"].values[[12, 30], 0] = 1
+    found = [METRICS[name].function(run) for name in ("false_alarms", "missed_slips", "slip_time")]
+    assert found == [1.0, 0.0, 0.0]
+
+
 TIME = 0.125 * np.arange(128)
 
 
