@@ -101,6 +101,10 @@ def test_slip_at_the_peak_itself_is_not_past_it():
     run["slipping"].values[[12, 30], 0] = 1
     found = [METRICS[name].function(run) for name in ("false_alarms", "missed_slips", "slip_time")]
     assert found == [1.0, 0.0, 0.0]
+    run["slip_velocity"].values[12, 0] = (
+        0.30  # a slip starts where the peak is passed, at the detection here
+    )
+    assert METRICS["detection_delay"].function(run) == 0.0
 
 
 TIME = 0.125 * np.arange(128)

@@ -42,6 +42,13 @@ def test_residuals_are_those_by_hand(limit, level, expected):
     assert checked(limit, level) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
+def test_a_limit_below_its_lower_bound_by_hand():
+    # bounds 0.10 to 0.15, 0.20 to 0.30, 0.20 to 0.30; unit 3 is 0.02 below its own, and 0.09 below the level
+    held = PROBLEM.changed(previous=[0.15, 0.25, 0.25], rate=0.05)
+    expected = (0.02, 0.09, 0.02, 0, math.sqrt((0.02**2 + 0.07**2) / 4), 0.27)
+    assert checked([0.15, 0.27, 0.18], 0.27, held) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
 def test_where_both_bounds_meet_a_multiplier_has_either_sign():
     fixed = AllocationProblem([0.3], 0.2, previous=[0.15], rate=0.0)
     for level in (0.10, 0.25):
