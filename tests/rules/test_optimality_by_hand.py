@@ -74,6 +74,13 @@ def test_the_level_that_fits_best():
     assert fitted_level(np.array([0.22, 0.26, 0.085]), held) == pytest.approx(0.085)
 
 
+def test_what_is_near_a_bound_does_not_tell_the_level():
+    # 2e-4 is near, by 1e-3 of the plan: so the second unit stands at its cap, and 1e-3 below it is free
+    problem = AllocationProblem([0.3, 0.1], 0.2)
+    for low, level in ((0.0999, 0.25), (0.099, 0.1745)):
+        assert fitted_level(np.array([0.25, low]), problem, 1e-3) == pytest.approx(level)
+
+
 def test_worst_is_the_largest_residual():
     answer = allocation(PROBLEM, np.array([0.15, 0.30, 0.20]), 0.20, CASE_B, 0.0)
     assert optimality(PROBLEM, answer).worst == pytest.approx(0.10)

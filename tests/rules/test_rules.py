@@ -40,6 +40,7 @@ def test_without_slip_every_limit_is_the_plan(rule, cap):
     answer = find_rule(rule)(AllocationProblem(cap, EXPECTED, slip=False))
     assert answer.limit.tolist() == [EXPECTED] * cap.size
     assert (answer.case, answer.unmet, answer.status) == ("none", 0.0, "ok")
+    assert answer.solve_time == 0.0
     assert np.isnan(answer.level)
 
 
