@@ -126,6 +126,14 @@ def test_compiled_call_equals_the_python_call(problem):
         np.testing.assert_equal(level, answer.level)
 
 
+def test_a_rule_that_compiled_code_does_not_know_keeps_the_plan_within_torque():
+    problem = AllocationProblem([0.3, 0.3], EXPECTED, limit_max=[0.5 * EXPECTED, np.inf])
+    limit = np.empty(2)
+    level, case = allocate_compiled(-1, units_of(problem), EXPECTED, limit)
+    assert (limit.tolist(), CASES[case]) == ([0.5 * EXPECTED, EXPECTED], "none")
+    assert np.isnan(level)
+
+
 def test_every_rule_with_a_law_is_known_to_compiled_code():
     assert {name for name, rule in RULES.items() if rule.law is not None} == {
         rule.name for rule in COMPILED
