@@ -180,3 +180,11 @@ def test_limit_cycle_by_hand():
     assert until.period == pytest.approx(11 * 0.125, rel=1e-12)
     assert until.slip_swing == pytest.approx(0.35, rel=1e-12)
     assert not limit_cycle(signals(torque, slip), 0, cycles=6).exists
+
+
+def test_records_further_apart_than_half_a_second_count_one_by_one():
+    coarse = {"time": 2.0 * np.arange(44)}
+    run = short_run(used=course(0.10, (10, 12, 0.05), (14, 14, 0.05))).assign_coords(coarse)
+    assert searches(run) == [(6.0, True)]
+    apart = short_run(asked=course(0.16, (20, 20, 0.0))).assign_coords(coarse)
+    assert [(e.start, e.stop) for e in episodes(apart)] == [(0, 20), (21, 44)]

@@ -86,6 +86,10 @@ def test_oracle_is_the_exact_level_on_the_truth():
     assert not any(RULES[name].needs_truth for name in NAMES if name != "oracle")
 
 
+def test_rules_that_are_asked_with_every_telegram():
+    assert {name for name in NAMES if RULES[name].periodic} == {"sharing", "oracle"}
+
+
 def test_alone_keeps_the_plan():
     answer = find_rule("alone")(AllocationProblem([0.10, 0.30], 0.17, limit_max=[np.inf, 0.16]))
     assert answer.limit.tolist() == [0.17, 0.16]
