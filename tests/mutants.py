@@ -33,7 +33,7 @@ STORED, PAGE = ROOT / "docs/mutants.csv", ROOT / "docs/mutants.md"
 MARK = "<!-- what follows is written by `python -m tests.mutants page` -->"
 USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
-TEST_SECONDS, MUTANT_SECONDS = 2.0, 25.0
+TEST_SECONDS, MUTANT_SECONDS = 2.0, 12.0
 """Longest processor time of a test that is used, and of all tests of one fault."""
 LIBRARIES = [
     "numba",
@@ -70,6 +70,15 @@ NAMED = ("file", "operator", "before", "after")
 Row = dict[str, str]
 Outcomes = dict[str, tuple[str, float]]
 """Outcome and processor time by test."""
+
+
+class Site(NamedTuple):
+    """Where a fault can be put: the manieth place of an operator in a file, and the text there."""
+
+    file: str
+    operator: str
+    occurrence: int
+    text: str
 
 
 class Mutant(NamedTuple):
@@ -115,23 +124,32 @@ def _left_out(tree: ast.AST) -> set[tuple[int, int]]:
 
 
 @lru_cache
-def sites(file: str) -> list[tuple[str, str, int]]:
-    """Where faults can be put into a file: file, operator, how manieth place."""
+def sites(file: str) -> list[Site]:
+    """Where faults can be put into a file."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator
 
     source = Path(file).read_text()
     left_out, nodes = _left_out(ast.parse(source)), list(ast_nodes(get_ast(source)))
-    found = []
+    found, lines = [], source.splitlines()
     for name in OPERATORS:
         operator = get_operator(f"core/{name}")()
         places = [start for node in nodes for start, _ in operator.mutation_positions(node)]
-        found += [(file, name, k) for k, place in enumerate(places) if place not in left_out]
+        for k, (line, column) in enumerate(places):
+            if (line, column) not in left_out:
+                found.append(
+                    Site(
+                        file,
+                        name,
+                        k,
+                        f"{lines[line - 1].strip()} {places[:k].count((line, column))} {column}",
+                    )
+                )
     return found
 
 
-def mutant(file: str, name: str, occurrence: int) -> Mutant | None:
-    """The fault at a site; None where it changes no syntax, or breaks it (`*arguments` is no product)."""
+def mutant(file: str, name: str, occurrence: int, _: str = "") -> Mutant | None:
+    """The fault at a `Site`; None where it changes no syntax, or breaks it (`*arguments` is no product)."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
@@ -281,7 +299,7 @@ def noticed_by(fault: Mutant, first: str) -> str:
     files = [str(path) for folder in TESTS for path in Path(folder).glob("test_*.py")]
     for file in sorted((file for file in files if module in _imported(file)), key=order):
         usable = usable_tests(file, uncompiled)
-        seconds = sum(usable.values())
+        seconds = 0.7 + sum(usable.values())  # with what it takes to begin
         if usable and spent + seconds <= MUTANT_SECONDS:
             spent += seconds
             if found := notices(fault, file, usable, 30.0 + 5.0 * seconds):
@@ -310,8 +328,11 @@ def store(rows: list[Row]) -> None:
 def sample(number: int, seed: int, keep: bool) -> int:
     """Draw `number` faults and store what noticed them; `keep`: ask only about those that nothing noticed before."""
     files = [str(path) for folder in FOLDERS for path in sorted(Path(folder).rglob("*.py"))]
-    places = [place for file in files for place in sites(file)]
-    random.Random(seed).shuffle(places)
+    places = [site for file in files for site in sites(file)]
+    # by hashes, so that an edit changes what is drawn of its own lines alone
+    places.sort(
+        key=lambda s: hashlib.sha256(f"{seed} {s.file} {s.operator} {s.text}".encode()).digest()
+    )
     before, rows = {key(row): row for row in read_stored()}, {}
     for place in places:
         fault = mutant(*place)
@@ -334,6 +355,7 @@ def sample(number: int, seed: int, keep: bool) -> int:
         )
         if len(rows) == number:
             break
+        store([*rows.values(), *(row for key, row in before.items() if key not in rows)])
     store(list(rows.values()))
     return page()
 
@@ -344,7 +366,7 @@ def again(number: int, seed: int) -> int:
     random.Random(seed).shuffle(rows)
     noticed: list[bool] = []
     for row in rows:
-        made = (mutant(*place) for place in sites(row["file"]) if place[1] == row["operator"])
+        made = (mutant(*place) for place in sites(row["file"]) if place.operator == row["operator"])
         fault = next((one for one in made if one and key(one._asdict()) == key(row)), None)
         test = row["noticed_by"]
         file, wanted = test.partition("::")[0], {test: 0.0}

@@ -99,3 +99,7 @@ def test_batches_by_hand():
     means = batch_mean([9.0, 1.0, 3.0, 5.0, 11.0], batches=2)
     assert [float(means.mean), float(means.deviation)] == pytest.approx([5.8, 3.0], rel=1e-12)
     assert means.freedom == 1
+    # Student's t of one degree of freedom: 12.706 at 95 %
+    assert np.array(means.interval()) == pytest.approx(
+        [5.8 - 3 * 12.7062, 5.8 + 3 * 12.7062], rel=1e-5
+    )

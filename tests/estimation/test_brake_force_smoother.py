@@ -95,6 +95,12 @@ def test_the_walk_is_found(true):
     assert found.log_likelihood >= smoothed(a, couplers, walk=true).log_likelihood - 0.1
 
 
+def test_the_walk_is_sought_up_to_a_full_brake_in_ten_milliseconds():
+    jumping = np.where(np.arange(60)[:, None] % 2, 50.0, -50.0)
+    found = smooth_brake_forces(jumping, np.zeros((60, 0)), [10e3], PERIOD, A_NOISE, R_NOISE)
+    assert found.walk == pytest.approx(10.0, rel=0.03)
+
+
 def test_impossible_options_are_refused():
     _, a, couplers = wandering(0, 5)
     with pytest.raises(EstimationError, match=r"acceleration has shape \(5,\)"):

@@ -27,6 +27,13 @@ def test_running_mean_is_16_and_17_by_hand():
     assert learning.increment[0] == 0.0
 
 
+def test_ten_data_are_waited_for_at_first_and_five_from_then_on():
+    learning = RunningMean([0.0], [0])
+    changed = [k for k in range(1, 31) if learning.add(0, 0.01)]
+    assert changed == [10, 15, 20, 25, 30]
+    assert learning.updates.tolist() == [5]
+
+
 def test_running_mean_is_the_mean_of_all_data():
     generator = np.random.default_rng(2)
     data = 0.02 + 0.01 * generator.standard_normal(60)

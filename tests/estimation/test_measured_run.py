@@ -54,6 +54,14 @@ def test_coefficients_are_forces_over_loads():
     assert found.window == pytest.approx(0.2)  # two samplings, for 0.1 s would be but one
 
 
+def test_forces_are_averaged_over_a_tenth_of_a_second_where_sampling_allows():
+    time = 0.01 * np.arange(50)
+    fine = MeasuredRun(
+        time, np.zeros(50, dtype=int), 10.0 + time, np.full((50, 2), 10.0), np.zeros((50, 2))
+    )
+    assert analyse_run(fine, TRAIN).window == 0.1
+
+
 def test_damage_is_force_times_slip_and_stands_still_over_the_gap():
     found = analyse_run(run(), TRAIN)
     before, after = 5000.0 * 2.0**2 / 2, 5000.0 * (4.0**2 - 3.0**2) / 2

@@ -85,6 +85,13 @@ def test_the_bound_is_a_share_of_the_larger_speed():
     assert bound.tolist() == [1.0, 1.0, 1.0, 0.2]
 
 
+def test_slip_at_the_bound_itself_is_none():
+    still = np.zeros(TIME.size)
+    for rim, count in ((0.2, 0), (0.21, 1)):
+        found = find_slips(0, TIME, still, still + rim, None, None, SlipCriterion())
+        assert len(found) == count
+
+
 def test_onset_is_sought_from_half_of_its_time_after_the_start_until_that_time_after_the_bound():
     # slip t - 1 against 0.05 (9 + t): past half of it at 1.26 s, past it at 1.53 s; so between 1.31 and 1.63 s
     mu = np.full(TIME.size, 0.1)

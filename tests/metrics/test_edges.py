@@ -92,6 +92,21 @@ def test_a_wheel_that_stands_is_locked_above_walking_pace(rim, speed, locked):
     assert (LOCK_SPEED, STANDING_SPEED) == (5.0 / 3.6, 0.1)
 
 
+def test_slip_at_the_peak_itself_is_not_past_it():
+    run = recorded()
+    run["slip_velocity"].values[:] = 0.0
+    run["slip_velocity"].values[10:20, 0] = 0.10
+    run["slip_velocity"].values[30:32, 0] = 0.20  # twice the peak is no slip either, but past it
+    run["slipping"].values[:] = 0
+    run["slipping"].values[[12, 30], 0] = 1
+    found = [METRICS[name].function(run) for name in ("false_alarms", "missed_slips", "slip_time")]
+    assert found == [1.0, 0.0, 0.0]
+    run["slip_velocity"].values[12, 0] = (
+        0.30  # a slip starts where the peak is passed, at the detection here
+    )
+    assert METRICS["detection_delay"].function(run) == 0.0
+
+
 TIME = 0.125 * np.arange(128)
 
 
@@ -165,3 +180,11 @@ def test_limit_cycle_by_hand():
     assert until.period == pytest.approx(11 * 0.125, rel=1e-12)
     assert until.slip_swing == pytest.approx(0.35, rel=1e-12)
     assert not limit_cycle(signals(torque, slip), 0, cycles=6).exists
+
+
+def test_records_further_apart_than_half_a_second_count_one_by_one():
+    coarse = {"time": 2.0 * np.arange(44)}
+    run = short_run(used=course(0.10, (10, 12, 0.05), (14, 14, 0.05))).assign_coords(coarse)
+    assert searches(run) == [(6.0, True)]
+    apart = short_run(asked=course(0.16, (20, 20, 0.0))).assign_coords(coarse)
+    assert [(e.start, e.stop) for e in episodes(apart)] == [(0, 20), (21, 44)]

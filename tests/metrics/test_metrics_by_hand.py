@@ -161,6 +161,7 @@ def test_with_motors_alone_unpowered_axles_do_not_brake():
         (30.0, "as it is", math.nan, math.nan),  # not reached
         (9.0, "falls", 1.0, 12**2 / 8),  # 10 - k / 12 from above
         (0.0, "stops", 3.0, 28**2 / 8),  # nears 0 but does not pass it
+        (12.0, "leaps", -0.375, 1 / 8),  # from below at the first instant, beyond it at the second
         (0.0, "stands", -0.5, 0.0),  # there already, half a second before it is asked to move
     ],
 )
@@ -169,6 +170,7 @@ def test_the_target_speed_ends_time_and_distance(target, speed, time, distance):
     courses = {
         "falls": 10.0 - k / 12.0,
         "stops": np.where(k < 28, 0.011, 0.0099),
+        "leaps": np.where(k < 1, 10.0, 13.0),
         "stands": 0.0 * k,
     }
     if speed in courses:

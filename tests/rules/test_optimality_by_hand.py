@@ -42,6 +42,13 @@ def test_residuals_are_those_by_hand(limit, level, expected):
     assert checked(limit, level) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
+def test_a_limit_below_its_lower_bound_by_hand():
+    # bounds 0.10 to 0.15, 0.20 to 0.30, 0.20 to 0.30; unit 3 is 0.02 below its own, and 0.09 below the level
+    held = PROBLEM.changed(previous=[0.15, 0.25, 0.25], rate=0.05)
+    expected = (0.02, 0.09, 0.02, 0, math.sqrt((0.02**2 + 0.07**2) / 4), 0.27)
+    assert checked([0.15, 0.27, 0.18], 0.27, held) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
 def test_where_both_bounds_meet_a_multiplier_has_either_sign():
     fixed = AllocationProblem([0.3], 0.2, previous=[0.15], rate=0.0)
     for level in (0.10, 0.25):
@@ -65,6 +72,13 @@ def test_the_level_that_fits_best():
     assert fitted_level(np.array([0.3, 0.0, 0.1]), free) == 0.3
     held = free.changed(previous=[0.25, 0.28, 0.09], rate=[0.03, 0.02, 0.005])
     assert fitted_level(np.array([0.22, 0.26, 0.085]), held) == pytest.approx(0.085)
+
+
+def test_what_is_near_a_bound_does_not_tell_the_level():
+    # 2e-4 is near, by 1e-3 of the plan: so the second unit stands at its cap, and 1e-3 below it is free
+    problem = AllocationProblem([0.3, 0.1], 0.2)
+    for low, level in ((0.0999, 0.25), (0.099, 0.1745)):
+        assert fitted_level(np.array([0.25, low]), problem, 1e-3) == pytest.approx(level)
 
 
 def test_worst_is_the_largest_residual():
