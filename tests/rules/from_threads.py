@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,10 +66,11 @@ def ask(rule):
 
 def run():
     """Largest difference of any recorded value between runs in threads and in sequence."""
-    event = load_scenario("wet-start").changed(duration_s=6.0).event(0)
-    several = in_threads(lambda k: simulate(event, ("qp", "greedy")[k % 2]), THREADS)
+    event = load_scenario("uneven-load").changed(duration_s=6.0).event(0)
+    rules = (replace(RULES["qp"], periodic=True), RULES["greedy"])  # asked with every telegram
+    several = in_threads(lambda k: simulate(event, rules[k % 2]), THREADS)
     apart, calls = 0.0, 0
-    for k, rule in enumerate(("qp", "greedy")):
+    for k, rule in enumerate(rules):
         one = simulate(event, rule)
         calls += one.attrs["rule_calls"]
         for other in several[k::2]:
