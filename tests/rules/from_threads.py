@@ -83,6 +83,7 @@ def run():
 
 if __name__ == "__main__":
     sys.setswitchinterval(1e-5)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever started this may ignore it
     # the registry too is first asked by all threads at once
     found = {"known": in_threads(lambda k: len(RULES), THREADS)}
     found |= {"run": run()} if sys.argv[1:] == ["run"] else {name: ask(name) for name in RULES}
