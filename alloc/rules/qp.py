@@ -13,7 +13,6 @@ import signal
 import threading
 import time
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -42,43 +41,43 @@ class Workspace:
     """OSQP's problem for n units, for use by one thread at a time."""
 
     def __init__(self, n: int) -> None:
-        osqp = import_solver("osqp", "qp")
+        self.osqp = import_solver("osqp", "qp")
         from scipy import sparse
 
         # stopped short it may know the active bounds all the same: the certificate says whether it does
-        status = osqp.SolverStatus
+        status = self.osqp.SolverStatus
         self.answered = (
             status.OSQP_SOLVED, status.OSQP_SOLVED_INACCURATE, status.OSQP_MAX_ITER_REACHED
         )  # fmt: skip
-        self.interrupted = osqp.SolverStatus.OSQP_SIGINT
-        self.weight = self.root = np.ones(n)
+        self.interrupted = status.OSQP_SIGINT
         self.lower, self.upper = np.zeros(n + 1), np.ones(n + 1)
+        self.identity = sparse.eye(n, format="csc")
+        self.matrix = sparse.vstack([np.ones((1, n)), self.identity]).tocsc()
+        self.matrix.sort_indices()
+        self.set_up(np.ones(n))
+
+    def set_up(self, weight: Floats) -> None:
+        """Begin anew with other masses: updated matrices would keep the rounding of those before."""
+        self.weight, self.root = weight.copy(), np.sqrt(weight)
+        self.matrix.data[::2] = self.root  # a column holds its entry of the sum, then of the box
         self.rho_changed = False
-        matrix = sparse.vstack([np.ones((1, n)), sparse.eye(n)]).tocsc()
-        matrix.sort_indices()
-        self.matrix_data = matrix.data.copy()
-        self.solver = osqp.OSQP()
+        self.solver = self.osqp.OSQP()
         self.solver.setup(
-            sparse.eye(n, format="csc"), -self.root, matrix, self.lower, self.upper,
-            verbose=False, **SETTINGS,
+            self.identity, -self.root, self.matrix, np.zeros_like(self.lower),
+            np.ones_like(self.upper), verbose=False, **SETTINGS,
         )  # fmt: skip
 
     def solve(
         self, weight: Floats, lower: Floats, upper: Floats, total: float
     ) -> tuple[Floats, Floats, str]:
         """z and the bounds' multipliers over w, (n,) each, and "ok" or what went wrong; all inputs scaled as well."""
-        changes: dict[str, Any] = {}
         if not np.array_equal(weight, self.weight):
-            self.weight, self.root = weight.copy(), np.sqrt(weight)
-            self.matrix_data[::2] = (
-                self.root
-            )  # a column holds its entry of the sum, then of the box
-            changes = {"q": -self.root, "Ax": self.matrix_data}
+            self.set_up(weight)
         self.lower[0] = self.upper[0] = total
         self.lower[1:], self.upper[1:] = self.root * lower, self.root * upper
         if self.rho_changed:
             self.solver.update_settings(rho=SETTINGS["rho"])
-        self.solver.update(l=self.lower, u=self.upper, **changes)
+        self.solver.update(l=self.lower, u=self.upper)
         result = self.solver.solve(raise_error=False)
         self.rho_changed = result.info.rho_updates > 0
         if result.info.status_val == self.interrupted:
