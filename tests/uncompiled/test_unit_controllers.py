@@ -172,6 +172,7 @@ def test_commands_equal_the_second_transcription(name, sign):
             else 500.0 + 30.0 * np.arange(n) + 200.0 * (tick % 97 > 60)
         )
         slip = 0.97 * slip + rng.normal(0.004, 0.02, n) + 0.5 * (tick in (50, 250))
+        slip += 0.008 * (300 < tick < 420)  # long enough for searches
         speed += 0.8 * sign * PERIOD
         m.speed[:] = speed + sign * (slip + 0.3 * slip**2)
         m.worst_slip[:] = slip
@@ -194,6 +195,9 @@ def test_commands_equal_the_second_transcription(name, sign):
                 j,
             )
             assert m.unit.torque_factor[j] == pytest.approx(share, rel=1e-9, abs=1e-9), (tick, j)
+    if isinstance(twins[0], Search):
+        assert all(twin.last_step for twin in twins)
+        assert any(twin.held != ONBOARD.creep.reference for twin in twins)
 
 
 def test_a_hosted_controllers_share_is_not_its_reserves():
