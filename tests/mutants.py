@@ -303,6 +303,8 @@ def noticed_by(fault: Mutant, first: str) -> str:
         return file != first, module not in Path(file).read_text(), seconds, len(_imported(file))
 
     files = [str(path) for folder in TESTS for path in Path(folder).glob("test_*.py")]
+    if not uncompiled:  # the whole loop as plain Python takes too long
+        files += [str(path) for path in Path("tests/simulation").glob("test_*.py")]
     files = [file for file in files if "import subprocess" not in Path(file).read_text()]
     for file in sorted((file for file in files if module in _imported(file)), key=order):
         times = sorted((spent, test) for test, spent in usable_tests(file, uncompiled).items())

@@ -1,9 +1,11 @@
 """Cut-and-ramp readhesion control of one unit."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from alloc.errors import OnboardError
 from alloc.onboard.controllers.cut_and_ramp import (
     CUT,
     FOLLOW,
@@ -67,3 +69,10 @@ def test_slip_that_does_not_end_brings_the_torque_to_zero():
 def test_command_stays_between_zero_and_the_target(signals, target, rail):
     for _, torque in _run(signals, target, rail):
         assert 0.0 <= torque <= target
+
+
+def test_what_is_recovered_may_be_all_that_the_rail_carried_and_no_more():
+    assert CutAndRamp(1.0, 1.0).recover == 1.0
+    for cut, recover in ((0.5, 1.001), (0.6, 0.59)):
+        with pytest.raises(OnboardError, match="cut <= recover <= 1"):
+            CutAndRamp(cut, recover)

@@ -298,3 +298,36 @@ def test_the_stretch_is_the_regression_of_the_module(offset, resolution):
     assert stretch_estimate(sums[0], C, offset, resolution) == C.largest
     sums[0].x_slip = -9.0
     assert stretch_estimate(sums[0], C, offset, resolution) == C.smallest
+
+
+def _judged(rows, resolution, offset, share=0.9):
+    """Pairs taken of the classes `rows`: (coefficient, slip), one pair each."""
+    curve = CURVES["piecewise"]
+    bins, sums = np.zeros(40, CLASS), Sums.zeros()
+    for coefficient, slip in rows:
+        curve_belief._keep(bins, coefficient, slip)
+    c = C._replace(resolution=resolution, fading=0.0)
+    curve_belief._judge(curve.kind, curve.q, c, bins, 0.15, share, 8.0, offset, sums)
+    return sums.named[0].pairs
+
+
+def _expected(coefficient):
+    curve = CURVES["piecewise"]
+    return micro_slip(curve.kind, curve.q, coefficient, 0.15, limit(curve, 0.15, 8.0)[1], 8.0)
+
+
+def test_pairs_are_taken_up_to_where_the_curve_bends():
+    low, high = _expected(0.04), _expected(0.08)
+    assert _judged([(0.04, low), (0.08, 1.49 * high)], 1e-5, 0.0) == 2.0
+    assert _judged([(0.04, low), (0.08, 1.51 * high)], 1e-5, 0.0) == 1.0
+    # a slip against the force counts as none: whatever slips more than nothing is beyond the bend
+    assert _judged([(0.04, -0.5 * low), (0.08, -0.4 * low)], 1e-5, 1.0) == 2.0
+    assert _judged([(0.04, -0.5 * low), (0.08, 0.1 * low)], 1e-5, 1.0) == 1.0
+    # what is no more than noise says nothing of a bend
+    third = low / 3.0
+    exact = next(
+        r for r in (third, np.nextafter(third, 0.0), np.nextafter(third, 1.0)) if 3.0 * r <= low
+    )
+    bent = [(0.04, 0.3 * low), (0.08, high)]
+    assert _judged(bent, exact if 3.0 * exact == low else 1.01 * third, 1.0) == 2.0
+    assert _judged(bent, 0.99 * third, 1.0) == 1.0

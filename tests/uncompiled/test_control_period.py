@@ -100,7 +100,8 @@ def test_periods_equal_their_second_transcription(case, seed):
             "acceleration": m.unit.computed_acceleration, "coefficient": m.unit.coefficient_estimate,
             "slipping": m.unit.slipping, "first": m.lead.unit[0], "drive_limit": m.drive_limit,
             "brake_limit": m.brake_limit, "limit_max": m.limit_max, "torque": m.torque, "moved": m.lead.acceleration[0],
-            "estimate": m.lead.estimate[0], "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0],
+            "estimate": m.lead.estimate[0], "slipped": m.lead.slipped[0], "detected": m.lead.detected[0],
+            "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0],
         })  # fmt: skip
         needed = prepare_allocation(eq, st, m, time, tick, commanded)
         assert needed == twin.prepare(time, tick, commanded)

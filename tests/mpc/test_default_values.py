@@ -1,0 +1,69 @@
+"""What a scenario means that leaves keys of the on-board computers or the MPC out: results of every study rest on these."""
+
+import math
+from dataclasses import fields, is_dataclass
+
+import pytest
+
+from alloc.onboard.parameters import Onboard
+from mpc.settings import MpcSettings
+
+KMH = 1.0 / 3.6
+ONBOARD = {
+    "none": {},
+    "table": {"margin": 0.4 * KMH, "width": 0.2 * KMH, "rise": 1.8, "fall": 0.25, "time_constant": 0.18},
+    "cut_and_ramp": {"cut": 0.5, "recover": 0.9, "hold": 0.1, "ramp": 3.0},
+    "creep": {"reference": 0.1, "proportional": 0.4, "integral": 8.0},
+    "perturb_observe": {"interval": 0.2, "step": 0.01, "lowest": 0.02, "highest": 0.5},
+    "steepest_gradient": {
+        "interval": 0.3, "gain": 0.15, "least": 0.01, "largest": 0.06, "lowest": 0.02, "highest": 0.5,
+    },
+    "detector": {"on": 1.8, "off": 0.9, "pole": 40.0, "speed_on": 0.6},
+    "observer": {"pole": 25.0},
+    "telegrams": {"period": 0.1, "latency": 0.05, "jitter": 0.0, "loss": 0.0, "silence": 1.0},
+    "sensors": {
+        "speed_noise": 0.0, "speed_quantum": 0.0, "load_error": 0.0, "sensorless_pole": None, "dropouts": (),
+        "blind_share": 0.5,
+    },
+    "braking": {
+        "blended": True, "blend_time": 4.0, "inertia_in_estimate": True, "release_speed": 0.5,
+        "slide_protection": {
+            "law": "threshold", "threshold": {"release": 0.15, "hold": 0.08},
+            "fuzzy": {
+                "sensitivity": 1.0, "slip": (0.0, 0.077716, 0.17027), "rate": (-3.5912, 0.0, 3.5912), "pole": 6.6789,
+            },
+            "period": 0.01, "reference": "train", "deceleration": 1.5, "sounding": 1.0, "cut_out_speed": 5.0 * KMH,
+            "time_out": 10.0, "refill": 0.5,
+        },
+    },
+    "reference": {"bound": "command", "margin": 0.3},
+    "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
+}  # fmt: skip
+MPC = {
+    "horizon": 20, "step": 0.01, "slip_limit": 1.0, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
+    "deadline": math.inf, "exact_hessian": False, "code": "numba",
+    "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
+    "belief": {
+        "initial": 0.2, "pole": 25.0, "gain": 60.0, "probe": 0.04, "informative": 0.9, "slip_error": 0.015,
+        "noise_margin": 4.0, "floor": 0.01, "ceiling": 0.5,
+    },
+    "curve": {
+        "estimate": True, "slip_scale": 0.015, "memory": 5.0, "prior": 0.02, "smallest": 0.4, "largest": 2.5,
+        "tested_share": 0.75, "untested_share": 0.5,
+    },
+    "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},
+}  # fmt: skip
+
+
+def defaults(record):
+    """Values of a record by name, records in it likewise; not those that no file sets."""
+    return {
+        item.name: defaults(value) if is_dataclass(value := getattr(record, item.name)) else value
+        for item in fields(record)
+        if item.metadata.get("unit", "any")
+    }
+
+
+@pytest.mark.parametrize(("record", "expected"), [(Onboard(), ONBOARD), (MpcSettings(), MPC)])
+def test_defaults_are_those_of_the_documents_and_trials_named_beside_them(record, expected):
+    assert defaults(record) == expected

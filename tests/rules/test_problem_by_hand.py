@@ -1,0 +1,62 @@
+"""Small problems worked out by hand: bounds of the problem, and a step of dynamic sharing."""
+
+import numpy as np
+import pytest
+
+from alloc.errors import AllocationError
+from alloc.rules import AllocationProblem, find_rule
+
+
+def test_limits_before_bound_nothing_without_a_rate():
+    problem = AllocationProblem([0.2, 0.3], 0.1, previous=[0.1, 0.25], limit_max=[0.15, 0.5])
+    lower, upper = problem.rate_box
+    assert (lower.tolist(), upper.tolist()) == ([0.0, 0.0], [0.15, 0.5])
+    lower, upper = problem.box
+    assert (lower.tolist(), upper.tolist()) == ([0.0, 0.0], [0.15, 0.3])
+
+
+def test_a_rate_bounds_the_change_but_adhesion_and_torque_prevail():
+    problem = AllocationProblem(
+        [0.2, 0.3, 0.05],
+        0.1,
+        previous=[0.1, 0.02, 0.2],
+        limit_max=[0.12, 0.5, 0.5],
+        rate=[0.03, 0.05, 0.1],
+    )
+    lower, upper = problem.rate_box
+    np.testing.assert_allclose(lower, [0.07, 0.0, 0.1])
+    np.testing.assert_allclose(upper, [0.12, 0.07, 0.3])
+    lower, upper = problem.box
+    np.testing.assert_allclose(lower, [0.07, 0.0, 0.05])
+    np.testing.assert_allclose(upper, [0.12, 0.07, 0.05])
+
+
+def test_a_unit_that_is_short_gets_nothing_of_what_lacks():
+    # unit 1 delivers 0.1 of its 0.2: lowered by half of that; what lacks, half of 0.1, is unit 2's
+    problem = AllocationProblem([0.3, 0.3], 0.2, previous=[0.2, 0.2], delivered=[0.1, 0.2])
+    assert find_rule("sharing")(problem).limit == pytest.approx([0.15, 0.25], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"mass": [1.0, 0.0]}, "greater than 0"),
+        ({"mass": [1.0, -1.0]}, "greater than 0"),
+        ({"limit_max": [1.0, -0.1]}, "0 or greater"),
+        ({"deviation": [0.0]}, "deviation"),
+    ],
+)
+def test_a_field_that_cannot_be_is_named_with_its_bound(fields, words):
+    with pytest.raises(AllocationError, match=words):
+        AllocationProblem([0.2, 0.2], 0.1, **fields)
+    assert AllocationProblem([0.0, 0.2], 0.1, limit_max=[0.0, 1.0]).torque_limit.tolist() == [
+        0.0,
+        1.0,
+    ]
+
+
+@pytest.mark.parametrize("rule", ["greedy", "greedy-claim", "exact"])
+def test_more_than_the_plan_is_case_b_and_just_the_plan_is_not(rule):
+    assert find_rule(rule)(AllocationProblem([0.3, 0.11], 0.2)).case == "B"
+    assert find_rule(rule)(AllocationProblem([0.3, 0.1], 0.2)).case == "A"
+    assert find_rule(rule)(AllocationProblem([0.3, 0.05], 0.2)).case == "A"
