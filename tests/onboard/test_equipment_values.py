@@ -114,6 +114,12 @@ def test_a_train_without_motors_brakes_with_air_alone():
     np.testing.assert_allclose(eq.brake_share, 1.0 / GRAVITY, rtol=1e-12)
 
 
+def test_a_train_that_neither_pulls_nor_brakes_is_refused():
+    train = uneven_train(braked=False)
+    with pytest.raises(OnboardError, match="no traction unit and no air brake"):
+        equipment(build(replace(train, cars=(train.cars[0], train.cars[4])), Rail(0.15)), Onboard())
+
+
 @pytest.mark.parametrize(
     ("belief", "words"),
     [

@@ -60,3 +60,20 @@ def test_more_than_the_plan_is_case_b_and_just_the_plan_is_not(rule):
     assert find_rule(rule)(AllocationProblem([0.3, 0.11], 0.2)).case == "B"
     assert find_rule(rule)(AllocationProblem([0.3, 0.1], 0.2)).case == "A"
     assert find_rule(rule)(AllocationProblem([0.3, 0.05], 0.2)).case == "A"
+
+
+def test_the_level_without_reach_is_the_highest_cap():
+    for rule in ("greedy", "exact"):
+        assert find_rule(rule)(AllocationProblem([0.3, 0.05], 0.2)).level == pytest.approx(0.3)
+    assert find_rule("exact")(AllocationProblem([0.3, 0.15], 0.2)).level == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("rule", ["alone", "preset", "sharing"])
+def test_rules_that_know_no_caps_say_whether_these_allow_more_than_the_plan(rule):
+    assert (
+        find_rule(rule)(AllocationProblem([0.25, 0.25], 0.25)).case == "A"
+    )  # a tie without rounding
+    assert find_rule(rule)(AllocationProblem([0.25, 0.26], 0.25)).case == "B"
+    assert find_rule(rule)(AllocationProblem([0.25, 0.26], 0.25, limit_max=[0.24, 1.0])).case == "A"
+    heavy = AllocationProblem([0.25, 0.26], 0.25, mass=[9.0, 1.0], limit_max=[0.249, 1.0])
+    assert find_rule(rule)(heavy).case == "B"  # 9 (-0.001) + 0.01 > 0

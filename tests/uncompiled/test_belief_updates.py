@@ -331,3 +331,18 @@ def test_pairs_are_taken_up_to_where_the_curve_bends():
     bent = [(0.04, 0.3 * low), (0.08, high)]
     assert _judged(bent, exact if 3.0 * exact == low else 1.01 * third, 1.0) == 2.0
     assert _judged(bent, 0.99 * third, 1.0) == 1.0
+
+
+def test_times_of_the_belief_are_told_in_excitation():
+    # one axle that slips by the scale of 0.02 m/s excites by 0.0004 m2/s2 in each of 50 periods a second
+    belief = CurveBelief(slip_scale=0.02, memory=4.0, prior=0.5, smallest=0.6, largest=1.7)
+    estimator = curve_belief.StretchEstimator(CURVES["polach"], 3, 0.02, belief, 0.17)
+    c = estimator._constants
+    assert c.prior == pytest.approx(0.5 * 50 * 0.0004)
+    assert c.fading * 4.0 * 50 * 0.0004 == pytest.approx(1.0)
+    assert (c.smallest, c.largest, c.tested, c.untested) == (0.6, 1.7, 0.75, 0.5)
+    assert c.resolution == pytest.approx(0.002)
+    assert estimator._initial == 0.17
+    assert (estimator._memory.bins.shape, estimator._memory.most.shape) == ((3, 40), (3,))
+    assert estimator.stretch == 1.0
+    np.testing.assert_array_equal(estimator.q, CURVES["polach"].q)

@@ -85,7 +85,7 @@ def test_periods_equal_their_second_transcription(case, seed):
     for tick in range(45):
         time = tick * st.period
         if tick % 6 == 0:
-            commanded = float(direction * rng.choice([0.0, 0.4, 0.8, 1.1]))
+            commanded = float(direction * rng.choice([0.0, 0.4, 0.8, 1.0]))
         speed += 0.5 * commanded * st.period
         slip = direction * rng.exponential(0.25, eq.axle_radius.size) * (rng.random() < 0.6)
         omega = (speed + slip + 0.3 * rng.standard_normal() * (tick % 4 == 0)) / eq.axle_radius
