@@ -5,8 +5,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import ALL_FAILED, Names, Whole, process_count, split_names
+from studies.command_line.options import (
+    ALL_FAILED,
+    MOST_SEEDS,
+    FilePath,
+    Names,
+    Whole,
+    check_whole,
+    process_count,
+    split_names,
+)  # fmt: skip
 from studies.command_line.terminal import console, progress
+from studies.files.writable import check_folder
 
 if TYPE_CHECKING:
     from studies.scenario.scenario import Scenario
@@ -19,7 +29,7 @@ def compare(
     controllers: Names = None,
     seeds: Whole | None = None,
     jobs: Whole | None = None,
-    out: Path = Path("results"),
+    out: FilePath = Path("results"),
     line: str | None = None,
     train: str | None = None,
     keep: Names = None,
@@ -68,6 +78,9 @@ def compare(
     from studies.core.store import Store
 
     count = process_count(jobs)
+    if seeds is not None:
+        check_whole("--seeds", seeds, 1, MOST_SEEDS)
+    check_folder(out)
     chosen = _scenarios(split_names(scenario), line, train)
     grid = make_grid(
         chosen,

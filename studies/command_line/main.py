@@ -1,5 +1,7 @@
 """The command `readhesion`: its commands, exit codes, and what goes wrong in one line."""
 
+import io
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -19,6 +21,7 @@ from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+UNREAD = 141
 
 app = App(
     name="readhesion",
@@ -57,21 +60,18 @@ def launch(
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130."""
-    from alloc.errors import EstimationError, OnboardError, PlantError
-    from alloc.rules import AllocationError
-    from alloc.simulation import SimulationError
+    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130 or 141."""
+    from alloc.errors import InputError
 
-    refused = (
-        StudyError, PlantError, OnboardError, SimulationError, AllocationError, EstimationError, OSError
-    )  # fmt: skip
     try:
         code = app.meta(
             arguments, exit_on_error=False, print_error=False, result_action="return_value"
         )
-    except CycloptsError as error:
-        return _refuse(str(error))
-    except refused as error:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        return _unread()
+    except (CycloptsError, InputError, StudyError, OSError) as error:
         return _refuse(str(error))
     except KeyboardInterrupt:
         print(
@@ -86,6 +86,15 @@ def _refuse(message: str) -> int:
     return BAD_INPUT
 
 
+def _unread() -> int:
+    """Nobody reads on, as after `| head`: what is still to be printed at the end goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return UNREAD
+
+
 def main() -> None:
     """Entry point of the installed command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal may know plain letters only
     sys.exit(run())

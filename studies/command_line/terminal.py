@@ -9,10 +9,18 @@ PLAIN_WIDTH = 170
 """Width of tables that do not go to a terminal."""
 
 
+class _Terminal(Console):
+    """A console whose reader may leave early, as `head` does."""
+
+    def on_broken_pipe(self) -> None:
+        """Let the command end by the error, see `studies.command_line.main.run`."""
+        raise
+
+
 def console() -> Console:
     """Where tables are printed: as wide as the terminal, or `PLAIN_WIDTH` where there is none."""
-    found = Console()
-    return found if found.is_terminal else Console(width=PLAIN_WIDTH)
+    found = _Terminal()
+    return found if found.is_terminal else _Terminal(width=PLAIN_WIDTH)
 
 
 class progress:
@@ -24,7 +32,7 @@ class progress:
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            console=Console(stderr=True),
+            console=_Terminal(stderr=True),
             transient=True,
         )
         self.bar.start()

@@ -8,6 +8,7 @@ alone meet the same event.
 import hashlib
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any, Literal
 
@@ -58,16 +59,16 @@ class Scenario(Strict):
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
     coupler: CouplerKeys | None = None
-    failures: tuple[FailureKeys, ...] = ()
+    failures: tuple[FailureKeys, ...] = Field(default=(), max_length=1000)
     rail: RailKeys
     line: LineKeys = LineKeys()
     receptivity: ReceptivityKeys = ReceptivityKeys()
-    command: tuple[CommandKeys, ...] = Field(min_length=1)
+    command: tuple[CommandKeys, ...] = Field(min_length=1, max_length=10_000)
     belief: BeliefKeys = BeliefKeys()
     onboard: OnboardKeys = OnboardKeys()
-    duration_s: float = Field(gt=0.0)
+    duration_s: float = Field(gt=0.0, le=36_000.0)
     start_m: float = 0.0
-    initial_speed_kmh: float = Field(default=0.0, ge=0.0)
+    initial_speed_kmh: float = Field(default=0.0, ge=0.0, le=3.6 * SPEED_BOUND)
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
     step_s: float = Field(default=1e-3, gt=0.0)
     record_period_s: float = Field(default=0.01, gt=0.0)
@@ -153,6 +154,11 @@ class Scenario(Strict):
             return Scenario.model_validate(self.model_dump() | values)
         except ValidationError as error:
             raise StudyError(f"scenario {self.name!r}: {explain(Scenario, error)}") from None
+
+
+def safe_name(text: str) -> str:
+    """`text` as part of a scenario's name, which is part of file names: without blanks and the like."""
+    return re.sub(r"[^\w.+-]", "-", text)
 
 
 def _digest(path: str) -> str:
