@@ -12,7 +12,7 @@ from types import ModuleType
 
 from alloc.plant.sets import SETS
 from alloc.registry import Registry
-from studies.core.code_version import PACKAGES, PLUGIN_PREFIX
+from alloc.sources import PACKAGES, PLUGIN_PREFIX
 from studies.files.study_error import StudyError
 from studies.scenario.train_file import read_train_file
 
