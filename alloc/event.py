@@ -58,10 +58,10 @@ class Event:
             raise SimulationError(
                 f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"
             )
-        SimulationError.check_order("event", self, "record_period", "duration", equal=True)
         check_size(
             "event", self.model, self.duration, self.onboard.period, self.step, self.record_period
         )
+        SimulationError.check_order("event", self, "record_period", "duration", equal=True)
 
     def __repr__(self) -> str:
         return (

@@ -88,10 +88,11 @@ def compare(
         split_names(controllers),
         DEFAULT_SEEDS if seeds is None else seeds,
     )
+    cells = grid.jobs()
     store = Store(out)
     with progress() as on_row:
         table = run_cells(
-            grid.jobs(), store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
+            cells, store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
         )
     lines = summarise(table)
     failed = int((table["status"] != "ok").sum())

@@ -22,6 +22,8 @@ from studies.files.study_error import StudyError
 BAD_INPUT = 2
 INTERRUPTED = 130
 UNREAD = 141
+LONGEST = 1500
+"""Letters of a message; what was given may be longer."""
 
 app = App(
     name="readhesion",
@@ -82,7 +84,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse(message: str) -> int:
-    print(f"readhesion: {' '.join(message.split())}", file=sys.stderr)
+    line = " ".join(message.split())
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    print(f"readhesion: {line}", file=sys.stderr)
     return BAD_INPUT
 
 

@@ -27,13 +27,15 @@ class progress:
     """Progress bar on stderr; gives the function that is told of each finished row."""
 
     def __enter__(self) -> Callable[[str, int, int], None]:
+        terminal = _Terminal(stderr=True)
         self.bar = Progress(
             TextColumn("[progress.description]{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            console=_Terminal(stderr=True),
+            console=terminal,
             transient=True,
+            disable=not terminal.is_terminal,
         )
         self.bar.start()
         self.task = self.bar.add_task("starting", total=None)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from dataclasses import Field as RecordField
-from functools import partial
+from functools import cache, partial
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, Field, create_model
@@ -14,6 +14,7 @@ from studies.files.units import ENDINGS, si
 Parameters = TypeVar("Parameters")
 
 
+@cache
 def keys_of(record: type) -> Any:
     """Model of the keys that give a frozen dataclass; a key is the field's name and its unit's ending.
 

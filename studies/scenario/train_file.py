@@ -39,7 +39,7 @@ class MotorKeys(Strict):
 class AirBrakeKeys(Strict):
     """Friction brake of a kind of car: `[car.X.air_brake]`; the force is that of one axle at the rim, at full pressure."""
 
-    pressure_kpa: float
+    pressure_kpa: float = Field(gt=0.0)
     force_kn: float
     lag_s: float = 1.2
     dead_time_s: float = 0.05
