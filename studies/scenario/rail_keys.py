@@ -88,7 +88,7 @@ class RailKeys(Strict):
     a / (V + b) + c with V in km/h. `rear_speed_law` takes over from the front to the rear within `rear_axles`.
     """
 
-    level: float = Field(gt=0.0, le=10.0)
+    level: float = Field(le=10.0)
     speed_law: str | tuple[float, float, float] = "none"
     rear_speed_law: tuple[float, float, float] | None = None
     rear_axles: float | None = None
