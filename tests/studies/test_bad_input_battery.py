@@ -592,19 +592,19 @@ def test_a_reader_who_leaves_early_ends_the_command_quietly(arguments):
         running.stdout.close()  # as `| head` does, before anything is written
         assert running.stderr is not None
         assert running.stderr.read() == b""
-        assert running.wait(timeout=60) == 141
+        assert running.wait(timeout=600) == 141
 
 
 @pytest.mark.parametrize("arguments", [["list"], ["sweep", "--help"], ["--help"]])
 def test_a_terminal_of_plain_letters_gets_plain_letters(arguments):
     running = process(*arguments, PYTHONIOENCODING="ascii", LC_ALL="C", PYTHONUTF8="0")
-    out, err = running.communicate(timeout=60)
+    out, err = running.communicate(timeout=600)
     assert (running.returncode, err) == (0, b"")
     assert out.decode("ascii").strip()
 
 
 def test_as_a_process_bad_input_is_one_line_and_exit_code_2():
     running = process("simulate", "wet-strät", PYTHONIOENCODING="ascii", LC_ALL="C")
-    out, err = running.communicate(timeout=60)
+    out, err = running.communicate(timeout=600)
     assert (running.returncode, out, err.count(b"\n")) == (2, b"", 1)
     assert b"did you mean 'wet-start'?" in err

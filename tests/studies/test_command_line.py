@@ -180,7 +180,7 @@ def test_a_folder_that_cannot_be_written_is_refused(refused, short_file):
 
 
 def test_a_figure_in_a_format_that_does_not_exist_is_refused(refused, short_file, tmp_path):
-    assert "'xyz' is not supported" in refused(
+    assert "ending '.xyz' must be .pdf or .png or .svg" in refused(
         "simulate", short_file, "--figure", tmp_path / "run.xyz"
     )
 
