@@ -61,6 +61,7 @@ def syntax_hash(*modules: str, later: bool = True) -> str:
     return digest.hexdigest()
 
 
+@lru_cache(maxsize=1)
 def library_versions() -> dict[str, str]:
     """Versions of Python and of the libraries that results depend on."""
     return {"python": "{}.{}".format(*sys.version_info), **{one: version(one) for one in LIBRARIES}}

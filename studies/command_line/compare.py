@@ -16,7 +16,7 @@ from studies.command_line.options import (
     split_names,
 )  # fmt: skip
 from studies.command_line.terminal import console, progress
-from studies.files.writable import check_folder
+from studies.files.writable import check_place
 
 if TYPE_CHECKING:
     from studies.scenario.scenario import Scenario
@@ -80,7 +80,7 @@ def compare(
     count = process_count(jobs)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
-    check_folder(out)
+    check_place(out)
     chosen = _scenarios(split_names(scenario), line, train)
     grid = make_grid(
         chosen,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from studies.command_line.options import FilePath, Whole, process_count
 from studies.command_line.terminal import progress
-from studies.files.writable import check_folder
+from studies.files.writable import check_place
 
 
 def figures(
@@ -29,8 +29,8 @@ def figures(
     from studies.core.gallery import gallery
 
     count = process_count(jobs)
-    check_folder(out, "figure")
-    check_folder(results, "results", "--results")
+    check_place(out, "figure")
+    check_place(results, "results", "--results")
     with progress() as on_row:
         written = gallery().draw_figures(names, out, results, count, on_row)
     for path in written:

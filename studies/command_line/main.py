@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -17,11 +18,13 @@ from studies.command_line.list import list_names
 from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
+from studies.core.interruption import Termination, listen
 from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 UNREAD = 141
+TERMINATED = 143
 LONGEST = 1500
 """Letters of a message; what was given may be longer."""
 
@@ -62,24 +65,30 @@ def launch(
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130 or 141."""
+    """Run the command; returns the exit code.
+
+    0; 1 if all failed; 2 for bad input (one line on stderr); 130 or 143 when it was interrupted or terminated; 141 when
+    nobody reads what it prints.
+    """
     from alloc.errors import InputError
 
     try:
-        code = app.meta(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
-        )
+        with warnings.catch_warnings():
+            warnings.showwarning = _say  # type: ignore[assignment]
+            code = app.meta(
+                arguments, exit_on_error=False, print_error=False, result_action="return_value"
+            )
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
         return _unread()
     except (CycloptsError, InputError, StudyError, OSError) as error:
         return _refuse(str(error))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         print(
             "readhesion: stopped; finished rows are kept, the same command goes on", file=sys.stderr
         )
-        return INTERRUPTED
+        return TERMINATED if isinstance(interrupt, Termination) else INTERRUPTED
     return code if isinstance(code, int) else 0
 
 
@@ -97,9 +106,14 @@ def _unread() -> int:
     return UNREAD
 
 
+def _say(message: Warning | str, *_: object) -> None:
+    print(f"readhesion: {' '.join(str(message).split())}", file=sys.stderr)
+
+
 def main() -> None:
     """Entry point of the installed command."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal may know plain letters only
+    listen()
     sys.exit(run())

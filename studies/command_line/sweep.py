@@ -16,7 +16,7 @@ from studies.command_line.options import (
     process_count,
 )  # fmt: skip
 from studies.command_line.terminal import console, progress
-from studies.files.writable import check_folder
+from studies.files.writable import check_place
 
 
 def sweep(
@@ -55,7 +55,7 @@ def sweep(
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
     processes = process_count(jobs)
-    check_folder(out)
+    check_place(out)
     folder = study_folder(out, name)
     with progress() as on_row:
         table = chosen.run(folder, count, seed, processes, on_row)

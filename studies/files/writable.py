@@ -1,6 +1,7 @@
 """What will be written, checked before minutes are spent on its content."""
 
 import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def check_file(path: Path | None, endings: Sequence[str]) -> None:
         raise StudyError(f"file {str(path)!r} cannot be written: {error.strerror}") from None
 
 
-def check_folder(path: Path, what: str = "output", option: str = "--out") -> None:
+def check_place(path: Path, what: str = "output", option: str = "--out") -> None:
     """Raise `StudyError` if a folder is none, or cannot be made where it is wanted; nothing is made."""
     try:
         place = path.absolute()
@@ -42,3 +43,15 @@ def check_folder(path: Path, what: str = "output", option: str = "--out") -> Non
     raise StudyError(
         f"{what} folder {str(path)!r} cannot be written: {reason}; choose another with {option}"
     )
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder for results; raises `StudyError` if it cannot be made or written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise StudyError(
+            f"output folder {str(folder)!r} cannot be written: {error.strerror}; choose another with --out"
+        ) from None
