@@ -23,6 +23,7 @@ from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 from tests.studies.conftest import SHORT
 from tests.studies.test_line_command import NOTHING, PATH, STOCK, changed
+from tests.studies.test_plugins import REGISTRIES
 
 HUGE = "1" * 5000
 DEEP = "[" * 20_000
@@ -452,6 +453,10 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setattr(ClosedLoop, "run", no_run)
     for module in ("studies.core.runner", "studies.core.study", "paper_figs.source"):
         monkeypatch.setattr(f"{module}.run_cells", no_run)
+    for registry in REGISTRIES:  # a plug-in may register something before it is refused
+        list(registry)
+        monkeypatch.setattr(registry, "_parts", dict(registry._parts))
+        monkeypatch.setattr(registry, "_origins", dict(registry._origins))
     monkeypatch.setenv(VARIABLE, "")
     monkeypatch.chdir(tmp_path)
     for folder in ("folder", "folder.nc", "folder.csv", "taken.train.toml", "other"):
