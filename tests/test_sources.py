@@ -110,7 +110,8 @@ def test_a_part_of_another_package_counts_with_what_it_imports_there(
     own = tmp_path / "elsewhere" / "foreign"
     own.mkdir(parents=True)
     (own / "__init__.py").write_text("")
-    (own / "part.py").write_text("import numpy\nfrom foreign.inner import VALUE\n")
+    (own / "part.py").write_text("import numpy\nfrom . import nearer\n")
+    (own / "nearer.py").write_text("from .inner import VALUE\n")
     (own / "inner.py").write_text("VALUE = 1\n")
     monkeypatch.syspath_prepend(tmp_path / "elsewhere")
     before = code_hash("pack.top", "foreign.part")
@@ -153,10 +154,10 @@ def hashes(monkeypatch):
     read = sources._source
 
     def with_edit(file=None, text=""):
+        edited = file and sources._read(file.read_bytes() + text.encode(), file.suffix)
+
         def source(name):
-            if path_of(name) != file:
-                return read(name)
-            return sources._read(file.read_bytes() + text.encode(), file.suffix)
+            return edited if path_of(name) == file else read(name)
 
         with monkeypatch.context() as patch:
             patch.setattr(sources, "_source", source)
@@ -176,12 +177,12 @@ def test_every_file_behind_a_cell_changes_its_key_and_no_comment_does(hashes):
     for modules, files in behind.items():
         assert path_of(modules[0]) in files
         assert len(files) > 20
-    for file in sorted(set().union(*behind.values())):
-        edited, commented = hashes(file, "\nEDITED = 1\n"), hashes(file, "\n# a comment\n")
+    for k, file in enumerate(sorted(set().union(*behind.values()))):
+        edited = hashes(file, "\nEDITED = 1\n")
         for modules, digest in before.items():
             assert (edited[modules] != digest) == (file in behind[modules]), (file, modules)
-            if file.suffix != ".csv":
-                assert commented[modules] == digest, (file, modules)
+        if k % 5 == 0 and file.suffix != ".csv":
+            assert hashes(file, "\n# a comment\n") == before, file
 
 
 def test_what_a_run_imports_is_in_its_closure():
