@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from studies.command_line.options import ALL_FAILED, Whole, process_count
-from studies.command_line.terminal import console, progress
+from studies.command_line.terminal import console, counted, progress
 from studies.files.study_error import StudyError
 
 
@@ -22,7 +22,7 @@ def sweep(
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
 
-    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+    Rows that the output folder already holds are not run again. The exit code is 1 if no run is ok.
 
     Parameters
     ----------
@@ -61,9 +61,5 @@ def sweep(
         screen = console()
         for item in printed(found):
             screen.print(item)
-        screen.print(
-            f"{len(table)} rows"
-            + (f", [red]{failed} failed[/red]" if failed else "")
-            + f"; tables in {folder}"
-        )
+        screen.print(f"{counted(table, 'rows')}; tables in {folder}")
     return ALL_FAILED if failed == len(table) else 0

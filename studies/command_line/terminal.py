@@ -1,9 +1,13 @@
 """What a person at a terminal sees: console and progress bar."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLAIN_WIDTH = 170
 """Width of tables that do not go to a terminal."""
@@ -13,6 +17,15 @@ def console() -> Console:
     """Where tables are printed: as wide as the terminal, or `PLAIN_WIDTH` where there is none."""
     found = Console()
     return found if found.is_terminal else Console(width=PLAIN_WIDTH)
+
+
+def counted(table: "pd.DataFrame", what: str) -> str:
+    """How many rows a table has, called `what`, and how many have another status than "ok"."""
+    counts = (
+        table.loc[table["status"] != "ok", "status"].value_counts() if "status" in table else {}
+    )
+    bad = [f", [red]{count} {status}[/red]" for status, count in counts.items()]
+    return f"{len(table)} {what}{''.join(bad)}"
 
 
 class progress:

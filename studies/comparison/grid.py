@@ -9,14 +9,18 @@ from studies.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Grid:
-    """What a comparison consists of: the product of its parts, plus `extra` cells."""
+    """What a comparison consists of: the product of its parts over `seeds`, plus `extra` cells."""
 
     scenarios: tuple[Scenario, ...]
     rules: tuple[str, ...]
     controllers: tuple[str, ...]
     seeds: tuple[int, ...]
     extra: tuple[tuple[Scenario, str, str], ...] = ()
-    """Cells (scenario, rule, controller) beyond the product, over the same seeds."""
+    """Cells (scenario, rule, controller) beyond the product."""
+    extra_seeds: int | None = None
+    """How many of the seeds, from the first, the extra cells meet; None: all."""
+    fixed: frozenset[str] = frozenset()
+    """Scenarios that meet the first seed alone, for every other would be the same event."""
 
     def jobs(self) -> list[Job]:
         """Every cell once: by scenario, then rule, controller, seed."""
@@ -26,10 +30,11 @@ class Grid:
             for rule in self.rules
             for controller in self.controllers
         ]
+        counts = dict.fromkeys(self.extra, self.extra_seeds) | dict.fromkeys(cells)
         jobs = [
-            Job(scenario, rule, controller, seed)
-            for scenario, rule, controller in dict.fromkeys([*cells, *self.extra])
-            for seed in self.seeds
+            Job(*cell, seed)
+            for cell in dict.fromkeys([*cells, *self.extra])
+            for seed in self.seeds[: 1 if cell[0].name in self.fixed else counts[cell]]
         ]
         names = {job.scenario.name: job.scenario for job in jobs}
         for job in jobs:
