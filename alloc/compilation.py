@@ -1,69 +1,137 @@
 """How this project compiles: one set of Numba options and a cache that cannot go stale.
 
-Numba keys its cache on the file of the compiled function alone, so a change to an equation in another
-file would go unnoticed. The cache folder therefore carries a hash of every source in `alloc`.
+Numba's own cache looks at the file of the compiled function alone, so a change to an equation in another file would go
+unnoticed, and any comment would cost minutes.
 """
 
 import hashlib
+import inspect
 import os
-import tempfile
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
+import numpy as np
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
+
+from alloc.private_folder import cache_folder, cache_part
+from alloc.sources import path_of, syntax_hash
 
 # No `nnan`/`ninf`: a nan must surface. `contract` allows fused multiply-add; `nsz` lets LLVM turn the
 # equations' selections into vector minimum and maximum.
 FASTMATH = {"contract", "nsz"}
 
 
-def _source_hash() -> str:
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+KEPT_DAYS = 30.0
+"""Kernels that were not used for so long are deleted when new ones are made."""
 
 
-def _cache_folder() -> Path:
-    root = os.environ.get("READHESION_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    base = Path(root) if root else Path.home() / ".cache"
-    folder = base / "readhesion" / f"numba-{_source_hash()}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:  # a read-only home must not stop a study
-        folder = Path(tempfile.gettempdir()) / f"readhesion-{os.getuid()}" / folder.name
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
+class _Place(CompileResultCacheImpl):
+    """Where the kernels of one function lie: a folder per hash of all that its file imports.
+
+    Numba's own choice looks at the function's file alone, and at its line.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._lineno = function.__code__.co_firstlineno
+        self._py_file = inspect.getfile(function)
+        self._locator = self  # what Numba asks for path and stamp
+        self._stamp = kernel_hash(function.__module__, self._py_file)
+        self._filename_base = self.get_filename_base(
+            f"{function.__module__}.{function.__qualname__}", sys.abiflags
+        )
+
+    def get_disambiguator(self) -> str:
+        return "kernel"  # functions of equal name differ in their bytecode, which Numba compares
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder() / f"kernels-{self._stamp}")
+
+    def ensure_cache_path(self) -> None:
+        _make(f"kernels-{self._stamp}")
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
+class _Cache(FunctionCache):
+    """Numba's cache of one function, in a folder of ours; what cannot be read is compiled again."""
+
+    _impl_class = _Place
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        self._impl.ensure_cache_path()
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # whatever a damaged file makes `pickle` do
+            self.flush()
+            return None
+
+
+@lru_cache(maxsize=1024)
+def kernel_hash(module: str, file: str) -> str:
+    """Hash of all that decides what the compiled functions of a file do; `module`: its name."""
+    source = module if path_of(module) == Path(file) else file
+    libraries = (np.__version__, numba.__version__, llvmlite.__version__)
+    text = " ".join((syntax_hash(source, later=False), *libraries))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=1024)
+def _make(name: str) -> None:
+    """Make a folder of kernels that is this user's alone."""
+    if not (cache_folder() / name).exists():
+        oldest = time.time() - KEPT_DAYS * 86400.0
+        for other in cache_folder().glob("kernels-*"):
+            if other.stat().st_mtime < oldest:
+                shutil.rmtree(other, ignore_errors=True)
+    os.utime(cache_part(name))
+
+
+def compiled(function: Any, signature: Any = None, **options: Any) -> Any:
+    """`numba.njit` with our cache; with a `signature` it is compiled, or loaded, at once and for no other."""
+    dispatcher = numba.njit(**options)(function)
+    if isinstance(dispatcher, Dispatcher):  # else compiling is switched off
+        dispatcher._cache = _Cache(function)  # type: ignore[attr-defined]
+        if signature is not None:
+            dispatcher.compile(signature)
+            dispatcher.disable_compile()
+    return dispatcher
+
 
 # Without reference counting (`_nrt`): every field that compiled code takes from a record of arrays would be counted up and
 # down again, atomically, which costs ten times the arithmetic of a small train. Nothing compiled here allocates or keeps
 # an array, so nothing has to be counted; Numba refuses to compile what would.
 _COMPILED: Any = {
-    "cache": True,
     "error_model": "numpy",
     "fastmath": FASTMATH,
     "nogil": True,
     "_nrt": False,
     "no_cfunc_wrapper": True,
 }
-_INLINED_PART: Any = {**_COMPILED, "forceinline": True, "no_cpython_wrapper": True}
 
-jit = numba.njit(**_COMPILED)
-"""Decorator of every compiled entry point."""
 
-inlined_jit = numba.njit(**_INLINED_PART)
-"""Decorator of a part of a compiled loop that is called from one or two places.
+def jit(function: Any) -> Any:
+    """Decorator of every compiled entry point."""
+    return compiled(function, **_COMPILED)
 
-A call hands over every array of its records, field by field; that costs more than the work on a short train. It has no
-wrapper for calls from Python: unpacking its records would take longer to compile than the part itself.
-"""
+
+def inlined_jit(function: Any) -> Any:
+    """Decorator of a part of a compiled loop that is called from one or two places.
+
+    A call hands over every array of its records, field by field; that costs more than the work on a short train. It has no
+    wrapper for calls from Python: unpacking its records would take longer to compile than the part itself.
+    """
+    return compiled(function, **_COMPILED, forceinline=True, no_cpython_wrapper=True)
+
 
 # (`Any`: Numba's own annotation of such options is private.)
 INLINED: Any = {

@@ -5,40 +5,25 @@ and renamed: nobody reads half of one.
 """
 
 import importlib.util
-import os
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-import numba
-
-import alloc.compilation  # noqa: F401  chooses the folder of Numba's cache
+from alloc.private_folder import cache_part, write_whole
 
 _loaded: dict[str, ModuleType] = {}
 
 
 def folder() -> Path:
     """Folder of the generated code; made if need be."""
-    configured = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    path = Path(configured) / "generated" if configured else Path(tempfile.mkdtemp())
-    path.mkdir(parents=True, exist_ok=True)
-    return path
+    return cache_part("generated")
 
 
 def create(path: Path, write: Callable[[Path], object]) -> None:
     """Make `path` by `write(file to fill)`, unless it exists; a `write` that raises leaves nothing behind."""
-    if path.exists():
-        return
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp" + path.suffix)
-    os.close(handle)
-    aside = Path(name)
-    try:
-        write(aside)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
+    if not path.exists():
+        write_whole(path, write)
 
 
 def load_module(name: str, text: str) -> ModuleType:

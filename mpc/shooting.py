@@ -7,11 +7,12 @@ states as unknowns too.
 Torques of several units lie step by step in one vector (horizon * units,), so that a single unit has no dimension more.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
-from numba import float64, int64, njit, types, void
+from numba import float64, int64, types, void
 
-from alloc.compilation import FASTMATH
+from alloc.compilation import FASTMATH, compiled
 from alloc.plant.structure import Floats, Ints
 
 
@@ -63,7 +64,9 @@ CURVATURE = RATE
 
 def sweep(signature):
     """Decorator of a compiled sweep; the signature is given, for the model is an argument of it."""
-    return njit(signature, cache=True, error_model="numpy", fastmath=FASTMATH, nogil=True)
+    return partial(
+        compiled, signature=signature, error_model="numpy", fastmath=FASTMATH, nogil=True
+    )
 
 
 @sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))

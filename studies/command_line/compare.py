@@ -63,10 +63,10 @@ def compare(
         Print JSON with every metric instead of tables.
     """
     from alloc.recording import provenance
+    from alloc.sources import code_hash
     from studies.comparison.defaults import KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
-    from studies.core.code_version import code_hash
     from studies.core.runner import run_cells
     from studies.core.store import Store
 

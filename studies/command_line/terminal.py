@@ -1,5 +1,6 @@
 """What a person at a terminal sees: console and progress bar."""
 
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -21,11 +22,9 @@ def console() -> Console:
 
 def counted(table: "pd.DataFrame", what: str) -> str:
     """How many rows a table has, called `what`, and how many have another status than "ok"."""
-    counts = (
-        table.loc[table["status"] != "ok", "status"].value_counts() if "status" in table else {}
-    )
-    bad = [f", [red]{count} {status}[/red]" for status, count in counts.items()]
-    return f"{len(table)} {what}{''.join(bad)}"
+    counts = Counter(table.get("status", ()))
+    bad = [f", [red]{n} {status}[/red]" for status, n in counts.items() if status != "ok"]
+    return "".join([f"{len(table)} {what}", *bad])
 
 
 class progress:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from alloc.plant.sets import SETS
-from studies.core.code_version import PLUGIN_PREFIX
+from alloc.sources import PLUGIN_PREFIX
 from studies.files.study_error import StudyError
 from studies.scenario.train_file import read_train_file
 

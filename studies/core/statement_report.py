@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from alloc.recording import provenance
-from studies.core.code_version import code_hash
+from alloc.sources import code_hash
 from studies.core.statement import CONDITIONS, CONFIDENCE, FAILS, HOLDS, Interval, Statement
 
 COLOURS = {HOLDS: "green", CONDITIONS: "yellow", FAILS: "red"}

@@ -6,10 +6,10 @@ import stat
 import threading
 
 import casadi as cs
-import numba
 import numpy as np
 import pytest
 
+from alloc.private_folder import cache_folder
 from mpc.code_cache import create
 from mpc.compiled_model import compiled_model, symbolic_functions
 from mpc.generated_c import COMPILERS, NATIVE, CompilerError, compile_c_functions
@@ -17,6 +17,7 @@ from mpc.settings import MpcError, MpcSettings
 from mpc.unit_controller import MpcController
 from mpc.unit_model import substeps, unit_model
 from tests.benchmarks.unit_step import step_function
+from tests.test_compilation import start_afresh
 
 needs_compiler = pytest.mark.skipif(
     not any(map(shutil.which, COMPILERS)), reason="no C compiler on this machine"
@@ -26,9 +27,11 @@ needs_compiler = pytest.mark.skipif(
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """An empty cache."""
-    folder = tmp_path / "cache"
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder))
-    return folder
+    with monkeypatch.context() as patch:
+        patch.setenv("READHESION_CACHE", str(tmp_path / "cache"))
+        start_afresh()
+        yield cache_folder()
+    start_afresh()
 
 
 @pytest.fixture

@@ -8,18 +8,19 @@ from pathlib import Path
 
 import pytest
 
+from alloc import sources
 from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
 from studies.command_line.main import run
-from studies.core import code_version
 from studies.core.cell import key_of
 from studies.core.job import Job
 from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugins
 from studies.files.study_error import StudyError
 from studies.scenario.loading import SCENARIOS, load_scenario
+from tests.test_sources import forget
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"
 REGISTRIES = (RULES, CONTROLLERS, CURVES, SETS, METRICS, SCENARIOS)
@@ -54,14 +55,9 @@ def plain(monkeypatch):
     yield
     os.environ.pop(VARIABLE, None)
     for name in set(sys.modules) - known:
-        if name.startswith(code_version.PLUGIN_PREFIX):
+        if name.startswith(sources.PLUGIN_PREFIX):
             del sys.modules[name]
-    forget_sources()
-
-
-def forget_sources():
-    for cached in ("code_hash", "_path", "_tree", "_syntax"):
-        getattr(code_version, cached).cache_clear()
+    forget()
 
 
 @pytest.fixture
@@ -113,18 +109,18 @@ def test_an_edited_plugin_runs_its_rows_again_and_no_others(examples, monkeypatc
     before = [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")]
     assert key_of(Job(scenario, "weighted", "none", 0)).digest == before[0]
     path.write_text(path.read_text().replace("# ", "## ") + "\n# a comment says nothing new\n")
-    forget_sources()
+    forget()
     assert [
         key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")
     ] == before
     path.write_text(path.read_text().replace("share = min(", "share = 0.5 * min("))
-    forget_sources()
+    forget()
     changed = [key_of(Job(scenario, rule, "none", 0)).digest for rule in ("weighted", "alone")]
     assert changed[0] != before[0]
     assert changed[1] == before[1]
     metric = examples["slip_distance.py"]  # every row holds every metric
     metric.write_text(metric.read_text().replace(".sum(axis=1)", ".max(axis=1)"))
-    forget_sources()
+    forget()
     assert key_of(Job(scenario, "alone", "none", 0)).digest != before[1]
 
 
@@ -134,7 +130,7 @@ def test_an_edited_train_file_runs_its_rows_again(examples):
     before = key_of(Job(scenario, "alone", "none", 0)).digest
     path = examples["tram.toml"]
     path.write_text(path.read_text().replace("mass_t = 14.0", "mass_t = 15.0"))
-    forget_sources()
+    forget()
     assert key_of(Job(scenario, "alone", "none", 0)).digest != before
 
 

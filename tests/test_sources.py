@@ -5,8 +5,8 @@ from types import ModuleType
 
 import pytest
 
-from studies.core import code_version
-from studies.core.code_version import code_hash
+from alloc import sources
+from alloc.sources import code_hash
 
 FILES = {
     "pack/__init__.py": '"""A package."""\n\nVERSION = 1\n',
@@ -16,24 +16,29 @@ FILES = {
     ),
     "pack/part/__init__.py": '"""A part."""\n',
     "pack/part/leaf.py": "def leaf():\n    from pack import lazy\n\n    return lazy.VALUE\n",
-    "pack/lazy.py": "VALUE = 1.0  # first\n",
+    "pack/lazy.py": "VALUE = 1.0  # first\nSCENARIO = 'derived'\n",
+    "pack/derived.toml": "base = 'base'  # a comment\nlevel = 3.0\n",
+    "pack/base.toml": "level = 1.0\n",
+    "pack/unnamed.toml": "level = 1.0\n",
     "pack/parts/__init__.py": "PARTS = Registry('part', package='pack.parts')\n",
     "pack/parts/one.py": "PARTS.register('one', 1)\n",
     "pack/other.py": "VALUE = 2.0\n",
 }
-CLOSURE = [name for name in FILES if name != "pack/other.py"]
+CLOSURE = [name for name in FILES if name not in ("pack/other.py", "pack/unnamed.toml")]
 
 
-def forget():
-    for cached in (code_hash, code_version._path, code_version._tree, code_version._syntax):
-        cached.cache_clear()
+def forget(module=sources):
+    """Clear what a process remembers of what does not change while it runs."""
+    for remembered in vars(module).values():
+        if hasattr(remembered, "cache_clear"):
+            remembered.cache_clear()
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Hash of the module `pack.top` of a small package, and what edits one of its files."""
-    monkeypatch.setattr(code_version, "ROOT", tmp_path)
-    monkeypatch.setattr(code_version, "PACKAGES", ("pack",))
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    monkeypatch.setattr(sources, "PACKAGES", ("pack",))
     for name, text in FILES.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +70,7 @@ def test_an_edit_of_any_file_behind_a_module_changes_its_hash(package, name):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_comments_and_layout_do_not_count(package, name):
+def test_comments_do_not_count(package, name):
     assert package(name, end="\n\n# a word\n") == code_hash("pack.top")
 
 
@@ -85,8 +90,39 @@ def test_what_is_not_imported_does_not_count(package):
     assert code_hash("pack.top", "pack.other") != before
 
 
-def test_a_module_of_another_package_does_not_count(package):
-    assert code_hash("pack.top", "numpy.linalg") == code_hash("pack.top")
+def test_of_installed_packages_the_version_counts(package, monkeypatch):
+    before = code_hash("pack.top")
+    for library in sources.LIBRARIES:
+        with monkeypatch.context() as patch:
+            found = {**sources.library_versions(), library: "0.0.0"}
+            patch.setattr(sources, "library_versions", lambda found=found: found)
+            forget()
+            assert code_hash("pack.top") != before
+    forget()
+    assert code_hash("pack.top") == before
+
+
+def test_a_part_of_another_package_counts_with_what_it_imports_there(
+    package, tmp_path, monkeypatch
+):
+    own = tmp_path / "elsewhere" / "foreign"
+    own.mkdir(parents=True)
+    (own / "__init__.py").write_text("")
+    (own / "part.py").write_text("import numpy\nfrom foreign.inner import VALUE\n")
+    (own / "inner.py").write_text("VALUE = 1\n")
+    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
+    before = code_hash("pack.top", "foreign.part")
+    (own / "inner.py").write_text("VALUE = 2\n")
+    forget()
+    assert code_hash("pack.top", "foreign.part") != before
+
+
+def test_a_data_file_that_a_source_names_counts_and_so_does_the_one_that_it_names(package):
+    before = code_hash("pack.top")
+    assert package("pack/base.toml", ("1.0", "2.0")) != before
+    assert package("pack/derived.toml", ("3.0", "4.0")) != before
+    assert package("pack/derived.toml", ("# a comment", "# another")) == before
+    assert package("pack/unnamed.toml", ("1.0", "2.0")) == before
 
 
 def test_an_edited_plugin_changes_the_hash_be_it_code_or_a_train(tmp_path, monkeypatch):
@@ -94,7 +130,7 @@ def test_an_edited_plugin_changes_the_hash_be_it_code_or_a_train(tmp_path, monke
         ("own.py", "VALUE = 1\n", "VALUE = 2\n"),
         ("train.toml", "mass_t = 30\n", "mass_t = 40\n"),
     ):
-        name = f"{code_version.PLUGIN_PREFIX}{file.partition('.')[0]}"
+        name = f"{sources.PLUGIN_PREFIX}{file.partition('.')[0]}"
         module = ModuleType(name)
         module.__file__ = str(tmp_path / file)
         monkeypatch.setitem(sys.modules, name, module)

@@ -1,0 +1,250 @@
+"""Which sources decide a result: found by following imports, known by a hash of their syntax.
+
+Rows of studies and compiled kernels carry this hash, so neither can be taken for the work of other code. Comments and
+docstrings do not count. What is found in a file is kept beside the compiled code, by the file's content: parsing is slow.
+"""
+
+import ast
+import hashlib
+import json
+import os
+import re
+import sys
+import tomllib
+from atexit import register
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import lru_cache
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from alloc.private_folder import cache_folder, write_whole
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("alloc", "mpc", "studies")
+"""Packages whose imports are followed; to them comes the package of each module that is asked for."""
+DATA = (".toml", ".csv")
+"""Endings of data files; one counts where its name, or its name without the ending, stands as a string in a source."""
+LIBRARIES = ("numpy", "numba", "casadi", "osqp", "daqp", "cvxpy")
+"""Installed packages whose versions count."""
+PLUGIN_PREFIX = "readhesion_plugin_"
+"""Beginning of the names of modules that plug-in files become."""
+
+
+class Source(NamedTuple):
+    """What a file says, as far as results depend on it."""
+
+    digest: str
+    imports: list[str]
+    """Modules named in import statements, wherever these stand, and the packages around them."""
+    later: list[str]
+    """Modules imported when a part or a name is asked for: those of a `Registry` (``package.*``) and of a facade."""
+    named: list[str]
+    """Data files."""
+
+
+@lru_cache(maxsize=256)
+def code_hash(*modules: str) -> str:
+    """`syntax_hash` of `modules` together with the versions of the libraries."""
+    text = f"{library_versions()} {syntax_hash(*modules)}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=256)
+def syntax_hash(*modules: str, later: bool = True) -> str:
+    """Hash of all files in the `closure` of `modules`."""
+    digest = hashlib.sha256()
+    for name in sorted(closure(*modules, later=later)):
+        digest.update(f"{name.rpartition(os.sep)[2]} {_source(name).digest}\n".encode())
+    return digest.hexdigest()
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that results depend on."""
+    return {"python": "{}.{}".format(*sys.version_info), **{one: version(one) for one in LIBRARIES}}
+
+
+@lru_cache(maxsize=256)
+def closure(*modules: str, later: bool = True) -> frozenset[str]:
+    """Modules and data files that decide what `modules` do, themselves included.
+
+    A module is named as Python does, or by its file. Without `later` only what it has to import counts.
+    """
+    packages = {*PACKAGES, *(name.partition(".")[0] for name in modules)}
+    found: set[str] = set()
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        if name in found or not _counts(name, packages):
+            continue
+        found.add(name)
+        source = _source(name)
+        waiting += source.imports + source.named
+        if later:
+            waiting += [one for name in source.later for one in _modules_of(name)]
+    return frozenset(found)
+
+
+def _counts(name: str, packages: set[str]) -> bool:
+    of_project = os.sep in name or name.partition(".")[0] in packages
+    return (of_project or name.startswith(PLUGIN_PREFIX)) and path_of(name) is not None
+
+
+@lru_cache(maxsize=4096)
+def path_of(module: str) -> Path | None:
+    """File of a module; None if it has none that can be read as text."""
+    if os.sep in module:
+        return Path(module)
+    top, _, rest = module.partition(".")
+    if top in PACKAGES:
+        base = ROOT / top
+    else:
+        loaded = sys.modules.get(top)
+        specification = None if loaded else find_spec(top)
+        file = getattr(loaded, "__file__", None) or getattr(specification, "origin", None)
+        if file is None or Path(file).suffix not in (".py", ".toml"):
+            return None
+        if Path(file).name != "__init__.py":  # a plug-in, or a module of one file
+            return None if rest else Path(file)
+        base = Path(file).parent
+    base = base.joinpath(*rest.split(".")) if rest else base
+    files = (base.with_suffix(".py"), base / "__init__.py")
+    return next((path for path in files if path.exists()), None)
+
+
+def _modules_of(name: str) -> list[str]:
+    package, several, _ = name.partition(".*")
+    if not several:
+        return [name]
+    folder = ROOT.joinpath(*package.split("."))
+    return [f"{package}.{path.stem}" for path in folder.glob("*.py")]
+
+
+@lru_cache(maxsize=4096)
+def _source(name: str) -> Source:
+    path = path_of(name)
+    assert path is not None
+    content = path.read_bytes()
+    key = hashlib.sha256(_reader() + path.suffix.encode() + content).hexdigest()
+    known = _Memo.entries()
+    if key not in known:
+        known[key] = _read(content, path.suffix)
+        _Memo.changed = True
+    return Source(*known[key])
+
+
+@lru_cache(maxsize=1)
+def _reader() -> bytes:
+    """What decides what is found in a file, beside the file."""
+    files = " ".join(sorted(_data_files().values()))
+    return f"{sys.version} {files}".encode() + Path(__file__).read_bytes()
+
+
+class _Memo:
+    """What was found in files, by their content: of this process, and of those before it."""
+
+    found: dict[str, Source] | None = None
+    changed = False
+    SIZE = 4096
+
+    @classmethod
+    def path(cls) -> Path:
+        return cache_folder() / "sources.json"
+
+    @classmethod
+    def entries(cls) -> dict[str, Source]:
+        if cls.found is None:
+            try:
+                stored = json.loads(cls.path().read_bytes())
+                cls.found = {key: Source(*entry) for key, entry in stored.items()}
+            except (OSError, ValueError, TypeError, AttributeError):
+                cls.found = {}  # it is only slower then
+        return cls.found
+
+    @classmethod
+    def keep(cls) -> None:
+        if cls.changed and cls.found is not None:
+            newest = dict(list(cls.found.items())[-cls.SIZE :])
+            write_whole(cls.path(), lambda path: path.write_text(json.dumps(newest)))
+
+
+register(_Memo.keep)
+
+
+@lru_cache(maxsize=1)
+def _data_files() -> dict[str, str]:
+    """File by name and by name without ending."""
+    found: dict[str, str] = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*")):
+            if path.suffix in DATA:
+                found |= {path.name: str(path), path.stem: str(path)}
+    return found
+
+
+def _read(content: bytes, suffix: str) -> Source:
+    if suffix == ".py":
+        return _read_python(ast.parse(content))
+    words: list[str] = []
+    if suffix == ".toml":
+        with suppress(ValueError):  # a broken one counts as it stands
+            content = repr(tomllib.loads(content.decode("utf-8-sig"))).encode()
+        words = re.findall(r"'([\w.-]+)'", content.decode(errors="replace"))
+    return Source(hashlib.sha256(content).hexdigest(), [], [], _named(words))
+
+
+def _named(words: Iterable[str]) -> list[str]:
+    files = _data_files()
+    return sorted({files[word] for word in words if word in files})
+
+
+def _read_python(tree: ast.Module) -> Source:
+    _drop_docstrings(tree)
+    lazy = [node for node in ast.walk(tree) if isinstance(node, ast.If) and _for_types(node)]
+    unneeded = {id(inner) for node in lazy for inner in ast.walk(node)}
+    imports = [
+        name for node in ast.walk(tree) if id(node) not in unneeded for name in _imported(node)
+    ]
+    later = [name for node in lazy for inner in ast.walk(node) for name in _imported(inner)]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
+            words = (word for word in _strings(node) if word.partition(".")[0] in PACKAGES)
+            later += [f"{word}.*" for word in words]
+    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+    return Source(
+        digest, list(dict.fromkeys(imports)), list(dict.fromkeys(later)), _named(_strings(tree))
+    )
+
+
+def _for_types(node: ast.If) -> bool:
+    """Whether a branch is for type checkers; the facades of `alloc.lazy` import what stands there when it is asked for."""
+    return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _imported(node: ast.AST) -> list[str]:
+    names: list[str] = []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom) and node.module is not None:
+        names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    parts = [name.split(".") for name in names]
+    return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]
+
+
+def _strings(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def _drop_docstrings(tree: ast.Module) -> None:
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):  # strings that stand alone are docstrings
+            node.body = [  # type: ignore[attr-defined]
+                item
+                for item in body
+                if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
+            ]

@@ -1,0 +1,235 @@
+"""Compiled code is never stale, is not compiled again for a comment, and is loaded from no folder of somebody else."""
+
+import importlib
+import os
+import pickle
+import sys
+import textwrap
+import warnings
+from pathlib import Path
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import alloc.loop
+import studies.readhesion_paper.lanes
+from alloc import compilation, private_folder, sources
+from alloc.onboard.controllers.built_in import BuiltInController
+from alloc.plant import compiled
+from alloc.private_folder import VARIABLES, cache_folder, private, write_whole
+from alloc.sources import closure, path_of
+from tests.test_sources import forget
+
+ROOT = Path(__file__).parents[1]
+KERNELS = [alloc.loop, compiled, studies.readhesion_paper.lanes]
+
+
+def called(function, seen):
+    """Python functions that a compiled one calls, however indirectly, by the names that it uses."""
+    function = getattr(function, "py_func", function)
+    code = getattr(function, "__code__", None)
+    if code is None or id(code) in seen:
+        return
+    seen[id(code)] = function
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    values = [function.__globals__.get(name) for name in code.co_names]
+    modules = [value for value in values if isinstance(value, type(os))]
+    values += [getattr(module, name, None) for module in modules for name in code.co_names]
+    for value in (*cells, *values):
+        if callable(value) and not isinstance(value, type):
+            called(value, seen)
+
+
+@pytest.mark.parametrize("module", KERNELS, ids=lambda module: module.__name__)
+def test_every_function_of_a_kernel_lies_in_a_file_that_counts(module):
+    seen: dict[int, object] = {}
+    for value in vars(module).values():
+        if isinstance(value, Dispatcher):
+            called(value, seen)
+    files = {Path(function.__code__.co_filename) for function in seen.values()}
+    own = {file for file in files if ROOT in file.parents and ".venv" not in file.parts}
+    assert own
+    assert own <= {path_of(name) for name in closure(module.__name__, later=False)}
+
+
+def test_the_law_of_every_controller_lies_in_a_file_that_counts():
+    laws = {controller.law for controller in BuiltInController.__subclasses__()}
+    assert {law.__module__ for law in laws} <= closure("alloc.loop", later=False)
+
+
+PACKAGE = {
+    "__init__.py": "",
+    "kernel.py": """
+        from alloc.compilation import jit
+        from pack.law import law
+
+
+        @jit
+        def kernel(x):
+            return law(x) + 1.0
+    """,
+    "law.py": """
+        from alloc.compilation import equation
+        from pack.factor import FACTOR
+
+
+        @equation
+        def law(x):
+            return FACTOR * x
+    """,
+    "factor.py": "FACTOR = 2.0\n",
+}
+
+
+@pytest.fixture
+def kernel(tmp_path, monkeypatch):
+    """Write the small package with edits and import it afresh; gives its answer and whether it compiled."""
+    (tmp_path / "pack").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def run(variable="READHESION_CACHE", **edits):
+        for name, text in PACKAGE.items():
+            text = textwrap.dedent(text).strip() + "\n"
+            for old, new in edits.get(name.removesuffix(".py"), ()):
+                assert old in text
+                text = text.replace(old, new)
+            (tmp_path / "pack" / name).write_text(text)
+        with monkeypatch.context() as patch:
+            for name in VARIABLES:
+                patch.delenv(name, raising=False)
+            patch.setenv(variable, str(tmp_path / "cache"))
+            start_afresh()
+            kernel = importlib.import_module("pack.kernel").kernel
+            answer = kernel(3.0)
+        return answer, sum(kernel.stats.cache_misses.values()) > 0
+
+    yield run
+    start_afresh()
+
+
+def start_afresh():
+    """Forget what a process remembers of the package, of sources and of folders."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pack"]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    for module in (sources, compilation, private_folder):
+        forget(module)
+
+
+@pytest.mark.parametrize("variable", VARIABLES)
+def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variable):
+    assert kernel(variable) == (7.0, True)
+    assert kernel(variable) == (7.0, False)
+    commented = [("from", '"""A docstring."""\n# a comment\n\nfrom')]
+    assert kernel(variable, kernel=commented, law=commented) == (7.0, False)
+    assert kernel(variable, factor=[("2.0", "5.0")]) == (16.0, True)
+    assert kernel(variable) == (7.0, False)
+
+
+def test_a_library_of_another_version_compiles_again(kernel, monkeypatch):
+    kernel()
+    monkeypatch.setattr("llvmlite.__version__", "0.0.0")
+    assert kernel() == (7.0, True)
+
+
+class Exploit:
+    """What a crafted cache file holds: it runs a command when it is loaded."""
+
+    def __init__(self, witness):
+        self.witness = witness
+
+    def __reduce__(self):
+        return os.system, (f"touch {self.witness}",)
+
+
+def poison(folder, witness):
+    """Replace every index of compiled code by one that runs a command."""
+    indices = list(folder.rglob("*.nbi"))
+    for path in indices:
+        version = pickle.loads(path.read_bytes())
+        path.write_bytes(pickle.dumps(version) + pickle.dumps(Exploit(witness)))
+    return indices
+
+
+OTHER = 65534
+"""A user that is not this one (nobody)."""
+
+
+@pytest.mark.parametrize("how", ["owner", "file", "mode", "link"])
+def test_compiled_code_that_another_user_could_have_put_there_is_not_loaded(kernel, tmp_path, how):
+    kernel()
+    folder = tmp_path / "cache" / "readhesion" / "code"
+    (kernels,) = folder.glob("kernels-*")
+    (index,) = poison(kernels, tmp_path / "witness")
+    if how == "mode":
+        kernels.chmod(0o777)
+    elif how == "link":
+        kernels.rename(tmp_path / "elsewhere")
+        kernels.symlink_to(tmp_path / "elsewhere")
+    elif os.getuid() != 0:
+        pytest.skip("only root can give files away")
+    else:
+        os.chown(kernels if how == "owner" else index, OTHER, OTHER)
+    with pytest.warns(RuntimeWarning, match="not this user's alone; it is now 'refused-"):
+        assert kernel() == (7.0, True)
+    assert not (tmp_path / "witness").exists()
+    assert list(folder.glob("refused-*"))
+    kernels.chmod(0o700)
+
+
+def test_the_exploit_works_where_the_files_are_ones_own(kernel, tmp_path):
+    """So that the test above can fail."""
+    kernel()
+    poison(tmp_path / "cache", tmp_path / "witness")
+    with warnings.catch_warnings(action="ignore"):
+        assert kernel() == (7.0, True)
+    assert (tmp_path / "witness").exists()
+
+
+def test_a_damaged_cache_is_compiled_again(kernel, tmp_path):
+    kernel()
+    for suffix in ("*.nbi", "*.nbc"):
+        for path in (tmp_path / "cache").rglob(suffix):
+            path.write_bytes(path.read_bytes()[:-7])
+        assert kernel() == (7.0, True)
+        assert kernel() == (7.0, False)
+
+
+def test_where_the_cache_is_another_users_the_temporary_folder_serves(tmp_path, monkeypatch):
+    if os.getuid() != 0:
+        pytest.skip("only root can give files away")
+    taken, temporary = tmp_path / "cache" / "readhesion" / "code", tmp_path / "tmp"
+    temporary.mkdir()
+    private(taken)
+    os.chown(taken, OTHER, OTHER)
+    monkeypatch.setenv("READHESION_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    found = cache_folder.__wrapped__()
+    assert found == temporary / f"readhesion-{os.getuid()}" / "code"
+    os.chown(found, OTHER, OTHER)
+    other = cache_folder.__wrapped__()
+    assert other.parent.parent == temporary
+    assert other != found
+    assert other.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_everybody_may_replace_is_refused(tmp_path):
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    with pytest.raises(PermissionError, match="everybody may replace what is in"):
+        private(tmp_path / "open" / "code")
+    (tmp_path / "open").chmod(0o1777)
+    assert private(tmp_path / "open" / "code").stat().st_mode & 0o777 == 0o700
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    def half(path):
+        path.write_text("half")
+        raise KeyboardInterrupt
+
+    write_whole(tmp_path / "file", lambda path: path.write_text("whole"))
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(tmp_path / "file", half)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "whole"
