@@ -180,8 +180,9 @@ def inputs_hash(event: Event) -> str:
     given = _given(
         np.zeros(ticks), onboard, model.layout, max(1, round(telegrams.period / onboard.period))
     )
+    # + 0.0: without noise there are zeros of either sign
     parts = (
-        model.structure, model.environment, eq, given.noise, telegrams.jitter * given.delay,
+        model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
         given.fate < telegrams.loss, event.command, event.initial_speed, event.initial_position,
     )  # fmt: skip
     return hashlib.sha256(canonical(parts).encode()).hexdigest()[:16]
