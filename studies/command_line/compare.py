@@ -43,8 +43,8 @@ def compare(
     controllers
         Readhesion controllers [default: cut-and-ramp, and mpc on some of the events].
     seeds
-        Number of seeds: 3 runs the seeds 0, 1 and 2 [default: 5, but 1 for the mpc that joins in by
-        itself and where nothing is drawn].
+        Number of seeds: 3 runs the seeds 0, 1 and 2; 0 is the event as its file states it [default:
+        5, but 1 where nothing is drawn].
     jobs
         Number of processes [default: one per core].
     out

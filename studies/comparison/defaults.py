@@ -12,8 +12,6 @@ from studies.scenario.scenario import Scenario
 
 DEFAULT_SEEDS = 5
 """Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
-DEFAULT_MPC_SEEDS = 1
-"""Seeds of the cells where the MPC joins in: one of its runs takes as long as tens of the others."""
 DEFAULT_CONTROLLERS = ("cut-and-ramp",)
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
 """Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
@@ -81,7 +79,7 @@ def make_grid(
         check_controller("mpc")
     return Grid(
         tuple(scenarios), chosen, built_in, tuple(range(count)), extra,
-        DEFAULT_MPC_SEEDS if seeds is None else None, frozenset(fixed),
+        frozenset(fixed),
     )  # fmt: skip
 
 

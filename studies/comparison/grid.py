@@ -16,9 +16,7 @@ class Grid:
     controllers: tuple[str, ...]
     seeds: tuple[int, ...]
     extra: tuple[tuple[Scenario, str, str], ...] = ()
-    """Cells (scenario, rule, controller) beyond the product."""
-    extra_seeds: int | None = None
-    """How many of the seeds, from the first, the extra cells meet; None: all."""
+    """Cells (scenario, rule, controller) beyond the product, over the same seeds."""
     fixed: frozenset[str] = frozenset()
     """Scenarios that meet the first seed alone, for every other would be the same event."""
 
@@ -30,11 +28,10 @@ class Grid:
             for rule in self.rules
             for controller in self.controllers
         ]
-        counts = dict.fromkeys(self.extra, self.extra_seeds) | dict.fromkeys(cells)
         jobs = [
-            Job(*cell, seed)
-            for cell in dict.fromkeys([*cells, *self.extra])
-            for seed in self.seeds[: 1 if cell[0].name in self.fixed else counts[cell]]
+            Job(scenario, rule, controller, seed)
+            for scenario, rule, controller in dict.fromkeys([*cells, *self.extra])
+            for seed in (self.seeds[:1] if scenario.name in self.fixed else self.seeds)
         ]
         names = {job.scenario.name: job.scenario for job in jobs}
         for job in jobs:

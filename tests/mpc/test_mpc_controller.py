@@ -127,7 +127,7 @@ def no_eigenvalues(_):
 
 @pytest.mark.parametrize("status", ["QP flag -1", "LinAlgError: did not converge"])
 def test_solver_failure_fails_and_does_not_stick(context, make_sense, monkeypatch, status):
-    controller = MpcController(context)
+    controller = MpcController(context, MpcSettings(exact_hessian=True))
     slipping = make_sense(slip=0.3, torque=600.0)
     assert controller.decide(make_sense()).ok
     with monkeypatch.context() as broken:

@@ -7,7 +7,6 @@ import pytest
 
 from alloc.rules import RULES
 from studies.comparison.defaults import (
-    DEFAULT_MPC_SEEDS,
     DEFAULT_SEEDS,
     KEPT_RUNS,
     MPC_CELLS,
@@ -34,7 +33,7 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
         for job in grid.jobs()
         if job.scenario.name == "wet-patch" and job.rule == "exact"
     )
-    assert seeds == {"cut-and-ramp": DEFAULT_SEEDS, "mpc": DEFAULT_MPC_SEEDS}
+    assert seeds == {"cut-and-ramp": DEFAULT_SEEDS, "mpc": DEFAULT_SEEDS}
 
 
 def test_the_mpc_joins_in_where_it_is_meant_to():
