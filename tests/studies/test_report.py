@@ -94,6 +94,21 @@ def test_a_table_fits_the_terminal(width):
     assert "98765" in text
 
 
+def test_differences_fit_a_narrow_terminal():
+    names = {
+        "controller": "cut-and-ramp",
+        "effort_ratio": [0.1, 0.2, 0.6],
+        "damage": [1.0, 90.0, 9.0],
+    }
+    table = pd.DataFrame(
+        rows(rule="alone") + rows(rule="greedy-claim", **names) + rows(rule="alone", **names)
+    )
+    (_, _, below) = render(table, 95).partition("less alone")
+    assert "+0.00 ±0.00" in below
+    assert all(len(line.rstrip()) <= 95 for line in below.splitlines())
+    assert "…" not in below
+
+
 def test_a_line_is_named_once_per_rule_and_shows_its_interval():
     text = render(pd.DataFrame(rows(damage=[1.0, 2.0, 3.0]) + rows(controller="mpc")), 170)
     assert text.count("exact") == 1

@@ -1,13 +1,16 @@
 """What fails is seen: faults of the program end a row, solvers that fail too often take its run out of the count."""
 
+import itertools
 import math
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
-from alloc.rules import RULES, qp
+from alloc.rules import RULES
+from alloc.rules.rule import Rule
 from studies.comparison.grid import Grid
 from studies.comparison.summary import summarise
 from studies.core.run_status import MOST_FAILURES
@@ -80,16 +83,24 @@ def test_a_controller_that_breaks_ends_the_row_with_its_traceback(row, faults, r
     assert "\n" not in found["reason"]
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError, TypeError, KeyError])
+def rule_row(short, folder, monkeypatch, answer):
+    """Row of the short scenario under a rule with this answer in the place of "qp"; it is asked with every telegram."""
+    monkeypatch.setitem(RULES._parts, "qp", Rule("qp", "as told", answer, periodic=True))
+    longer = short.changed(duration_s=4.0)
+    return run_cells(Grid((longer,), ("qp",), ("none",), (0,)).jobs(), Store(folder)).iloc[0]
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, TypeError, ValueError])
 def test_a_rule_that_breaks_ends_the_row_with_its_traceback(short, tmp_path, monkeypatch, error):
-    def broken(problem, **_):
+    def broken(problem):
         raise error("no cap")
 
-    monkeypatch.setattr(qp, "workspace", broken)
-    table = run_cells(Grid((short,), ("qp",), ("none",), (0,)).jobs(), Store(tmp_path))
-    assert table.loc[0, "status"] == "failed"
-    assert table.loc[0, "reason"].startswith(f"{error.__name__}: ")
-    assert "in broken, from alloc/rules/qp.py:" in table.loc[0, "reason"]
+    found = rule_row(short, tmp_path, monkeypatch, broken)
+    assert found["status"] == "failed"
+    assert found["reason"].startswith(
+        f"{error.__name__}: no cap (at tests/studies/test_run_status.py:"
+    )
+    assert "in broken, from alloc/rules/rule.py:" in found["reason"]
 
 
 @pytest.mark.parametrize("share", [0.01, MOST_FAILURES, 0.055, 0.3, 1.0])
@@ -105,19 +116,27 @@ def test_the_status_follows_from_the_share_of_steps_that_failed(row, share):
         )
 
 
-def test_a_rule_whose_solver_fails_too_often_degrades_its_row(short, tmp_path, monkeypatch):
-    qp.workspace.cache_clear()
-    monkeypatch.setattr(
-        qp.Workspace, "solve", lambda self, weight, *_: (weight * math.nan, "time over")
-    )
-    cells = Grid((short,), ("qp", "exact"), ("cut-and-ramp",), (0,)).jobs()
-    table = run_cells(cells, Store(tmp_path)).set_index("rule")
-    qp.workspace.cache_clear()
-    assert table["status"].to_dict() == {"qp": "degraded", "exact": "ok"}
-    assert table.loc["qp", "reason"].startswith("the rule failed in ")
-    assert table.loc["qp", "reason"].endswith("most often: qp failed (time over): exact level used")
-    # what it did is what the exact level does
-    assert table.loc["qp", "damage"] == table.loc["exact", "damage"]
+@pytest.mark.parametrize("every", [2, 1000])
+def test_a_rule_whose_solver_fails_too_often_degrades_its_row(short, tmp_path, monkeypatch, every):
+    calls = itertools.count()
+
+    def answer(problem):
+        found = RULES["exact"](problem)
+        return (
+            found if next(calls) % every else replace(found, status="time over: exact level used")
+        )
+
+    found = rule_row(short, tmp_path, monkeypatch, answer)
+    assert found["rule_calls"] >= 20
+    assert found["rule_failures"] == math.ceil(found["rule_calls"] / every)
+    if every == 1000:
+        assert (found["status"], found["reason"]) == ("ok", "")
+    else:
+        assert found["status"] == "degraded"
+        assert found["reason"].startswith(
+            f"the rule failed in {found['rule_failures'] / found['rule_calls']:.1%} of "
+        )
+        assert found["reason"].endswith("most often: time over: exact level used")
 
 
 def test_a_torque_that_is_no_number_is_a_failure(row, monkeypatch):
