@@ -10,7 +10,6 @@ import pytest
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.rules import RULES
-from alloc.rules.rule import Rule
 from studies.comparison.grid import Grid
 from studies.comparison.summary import summarise
 from studies.core.run_status import MOST_FAILURES
@@ -85,7 +84,7 @@ def test_a_controller_that_breaks_ends_the_row_with_its_traceback(row, faults, r
 
 def rule_row(short, folder, monkeypatch, answer):
     """Row of the short scenario under a rule with this answer in the place of "qp"; it is asked with every telegram."""
-    monkeypatch.setitem(RULES._parts, "qp", Rule("qp", "as told", answer, periodic=True))
+    monkeypatch.setitem(RULES._parts, "qp", replace(RULES["qp"], answer=answer, periodic=True))
     longer = short.changed(duration_s=4.0)
     return run_cells(Grid((longer,), ("qp",), ("none",), (0,)).jobs(), Store(folder)).iloc[0]
 
