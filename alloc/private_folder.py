@@ -18,6 +18,9 @@ from pathlib import Path
 VARIABLES = ("READHESION_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
 """Environment variables that may say where compiled code is kept; the first that is set does."""
 
+ASIDE = ".part"
+"""In the name of a file that is being written."""
+
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
@@ -86,7 +89,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
     The file beside it has a name of its own, so writers do not meet; a `write` that raises leaves nothing behind.
     """
-    aside = path.with_name(f".{uuid.uuid4().hex}{path.suffix}")
+    aside = path.with_name(f".{uuid.uuid4().hex}{ASIDE}{path.suffix}")
     try:
         write(aside)
         os.replace(aside, path)

@@ -12,11 +12,11 @@ import re
 import sys
 import tomllib
 from atexit import register
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,6 +61,7 @@ def syntax_hash(*modules: str, later: bool = True) -> str:
     return digest.hexdigest()
 
 
+@lru_cache(maxsize=1)
 def library_versions() -> dict[str, str]:
     """Versions of Python and of the libraries that results depend on."""
     return {"python": "{}.{}".format(*sys.version_info), **{one: version(one) for one in LIBRARIES}}
@@ -81,10 +82,18 @@ def closure(*modules: str, later: bool = True) -> frozenset[str]:
             continue
         found.add(name)
         source = _source(name)
-        waiting += source.imports + source.named
+        waiting += [_absolute(one, name) for one in source.imports] + source.named
         if later:
             waiting += [one for name in source.later for one in _modules_of(name)]
     return frozenset(found)
+
+
+def _absolute(module: str, importer: str) -> str:
+    path = path_of(importer)
+    if not module.startswith(".") or path is None:
+        return module
+    package = importer if path.name == "__init__.py" else importer.rpartition(".")[0]
+    return resolve_name(module, package)
 
 
 def _counts(name: str, packages: set[str]) -> bool:
@@ -201,21 +210,25 @@ def _named(words: Iterable[str]) -> list[str]:
 
 
 def _read_python(tree: ast.Module) -> Source:
-    _drop_docstrings(tree)
-    lazy = [node for node in ast.walk(tree) if isinstance(node, ast.If) and _for_types(node)]
+    nodes = list(ast.walk(tree))
+    lazy = [node for node in nodes if isinstance(node, ast.If) and _for_types(node)]
     unneeded = {id(inner) for node in lazy for inner in ast.walk(node)}
-    imports = [
-        name for node in ast.walk(tree) if id(node) not in unneeded for name in _imported(node)
-    ]
-    later = [name for node in lazy for inner in ast.walk(node) for name in _imported(inner)]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
-            words = (word for word in _strings(node) if word.partition(".")[0] in PACKAGES)
-            later += [f"{word}.*" for word in words]
+    imports: list[str] = []
+    later: list[str] = []
+    strings: list[str] = []
+    for node in nodes:
+        (later if id(node) in unneeded else imports).extend(_imported(node))
+        body = getattr(node, "body", None)
+        if isinstance(body, list):  # strings that stand alone are docstrings
+            node.body = [item for item in body if not _stands_alone(item)]  # type: ignore[attr-defined]
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            strings.append(node.value)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Registry":
+            values = [*node.args, *(keyword.value for keyword in node.keywords)]
+            words = [str(value.value) for value in values if isinstance(value, ast.Constant)]
+            later += [f"{word}.*" for word in words if word.partition(".")[0] in PACKAGES]
     digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-    return Source(
-        digest, list(dict.fromkeys(imports)), list(dict.fromkeys(later)), _named(_strings(tree))
-    )
+    return Source(digest, list(dict.fromkeys(imports)), list(dict.fromkeys(later)), _named(strings))
 
 
 def _for_types(node: ast.If) -> bool:
@@ -223,28 +236,20 @@ def _for_types(node: ast.If) -> bool:
     return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
+def _stands_alone(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
 def _imported(node: ast.AST) -> list[str]:
+    """Modules named in an import statement, and the packages around them; relative ones begin with their dots."""
     names: list[str] = []
     if isinstance(node, ast.Import):
         names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom) and node.module is not None:
-        names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    elif isinstance(node, ast.ImportFrom):
+        module = "." * node.level + (node.module or "")
+        dot = "" if module.endswith(".") else "."
+        names = [module, *(f"{module}{dot}{alias.name}" for alias in node.names)]
+        if node.level:
+            return names
     parts = [name.split(".") for name in names]
     return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]
-
-
-def _strings(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value
-
-
-def _drop_docstrings(tree: ast.Module) -> None:
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):  # strings that stand alone are docstrings
-            node.body = [  # type: ignore[attr-defined]
-                item
-                for item in body
-                if not (isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant))
-            ]

@@ -1,6 +1,7 @@
 """The command `readhesion`: its commands, exit codes, and what goes wrong in one line."""
 
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -15,10 +16,12 @@ from studies.command_line.list import list_names
 from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
+from studies.core.interruption import Termination, listen
 from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+TERMINATED = 143
 
 app = App(
     name="readhesion",
@@ -57,7 +60,8 @@ def launch(
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130."""
+    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130 or 143
+    when it was interrupted or terminated."""
     from alloc.errors import EstimationError, OnboardError, PlantError
     from alloc.rules import AllocationError
     from alloc.simulation import SimulationError
@@ -66,18 +70,20 @@ def run(arguments: Sequence[str] | None = None) -> int:
         StudyError, PlantError, OnboardError, SimulationError, AllocationError, EstimationError, OSError
     )  # fmt: skip
     try:
-        code = app.meta(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
-        )
+        with warnings.catch_warnings():
+            warnings.showwarning = _say  # type: ignore[assignment]
+            code = app.meta(
+                arguments, exit_on_error=False, print_error=False, result_action="return_value"
+            )
     except CycloptsError as error:
         return _refuse(str(error))
     except refused as error:
         return _refuse(str(error))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         print(
             "readhesion: stopped; finished rows are kept, the same command goes on", file=sys.stderr
         )
-        return INTERRUPTED
+        return TERMINATED if isinstance(interrupt, Termination) else INTERRUPTED
     return code if isinstance(code, int) else 0
 
 
@@ -86,6 +92,11 @@ def _refuse(message: str) -> int:
     return BAD_INPUT
 
 
+def _say(message: Warning | str, *_: object) -> None:
+    print(f"readhesion: {' '.join(str(message).split())}", file=sys.stderr)
+
+
 def main() -> None:
     """Entry point of the installed command."""
+    listen()
     sys.exit(run())

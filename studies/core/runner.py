@@ -1,22 +1,22 @@
 """Run the cells that a store lacks, in parallel, and keep every row as it comes."""
 
-import signal
 import time
-import warnings
 from collections.abc import Generator, Iterable, Sequence
+from concurrent.futures import Future
 from contextlib import closing
 from fnmatch import fnmatchcase
+from queue import Empty, SimpleQueue
 
-import joblib
 import numpy as np
 import pandas as pd
-from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import ProcessPoolExecutor, TerminatedWorkerError
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from alloc.rules import AllocationProblem, find_rule
-from studies.core.cell import Cell, Key, OnRow, Outcome, Row, key_of, run_cell
+from studies.core import interruption
+from studies.core.cell import Cell, Key, OnRow, Outcome, Row, Task, key_of, run_cell
 from studies.core.controllers import is_hosted, rehearse, rehearse_plant
 from studies.core.job import Job
+from studies.core.processes import processes
 from studies.core.store import Store
 from studies.files.study_error import StudyError
 
@@ -50,15 +50,17 @@ def run_cells(
     try:
         with closing(outcomes):
             for outcome in outcomes:
-                pending += outcome.rows
-                if outcome.run is not None:
-                    store.save_run(outcome.key, outcome.run)
-                done += 1
-                if on_row is not None:
-                    on_row(outcome.key.label, done, len(cells))
-                if time.monotonic() - flushed > FLUSH_INTERVAL:
+                if outcome is not None:
+                    pending += outcome.rows
+                    if outcome.run is not None:
+                        store.save_run(outcome.key, outcome.run)
+                    done += 1
+                    if on_row is not None:
+                        on_row(outcome.key.label, done, len(cells))
+                if pending and time.monotonic() - flushed > FLUSH_INTERVAL:
                     store.add(pending)
                     pending, flushed = [], time.monotonic()
+                interruption.check()
     except TerminatedWorkerError as error:
         raise StudyError(
             f"a worker process ended unexpectedly ({str(error).splitlines()[0]}); what was computed is "
@@ -82,39 +84,59 @@ def _missing(
 ) -> list[Work]:
     """What is to be done; the slow cells first, so that no process is left alone with one at the end."""
     succeeded = store.cells()
-    present = succeeded if retry_failed else store.cells(failed_too=True)
     work = []
     for cell, key in zip(cells, keys, strict=True):
         kept = any(fnmatchcase(key.label, pattern) for pattern in keep)
-        unrecorded = kept and key.digest in succeeded and not store.run_path(key).exists()
-        if key.digest not in present or unrecorded:
+        done = succeeded.get(key.digest, False)
+        failed = key.digest in succeeded and not done
+        if (
+            not (done or failed)
+            or (failed and retry_failed)
+            or (done and kept and not store.has_run(key))
+        ):
             work.append((cell, key, kept))
     return sorted(
         work, key=lambda one: not (isinstance(one[0], Job) and is_hosted(one[0].controller))
     )
 
 
-def _outcomes(work: Sequence[Work], jobs: int) -> Generator[Outcome, None, None]:
+def _outcomes(work: Sequence[Work], jobs: int) -> Generator[Outcome | None]:
+    """What becomes of the cells, as they finish; None where nothing did for a while."""
     if jobs == 1 or len(work) <= 1:
         for one in work:
             yield run_cell(*one)
         return
-    with joblib.parallel_config("loky", initializer=_ignore_interrupt):
-        parallel = joblib.Parallel(n_jobs=min(jobs, len(work)), return_as="generator_unordered")
-    outcomes = parallel(joblib.delayed(run_cell)(*one) for one in work)
-    try:
-        for outcome in outcomes:  # noqa: UP028 (a close must not reach joblib, which warns of unused results)
+    first, followers = _followers(work)
+    finished: SimpleQueue[Future[Outcome]] = SimpleQueue()
+    with processes(min(jobs, len(work))) as executor:
+
+        def submit(some: Sequence[Work]) -> None:
+            for one in some:
+                executor.submit(run_cell, *one).add_done_callback(finished.put)
+
+        submit(first)
+        left = len(work)
+        while left:
+            try:
+                outcome = finished.get(timeout=FLUSH_INTERVAL).result()
+            except Empty:
+                yield None
+                continue
+            left -= 1
+            submit(followers.get(outcome.key.digest, ()))
             yield outcome
-    except (GeneratorExit, KeyboardInterrupt):
-        with warnings.catch_warnings(action="ignore", category=UserWarning):
-            outcomes.close()
-        get_reusable_executor().shutdown(wait=True, kill_workers=True)
-        raise
 
 
-def _ignore_interrupt() -> None:
-    # an interrupt from the keyboard reaches every process; the parent alone decides what happens then
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _followers(work: Sequence[Work]) -> tuple[list[Work], dict[str, list[Work]]]:
+    """What can begin, and what waits for the cell of a digest: the first task of a function compiles for the others."""
+    leaders: dict[object, str] = {}
+    first: list[Work] = []
+    followers: dict[str, list[Work]] = {}
+    for one in work:
+        cell, key, _ = one
+        leader = leaders.setdefault(cell.function, key.digest) if isinstance(cell, Task) else ""
+        (followers.setdefault(leader, []) if leader not in ("", key.digest) else first).append(one)
+    return first, followers
 
 
 def check_rules(rules: Iterable[str]) -> None:
@@ -137,12 +159,9 @@ def warm_up(cells: Sequence[Cell]) -> None:
     if not jobs:
         return
     hosted = [name for name in dict.fromkeys(job.controller for job in jobs) if is_hosted(name)]
-    # not the pool that runs the cells: that one belongs to joblib
-    executor = ProcessPoolExecutor(1, initializer=_ignore_interrupt)
-    interrupted = True
-    try:
-        first = jobs[0]
-        short = first.scenario.changed(duration_s=0.2)
+    first = jobs[0]
+    short = first.scenario.changed(duration_s=0.2)
+    with processes(1) as executor:
         elsewhere = [executor.submit(rehearse_plant, short)]
         elsewhere += [executor.submit(rehearse, name) for name in hosted]
         check_rules(dict.fromkeys(job.rule for job in jobs))
@@ -151,6 +170,3 @@ def warm_up(cells: Sequence[Cell]) -> None:
         run_cell(built_in, key_of(built_in))
         for future in elsewhere:
             future.exception()
-        interrupted = False
-    finally:
-        executor.shutdown(wait=True, kill_workers=interrupted)

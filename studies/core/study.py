@@ -78,7 +78,7 @@ class Study:
         It is a multiple of `step`; events that add no cell do not count.
         """
         store = Store(folder)
-        done = store.cells(failed_too=True)
+        done = store.cells().keys()
         first = self.cells(seed, self.step, **settings)
 
         def holds(steps: int) -> bool:
@@ -88,7 +88,7 @@ class Study:
                 return False
             for stage in (*self.later, None):
                 keys = [key_of(cell) for cell in cells]
-                if not done.issuperset(key.digest for key in keys):
+                if not done >= {key.digest for key in keys}:
                     return False
                 if stage is not None:
                     cells = [*cells, *stage(seed, events, store.rows_of(keys), **settings)]

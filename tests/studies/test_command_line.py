@@ -260,29 +260,96 @@ def test_as_a_process_bad_input_ends_with_code_2():
     )
 
 
-@pytest.mark.slow
-def test_an_interrupted_comparison_keeps_its_rows_and_goes_on(short_file, tmp_path):
-    out = tmp_path / "out"
-    arguments = (
-        "compare", "--scenario", short_file, "--rules", "alone", "--controllers", "none",
-        "--seeds", 200, "--jobs", 2, "--no-figures", "--out", out,
+WAITING = """
+import os
+import time
+from pathlib import Path
+
+from alloc.metrics.registry import metric
+
+
+@metric("waiting", "s", "waits for ever after the first two seeds", 0)
+def waiting(run):
+    if run.attrs["seed"] >= 2:
+        Path(os.environ["WAITING"], str(os.getpid())).touch()
+        time.sleep(3600.0)
+    return 0.0
+"""
+
+
+@pytest.fixture
+def waiting(short_file, tmp_path, monkeypatch):
+    """A comparison whose first two rows are in the table, while two workers are busy; their numbers."""
+    (tmp_path / "waiting.py").write_text(WAITING)
+    (tmp_path / "busy").mkdir()
+    monkeypatch.setenv("WAITING", str(tmp_path / "busy"))
+    running = process(
+        "--plugin", tmp_path / "waiting.py", "compare", "--scenario", short_file, "--rules", "alone",
+        "--controllers", "none", "--seeds", 6, "--jobs", 2, "--no-figures", "--out", tmp_path / "out",
+        start_new_session=True,
     )  # fmt: skip
-    running = process(*arguments, start_new_session=True)
-    _wait_for(out / "runs.parquet", running)
-    os.killpg(running.pid, signal.SIGINT)  # as the keyboard does: to every process
-    _, err = running.communicate(timeout=60)
-    assert running.returncode == 130
-    assert "finished rows are kept" in err
-    assert "Traceback" not in err
-    assert "Warning" not in err
-    kept = Store(out).read()
-    assert (kept["status"] == "ok").all()
-    assert 0 < len(kept) < 200
+    table = tmp_path / "out" / "runs.parquet"
+    _wait_for(lambda: len(list((tmp_path / "busy").iterdir())) == 2, running)
+    _wait_for(lambda: table.exists() and len(pd.read_parquet(table)) == 2, running)
+    yield running, [int(path.name) for path in (tmp_path / "busy").iterdir()]
+    running.kill()
+    running.communicate()
 
 
-def _wait_for(path: Path, running: subprocess.Popen) -> None:
-    deadline = time.monotonic() + 240.0
-    while not path.exists():
-        assert running.poll() is None, running.communicate()
+LONG = 900.0
+"""What never takes so long on any machine [s] has failed."""
+
+
+def _wait_for(happened, running: subprocess.Popen | None = None) -> None:
+    deadline = time.monotonic() + LONG
+    while not happened():
+        assert running is None or running.poll() is None, running.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def _lives(number: int) -> bool:
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.slow
+def test_two_processes_in_one_folder_both_finish(short_file, tmp_path):
+    words = (
+        "compare", "--scenario", short_file, "--rules", "alone,exact", "--controllers", "none",
+        "--seeds", 2, "--jobs", 1, "--keep", "*", "--no-figures", "--out", tmp_path,
+    )  # fmt: skip
+    both = [process(*words), process(*words)]
+    for running in both:
+        _, err = running.communicate()
+        assert (running.returncode, err.strip()) == (0, "")
+    store = Store(tmp_path)
+    assert store.read()["status"].tolist() == 4 * ["ok"]
+    assert len(list(tmp_path.glob("runs/*/*.nc"))) == 4
+    assert not list(tmp_path.rglob("*.broken*"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+@pytest.mark.parametrize(("how", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGKILL", -9)])
+def test_an_interrupted_comparison_keeps_its_rows_and_ends_its_workers(
+    waiting, tmp_path, how, code
+):
+    running, workers = waiting
+    assert all(map(_lives, workers))
+    if how == "SIGINT":
+        os.killpg(running.pid, signal.SIGINT)  # as the keyboard does: to every process
+    else:
+        running.send_signal(getattr(signal, how))
+    _, err = running.communicate()
+    assert running.returncode == code
+    if how != "SIGKILL":
+        assert (
+            err.strip() == "readhesion: stopped; finished rows are kept, the same command goes on"
+        )
+    _wait_for(lambda: not any(map(_lives, workers)))
+    kept = Store(tmp_path / "out").read()
+    assert sorted(kept["seed"]) == [0, 1]
+    assert (kept["status"] == "ok").all()
