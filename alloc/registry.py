@@ -6,6 +6,7 @@ is the part's, its object the part.
 
 import pkgutil
 import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
@@ -35,7 +36,8 @@ class Registry(Mapping[str, Part], Generic[Part]):
         self._error, self._package, self._order = error, package, order
         self._parts: dict[str, Part] = {}
         self._origins: dict[str, str] = {}
-        self._filled = package is None
+        self._filled, self._filling = package is None, False
+        self._lock = threading.RLock()
 
     def register(self, name: str, part: Part, origin: str | None = None) -> Part:
         """Add `part` under `name`; the module that did may do so again, no other may.
@@ -92,10 +94,20 @@ class Registry(Mapping[str, Part], Generic[Part]):
         return (1, self._origins[name]) if self._ships(self._origins[name]) else (2, 0)
 
     def _fill(self) -> None:
-        if not self._filled:
-            self._filled = True
-            for module in pkgutil.iter_modules(import_module(str(self._package)).__path__):
-                import_module(f"{self._package}.{module.name}")
+        if self._filled:
+            return
+        with (
+            self._lock
+        ):  # another thread waits for all parts; this one may ask while it imports them
+            if self._filled or self._filling:
+                return
+            self._filling = True
+            try:
+                for module in pkgutil.iter_modules(import_module(str(self._package)).__path__):
+                    import_module(f"{self._package}.{module.name}")
+                self._filled = True
+            finally:
+                self._filling = False
 
     @cached_property
     def _installed(self) -> dict[str, EntryPoint]:

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from alloc.private_folder import write_whole
 from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE
@@ -58,7 +59,7 @@ def draw_one(name: str, path: str | Path, *data: Any) -> None:
     drawn = FIGURES[name](*data)
     try:
         with mpl.rc_context(fname=STYLE_FILE):
-            drawn.savefig(path)
+            write_whole(Path(path), drawn.savefig)
     except ValueError as error:
         raise StudyError(f"figure {str(path)!r}: {error}") from None
 
@@ -76,8 +77,8 @@ def save_figure(drawn: Figure, path: Path) -> list[Path]:
         with mpl.rc_context(fname=STYLE_FILE):
             drawn.draw_without_rendering()
             drawn.set_layout_engine("none")  # laid out once: both files are the same to the point
-            drawn.savefig(files[0], metadata={"CreationDate": None})
-            drawn.savefig(files[1])
+            write_whole(files[0], lambda path: drawn.savefig(path, metadata={"CreationDate": None}))
+            write_whole(files[1], drawn.savefig)
     except OSError as error:
         raise StudyError(
             f"figure folder {str(path.parent)!r} cannot be written: {error.strerror}; choose another with --out"

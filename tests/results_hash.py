@@ -21,7 +21,7 @@ import pandas as pd
 import xarray as xr
 
 from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.rules import RULES, qp
+from alloc.rules import RULES
 from studies.core.collection import find_study
 from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
@@ -121,8 +121,7 @@ def statements_hash(statements: list[Statement]) -> str:
 
 
 def hash_run(scenario: str, rule: str, controller: str) -> str:
-    """Hash of one run of a shipped scenario, with solvers that remember no run before it."""
-    qp.workspace.cache_clear()
+    """Hash of one run of a shipped scenario."""
     chosen = load_scenario(scenario)
     if is_hosted(controller):
         chosen = chosen.changed(duration_s=min(chosen.duration_s, HOSTED_DURATION))
@@ -130,8 +129,7 @@ def hash_run(scenario: str, rule: str, controller: str) -> str:
 
 
 def hash_study(name: str) -> list[tuple[str, str]]:
-    """Hashes of a study's small table and of its statements, with solvers that remember no problem before."""
-    qp.workspace.cache_clear()
+    """Hashes of a study's small table and of its statements."""
     events, settings = SMALL[name]
     study = find_study(name)
     with tempfile.TemporaryDirectory() as folder:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
+from alloc.private_folder import write_whole
 
 Floats = NDArray[np.float64]
 
@@ -160,10 +161,9 @@ def save_learning(path: str | Path, train: str, learnt: dict[str, Learning]) -> 
         "train": train,
         "directions": {name: {"kind": item.kind} | item.state() for name, item in learnt.items()},
     }
-    aside = path.with_name(path.name + ".new")
+    text = json.dumps(content, indent=1)
     try:
-        aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
-        aside.replace(path)
+        write_whole(path, lambda aside: aside.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise EstimationError(
             f"learning file {str(path)!r} cannot be written: {error.strerror}"

@@ -66,9 +66,9 @@ def utilisation(run: xr.Dataset) -> float:
     return adhesion_used(run, acting_axles(run) & under_demand(run)[:, None])
 
 
-@metric("utilisation_slipping", "1", "adhesion used while any driven axle slips", +1)
+@metric("utilisation_slipping", "1", "adhesion used by units while their detector signals slip", +1)
 def utilisation_slipping(run: xr.Dataset) -> float:
-    """Utilisation over the instants and units in which an axle of the unit slips or its detector has signalled."""
+    """Utilisation over the instants and units in which the unit's detector signals slip; nan where none does."""
     unit = run["axle_unit"].values
     if run.sizes["unit"] == 0:
         return float("nan")
@@ -112,14 +112,12 @@ def distance(run: xr.Dataset) -> float:
 
 @metric("time_to_speed", "s", "time from the first demand to the target speed", -1)
 def time_to_speed(run: xr.Dataset) -> float:
-    """Time [s] from the first demand to the target speed; nan if it is not reached or none is set."""
-    if not np.isfinite(run.attrs["target_speed"]):
-        return float("nan")
-    end = _target_index(run)
-    if end < 0:
+    """Time [s] from the first demand to the target speed; nan if it is not reached, or there is no target or demand."""
+    demand, end = under_demand(run), _target_index(run)
+    if end < 0 or not np.isfinite(run.attrs["target_speed"]) or not demand.any():
         return float("nan")
     time = run["time"].values
-    return float(time[end] - time[int(np.argmax(under_demand(run)))])
+    return float(time[end] - time[int(np.argmax(demand))])
 
 
 def _target_index(run: xr.Dataset) -> int:

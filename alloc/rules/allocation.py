@@ -25,7 +25,7 @@ class Allocation:
     unmet: float
     """Mean shortfall of the limits against the plan, weighted with mass, as a coefficient; >= 0."""
     status: str = "ok"
-    """"ok", or what happened instead."""
+    """"ok", which a rule with a solver says of a certified optimum only, or what happened instead."""
     solve_time: float = 0.0
     """Wall time that the rule took [s]."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from alloc.compilation import jit
 from alloc.rules.allocation import CASE_A, CASE_B, Allocation, allocation
 from alloc.rules.problem import AllocationProblem, Floats
-from alloc.rules.reach import ROUNDING, highest_cap
+from alloc.rules.reach import ROUNDING, highest_cap, lowest, sums_at_bounds
 from alloc.rules.rule import RULES, Rule
 
 
@@ -99,19 +99,13 @@ def box_limits(lower, upper, mass, expected, limit_out):
 
     Where even the upper bounds fall short all units stand there, and where even the lower ones exceed the plan, there.
     """
-    most, least, total = 0.0, 0.0, 0.0
-    for j in range(upper.size):
-        most += mass[j] * (upper[j] - expected)
-        least += mass[j] * (lower[j] - expected)
-        total += mass[j]
+    most, least, total = sums_at_bounds(lower, upper, mass, expected)
     slack = ROUNDING * expected * total
     reached = most > slack
     if not reached:
         level = highest_cap(upper)
     elif least >= -slack:
-        level = lower[0]
-        for j in range(1, lower.size):
-            level = min(level, lower[j])
+        level = lowest(lower)
     else:
         level = box_level(lower, upper, mass, expected)
     for j in range(upper.size):

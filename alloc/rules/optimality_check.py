@@ -10,9 +10,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from alloc.compilation import jit
 from alloc.rules.allocation import Allocation
 from alloc.rules.exact import box_limits
 from alloc.rules.problem import AllocationProblem, Floats
+
+CERTIFIED = 3e-10
+"""Largest error of a level that is certified, relative to the plan: two such make less than 1e-9."""
+
+
+@jit
+def certified(lower, upper, mass, expected, limit, level):
+    """Whether `limit` is the optimum but for 2 `CERTIFIED`, relative to the plan; for bounds that leave a choice.
+
+    With clip(L) = min(max(L, lower), upper), first: every limit is clip(level) but for the tolerance. That is stationarity,
+    complementarity and the multipliers' signs in one: the residual of the projected gradient, over the mass. Second: the sum
+    of m clip(L) is at most the plan's a tolerance below `level`, and at least the plan's a tolerance above. It rises with L,
+    so the true multiplier is in between. A small residual of the sum would prove nothing where the free units are light.
+    """
+    tolerance = CERTIFIED * expected
+    below, above, holds = 0.0, 0.0, True
+    for j in range(limit.size):
+        at_level = min(max(level, lower[j]), upper[j])
+        within = lower[j] <= limit[j] <= upper[j]
+        holds = holds and within and abs(limit[j] - at_level) <= tolerance
+        below += mass[j] * (min(max(level - tolerance, lower[j]), upper[j]) - expected)
+        above += mass[j] * (min(max(level + tolerance, lower[j]), upper[j]) - expected)
+    return holds and below <= 0.0 <= above
 
 
 @dataclass(frozen=True)

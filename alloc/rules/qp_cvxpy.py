@@ -1,5 +1,6 @@
 """The quadratic program of `alloc.rules.qp` as one would write it on paper: the readable reference."""
 
+import threading
 import time
 import warnings
 from functools import lru_cache
@@ -7,13 +8,17 @@ from functools import lru_cache
 import numpy as np
 
 from alloc.rules.allocation import Allocation
-from alloc.rules.problem import AllocationProblem, import_solver
-from alloc.rules.qp import checked, finished, scaled
+from alloc.rules.polish import polished
+from alloc.rules.problem import AllocationProblem, Floats, import_solver
+from alloc.rules.qp import scaled
 from alloc.rules.rule import RULES, Rule
 
 SOLVER = "CLARABEL"
 """An interior-point solver: another method than `qp`'s, so that the two check each other."""
 SETTINGS = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
+
+ONE_AT_A_TIME = threading.Lock()
+"""cvxpy's parameters and Python's filters of warnings belong to the whole process."""
 
 
 class Formulation:
@@ -22,6 +27,7 @@ class Formulation:
     def __init__(self, n: int) -> None:
         cp = import_solver("cvxpy", "qp-cvxpy")
 
+        self.failure = cp.SolverError
         self.root_weight = cp.Parameter(n, pos=True)
         self.weight = cp.Parameter(n, pos=True)
         self.lower = cp.Parameter(n, nonneg=True)
@@ -32,8 +38,27 @@ class Formulation:
         deviation = cp.multiply(self.root_weight, self.z - 1)
         self.problem = cp.Problem(
             cp.Minimize(cp.sum_squares(deviation)),
-            [self.weight @ self.z == self.total, self.lower <= self.z, self.z <= self.upper],
+            [self.lower <= self.z, self.z <= self.upper, self.weight @ self.z == self.total],
         )
+
+    def solve(
+        self, weight: Floats, lower: Floats, upper: Floats, total: float
+    ) -> tuple[Floats, Floats, str]:
+        """As `alloc.rules.qp.Workspace.solve`."""
+        self.root_weight.value, self.weight.value = np.sqrt(weight), weight
+        self.lower.value, self.upper.value, self.total.value = lower, upper, total
+        nothing = np.full(weight.size, np.nan)
+        try:
+            with warnings.catch_warnings():
+                # "may be inaccurate": whether the answer is, its certificate says
+                warnings.simplefilter("ignore", UserWarning)
+                self.problem.solve(solver=SOLVER, **SETTINGS)
+        except self.failure as error:
+            return nothing, nothing, str(error)
+        if self.problem.status not in ("optimal", "optimal_inaccurate"):
+            return nothing, nothing, str(self.problem.status)
+        at_lower, at_upper, _ = (constraint.dual_value for constraint in self.problem.constraints)
+        return self.z.value, 0.5 * (at_upper - at_lower) / weight, "ok"
 
 
 formulation = lru_cache(maxsize=64)(Formulation)
@@ -41,25 +66,12 @@ formulation = lru_cache(maxsize=64)(Formulation)
 
 
 def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:
-    """Limits by cvxpy; where its solver fails, the exact ones, and the status says so."""
-    stated = formulation(problem.n)
-    started = time.perf_counter()
-    weight, lower, upper, total = scaled(problem)
-    stated.root_weight.value, stated.weight.value = np.sqrt(weight), weight
-    stated.lower.value, stated.upper.value, stated.total.value = lower, upper, total
-    z, status = np.full(problem.n, np.nan), "ok"
-    try:
-        with warnings.catch_warnings():
-            # "may be inaccurate": whether it is, is checked below
-            warnings.simplefilter("ignore", UserWarning)
-            stated.problem.solve(solver=SOLVER, **SETTINGS)
-    except import_solver("cvxpy", "qp-cvxpy").SolverError as error:
-        status = str(error)
-    if stated.problem.status not in ("optimal", "optimal_inaccurate"):
-        status = str(stated.problem.status)
-    elif status == "ok":
-        z, status = checked(stated.z.value, weight, lower, upper, total)
-    return finished("qp-cvxpy", problem, z, status, started)
+    """Limits by cvxpy; where they are not certified, the exact ones, and the status says so."""
+    with ONE_AT_A_TIME:
+        stated = formulation(problem.n)
+        started = time.perf_counter()
+        *answer, status = stated.solve(*scaled(problem))
+    return polished("qp-cvxpy", problem, answer, status, started)
 
 
 QP_CVXPY = Rule(

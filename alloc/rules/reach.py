@@ -25,9 +25,29 @@ def within_reach(cap, expected):
 
 
 @jit
+def sums_at_bounds(lower, upper, mass, expected):
+    """Sums of m (upper - expected), m (lower - expected) and m."""
+    most, least, total = 0.0, 0.0, 0.0
+    for j in range(upper.size):
+        most += mass[j] * (upper[j] - expected)
+        least += mass[j] * (lower[j] - expected)
+        total += mass[j]
+    return most, least, total
+
+
+@jit
 def highest_cap(cap):
     """The level of case A, where every unit works at its cap."""
     highest = cap[0]
     for j in range(1, cap.size):
         highest = max(highest, cap[j])
     return highest
+
+
+@jit
+def lowest(values):
+    """The smallest of an array's values."""
+    smallest = values[0]
+    for j in range(1, values.size):
+        smallest = min(smallest, values[j])
+    return smallest

@@ -30,6 +30,9 @@ class Rule:
 
     A rule has an `answer` in Python or a compiled `law`; both where the law leaves out rates of change. Raises
     `AllocationError` where a library that the rule needs is not installed.
+
+    Several threads may call rules that ship, the same one too: an answer is that of a call alone, whatever was asked before.
+    A solver that keeps a workspace answers one call at a time.
     """
 
     name: str

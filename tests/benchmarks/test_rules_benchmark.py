@@ -9,6 +9,7 @@ import pytest
 from alloc.compilation import jit
 from alloc.rules import RULES, AllocationProblem, find_rule
 from alloc.rules.dispatch import allocate_compiled, compiled_index
+from alloc.rules.polish import polish
 from alloc.rules.rule import Units
 
 EXPECTED = 0.17
@@ -78,6 +79,16 @@ def test_compiled(benchmark, rule, n):
     )
     total = benchmark(repeat, *arguments)
     assert total > 0.0
+
+
+@pytest.mark.parametrize("n", [8, 16, 64])
+def test_certificate(benchmark, n):
+    # what `qp` does after OSQP: the level of its active set, and the proof that this is the optimum
+    benchmark.group = f"one call, {n} units"
+    problem = sequence(n)[1]
+    exact = find_rule("exact")(problem)
+    arguments = (*problem.box, problem.weight, EXPECTED, exact.limit, exact.level - exact.limit)
+    assert benchmark(polish, *arguments, np.empty(n))[2]
 
 
 def best_of(call, rounds):

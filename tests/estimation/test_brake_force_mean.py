@@ -85,3 +85,21 @@ def test_too_short_series_are_refused():
         batch_mean(np.zeros(90), 10, trend=9)
     with pytest.raises(EstimationError, match="values holds nan"):
         batch_mean(np.array([0.0, np.nan]))
+
+
+def test_steady_pressure_is_that_of_the_last_quarter():
+    # 63.2 % of 300 kPa are 189.6 kPa, which the second quarter has; of the 200 kPa before it would be the first
+    pressure = np.repeat([150e3, 200e3, 200e3, 300e3], 10)
+    speed = np.where(np.arange(41) < 40, 10.0, 0.0)
+    assert braking_window(np.append(pressure, 0.0), speed) == slice(10, 40)
+
+
+def test_batches_by_hand():
+    # of two batches of two the first sample is left: means 2 and 8, scatter 3^2 + 3^2, of the mean half of it
+    means = batch_mean([9.0, 1.0, 3.0, 5.0, 11.0], batches=2)
+    assert [float(means.mean), float(means.deviation)] == pytest.approx([5.8, 3.0], rel=1e-12)
+    assert means.freedom == 1
+    # Student's t of one degree of freedom: 12.706 at 95 %
+    assert np.array(means.interval()) == pytest.approx(
+        [5.8 - 3 * 12.7062, 5.8 + 3 * 12.7062], rel=1e-5
+    )

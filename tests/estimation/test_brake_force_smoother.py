@@ -95,6 +95,12 @@ def test_the_walk_is_found(true):
     assert found.log_likelihood >= smoothed(a, couplers, walk=true).log_likelihood - 0.1
 
 
+def test_the_walk_is_sought_up_to_a_full_brake_in_ten_milliseconds():
+    jumping = np.where(np.arange(60)[:, None] % 2, 50.0, -50.0)
+    found = smooth_brake_forces(jumping, np.zeros((60, 0)), [10e3], PERIOD, A_NOISE, R_NOISE)
+    assert found.walk == pytest.approx(10.0, rel=0.03)
+
+
 def test_impossible_options_are_refused():
     _, a, couplers = wandering(0, 5)
     with pytest.raises(EstimationError, match=r"acceleration has shape \(5,\)"):
@@ -106,3 +112,20 @@ def test_impossible_options_are_refused():
     a[2, 1] = np.nan
     with pytest.raises(EstimationError, match=r"acceleration holds nan at \(2, 1\)"):
         smoothed(a, couplers)
+
+
+def test_likelihood_of_three_measurements_by_hand():
+    """One car: the walk's variance is 0.1^2 x 0.02, the noise's 0.02^2; each sample is judged by what was known before."""
+    found = smooth_brake_forces(
+        np.array([[-1.0], [-1.2], [-0.9]]), np.zeros((3, 0)), [10e3], PERIOD, A_NOISE, R_NOISE, WALK
+    )
+    noise, step = 4e-4, 2e-4
+    first = noise + step + noise
+    gain = (noise + step) / first
+    mean, variance = 1.0 + gain * 0.2, gain * noise
+    second = variance + step + noise
+    expected = -0.5 * (
+        np.log(2 * np.pi * first) + 0.2**2 / first
+        + np.log(2 * np.pi * second) + (0.9 - mean) ** 2 / second
+    )  # fmt: skip
+    assert found.log_likelihood == pytest.approx(expected, rel=1e-12)

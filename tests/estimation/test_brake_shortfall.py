@@ -91,3 +91,19 @@ def test_bad_input_is_refused():
         find_shortfalls(np.zeros((20, 2)), np.zeros((20, 3)))
     with pytest.raises(EstimationError, match="allocated holds nan"):
         find_shortfalls(np.full((20, 2), np.nan), np.zeros((20, 2)))
+
+
+def test_degrees_of_freedom_grow_with_what_is_known():
+    draw = np.random.default_rng(0)
+    allocated, noise = np.full((SAMPLES, 1), 1e4), draw.normal(0.0, 100.0, (SAMPLES, 1))
+    alone = find_shortfalls(allocated, allocated + noise)
+    # as much again that is known: the variance is twice, and Welch's degrees of freedom 9 x 2^2
+    both = find_shortfalls(allocated, allocated + noise, alone.deviation)
+    assert both.deviation[0] == pytest.approx(np.sqrt(2.0) * alone.deviation[0])
+    assert both.threshold[0] / both.deviation[0] == pytest.approx(student.ppf(0.99, 36))
+
+
+def test_the_surest_is_not_the_largest():
+    allocated = np.full((SAMPLES, 2), 1e4)
+    found = find_shortfalls(allocated, allocated - [5e3, 2e3], [1e3, 10.0])
+    assert found.accused.tolist() == [1, 0]

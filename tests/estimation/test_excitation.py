@@ -96,3 +96,54 @@ def test_residuals_that_follow_each_other_count_less():
 def test_data_that_are_none_are_refused(z, f):
     with pytest.raises(EstimationError, match="excitation"):
         judge_excitation(z, f, WEIGHTS)
+
+
+def by_hand(size=1.0):
+    """40 samples of 3 z1 + 5 z2 and a residual ++++---- orthogonal to both: z1 is 1, z2 is 1 in the first 16."""
+    z = np.column_stack([np.ones(40), np.arange(40) < 16])
+    residual = size * np.where(np.arange(40) % 8 < 4, 1.0, -1.0)
+    return judge_excitation(z, z @ [3.0, 5.0] + residual, ("one", "other"))
+
+
+def test_numbers_of_a_judgement_by_hand():
+    found = by_hand()
+    # cosine of the regressors: 16 / sqrt(40 x 16); part apart: 1 - 0.4; eigenvalues 1 +- sqrt(0.4)
+    assert [weight.part for weight in found.weights] == pytest.approx([0.6, 0.6])
+    assert [weight.value for weight in found.weights] == pytest.approx([3.0, 5.0])
+    assert found.smallest_eigenvalue == pytest.approx(1.0 - np.sqrt(0.4))
+    assert found.condition == pytest.approx((1.0 + np.sqrt(0.4)) / (1.0 - np.sqrt(0.4)))
+    assert found.residual == pytest.approx(1.0)
+    # from one residual to the next: 30 pairs alike, 9 opposite, over 40; 40 samples less two weights
+    r = 21 / 40
+    variance = 40 / 38 * (1 + r) / (1 - r)
+    assert [weight.deviation for weight in found.weights] == pytest.approx(
+        [np.sqrt(variance / 0.6 / 40), np.sqrt(variance / 0.6 / 16)]
+    )
+
+
+def test_a_weight_may_be_uncertain_by_a_twentieth():
+    unit = by_hand().weights[0].deviation / 3.0
+    for uncertain, learnt in ((0.049, True), (0.051, False)):
+        found = by_hand(uncertain / unit)
+        assert found.learned("one") == learnt
+        said = "excited too little against what the weights leave: uncertain by 5.1 %"
+        assert found.weights[0].reason == ("" if learnt else said)
+
+
+@pytest.mark.parametrize(("square", "told_apart"), [(0.00095, False), (0.00106, True)])
+def test_a_thousandth_of_the_regressor_must_be_its_own(square, told_apart):
+    alternating = np.where(np.arange(400) % 2, 1.0, -1.0)
+    third = np.where(np.arange(400) % 4 < 2, 1.0, -1.0)  # resembles neither
+    against = np.column_stack([np.ones(400), -1.0 - np.sqrt(square) * alternating, third])
+    found = judge_excitation(against, against @ [1.0, 2.0, 3.0], ("one", "other", "third"))
+    reasons = [weight.reason for weight in found.weights[:2]]
+    if told_apart:
+        assert reasons == ["", ""]
+    else:
+        assert reasons == ["cannot be told apart from other", "cannot be told apart from one"]
+
+
+@pytest.mark.parametrize(("count", "learnt"), [(19, False), (20, True)])
+def test_twenty_samples_are_needed(count, learnt):
+    z = np.column_stack([np.ones(100), np.arange(100) < count])
+    assert judge_excitation(z, z @ [1.0, 2.0], ("one", "few")).learned("few") == learnt

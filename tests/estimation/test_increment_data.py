@@ -96,3 +96,26 @@ def test_bad_values_are_refused():
         increment_data(event, delay=-1)
     with pytest.raises(EstimationError, match="hold_time = nan"):
         increment_data(event, hold_time=float("nan"))
+
+
+def test_held_takes_what_b1_detects_until_the_telegram_arrives():
+    first = 0.10 + 1e-4 * np.arange(1000)
+    event = run({0: [(100, 101), (205, 206), (215, 216)], 1: [(200, 203)]}, {0: first, 1: 0.15})
+    (datum,) = increment_data(event, "held", delay=0.1)
+    assert datum.increment == pytest.approx(0.15 - first[205])
+
+
+def test_age_of_what_is_held_counts_until_the_telegram_arrives():
+    # detected 4.95 s after B1's own slip, received 5.05 s after it
+    event = run({0: [(100, 101)], 1: [(595, 596)]}, {0: 0.1, 1: 0.15})
+    assert increment_data(event, "held", delay=0.1, hold_time=5.0) == []
+    assert len(increment_data(event, "held", delay=0.1, hold_time=5.1)) == 1
+
+
+def test_what_b1_detects_without_demand_is_not_held():
+    event = run(
+        {0: [(100, 101), (150, 151)], 1: [(200, 203)]}, {0: 1e-4 * np.arange(1000), 1: 0.15}
+    )
+    event["driver_command"].values[140:160] = 0.0
+    (datum,) = increment_data(event, "held")
+    assert datum.increment == pytest.approx(0.15 - 0.0100)

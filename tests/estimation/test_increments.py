@@ -151,5 +151,34 @@ def test_bad_values_are_refused(tmp_path):
         conventional_increments(TRUE, 10.0, "dry")
     with pytest.raises(EstimationError, match="speed = nan"):
         conventional_increments(TRUE, float("nan"))
+    with pytest.raises(EstimationError, match=r"axle 2 has 4.5; counts are whole"):
+        SlideCounts(np.array([5, 4.5, 4, 4, 3]))
     with pytest.raises(EstimationError, match="at least 3"):
         fit_increments(axle_shifts(SlideCounts(np.array([10, 10, 0, 0, 0]))))
+
+
+def test_band_by_hand():
+    fit = fit_increments(AxleShifts(0.01 * np.log(np.arange(1, 13)), 1e-8 * np.eye(12)))
+    low, high = fit.band(0.95)
+    half = 1.959963984540054 * fit.slope_deviation * abs(np.log(12) - 0.7945134)
+    assert high[11] - fit.increments()[11] == pytest.approx(half, rel=1e-6)
+    assert fit.increments()[11] - low[11] == pytest.approx(half, rel=1e-6)
+    # slope's error of equal and independent ones: theirs over the root of the squares of ln j about their mean
+    log = np.log(np.arange(1, 13))
+    assert fit.slope_deviation == pytest.approx(1e-4 / np.sqrt(np.sum((log - log.mean()) ** 2)))
+
+
+def test_increments_of_units_may_be_negative():
+    unit = np.array([0, 0, 1, -1, 2])
+    per_axle = np.array([0.02, 0.04, 0.01, 0.9, 0.05])
+    assert unit_increments(per_axle, unit) == pytest.approx([0.0, -0.02, 0.02])
+
+
+def test_shift_and_error_of_an_axle_by_hand():
+    """36 slides of 2 x 40: k = -Phi^-1(0.45); the count varies by its root, the lead car's 160 slides by theirs."""
+    counts = SlideCounts(np.array([44, 40, 38, 38, 36]))
+    shifts = axle_shifts(counts)
+    assert shifts.shift[4] == pytest.approx(0.012 * 0.12566134685507416, rel=1e-12)
+    density = np.exp(-0.5 * 0.12566134685507416**2) / np.sqrt(2 * np.pi)
+    relative = np.sqrt(1 / 36 + 1 / 160)
+    assert shifts.deviation[4] == pytest.approx(0.012 * 0.45 / density * relative, rel=1e-9)

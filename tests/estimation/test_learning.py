@@ -27,6 +27,13 @@ def test_running_mean_is_16_and_17_by_hand():
     assert learning.increment[0] == 0.0
 
 
+def test_ten_data_are_waited_for_at_first_and_five_from_then_on():
+    learning = RunningMean([0.0], [0])
+    changed = [k for k in range(1, 31) if learning.add(0, 0.01)]
+    assert changed == [10, 15, 20, 25, 30]
+    assert learning.updates.tolist() == [5]
+
+
 def test_running_mean_is_the_mean_of_all_data():
     generator = np.random.default_rng(2)
     data = 0.02 + 0.01 * generator.standard_normal(60)
@@ -132,3 +139,11 @@ def test_bad_values_are_refused(tmp_path):
         RunningMean([0.0], [0], first=0)
     with pytest.raises(EstimationError, match="cannot be written"):
         save_learning(tmp_path / "no" / "learnt.json", "train", {})
+
+
+def test_posterior_with_drift_by_hand():
+    # prior 4e-4 grows by 1e-4 to 5e-4 against noise 5e-4: half of the difference is taken, half of the variance left
+    learning = GaussianPosterior([0.010, 0.5], [4e-4, 1.0], np.sqrt(5e-4), drift=1e-4)
+    assert learning.add(0, 0.030)
+    assert learning.increment.tolist() == [pytest.approx(0.020), 0.5]
+    assert learning.variance.tolist() == [pytest.approx(2.5e-4), 1.0]

@@ -136,6 +136,26 @@ def test_forgetting_follows_a_mass_that_changes_and_does_not_run_off_unexcited()
     assert np.all(learner.posterior() <= TRUE * (1.0 + 1e-9))
 
 
+def test_forgetting_weighs_old_samples_less_by_its_share():
+    """At one speed on level track only W1 is excited: its information is a sum, of which the old part fades."""
+    learner = LeastSquaresLearner(WRONG, TRUE, noise=500.0, forgetting=0.9)
+    for _ in range(3):
+        learner.update(regressor(Motion(20.0, 0.0, 0.0, 0.0)), 100.0)
+    sample, prior = 400.0**2 / 500.0**2, 1.0 / 12.0**2
+    information = 0.9 * (0.9 * (prior + sample) + sample) + sample
+    assert learner.posterior()[0] == pytest.approx(information**-0.5, rel=1e-9)
+    assert learner.posterior()[1:] == pytest.approx(TRUE[1:], rel=1e-12)
+
+
+def test_a_weight_that_is_hardly_excited_is_not_forgotten_beyond_its_prior():
+    learner = LeastSquaresLearner(TRUE, TRUE, forgetting=0.98)
+    creeping = regressor(Motion(0.1, 0.0, 0.0, 0.0))  # V^2 = 0.01 against a noise of 500 N
+    for _ in range(2000):
+        learner.update(creeping, 0.0)
+    np.testing.assert_allclose(learner.posterior(), TRUE, rtol=1e-2)
+    assert np.all(learner.posterior() <= TRUE * (1.0 + 1e-2))
+
+
 def test_the_misprint_goes_the_wrong_way_where_a_train_slows_down_uphill():
     z = regressor(Motion(10.0, -0.1, 0.25, 0.0))
     error = float((TRUE - np.array([12.0, 20.0, 175e3])) @ z)

@@ -74,6 +74,53 @@ def test_parts_end_at_gaps_and_at_missing_values():
     assert found == [(0, 5), (6, 20), (22, 33), (34, 40)]  # two instants are too short
 
 
+def test_events_are_in_the_order_of_time():
+    assert [event.kind for event in find(humps(4.0) - humps(1.0))] == ["slide", "slip"]
+
+
+def test_the_bound_is_a_share_of_the_larger_speed():
+    bound = SlipCriterion().bound(
+        np.array([10.0, 20.0, -20.0, 3.0]), np.array([20.0, 10.0, 0.0, 3.9])
+    )
+    assert bound.tolist() == [1.0, 1.0, 1.0, 0.2]
+
+
+def test_slip_at_the_bound_itself_is_none():
+    still = np.zeros(TIME.size)
+    for rim, count in ((0.2, 0), (0.21, 1)):
+        found = find_slips(0, TIME, still, still + rim, None, None, SlipCriterion())
+        assert len(found) == count
+
+
+def test_onset_is_sought_from_half_of_its_time_after_the_start_until_that_time_after_the_bound():
+    # slip t - 1 against 0.05 (9 + t): past half of it at 1.26 s, past it at 1.53 s; so between 1.31 and 1.63 s
+    mu = np.full(TIME.size, 0.1)
+    mu[[130, 160, 164]] = 0.4, 0.3, 0.5
+    (event,) = find(np.clip(TIME - 1.0, 0.0, 1.0) * (TIME < 3.0), mu)
+    assert event.start == pytest.approx(1.26)
+    assert (event.onset_coefficient, event.onset_time) == (0.3, pytest.approx(1.60))
+    mu[[131, 163]] = 0.35, 0.34
+    (event,) = find(np.clip(TIME - 1.0, 0.0, 1.0) * (TIME < 3.0), mu)
+    assert event.onset_time == pytest.approx(1.31)
+    # mean of 174 instants over the largest: all 0.1 but 0.4, 0.35, 0.3, 0.34, 0.5
+    assert event.utilisation == pytest.approx((169 * 0.1 + 1.89) / 174 / 0.35)
+
+
+@pytest.mark.parametrize(("gap", "events"), [(8, 1), (9, 2)])
+def test_less_than_a_tenth_of_a_second_is_bridged(gap, events):
+    slip = np.where((TIME >= 1.0) & (TIME < 3.0), 1.0, 0.0)
+    slip[150 : 150 + gap] = (
+        0.0  # from the last instant before to the first after it is one period more
+    )
+    assert len(find(slip)) == events
+
+
+@pytest.mark.parametrize(("instants", "found"), [(3, 0), (4, 1)])
+def test_a_part_has_more_than_three_instants(instants, found):
+    valid = np.arange(10) < instants
+    assert len(list(parts(valid, np.zeros(10, dtype=int)))) == found
+
+
 @pytest.mark.parametrize("name", ["velocity", "ratio"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
 def test_an_impossible_criterion_is_refused(name, value):

@@ -53,3 +53,28 @@ def problems(draw, bounded=False, largest=LARGEST):
             options["previous"] = some(0.0, 1.5 * EXPECTED)
             options["rate"] = draw(st.floats(0.0, EXPECTED))
     return AllocationProblem(cap, EXPECTED, **options)
+
+
+@st.composite
+def uneven_problems(draw, largest=8):
+    """Problems of units whose masses differ by a factor up to 1000, with any of the fields that bound or inform a rule."""
+    n = draw(integers(1, largest))
+
+    def each(value):
+        return np.array(draw(st.lists(value, min_size=n, max_size=n)))
+
+    def maybe(name, value):
+        if draw(st.booleans()):
+            options[name] = each(value)
+
+    # of integers every size is drawn alike, where numbers would mostly be plain ones
+    coefficient = integers(0, 2048).map(lambda k: EXPECTED * k / 1024.0)
+    options = {"mass": 10.0 ** each(integers(0, 3000).map(lambda k: k / 1000.0))}
+    maybe("limit_max", st.one_of(coefficient, st.just(np.inf)))
+    maybe("previous", coefficient)
+    maybe("delivered", coefficient)
+    maybe("truth", coefficient)
+    if "previous" in options and draw(st.booleans()):
+        rate = st.one_of(coefficient, coefficient.map(lambda x: 0.2 * x), st.just(np.inf))
+        options["rate"] = draw(rate) if draw(st.booleans()) else each(rate)
+    return AllocationProblem(each(coefficient), EXPECTED, **options)

@@ -40,6 +40,7 @@ def test_without_slip_every_limit_is_the_plan(rule, cap):
     answer = find_rule(rule)(AllocationProblem(cap, EXPECTED, slip=False))
     assert answer.limit.tolist() == [EXPECTED] * cap.size
     assert (answer.case, answer.unmet, answer.status) == ("none", 0.0, "ok")
+    assert answer.solve_time == 0.0
     assert np.isnan(answer.level)
 
 
@@ -85,6 +86,10 @@ def test_oracle_is_the_exact_level_on_the_truth():
     assert not any(RULES[name].needs_truth for name in NAMES if name != "oracle")
 
 
+def test_rules_that_are_asked_with_every_telegram():
+    assert {name for name in NAMES if RULES[name].periodic} == {"sharing", "oracle"}
+
+
 def test_alone_keeps_the_plan():
     answer = find_rule("alone")(AllocationProblem([0.10, 0.30], 0.17, limit_max=[np.inf, 0.16]))
     assert answer.limit.tolist() == [0.17, 0.16]
@@ -125,6 +130,14 @@ def test_compiled_call_equals_the_python_call(problem):
         np.testing.assert_equal(level, answer.level)
 
 
+def test_a_rule_that_compiled_code_does_not_know_keeps_the_plan_within_torque():
+    problem = AllocationProblem([0.3, 0.3], EXPECTED, limit_max=[0.5 * EXPECTED, np.inf])
+    limit = np.empty(2)
+    level, case = allocate_compiled(-1, units_of(problem), EXPECTED, limit)
+    assert (limit.tolist(), CASES[case]) == ([0.5 * EXPECTED, EXPECTED], "none")
+    assert np.isnan(level)
+
+
 def test_every_rule_with_a_law_is_known_to_compiled_code():
     assert {name for name, rule in RULES.items() if rule.law is not None} == {
         rule.name for rule in COMPILED
@@ -151,14 +164,10 @@ def test_missing_solver_is_named(rule, module, monkeypatch):
         find_rule(rule)(AllocationProblem([0.1, 0.2], 0.15))
 
 
-@pytest.mark.parametrize("limit_name", ["max_iter", "constraints"])
-def test_failing_solver_gives_the_exact_level_and_says_so(limit_name, monkeypatch):
+def test_failing_solver_gives_the_exact_level_and_says_so(monkeypatch):
     problem = AllocationProblem(np.linspace(0.12, 0.22, 11), 0.17, mass=np.linspace(1.0, 2.0, 11))
     qp.workspace.cache_clear()
-    if limit_name == "max_iter":
-        monkeypatch.setitem(qp.SETTINGS, "max_iter", 1)
-    else:
-        monkeypatch.setattr(qp, "FEASIBLE", -1.0)
+    monkeypatch.setitem(qp.SETTINGS, "max_iter", 1)
     answer = find_rule("qp")(problem)
     qp.workspace.cache_clear()
     assert answer.status.startswith("qp failed (")

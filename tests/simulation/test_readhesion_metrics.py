@@ -153,6 +153,17 @@ def test_the_limit_is_found_to_the_tolerance(limits, points, tolerance):
     assert found.monotone.all()
 
 
+def test_one_point_between_is_tried_unless_more_are_wanted():
+    sizes = []
+
+    def possible(search, mu):
+        sizes.append(mu.size)
+        return mu > 0.05
+
+    readhesion.limit_coefficient(possible, 1, 0.02, 0.16, 0.01)
+    assert sizes == [3, 1, 1, 1]  # from 0.07, halved until it is no more than 0.01
+
+
 def test_a_limit_outside_of_the_bracket_is_said_to_be():
     found = readhesion.limit_coefficient(
         lambda k, mu: np.array([False, True])[k] & (mu > 0.0), 2, 0.02, 0.16, 1e-3

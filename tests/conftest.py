@@ -1,0 +1,18 @@
+"""What holds for the whole suite."""
+
+import resource
+import sys
+
+import pytest
+
+MOST_MEMORY = 2e9
+"""What a process of the tests may take at its worst [bytes]."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def memory():
+    """A test that takes gigabytes stops a small machine, and those who work on it."""
+    yield
+    unit = 1 if sys.platform == "darwin" else 1024
+    taken = unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert taken < MOST_MEMORY, f"this process of the tests took {taken / 1e9:.1f} GB"

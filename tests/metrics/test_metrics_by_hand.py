@@ -1,0 +1,244 @@
+"""Every metric of the run made by hand, computed by hand: plain sums over its instants, of numbers that stand there."""
+
+import math
+
+import numpy as np
+import pytest
+
+from alloc.metrics import METRICS, evaluate
+from alloc.metrics.motion import JERK_CUT_OFF, jerk
+from alloc.metrics.registry import record_period
+from tests.metrics.recorded_by_hand import recorded
+
+# Rail force in the driver's direction: axles 0 and 1; axles 3 to 5; then all six under brakes.
+FORCE_UNIT_0 = 2 * 15200 + 2 * 8000 + 4 * 15200 + 3 * 12000 + 5 * 8000 + 14 * 11000
+FORCE_UNIT_1 = 27 * 36000 + 3 * 30000
+FORCE_BRAKED = 10 * (3000 + 2000 + 4000 + 6000 + 7000 + 9000)
+# What rail and load offer: 0.10 x 70 kN = 7000 N at axle 0 until instant 11, 5600 N from 12 on; and so on.
+OFFERED_UNIT_0 = 8 * (7000 + 12600) + 22 * (5600 + 12600)
+OFFERED_UNIT_1 = 16 * (14400 + 20000 + 23400) + 14 * (14400 + 12000 + 23400)
+OFFERED_BRAKED = 10 * (5600 + 12600 + 15000 + 14400 + 20000 + 23400)
+ASKED = 30 * 0.8 + 10 * 0.5
+REACHED = 29 * 0.6 - 0.2 + 10 * 0.4
+# Torque of the plan: mean coefficient x load x radius / (gear x axles)
+PLAN = (30 * 0.16 + 10 * 0.10) / 40
+PLAN_0, PLAN_1 = PLAN * 1.5e5 * 0.5 / (6 * 2), PLAN * 3e5 * 0.4 / (7 * 3)
+
+EXPECTED = {
+    # attributes; times in ms
+    "detections": 4, "unit_detections": 7, "telegrams": 90, "telegrams_lost": 3, "fallbacks": 2, "blinded": 1,
+    "locks": 6, "time_outs": 5, "rule_calls": 11, "rule_failures": 8, "rule_time": 250, "controller_failures": 9,
+    "controller_median": 2, "controller_p99": 7.5,
+    # motion
+    "acceleration": REACHED / 40,
+    "acceleration_ratio": REACHED / ASKED,
+    "effort_ratio": (FORCE_UNIT_0 + FORCE_UNIT_1 + FORCE_BRAKED) / (60e3 * ASKED),
+    "utilisation": (FORCE_UNIT_0 + FORCE_UNIT_1 + FORCE_BRAKED)
+    / (OFFERED_UNIT_0 + OFFERED_UNIT_1 + OFFERED_BRAKED),
+    # unit 0 signals at 11, 12, 13, 16 and 28, unit 1 at 25 and 35; what is signalled while coasting is left out
+    "utilisation_slipping": (15200 + 2 * 12000 + 8000 + 11000 + 36000 + 22000)
+    / ((7000 + 12600) + 4 * (5600 + 12600) + (14400 + 12000 + 23400) + (14400 + 20000 + 23400)),
+    # beyond twice the peak: 2 of axle 0, 2 of axle 1, 1 of axle 2, 1 + 4 of axle 3, 1 of axle 4
+    "slip_time": 11 * 0.125,
+    "slip_peak": 0.7,
+    "damage": (2000 + 700 + 0 + 4000 + 0 + 750) / 1000,
+    "distance": 20**2 / 8,
+    "time_to_speed": (20 - 4) * 0.125,
+    # car 0 changes by 0.25 and back over two periods, and by 0.05 at the end; car 1 by -0.5
+    "jerk_rms": math.sqrt(2 * (0.5 / 0.25) ** 2 / 40),
+    "jerk_peak": 0.5 / 0.25,
+    "coupler_peak": 45,
+    "energy": 3.5,
+    # detection: unit 0 slips from 8 (seen at 11) and 31 (not seen), unit 1 from 20 (at 25) and 36 (at 35)
+    "estimate_error": ((0.15 - 0.12) + (0.11 - 0.12) + (0.13 - 0.11) + (0.12 - 0.11)) / 4,
+    "detection_delay": (3 + 5 - 1) * 0.125 / 3,
+    "missed_slips": 1,
+    "false_alarms": 1,
+    # episodes: unit 0 from 4 (lost 6 and 7), from 12 (lost from 15 to its end at 20); unit 1 from 20 (lost too late)
+    "search_time": (2 + 5 + 0) * 0.125 / 3,
+    "unfinished_searches": 1 / 3,
+    # unit 0 is short from 4 to 19, unit 1 from 20 to 23, 27 to 33 and 38 to 43
+    "utilisation_short": (2 * 15200 + 2 * 8000 + 4 * 15200 + 3 * 12000 + 5 * 8000 + 8 * 36000 + 3 * 30000 + 6 * 22000)
+    / (8 * (7000 + 12600) + 8 * (5600 + 12600) + 11 * (14400 + 12000 + 23400) + 6 * (14400 + 20000 + 23400)),
+    # a mean over 8 instants, from 4 before to 3 after: a spike inside loses 1/8 and leaves it at 7 others; one at the
+    # last instant, which repeats itself beyond the end, stands 1/2 above its mean and is in 3 others by 3/8, 2/8, 1/8
+    "torque_fluctuation": math.sqrt((
+        (90.625 / PLAN_0) ** 2 * ((7 / 8) ** 2 + 7 * (1 / 8) ** 2)
+        + (165.0 / PLAN_1) ** 2 * ((1 / 2) ** 2 + (3 / 8) ** 2 + (2 / 8) ** 2 + (1 / 8) ** 2)
+    ) / 80),
+    # axle 0 once, axle 2 from 35 on while the train is faster than 5 km/h, axle 4 twice
+    "locked_time": (1 + 4 + 2) * 0.125,
+    "air_consumption": 1000 * (0.01 * (2e5 + 2e5) + 0.02 * 0.5e5) / 101325,
+}  # fmt: skip
+
+
+def test_every_metric_of_this_package_has_a_value_by_hand():
+    own = {
+        name
+        for name, metric in METRICS.items()
+        if metric.function.__module__.startswith("alloc.metrics.")
+    }
+    assert own == set(EXPECTED)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_metric_is_the_value_by_hand(name):
+    assert METRICS[name].function(recorded()) == pytest.approx(EXPECTED[name], rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
+    metric = METRICS[name]
+    less = {
+        "slip_time", "slip_peak", "damage", "time_to_speed", "jerk_rms", "jerk_peak", "coupler_peak", "detection_delay",
+        "missed_slips", "false_alarms", "search_time", "unfinished_searches", "torque_fluctuation", "locked_time",
+        "air_consumption", "detections", "unit_detections", "locks", "time_outs", "rule_failures", "controller_failures",
+    }  # fmt: skip
+    more = {
+        "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "utilisation_slipping", "utilisation_short",
+    }  # fmt: skip
+    units = {
+        "acceleration": "m/s2", "slip_time": "s", "slip_peak": "m/s", "damage": "kJ", "distance": "m",
+        "time_to_speed": "s", "jerk_rms": "m/s3", "jerk_peak": "m/s3", "coupler_peak": "kN", "energy": "MJ",
+        "detection_delay": "s", "search_time": "s", "locked_time": "s", "air_consumption": "l", "rule_time": "ms",
+        "controller_median": "ms", "controller_p99": "ms",
+    }  # fmt: skip
+    assert metric.better == (name in more) - (name in less)
+    assert metric.unit == units.get(name, "1")
+
+
+def nan_of(run):
+    return {name for name, value in evaluate(run).items() if np.isnan(value)}
+
+
+OF_UNITS = {
+    "estimate_error", "utilisation_slipping", "utilisation_short", "torque_fluctuation", "detection_delay",
+    "search_time", "unfinished_searches",
+}  # fmt: skip
+
+
+def test_without_demand_what_counts_under_demand_is_nan():
+    run = recorded()
+    run["driver_command"] = 0.0 * run["driver_command"]
+    assert nan_of(run) == OF_UNITS - {"estimate_error"} | {
+        "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "time_to_speed", "jerk_rms", "jerk_peak",
+    }  # fmt: skip
+    result = evaluate(run)
+    assert result["missed_slips"] == result["false_alarms"] == 0.0
+    assert result["slip_time"] == EXPECTED["slip_time"]
+    assert result["distance"] == EXPECTED["distance"]
+
+
+def test_a_train_without_units_couplers_and_brake_groups_has_none_of_theirs():
+    run = recorded(blended_brakes=0).isel(unit=slice(0), coupler=slice(0), brake_group=slice(0))
+    run["axle_unit"] = ("axle", [-1] * 6)
+    assert nan_of(run) == OF_UNITS | {"utilisation", "coupler_peak", "air_consumption"}
+    result = evaluate(run)
+    assert result["effort_ratio"] == result["missed_slips"] == result["false_alarms"] == 0.0
+
+
+def test_without_slips_nothing_is_detected_missed_or_estimated():
+    run = recorded()
+    run["slipping"] = 0 * run["slipping"]
+    run["slip_velocity"] = 0.0 * run["slip_velocity"]
+    result = evaluate(run)
+    assert nan_of(run) == {"estimate_error", "utilisation_slipping", "detection_delay"}
+    assert result["missed_slips"] == result["false_alarms"] == result["slip_time"] == 0.0
+
+
+def test_with_motors_alone_unpowered_axles_do_not_brake():
+    result = evaluate(recorded(blended_brakes=0))
+    force = FORCE_UNIT_0 + FORCE_UNIT_1 + FORCE_BRAKED - 10 * 4000
+    offered = OFFERED_UNIT_0 + OFFERED_UNIT_1 + OFFERED_BRAKED - 10 * 15000
+    assert result["effort_ratio"] == pytest.approx(force / (60e3 * ASKED), rel=1e-12)
+    assert result["utilisation"] == pytest.approx(force / offered, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("target", "speed", "time", "distance"),
+    [
+        (math.nan, "as it is", math.nan, 43**2 / 8),  # none set: until the end
+        (30.0, "as it is", math.nan, math.nan),  # not reached
+        (9.0, "falls", 1.0, 12**2 / 8),  # 10 - k / 12 from above
+        (0.0, "stops", 3.0, 28**2 / 8),  # nears 0 but does not pass it
+        (12.0, "leaps", -0.375, 1 / 8),  # from below at the first instant, beyond it at the second
+        (0.0, "stands", -0.5, 0.0),  # there already, half a second before it is asked to move
+    ],
+)
+def test_the_target_speed_ends_time_and_distance(target, speed, time, distance):
+    run, k = recorded(target_speed=target), np.arange(44)
+    courses = {
+        "falls": 10.0 - k / 12.0,
+        "stops": np.where(k < 28, 0.011, 0.0099),
+        "leaps": np.where(k < 1, 10.0, 13.0),
+        "stands": 0.0 * k,
+    }
+    if speed in courses:
+        run["speed"] = ("time", courses[speed])
+    found = [METRICS[name].function(run) for name in ("time_to_speed", "distance")]
+    assert found == pytest.approx([time, distance], rel=1e-12, nan_ok=True)
+
+
+# An axle is past the peak at instants 10, 11 and 12. A detection belongs to it from 0.1 s (1 instant) before the first
+# until 0.3 s (2 instants) after the last.
+@pytest.mark.parametrize(
+    ("onset", "delay", "alarms"),
+    [(8, None, 1), (9, -1, 0), (10, 0, 0), (12, 2, 0), (14, 4, 0), (15, None, 1)],
+)
+def test_a_detection_belongs_to_a_slip_just_before_until_some_time_after(onset, delay, alarms):
+    run = recorded()
+    run["slip_velocity"] = 0.0 * run["slip_velocity"]
+    run["slipping"] = 0 * run["slipping"]
+    run["slip_velocity"].values[10:13, 4] = -0.3
+    run["slipping"].values[onset, 1] = 1
+    result = evaluate(run)
+    found = result["detection_delay"], result["missed_slips"], result["false_alarms"]
+    assert found == pytest.approx(
+        (math.nan if delay is None else delay * 0.125, float(delay is None), alarms),
+        rel=1e-12,
+        nan_ok=True,
+    )
+
+
+def test_the_record_period_is_the_mean_distance_of_instants():
+    run = recorded()
+    assert record_period(run.isel(time=[0, 1, 4])) == 0.25
+    assert np.isnan(record_period(run.isel(time=[0])))
+
+
+@pytest.mark.parametrize("hertz", [2.0, 5.0, 12.0])
+def test_jerk_is_filtered_twice_by_butterworth_of_second_order(hertz):
+    # forth and back: 1 / (1 + (f / f_c)^4), with frequencies as the bilinear transform of 10 ms warps them; differences
+    # over two periods: sin(w T) / T in the place of w
+    time, period = 0.01 * np.arange(2001), 0.01
+    run = recorded().isel(time=[0] * time.size).assign_coords(time=time)
+    wave = 2.0 * math.pi * hertz * time
+    run["car_acceleration"] = (
+        ("time", "car"),
+        np.stack([np.sin(wave), 0.0 * wave, 3.0 * np.sin(wave)], axis=1),
+    )
+    warped = math.tan(math.pi * hertz * period) / math.tan(math.pi * 5.0 * period)
+    size = math.sin(2.0 * math.pi * hertz * period) / period / (1.0 + warped**4)
+    found = jerk(run)[500:1501]
+    expected = np.stack([size * np.cos(wave), 0.0 * wave, 3.0 * size * np.cos(wave)], axis=1)[
+        500:1501
+    ]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * size)
+    assert JERK_CUT_OFF == 5.0
+
+
+@pytest.mark.parametrize(("instants", "filtered"), [(30, False), (31, True)])
+def test_jerk_of_few_instants_is_not_filtered(instants, filtered):
+    run = recorded().isel(time=[0] * instants).assign_coords(time=0.01 * np.arange(instants))
+    wave = np.arange(instants) ** 2 % 7.0
+    run["car_acceleration"] = (("time", "car"), np.stack([wave] * 3, axis=1))
+    differences = (wave[2:] - wave[:-2]) / 0.02
+    assert np.allclose(jerk(run)[1:-1, 2], differences, rtol=1e-12) != filtered
+
+
+def test_what_vibrates_at_the_end_of_a_run_is_no_step():
+    time = 0.01 * np.arange(1001)
+    run = recorded().isel(time=[0] * time.size).assign_coords(time=time)
+    wave = np.cos(2.0 * math.pi * 25.0 * time)  # at its crest at both ends
+    run["car_acceleration"] = (("time", "car"), np.stack([wave] * 3, axis=1))
+    assert np.abs(jerk(run)).max() < 0.02 * 2.0 * math.pi * 25.0

@@ -1,0 +1,90 @@
+"""What `test_threads.py` runs in a process of its own, which a solver may kill: prints JSON, by rule."""
+
+import json
+import os
+import signal
+import sys
+import threading
+from dataclasses import replace
+
+import numpy as np
+
+from alloc.rules import RULES, find_rule
+from alloc.simulation import simulate
+from studies.scenario.loading import load_scenario
+from tests.rules.random_problems import PLAN, random_problem
+
+THREADS = 8
+FULL = bool(os.environ.get("READHESION_FULL"))
+PROBLEMS = 100_000 if FULL else 200
+SLOW = {"qp-cvxpy": 1000 if FULL else 40}
+
+
+def in_threads(work, count):
+    """Results of `work(k)`, k = 0..count - 1, by threads that start together and take turns."""
+    results, together = [None] * count, threading.Barrier(THREADS)
+
+    def take(first):
+        together.wait()
+        for k in range(first, count, THREADS):
+            try:
+                results[k] = work(k)
+            except Exception as error:  # said at the end; a thread that dies is not noticed
+                results[k] = error
+
+    threads = [threading.Thread(target=take, args=(k,)) for k in range(THREADS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for result in results:
+        if isinstance(result, Exception):
+            raise result
+    return results
+
+
+def hears_interrupts():
+    """Whether Ctrl-C still reaches Python."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def ask(rule):
+    """Largest difference between answers in threads and in sequence, the other way round, over the plan; and statuses."""
+    count = SLOW.get(rule, PROBLEMS)
+    several = in_threads(lambda k: find_rule(rule)(random_problem(k)), count)
+    apart, same = 0.0, True
+    for k in reversed(range(count)):
+        one = find_rule(rule)(random_problem(k))
+        apart = max(apart, float(np.abs(one.limit - several[k].limit).max()) / PLAN)
+        same = same and one.status == several[k].status
+    return {"problems": count, "apart": apart, "same_status": same}
+
+
+def run():
+    """Largest difference of any recorded value between runs in threads and in sequence."""
+    event = load_scenario("uneven-load").changed(duration_s=6.0).event(0)
+    rules = (replace(RULES["qp"], periodic=True), RULES["greedy"])  # asked with every telegram
+    several = in_threads(lambda k: simulate(event, rules[k % 2]), THREADS)
+    apart, calls = 0.0, 0
+    for k, rule in enumerate(rules):
+        one = simulate(event, rule)
+        calls += one.attrs["rule_calls"]
+        for other in several[k::2]:
+            for name in one.data_vars:
+                np.testing.assert_allclose(other[name], one[name], rtol=0.0, atol=1e-9)
+                both = np.nan_to_num(one[name].values - other[name].values)
+                apart = max(apart, float(np.abs(both).max(initial=0.0)))
+    return {"rule_calls": calls, "apart": apart}
+
+
+if __name__ == "__main__":
+    sys.setswitchinterval(1e-5)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever started this may ignore it
+    # the registry too is first asked by all threads at once
+    found = {"known": in_threads(lambda k: len(RULES), THREADS)}
+    found |= {"run": run()} if sys.argv[1:] == ["run"] else {name: ask(name) for name in RULES}
+    print(json.dumps(found | {"hears_interrupts": hears_interrupts()}))

@@ -1,0 +1,245 @@
+"""Rules under uneven masses, torque limits and rates of change, against their transcription in fractions."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from alloc.rules import AllocationProblem, find_rule
+from alloc.rules.exact import box_limits
+from alloc.rules.rule import Units, units_of
+from tests.rules import reference_bounded as reference
+from tests.rules.reference import reference_limits
+from tests.rules.strategies import EXPECTED, uneven_problems
+
+PLAN = Fraction(EXPECTED)
+many = settings(max_examples=100)
+
+
+def exactly(values):
+    """Fractions of these numbers; inf stays itself."""
+    return [Fraction(float(v)) if math.isfinite(v) else math.inf for v in values]
+
+
+def as_fractions(problem):
+    """What the transcriptions take: cap, mass, torque limit, previous, rate (None: any)."""
+    rate = None if problem.rate is None else exactly(problem.rate)
+    return (
+        exactly(problem.cap), exactly(problem.weight), exactly(problem.torque_limit), exactly(problem.in_force), rate,
+    )  # fmt: skip
+
+
+def check(answer, problem, limits, surplus, atol=1e-12):
+    """Limits, case and shortfall are the transcription's; which case it is does not matter where both meet."""
+    np.testing.assert_allclose(answer.limit, [float(x) for x in limits], rtol=1e-11, atol=atol)
+    mass = exactly(problem.weight)
+    if abs(surplus) > 1e-11 * EXPECTED * float(sum(mass)):
+        assert answer.case == ("B" if surplus > 0 else "A")
+    short = PLAN - sum(m * x for m, x in zip(mass, limits, strict=True)) / sum(mass)
+    assert answer.unmet == pytest.approx(max(float(short), 0.0), rel=1e-9, abs=2 * atol)
+
+
+def accuracy(problem):
+    """The exact level's sum holds to 1e-12 of the plan's; the lightest unit may have to bear that alone."""
+    return 2e-12 * EXPECTED * problem.weight.sum() / problem.weight.min()
+
+
+@many
+@given(problem=uneven_problems())
+def test_preset_is_its_transcription(problem):
+    cap, mass, torque_limit, previous, rate = as_fractions(problem)
+    limits = reference.preset_limits(mass, torque_limit, PLAN)
+    limits = reference.inside(limits, *reference.bounds(None, torque_limit, previous, rate))
+    surplus = reference.reach(cap, mass, torque_limit, PLAN)
+    check(find_rule("preset")(problem), problem, limits, surplus)
+
+
+def test_preset_moves_a_tenth_from_the_front_to_the_rear():
+    # by hand: 0.9, 1.0, 1.1 of the plan; a rear unit of thrice the mass moves the centre to (1 + 0 - 3) / 5 = -2 / 5
+    answer = find_rule("preset")
+    assert answer(AllocationProblem([0.3] * 3, 0.2)).limit == pytest.approx([0.18, 0.20, 0.22])
+    heavy = answer(AllocationProblem([0.3] * 3, 0.2, mass=[1.0, 1.0, 3.0])).limit
+    assert heavy == pytest.approx([0.2 * (1 - 0.14), 0.2 * (1 - 0.04), 0.2 * (1 + 0.06)])
+    assert answer(AllocationProblem([0.3], 0.2)).limit.tolist() == [0.2]
+
+
+@many
+@given(problem=uneven_problems())
+@example(
+    AllocationProblem(
+        [0.2, 0.2], EXPECTED, mass=[1.0, 1e3], previous=[0.2, 0.2], delivered=[0.1, 0.2]
+    )
+)
+@example(
+    AllocationProblem(
+        [0.2, 0.2], EXPECTED, mass=[1.0, 1e3], previous=[0.2, 0.2], delivered=[0.2, 0.1]
+    )
+)
+@example(AllocationProblem([0.2], EXPECTED, previous=[0.2], delivered=[0.2 - 0.019 * EXPECTED]))
+@example(AllocationProblem([0.2], EXPECTED, previous=[0.2], delivered=[0.2 - 0.021 * EXPECTED]))
+def test_sharing_is_its_transcription(problem):
+    cap, mass, torque_limit, previous, rate = as_fractions(problem)
+    delivered = problem.delivered
+    if delivered is None:  # what the caps carry of the limits in force
+        delivered = [min(p, c) for p, c in zip(problem.in_force, problem.cap, strict=True)]
+    limits = reference.sharing_limits(mass, torque_limit, previous, exactly(delivered), PLAN)
+    limits = reference.inside(limits, *reference.bounds(None, torque_limit, previous, rate))
+    surplus = reference.reach(cap, mass, torque_limit, PLAN)
+    check(find_rule("sharing")(problem), problem, limits, surplus)
+
+
+def test_sharing_takes_back_what_is_too_much_but_asks_no_unit_to_brake():
+    # by hand: both deliver 0.3 where 0.2 is wanted; half of 2 x 0.1 over two units is 0.05 less for each
+    problem = AllocationProblem([0.3] * 2, 0.2, previous=[0.01, 0.3], delivered=[0.3, 0.3])
+    assert find_rule("sharing")(problem).limit == pytest.approx([0.0, 0.25], rel=1e-14, abs=0.0)
+
+
+def test_sharing_counts_a_negative_estimate_as_nothing():
+    # by hand: unit 1 lacks 0.2 of its limit and falls by half of it; unit 2, of twice the mass, gets half of 0.2 / 2
+    units = units_of(AllocationProblem([0.2, 0.2], 0.2, mass=[1.0, 2.0]))
+    units = units._replace(delivered=np.array([-0.1, 0.2]), previous=np.array([0.2, 0.2]))
+    limit = np.empty(2)
+    find_rule("sharing").law(units, 0.2, limit)
+    assert limit == pytest.approx([0.1, 0.25], rel=1e-14)
+
+
+@many
+@given(problem=uneven_problems())
+@example(
+    AllocationProblem(
+        [0.3] * 3, EXPECTED, mass=[1.0, 30.0, 900.0], previous=[0.3, 0.25, 0.05], rate=0.08
+    )
+)
+@example(
+    AllocationProblem(
+        [0.3] * 3, EXPECTED, mass=[900.0, 30.0, 1.0], previous=[0.2, 0.01, 0.3], rate=0.02
+    )
+)
+@example(
+    AllocationProblem([0.3] * 2, EXPECTED, mass=[3.0, 1.0], previous=[0.3, 0.2], rate=[0.1, 0.02])
+)
+@pytest.mark.parametrize("rule", ["exact", "oracle"])
+def test_exact_level_is_its_transcription(rule, problem):
+    cap, mass, torque_limit, previous, rate = as_fractions(problem)
+    if rule == "oracle" and problem.truth is not None:
+        cap = exactly(problem.truth)
+    lowest, highest = reference.bounds(cap, torque_limit, previous, rate)
+    limits, level, _ = reference.level_within(lowest, highest, mass, PLAN)
+    surplus = sum(m * (b - PLAN) for m, b in zip(mass, highest, strict=True))
+    answer = find_rule(rule)(problem)
+    atol = accuracy(problem)
+    check(answer, problem, limits, surplus, atol)
+    between = [a < level < b for a, b in zip(lowest, highest, strict=True)]
+    if abs(surplus) > 1e-11 * EXPECTED * float(sum(mass)) and (surplus < 0 or any(between)):
+        assert answer.level == pytest.approx(float(level), rel=1e-11, abs=atol)
+
+
+@many
+@given(
+    units=st.lists(
+        st.tuples(st.integers(0, 3000), st.integers(500, 1400), st.integers(0, 1000)),
+        min_size=2,
+        max_size=8,
+    )
+)
+@example(units=[(1000, 1200, 500), (2000, 600, 1000), (0, 500, 200)])
+@example(units=[(2500, 1100, 500), (3000, 600, 1000), (2000, 900, 900), (1000, 700, 0)])
+def test_level_between_bounds_is_its_transcription(units):
+    """Each unit in thousandths: the exponent of its mass, its lower bound and the room above that as shares of the plan."""
+    exponent, low, room = np.array(units).T / 1000.0
+    mass, lower, upper = 10.0**exponent, EXPECTED * low, EXPECTED * (low + room)
+    limit = np.empty(mass.size)
+    _, reached = box_limits(lower, upper, mass, EXPECTED, limit)
+    limits, _, case = reference.level_within(*map(exactly, (lower, upper, mass)), PLAN)
+    atol = 2e-12 * EXPECTED * mass.sum() / mass.min()
+    np.testing.assert_allclose(limit, [float(x) for x in limits], rtol=1e-11, atol=atol)
+    surplus = mass @ (upper - EXPECTED)
+    assert reached == (case == "B") or abs(surplus) < 1e-11 * EXPECTED * mass.sum()
+
+
+def test_level_where_even_the_lower_bounds_exceed_the_plan_is_the_least_of_them():
+    limit = np.empty(3)
+    lower, upper = np.array([0.25, 0.22, 0.30]), np.array([0.40, 0.41, 0.42])
+    level, reached = box_limits(lower, upper, np.array([1.0, 2.0, 3.0]), 0.2, limit)
+    assert (level, reached, limit.tolist()) == (0.22, True, lower.tolist())
+    # and out of reach it is the highest upper bound
+    level, reached = box_limits(lower, upper, np.array([1.0, 2.0, 3.0]), 0.5, limit)
+    assert (level, reached, limit.tolist()) == (0.42, False, upper.tolist())
+
+
+@many
+@given(problem=uneven_problems())
+@pytest.mark.parametrize(
+    ("rule", "reading"), [("greedy", "description"), ("greedy-claim", "claim")]
+)
+def test_the_patents_rule_is_cut_to_torque_limits_and_rates_afterwards(rule, reading, problem):
+    # it counts units, not masses, and knows neither torque limits nor rates: both are applied to its answer
+    cap, _, torque_limit, previous, rate = as_fractions(problem)
+    limits, level, case = reference_limits(cap, PLAN, reading)
+    limits = [min(x, t) for x, t in zip(limits, torque_limit, strict=True)]
+    limits = reference.inside(limits, *reference.bounds(cap, torque_limit, previous, rate))
+    answer = find_rule(rule)(problem)
+    surplus = sum(cap) - problem.n * PLAN
+    check(answer, problem, limits, 1 if case == "B" else -1)
+    assert answer.level == pytest.approx(float(level), rel=1e-12)
+    assert (surplus > 0) == (case == "B")
+
+
+@many
+@given(problem=uneven_problems())
+def test_alone_is_the_plan_within_torque_limits_and_rates(problem):
+    cap, mass, torque_limit, previous, rate = as_fractions(problem)
+    lowest, highest = reference.bounds(None, torque_limit, previous, rate)
+    limits = reference.inside([PLAN] * problem.n, lowest, highest)
+    surplus = reference.reach(cap, mass, torque_limit, PLAN)
+    check(find_rule("alone")(problem), problem, limits, surplus)
+
+
+@many
+@given(problem=uneven_problems())
+def test_effort_excess_and_use_are_weighted_with_mass(problem):
+    cap, mass, *_ = as_fractions(problem)
+    answer = find_rule("alone")(problem)
+    limits, total = exactly(answer.limit), sum(mass)
+    effort = sum(m * x for m, x in zip(mass, limits, strict=True)) / total
+    usable = sum(m * min(x, c) for m, x, c in zip(mass, limits, cap, strict=True)) / total
+    assert answer.effort(problem) == pytest.approx(float(effort), rel=1e-12)
+    assert answer.usable(problem) == pytest.approx(float(usable), rel=1e-12)
+    assert answer.excess(problem) == pytest.approx(max(float(effort - PLAN), 0.0), abs=1e-15)
+
+
+@many
+@given(problem=uneven_problems())
+def test_bounds_of_the_problem_are_the_transcriptions(problem):
+    cap, mass, torque_limit, previous, rate = as_fractions(problem)
+    for found, known in ((problem.rate_box, None), (problem.box, cap)):
+        for one, other in zip(
+            found, reference.bounds(known, torque_limit, previous, rate), strict=True
+        ):
+            np.testing.assert_allclose(one, [float(x) for x in other], rtol=1e-15, atol=1e-16)
+    lowest, highest = reference.bounds(cap, torque_limit, previous, rate)
+    most, least = (
+        sum(m * b for m, b in zip(mass, bound, strict=True)) / sum(mass)
+        for bound in (highest, lowest)
+    )
+    assert problem.attainable == pytest.approx(
+        float(min(max(PLAN, least), most)), rel=1e-12, abs=1e-300
+    )
+
+
+def test_fields_of_a_law_are_those_of_the_problem():
+    problem = AllocationProblem(
+        [0.1, 0.2], 0.15, mass=[3.0, 4.0], limit_max=[0.5, 0.6], previous=[0.11, 0.12], delivered=[0.07, 0.08],
+        truth=[0.13, 0.14],
+    )  # fmt: skip
+    assert [field.tolist() for field in units_of(problem)] == [
+        [0.1, 0.2], [3.0, 4.0], [0.5, 0.6], [0.11, 0.12], [0.07, 0.08], [0.13, 0.14]
+    ]  # fmt: skip
+    bare = AllocationProblem([0.1, 0.2], 0.15)
+    assert [field.tolist() for field in units_of(bare)] == [
+        [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2]
+    ]  # fmt: skip
+    assert Units._fields == ("cap", "mass", "limit_max", "previous", "delivered", "truth")
