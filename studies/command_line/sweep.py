@@ -15,7 +15,7 @@ from studies.command_line.options import (
     check_whole,
     process_count,
 )  # fmt: skip
-from studies.command_line.terminal import console, progress
+from studies.command_line.terminal import console, counted, progress
 from studies.files.writable import check_place
 
 
@@ -30,7 +30,7 @@ def sweep(
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
 
-    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+    Rows that the output folder already holds are not run again. The exit code is 1 if no run is ok.
 
     Parameters
     ----------
@@ -69,9 +69,5 @@ def sweep(
         screen = console()
         for item in printed(found):
             screen.print(item)
-        screen.print(
-            f"{len(table)} rows"
-            + (f", [red]{failed} failed[/red]" if failed else "")
-            + f"; tables in {folder}"
-        )
+        screen.print(f"{counted(table, 'rows')}; tables in {folder}")
     return ALL_FAILED if failed == len(table) else 0

@@ -1,9 +1,14 @@
 """What a person at a terminal sees: console and progress bar."""
 
+from collections import Counter
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLAIN_WIDTH = 170
 """Width of tables that do not go to a terminal."""
@@ -21,6 +26,13 @@ def console() -> Console:
     """Where tables are printed: as wide as the terminal, or `PLAIN_WIDTH` where there is none."""
     found = _Terminal()
     return found if found.is_terminal else _Terminal(width=PLAIN_WIDTH)
+
+
+def counted(table: "pd.DataFrame", what: str) -> str:
+    """How many rows a table has, called `what`, and how many have another status than "ok"."""
+    counts = Counter(table.get("status", ()))
+    bad = [f", [red]{n} {status}[/red]" for status, n in counts.items() if status != "ok"]
+    return "".join([f"{len(table)} {what}", *bad])
 
 
 class progress:

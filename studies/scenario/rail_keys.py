@@ -165,5 +165,5 @@ class ReceptivityKeys(Strict):
     period_s: float = 3.0
 
     def receptivity(self, phase: float) -> Receptivity:
-        """The plant's receptivity with a `phase` [rad]."""
-        return Receptivity(**si(self), phase=phase)
+        """The plant's receptivity with a `phase` [rad]; what is constant has none."""
+        return Receptivity(**si(self), phase=phase if self.amplitude else 0.0)
