@@ -16,6 +16,7 @@ from alloc.onboard.driver import Controls, Driver, TrainSense
 from alloc.plant.model import Floats, Model
 from alloc.recorded_physics import PlantRecord
 from alloc.recording import driven_dataset
+from alloc.run_size import check_size
 
 
 def drive(
@@ -50,6 +51,7 @@ def drive(
         raise SimulationError(
             f"drive: step = {step!r} must not exceed the control period {period!r}"
         )
+    check_size("drive", model, duration, period, step, record_period)
     ticks = round(duration / period) + 1  # the last one is recorded, and nobody sees what follows
     loop = ClosedLoop(model, ticks, period, step, record_period, initial_speed, initial_position)
     record = PlantRecord.allocate(loop.records, model.layout)

@@ -7,6 +7,7 @@ import numpy as np
 from alloc.errors import SimulationError
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import Floats, Model
+from alloc.run_size import check_size
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class Event:
             raise SimulationError(
                 f"event: step = {self.step!r} must not exceed the control period {self.onboard.period!r}"
             )
+        check_size(
+            "event", self.model, self.duration, self.onboard.period, self.step, self.record_period
+        )
+        SimulationError.check_order("event", self, "record_period", "duration", equal=True)
 
     def __repr__(self) -> str:
         return (

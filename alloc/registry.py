@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 Part = TypeVar("Part")
 
@@ -23,6 +23,9 @@ class Registry(Mapping[str, Part], Generic[Part]):
     `group`: entry points that offer such parts. `error`: what is raised for a name that is unknown or taken. `package`:
     whose modules register the parts that ship. `order`: names that come first; others follow by module, then plug-ins.
     """
+
+    registered: ClassVar[list[str]] = []
+    """Modules that have registered a part of any kind, once for each."""
 
     def __init__(
         self,
@@ -54,6 +57,7 @@ class Registry(Mapping[str, Part], Generic[Part]):
                 f"{self.kind} {name!r} exists already, from {taken}; choose another name"
             )
         self._parts[name], self._origins[name] = part, origin
+        self.registered.append(origin)
         return part
 
     def find(self, name: str) -> Part:

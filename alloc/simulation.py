@@ -1,5 +1,6 @@
 """One run: a train with its computers meets one slip event under one rule and one readhesion controller."""
 
+import hashlib
 import math
 import time as clock
 from collections.abc import Callable
@@ -9,9 +10,11 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from alloc.canonical import canonical
 from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
+from alloc.onboard.controllers.built_in import share_of_target
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import HostedController, TrainController, UnitSense, unit_contexts
@@ -59,7 +62,10 @@ class _RuleInPython:
 
 @dataclass(frozen=True)
 class _ControllerInPython:
-    """A hosted controller answers the loop; where it gives up, the reserve's torque command stands."""
+    """A hosted controller answers the loop; where it gives up, the reserve's torque command stands.
+
+    What it raises ends the run: a controller that breaks is not one that a solver failed.
+    """
 
     host: TrainController
     computers: Computers
@@ -69,13 +75,18 @@ class _ControllerInPython:
 
     def __call__(self, tick: int) -> bool:
         senses = [self._sense(j, tick) for j in range(self.torque.size)]
+        unit = self.computers.memory.unit
         for j, decision in enumerate(self.host.decide(senses)):
             self.tally.controller_times.append(decision.solve_time)
-            if decision.ok and math.isfinite(decision.torque):
-                self.computers.memory.unit.torque_command[j] = decision.torque
-            else:
+            usable, status = decision.ok, decision.status
+            if usable and not math.isfinite(decision.torque):
+                usable, status = False, "torque not finite"
+            if usable:
+                unit.torque_command[j] = decision.torque
+            if not usable or status != "ok":
                 self.tally.controller_failures += 1
-                self.tally.note(f"controller: {decision.status}")
+                self.tally.note(f"controller: {status}")
+            unit.torque_factor[j] = share_of_target(self.computers.memory, j)
         return True
 
     def _sense(self, j: int, tick: int) -> UnitSense:
@@ -159,4 +170,23 @@ def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) 
     return Given(commanded, noise, delay, fate)
 
 
-__all__ = ["CONTROLLERS", "DriverCommand", "Event", "SimulationError", "simulate"]
+def inputs_hash(event: Event) -> str:
+    """Hash of what acts on a run of `event`: of what was drawn, not of the seeds, which may draw nothing.
+
+    Events that differ in seeds alone have equal hashes where every run of one is a run of the other.
+    """
+    model, onboard = event.model, event.onboard
+    eq, telegrams = equipment(model, onboard), onboard.telegrams
+    ticks = round(event.duration / onboard.period)
+    given = _given(
+        np.zeros(ticks), onboard, model.layout, max(1, round(telegrams.period / onboard.period))
+    )
+    # + 0.0: without noise there are zeros of either sign
+    parts = (
+        model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
+        given.fate < telegrams.loss, event.command, event.initial_speed, event.initial_position,
+    )  # fmt: skip
+    return hashlib.sha256(canonical(parts).encode()).hexdigest()[:16]
+
+
+__all__ = ["CONTROLLERS", "DriverCommand", "Event", "SimulationError", "inputs_hash", "simulate"]

@@ -1,8 +1,9 @@
-"""What the controllers of a unit and of a group share: one answer per control period, whatever happens.
+"""What the controllers of a unit and of a group share: one answer per control period.
 
 A controller updates its belief about the rail, asks the real-time iteration for the best torques over the horizon, and
-commands the first. Whatever goes wrong is answered with ok = False; the unit then cuts and ramps. Braking is driving
-mirrored: every law of a unit is odd.
+commands the first. A solver that fails, is late or is given what is no number is answered with ok = False; the unit then
+cuts and ramps. What is raised is a fault of the program and ends the run. Braking is driving mirrored: every law of a
+unit is odd.
 """
 
 import math
@@ -48,13 +49,9 @@ class PredictiveController:
         raise NotImplementedError
 
     def _answer(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
-        """Torque command of each unit for the coming control period; never raises."""
+        """Torque command of each unit for the coming control period."""
         started = clock.perf_counter()
-        torques, residual = self._before, math.nan
-        try:
-            torques, status, residual = self._decide(senses, started)
-        except Exception as error:  # a controller on board must answer, whatever happens
-            status = f"{type(error).__name__}: {error}"
+        torques, status, residual = self._decide(senses, started)
         elapsed = clock.perf_counter() - started
         if status == "ok" and elapsed > self.settings.deadline:
             status = "late"

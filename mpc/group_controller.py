@@ -33,7 +33,7 @@ class GroupController(PredictiveController):
         self.belief = GroupBelief(contexts, settings.belief)
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
-        """Torque command of each unit for the coming control period; never raises."""
+        """Torque command of each unit for the coming control period."""
         return self._answer(senses)
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
@@ -64,7 +64,7 @@ class CarControllers:
         self.controllers = [GroupController(members, settings) for members in self.cars]
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
-        """Torque command of each unit for the coming control period; never raises."""
+        """Torque command of each unit for the coming control period."""
         decisions: list[TorqueDecision] = []
         for members, controller in zip(self.cars, self.controllers, strict=True):
             start = len(decisions)

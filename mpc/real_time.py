@@ -25,6 +25,11 @@ HALVINGS = 12
 """Most halvings of a step that would raise the cost; the last is taken only if it does not."""
 
 
+SOLVER_ERRORS = (np.linalg.LinAlgError,)
+"""What a solver raises where it fails; DAQP reports failures by its flag, and CasADi is not called in the loop. Anything
+else that is raised is a fault of the program."""
+
+
 class RealTimeIteration:
     """Solver of `HorizonProblem`; arrays and the QP solver are made once, and the last solution is kept as a guess.
 
@@ -103,10 +108,10 @@ class RealTimeIteration:
             if near and done > 0:
                 break
             # the first step is taken always: it is what answers the measurement
-            flag = self._step(problem)
+            failure = self._step(problem)
             done += 1
-            if flag < 0:
-                return HorizonSolution(self.torques.copy(), cost, residual, done, f"QP flag {flag}")
+            if failure:
+                return HorizonSolution(self.torques.copy(), cost, residual, done, failure)
             if not self._search(problem, cost) or near:
                 break
         return HorizonSolution(self.torques.copy(), cost, residual, done, "ok")
@@ -128,10 +133,13 @@ class RealTimeIteration:
         projected = np.clip(self._by_unit(now - self._quadratic.gradient), 0.0, upper)
         return float(np.abs(projected.ravel() - now).max())
 
-    def _step(self, problem: HorizonProblem) -> int:
-        """Solve the quadratic model; leaves the step's end in the trial torques and returns DAQP's flag."""
+    def _step(self, problem: HorizonProblem) -> str:
+        """Solve the quadratic model; leaves the step's end in the trial torques and returns what failed, "" for nothing."""
         if self._settings.exact_hessian:
-            self._make_exact(problem)
+            try:
+                self._make_exact(problem)
+            except SOLVER_ERRORS as error:
+                return f"{type(error).__name__}: {error}"
         np.divide(self.torques, -self._scale, out=self._lower)
         upper = problem.upper / self._terms.unit.scale
         np.add(self._by_unit(self._lower), upper, out=self._by_unit(self._upper))
@@ -142,13 +150,15 @@ class RealTimeIteration:
             blower=self._lower,
         )
         if flag < 0:
-            return int(flag)
+            return f"QP flag {int(flag)}"
         step, _, flag, _ = self._solver.solve()
+        if flag < 0:
+            return f"QP flag {int(flag)}"
         np.multiply(step, self._scale, out=self._trial)
         self._trial += self.torques
         trial = self._by_unit(self._trial)
         np.clip(trial, 0.0, problem.upper, out=trial)
-        return int(flag)
+        return ""
 
     def _make_exact(self, problem: HorizonProblem) -> None:
         """Add the model's second derivatives; reflect negative curvature, so that the QP is convex."""

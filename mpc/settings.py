@@ -126,7 +126,7 @@ class GroupSettings:
 
     evenness: float = quantity(0.05, "1")
     limited: float = quantity(0.95, "1")
-    steps: int = 3
+    steps: int = quantity(3, "1", most=1000)
 
     def __post_init__(self) -> None:
         # without evenness the Hessian is singular in the split, and so is the problem
@@ -150,11 +150,11 @@ class MpcSettings:
     from C by the system's compiler ("c"); the answers are the same.
     """
 
-    horizon: int = 20
+    horizon: int = quantity(20, "1", most=200)
     step: float = quantity(0.01, "s")
     slip_limit: float = quantity(1.0, "1")
     headroom: float = quantity(0.1, "1")
-    iterations: int = 5
+    iterations: int = quantity(5, "1", most=1000)
     tolerance: float = quantity(1e-2, "1")
     deadline: float = quantity(math.inf, "s")
     exact_hessian: bool = False

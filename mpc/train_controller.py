@@ -76,7 +76,7 @@ class TrainMpc:
         self._sign = 0.0
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
-        """Torque command of each unit for the coming control period; never raises."""
+        """Torque command of each unit for the coming control period."""
         time = senses[0].time
         targets = [ordered_target(self._arrived(j, time), s) for j, s in enumerate(senses)]
         followed = [s._replace(target=t) for s, t in zip(senses, targets, strict=True)]

@@ -38,7 +38,7 @@ class MpcController(PredictiveController):
         self._slip_limit = np.zeros(context.axles)
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
-        """Torque command for the coming control period; never raises."""
+        """Torque command for the coming control period."""
         return self._answer([sense])[0]
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:

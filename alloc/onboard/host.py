@@ -77,6 +77,7 @@ class TorqueDecision(NamedTuple):
     """Commanded torque of each motor [N m]; ignored where `ok` is False (the unit then cuts and ramps)."""
     ok: bool
     status: str
+    """"ok", or what failed: such a step is counted, even where part of the answer can be used."""
     solve_time: float
     """Time spent [s]."""
     residual: float = math.nan
@@ -84,7 +85,10 @@ class TorqueDecision(NamedTuple):
 
 
 class HostController(Protocol):
-    """A readhesion controller of one unit."""
+    """A readhesion controller of one unit.
+
+    Where its solver fails it answers with ok = False. What it raises is a fault of the program and ends the run.
+    """
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period."""

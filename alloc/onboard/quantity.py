@@ -10,13 +10,15 @@ NOT_IN_FILES = {"unit": None}
 """Metadata of a field that no scenario file sets."""
 
 
-def quantity(default: Any, unit: str, names: Mapping[str, float] | None = None) -> Any:
+def quantity(
+    default: Any, unit: str, names: Mapping[str, float] | None = None, most: float | None = None
+) -> Any:
     """A number of a parameter record, kept in SI units; MISSING: no default.
 
     `unit`: that of the key in scenario files, "1" for a pure number, see `studies.files.units`. `names`: values that
-    have a name there.
+    have a name there. `most`: the greatest value that a file may give.
     """
-    return field(default=default, metadata={"unit": unit, "names": names or {}})
+    return field(default=default, metadata={"unit": unit, "names": names or {}, "most": most})
 
 
 def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:

@@ -14,6 +14,9 @@ from alloc.plant.car import (
     triple,
 )
 
+MOST_AXLES = 2000
+"""The longest trains have some 1500."""
+
 
 @dataclass(frozen=True)
 class Coupler:
@@ -52,6 +55,10 @@ class Train:
     def __post_init__(self) -> None:
         if not self.cars:
             raise PlantError(f"train {self.name!r}: has no cars")
+        if self.axle_count > MOST_AXLES:
+            raise PlantError(
+                f"train {self.name!r}: has {self.axle_count} axles; give {MOST_AXLES} at most"
+            )
         if min(triple(f"train {self.name!r}", "resistance", self.resistance)) < 0.0:
             raise PlantError(f"train {self.name!r}: resistance = {self.resistance} must be >= 0")
         PlantError.check(f"train {self.name!r}", self, finite=("planned_acceleration",))

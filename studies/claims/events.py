@@ -40,6 +40,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         title=f"random event {k}",
         case=None,
         duration_s=duration,
+        variation=None,  # drawn here
         load_t=tuple((d["load_t"] * (1.0 + d["tilt"] * position)).tolist()),
         rail={
             "level": float(level),

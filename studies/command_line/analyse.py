@@ -1,21 +1,21 @@
 """`readhesion analyse`: what the log of a train tells about its slips."""
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from studies.command_line.options import FilePath
 from studies.command_line.terminal import console
 from studies.files.study_error import StudyError
-from studies.files.writable import check_writable
+from studies.files.writable import FIGURE, check_file
 
 
 def analyse(
-    log: Path,
+    log: FilePath,
     *,
     train: str,
-    figure: Path | None = None,
+    figure: FilePath | None = None,
     slip_kmh: float = 0.72,
     slip_percent: float = 5.0,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
@@ -42,7 +42,7 @@ def analyse(
         Name of a shipped train, railtoolkit file (.yaml), or TOML file with masses, radii and
         inertias (`readhesion simulate --log` writes one).
     figure
-        File for a figure (pdf or png).
+        File for a figure (pdf, png or svg).
     slip_kmh
         Slip velocity from which on an axle slips [km/h] ...
     slip_percent
@@ -60,8 +60,7 @@ def analyse(
         if not 0.0 < value < float("inf"):
             raise StudyError(f"{name} {value}: must be greater than 0")
     criterion = SlipCriterion(slip_kmh / 3.6, 1e-2 * slip_percent)
-    if figure is not None:
-        check_writable(figure)
+    check_file(figure, FIGURE)
     measured = read_log(log, read_log_train(train))
     found = analyse_run(measured.run, measured.train, criterion)
     report = content(measured, found, criterion)

@@ -2,14 +2,15 @@
 
 from pathlib import Path
 
-from studies.command_line.options import Whole, process_count
+from studies.command_line.options import FilePath, Whole, process_count
 from studies.command_line.terminal import progress
+from studies.files.writable import check_place
 
 
 def figures(
     *names: str,
-    out: Path = Path("figures"),
-    results: Path = Path("results"),
+    out: FilePath = Path("figures"),
+    results: FilePath = Path("results"),
     jobs: Whole | None = None,
 ) -> None:
     """Draw figures as PDF and PNG.
@@ -28,6 +29,8 @@ def figures(
     from studies.core.gallery import gallery
 
     count = process_count(jobs)
+    check_place(out, "figure")
+    check_place(results, "results", "--results")
     with progress() as on_row:
         written = gallery().draw_figures(names, out, results, count, on_row)
     for path in written:

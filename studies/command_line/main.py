@@ -1,5 +1,7 @@
 """The command `readhesion`: its commands, exit codes, and what goes wrong in one line."""
 
+import io
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -21,7 +23,10 @@ from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+UNREAD = 141
 TERMINATED = 143
+LONGEST = 1500
+"""Letters of a message; what was given may be longer."""
 
 app = App(
     name="readhesion",
@@ -60,24 +65,24 @@ def launch(
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit code: 0, 1 if all failed, 2 for bad input (one line on stderr), 130 or 143
-    when it was interrupted or terminated."""
-    from alloc.errors import EstimationError, OnboardError, PlantError
-    from alloc.rules import AllocationError
-    from alloc.simulation import SimulationError
+    """Run the command; returns the exit code.
 
-    refused = (
-        StudyError, PlantError, OnboardError, SimulationError, AllocationError, EstimationError, OSError
-    )  # fmt: skip
+    0; 1 if all failed; 2 for bad input (one line on stderr); 130 or 143 when it was interrupted or terminated; 141 when
+    nobody reads what it prints.
+    """
+    from alloc.errors import InputError
+
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _say  # type: ignore[assignment]
             code = app.meta(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
-    except CycloptsError as error:
-        return _refuse(str(error))
-    except refused as error:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        return _unread()
+    except (CycloptsError, InputError, StudyError, OSError) as error:
         return _refuse(str(error))
     except KeyboardInterrupt as interrupt:
         print(
@@ -88,8 +93,17 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse(message: str) -> int:
-    print(f"readhesion: {' '.join(message.split())}", file=sys.stderr)
+    line = " ".join(message.split())
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    print(f"readhesion: {line}", file=sys.stderr)
     return BAD_INPUT
+
+
+def _unread() -> int:
+    """Nobody reads on, as after `| head`: what is still to be printed at the end goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return UNREAD
 
 
 def _say(message: Warning | str, *_: object) -> None:
@@ -98,5 +112,8 @@ def _say(message: Warning | str, *_: object) -> None:
 
 def main() -> None:
     """Entry point of the installed command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal may know plain letters only
     listen()
     sys.exit(run())

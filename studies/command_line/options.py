@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter, Token
@@ -17,11 +18,24 @@ def _whole(_: type, tokens: Sequence[Token]) -> int:
         raise ValueError(f"{tokens[0].value!r} is not a whole number") from None
 
 
+def _path(_: type, tokens: Sequence[Token]) -> Path:
+    """A path; nothing at all would be the present folder."""
+    if not tokens[0].value.strip():
+        raise ValueError("no name is given")
+    return Path(tokens[0].value)
+
+
 ALL_FAILED = 1
 """Exit code where every run failed."""
 
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 """Option of a whole number."""
+
+FilePath = Annotated[Path, Parameter(converter=_path, n_tokens=1)]
+"""Option of a file or folder."""
+
+MOST_SEEDS, MOST_EVENTS, GREATEST_SEED = 1000, 100_000, 2**31 - 1
+PROCESSES_PER_CORE = 16
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
 """Option of several names, one by one or with commas."""
@@ -37,14 +51,18 @@ def split_names(values: Sequence[str] | None) -> list[str] | None:
     return names
 
 
+def check_whole(option: str, value: int, least: int, most: int) -> None:
+    """Raise `StudyError` unless a whole number is one from `least` to `most`."""
+    if not least <= value <= most:
+        raise StudyError(f"{option} {value}: give a whole number from {least} to {most}")
+
+
 def process_count(jobs: int | None) -> int:
     """Number of processes: `jobs`, or one per core that this process may use."""
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     if jobs is None:
-        return (
-            len(os.sched_getaffinity(0))
-            if hasattr(os, "sched_getaffinity")
-            else os.cpu_count() or 1
-        )
-    if jobs < 1:
-        raise StudyError(f"--jobs {jobs}: give the number of processes, 1 or more")
+        return cores
+    check_whole("--jobs", jobs, 1, PROCESSES_PER_CORE * cores)
     return jobs

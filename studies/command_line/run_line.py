@@ -1,14 +1,14 @@
 """The command `readhesion run-line`: a train's minimum running time over a line, both given as railtoolkit files."""
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from studies.command_line.options import FilePath
 from studies.command_line.terminal import console, progress
 from studies.files.study_error import StudyError
-from studies.files.writable import check_writable
+from studies.files.writable import FIGURE, RUN, check_file
 
 if TYPE_CHECKING:
     from studies.lines.line_run import LineRun
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 def run_line(
     *,
-    line: Path,
-    train: Path,
+    line: FilePath,
+    train: FilePath,
     load: float = 1.0,
-    out: Path | None = None,
-    figure: Path | None = None,
+    out: FilePath | None = None,
+    figure: FilePath | None = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
     """Run a train over a line in minimum time and print running time, energy and points passed.
@@ -34,9 +34,9 @@ def run_line(
     load
         Share of the vehicles' `load_limit` on board, 0 to 1.
     out
-        File for the recorded run (netCDF).
+        File for the recorded run (netCDF, .nc).
     figure
-        File for a figure of the run (pdf or png).
+        File for a figure of the run (pdf, png or svg).
     as_json
         Print JSON instead of tables.
     """
@@ -47,9 +47,8 @@ def run_line(
     if not 0.0 <= load <= 1.0:
         raise StudyError(f"--load {load:g}: give a share of the load limit, 0 to 1")
     path, stock = read_path(line), read_rolling_stock(train, load)
-    for file in (out, figure):
-        if file is not None:
-            check_writable(file)
+    check_file(out, RUN)
+    check_file(figure, FIGURE)
     with progress() as on_row:
         found = line_run.run_line(
             path, stock, on_progress=lambda share: on_row(path.name, round(100 * share), 100)

@@ -1,15 +1,13 @@
 """`readhesion simulate`: one slip event under one rule and one controller."""
 
 import json
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import Whole
+from studies.command_line.options import GREATEST_SEED, FilePath, Whole, check_whole
 from studies.command_line.terminal import console
-from studies.files.study_error import StudyError
-from studies.files.writable import check_writable
+from studies.files.writable import FIGURE, LOG, RUN, check_file
 
 
 def simulate(
@@ -18,9 +16,9 @@ def simulate(
     rule: str = "greedy",
     controller: str = "cut-and-ramp",
     seed: Whole = 0,
-    out: Path | None = None,
-    log: Path | None = None,
-    figure: Path | None = None,
+    out: FilePath | None = None,
+    log: FilePath | None = None,
+    figure: FilePath | None = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
     """Run one slip event and print its metrics.
@@ -36,12 +34,12 @@ def simulate(
     seed
         Seed of the event's random draws, 0 or greater.
     out
-        File for the recorded run (netCDF).
+        File for the recorded run (netCDF, .nc).
     log
         File for a log (csv or parquet) as `readhesion analyse` reads it; the train's data go beside
         it, with the ending .train.toml.
     figure
-        File for a figure of the run (pdf or png).
+        File for a figure of the run (pdf, png or svg).
     as_json
         Print JSON instead of a table.
     """
@@ -51,18 +49,15 @@ def simulate(
     from alloc.recording import save
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
-    from studies.logs.export import check_log_path, write_log
+    from studies.logs.export import train_beside, write_log
     from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])
-    if seed < 0:
-        raise StudyError(f"--seed {seed}: must be 0 or greater")
-    for path in (out, log, figure):
-        if path is not None:
-            check_writable(path)
-    if log is not None:
-        check_log_path(log)
+    check_whole("--seed", seed, 0, GREATEST_SEED)
+    beside = None if log is None else train_beside(log)
+    for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):
+        check_file(path, endings)
     run = simulate_job(Job(chosen, rule, controller, seed))
     values = evaluate(run)
     if out is not None:

@@ -6,9 +6,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import ALL_FAILED, Whole, process_count
-from studies.command_line.terminal import console, progress
-from studies.files.study_error import StudyError
+from studies.command_line.options import (
+    ALL_FAILED,
+    GREATEST_SEED,
+    MOST_EVENTS,
+    FilePath,
+    Whole,
+    check_whole,
+    process_count,
+)  # fmt: skip
+from studies.command_line.terminal import console, counted, progress
+from studies.files.writable import check_place
 
 
 def sweep(
@@ -16,13 +24,13 @@ def sweep(
     *,
     events: Whole | None = None,
     jobs: Whole | None = None,
-    out: Path = Path("results"),
+    out: FilePath = Path("results"),
     seed: Whole = 0,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
 
-    Rows that the output folder already holds are not run again. The exit code is 1 if every run failed.
+    Rows that the output folder already holds are not run again. The exit code is 1 if no run is ok.
 
     Parameters
     ----------
@@ -43,14 +51,14 @@ def sweep(
     from studies.core.statement_report import about, printed
 
     chosen = find_study(name)
-    if events is not None and events < 1:
-        raise StudyError(f"--events {events}: give the number of events, 1 or more")
-    if seed < 0:
-        raise StudyError(f"--seed {seed}: must be 0 or greater")
     count = chosen.default_events if events is None else events
+    check_whole("--events", count, 1, MOST_EVENTS)
+    check_whole("--seed", seed, 0, GREATEST_SEED)
+    processes = process_count(jobs)
+    check_place(out)
     folder = study_folder(out, name)
     with progress() as on_row:
-        table = chosen.run(folder, count, seed, process_count(jobs), on_row)
+        table = chosen.run(folder, count, seed, processes, on_row)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
     found = [] if failed == len(table) else chosen.statements(table)
     if as_json:
@@ -61,9 +69,5 @@ def sweep(
         screen = console()
         for item in printed(found):
             screen.print(item)
-        screen.print(
-            f"{len(table)} rows"
-            + (f", [red]{failed} failed[/red]" if failed else "")
-            + f"; tables in {folder}"
-        )
+        screen.print(f"{counted(table, 'rows')}; tables in {folder}")
     return ALL_FAILED if failed == len(table) else 0

@@ -10,7 +10,8 @@ from studies.files.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
 from studies.scenario.scenario import Scenario
 
-DEFAULT_SEEDS = 1
+DEFAULT_SEEDS = 5
+"""Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
 DEFAULT_CONTROLLERS = ("cut-and-ramp",)
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
 """Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
@@ -47,14 +48,22 @@ def make_grid(
     scenarios: Sequence[Scenario],
     rules: Sequence[str] | None,
     controllers: Sequence[str] | None,
-    seeds: int,
+    seeds: int | None,
 ) -> Grid:
     """The grid for these parts; None stands for the default.
 
-    With nothing said about controllers the MPC joins in on the cells of `MPC_CELLS` that are part of the grid.
+    With nothing said about controllers the MPC joins in on the cells of `MPC_CELLS` that are part of the grid. Raises
+    `StudyError` where several seeds are asked for and a scenario leaves nothing to them.
     """
-    if seeds < 1:
+    if seeds is not None and seeds < 1:
         raise StudyError(f"--seeds {seeds}: give the number of seeds, 1 or more")
+    count = DEFAULT_SEEDS if seeds is None else seeds
+    fixed = [one.name for one in scenarios if count > 1 and not one.draws()]
+    if seeds is not None and fixed:
+        raise StudyError(
+            f"--seeds {seeds}: nothing in scenario {fixed[0]!r} depends on the seed, all its rows would be equal; "
+            "give it a table [variation], or leave --seeds out"
+        )
     chosen = tuple(dict.fromkeys(default_rules() if rules is None else rules))
     built_in = tuple(dict.fromkeys(DEFAULT_CONTROLLERS if controllers is None else controllers))
     check_names(chosen, built_in)
@@ -68,9 +77,12 @@ def make_grid(
         )
     if extra:
         check_controller("mpc")
-    return Grid(tuple(scenarios), chosen, built_in, tuple(range(seeds)), extra)
+    return Grid(
+        tuple(scenarios), chosen, built_in, tuple(range(count)), extra,
+        frozenset(fixed),
+    )  # fmt: skip
 
 
 def default_grid() -> Grid:
     """The grid of `readhesion compare` without options."""
-    return make_grid(default_scenarios(), None, None, DEFAULT_SEEDS)
+    return make_grid(default_scenarios(), None, None, None)

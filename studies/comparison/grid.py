@@ -9,7 +9,7 @@ from studies.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Grid:
-    """What a comparison consists of: the product of its parts, plus `extra` cells."""
+    """What a comparison consists of: the product of its parts over `seeds`, plus `extra` cells."""
 
     scenarios: tuple[Scenario, ...]
     rules: tuple[str, ...]
@@ -17,6 +17,8 @@ class Grid:
     seeds: tuple[int, ...]
     extra: tuple[tuple[Scenario, str, str], ...] = ()
     """Cells (scenario, rule, controller) beyond the product, over the same seeds."""
+    fixed: frozenset[str] = frozenset()
+    """Scenarios that meet the first seed alone, for every other would be the same event."""
 
     def jobs(self) -> list[Job]:
         """Every cell once: by scenario, then rule, controller, seed."""
@@ -29,7 +31,7 @@ class Grid:
         jobs = [
             Job(scenario, rule, controller, seed)
             for scenario, rule, controller in dict.fromkeys([*cells, *self.extra])
-            for seed in self.seeds
+            for seed in (self.seeds[:1] if scenario.name in self.fixed else self.seeds)
         ]
         names = {job.scenario.name: job.scenario for job in jobs}
         for job in jobs:

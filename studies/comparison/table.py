@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from studies.comparison.summary import RULE_CALL_TIME, Line, Mean
+from studies.comparison.summary import REFERENCE, RULE_CALL_TIME, Line, Mean
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,15 @@ COLUMNS = (
 )
 """What is printed, from left to right; the JSON and the parquet file hold every metric."""
 
+DIFFERENCES = (
+    Column("effort_ratio", "effort\npoints", 100.0, 2),
+    Column("utilisation", "adhesion\npoints", 100.0, 2),
+    Column("slip_time", "slip\naxle s"),
+    Column("damage", "damage\nQ kJ", 1.0, 0),
+    Column("jerk_rms", "jerk rms\nm/s³", 1.0, 2),
+)
+"""What is printed of the differences from the reference rule; the JSON has every metric."""
+
 GAP = 2
 """Spaces between two columns: one of padding, one in place of the box's line."""
 
@@ -61,12 +70,42 @@ def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Gr
 
     Columns that apply to none of a scenario's lines are left out; what is left out for want of width is named below.
     """
-    return [
-        _table(
-            [line for line in lines if line.scenario == scenario], titles.get(scenario, ""), width
-        )
-        for scenario in dict.fromkeys(line.scenario for line in lines)
-    ]
+    groups = []
+    for scenario in dict.fromkeys(line.scenario for line in lines):
+        mine = [line for line in lines if line.scenario == scenario]
+        groups.append(_table(mine, titles.get(scenario, ""), width))
+        if paired := [line for line in mine if _pairs(line) > 1]:
+            groups.append(_differences(paired, width))
+    return groups
+
+
+def _pairs(line: Line) -> int:
+    """Seeds over which a line is paired with the reference rule."""
+    return max((mean.count for mean in line.differences.values()), default=0)
+
+
+def _differences(lines: list[Line], width: int) -> Group:
+    """What each rule does more than the reference under the same controller."""
+    table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False)
+    for heading in ("rule", "controller"):
+        table.add_column(heading, no_wrap=True)
+    for column in DIFFERENCES:
+        table.add_column(column.heading, justify="right", no_wrap=True)
+    for line, (rule, controller) in zip(lines, _names(lines), strict=True):
+        table.add_row(rule, controller, *(_signed(line, column) for column in DIFFERENCES))
+    seeds = sorted({_pairs(line) for line in lines})
+    counted = " or ".join(map(str, seeds))
+    return Group(f"less {REFERENCE}, paired over {counted} seeds, ± 95 %:", table)
+
+
+def _signed(line: Line, column: Column) -> str:
+    mean = line.differences.get(column.metric, _NOTHING)
+    if mean.count == 0:
+        return "–"
+    text = f"{column.factor * mean.value:+.{column.digits}f}"
+    if math.isfinite(mean.half_width):
+        text += f" ±{column.factor * mean.half_width:.{column.digits}f}"
+    return text
 
 
 def _table(lines: list[Line], title: str, width: int) -> Group:
@@ -118,8 +157,8 @@ def _tells(line: Line, column: Column) -> bool:
 
 
 def _cell(line: Line, column: Column) -> str:
-    if line.failed == line.seeds:
-        return "[red]failed[/red]" if column is COLUMNS[0] else "–"
+    if line.left_out == line.seeds:
+        return f"[red]{_fault(line)}[/red]" if column is COLUMNS[0] else "–"
     if not _applies(line, column):
         return "–"
     mean = line.metrics[column.metric]
@@ -132,20 +171,32 @@ def _cell(line: Line, column: Column) -> str:
 def _failures(line: Line) -> str:
     names = ("rule_failures", "controller_failures")
     values = [line.metrics.get(name, _NOTHING).value for name in names]
-    return "–" if line.failed == line.seeds else f"{sum(v for v in values if v == v):.0f}"
+    return "–" if line.left_out == line.seeds else f"{sum(v for v in values if v == v):.0f}"
+
+
+def _fault(line: Line) -> str:
+    return "failed" if line.failed else "degraded"
 
 
 def _width(heading: str, cells: Sequence[str]) -> int:
-    texts = [*heading.split("\n"), *(cell.replace("[red]failed[/red]", "failed") for cell in cells)]
+    texts = [
+        *heading.split("\n"),
+        *(cell.removeprefix("[red]").removesuffix("[/red]") for cell in cells),
+    ]
     return max(len(text) for text in texts)
+
+
+def _left_out(line: Line) -> str:
+    counts = ((line.failed, "failed"), (line.degraded, "degraded"))
+    return ", ".join(f"{count} of {line.seeds} runs {word}" for count, word in counts if count)
 
 
 def _notes(lines: list[Line], left_out: Sequence[str]) -> list[str]:
     notes = [
-        f"[red]{escape(line.rule)}, {escape(line.controller)}: {line.failed} of {line.seeds} runs failed: "
+        f"[red]{escape(line.rule)}, {escape(line.controller)}: {_left_out(line)}: "
         f"{escape(line.reasons[0])}[/red]"
         for line in lines
-        if line.failed
+        if line.left_out
     ]
     if left_out:
         notes.append(f"not shown for want of width: {', '.join(left_out)} (--json shows all)")

@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import xarray as xr
@@ -14,6 +15,11 @@ from alloc.canonical import canonical
 from alloc.sources import code_hash
 from studies.core.plugins import load_plugins
 from studies.files.study_error import StudyError
+
+ROOT = Path(__file__).parents[2]
+"""Folder of the packages; reasons name sources from there."""
+INNERMOST = 3
+"""Lines of a traceback that a reason keeps."""
 
 Row = dict[str, Any]
 OnRow = Callable[[str, int, int], None]
@@ -97,8 +103,24 @@ class Outcome(NamedTuple):
     run: xr.Dataset | None
 
 
+def in_one_line(error: Exception) -> str:
+    """Type and message of an error, and the innermost lines of its traceback: the one that raised it comes first."""
+    frames = reversed(traceback.extract_tb(error.__traceback__)[-INNERMOST:])
+    places = [f"{_short(frame.filename)}:{frame.lineno} in {frame.name}" for frame in frames]
+    message = " ".join(str(error).split()) or "no message"
+    return f"{type(error).__name__}: {message} (at {', from '.join(places)})"
+
+
+def _short(file: str) -> str:
+    """A source's path from the folder that holds the project, or its name where it lies elsewhere."""
+    path = Path(file)
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
+
+
 def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
     """Do a cell's work. Whatever goes wrong in it becomes a row with status "failed" and the reason.
+
+    Work that ends well but does not count may say so: its rows then have a status of their own, see `run_status`.
 
     `key`: as the caller knows it. A worker that started after the sources changed has loaded other code; its result would
     pass for one of the caller's code, so it refuses.
@@ -114,11 +136,8 @@ def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
         found, run = cell.work()
         rows = [kept | row | {"status": row.get("status", "ok")} for row in found]
     except Exception as error:  # a study of a hundred cells goes on without this one
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        reason = " ".join(str(error).split()) or "no message"
         known = {name: value for name, value in cell.identity.items() if name != "arguments"}
-        reason = f"{type(error).__name__} at {where.name}: {reason}"
-        rows = [kept | known | {"status": "failed", "reason": reason}]
+        rows = [kept | known | {"status": "failed", "reason": in_one_line(error)}]
     seconds = time.perf_counter() - started
     times: Row = {"wall_time": seconds / max(len(rows), 1)}
     rows = [{"reason": ""} | row | times for row in rows]

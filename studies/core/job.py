@@ -10,6 +10,7 @@ from alloc.metrics import METRICS, evaluate
 from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.cell import Yield
+from studies.core.run_status import run_status
 from studies.scenario.scenario import Scenario
 
 Measure = Callable[[xr.Dataset], dict[str, float]]
@@ -57,7 +58,7 @@ class Job:
         row |= {"duration": float(run["time"].values[-1] - run["time"].values[0])}
         row |= evaluate(run)
         row |= {} if self.measure is None else self.measure(run)
-        return Yield([row], run)
+        return Yield([row | run_status(run)], run)
 
 
 def simulate_job(job: Job) -> xr.Dataset:

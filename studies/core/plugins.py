@@ -11,7 +11,8 @@ from pathlib import Path
 from types import ModuleType
 
 from alloc.plant.sets import SETS
-from alloc.sources import PLUGIN_PREFIX
+from alloc.registry import Registry
+from alloc.sources import PACKAGES, PLUGIN_PREFIX
 from studies.files.study_error import StudyError
 from studies.scenario.train_file import read_train_file
 
@@ -22,9 +23,14 @@ VARIABLE = "READHESION_PLUGINS"
 def use_plugins(files: Iterable[str | Path]) -> None:
     """Load plug-in files, here and in every process that is started from here; raises `StudyError` where one is faulty."""
     paths = [str(Path(file).resolve()) for file in files]
-    known = [path for path in os.environ.get(VARIABLE, "").split(os.pathsep) if path]
+    before = os.environ.get(VARIABLE, "")
+    known = [path for path in before.split(os.pathsep) if path]
     os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys([*known, *paths]))
-    load_plugins()
+    try:
+        load_plugins()
+    except StudyError:
+        os.environ[VARIABLE] = before
+        raise
 
 
 def load_plugins() -> None:
@@ -49,6 +55,7 @@ def _load(file: str) -> None:
     module = ModuleType(name)
     module.__file__ = file
     sys.modules[name] = module
+    before = len(Registry.registered)
     try:
         if file.endswith(".toml"):
             train = read_train_file(file)
@@ -57,7 +64,10 @@ def _load(file: str) -> None:
         else:
             source = Path(file).read_bytes()
             exec(compile(source, file, "exec"), vars(module))
-    except Exception as error:
+        makers = {origin.partition(".")[0] for origin in Registry.registered[before:]}
+        if makers <= {*PACKAGES, "paper_figs"}:
+            raise StudyError("it registers nothing; docs/developing.md says how to")
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         reason = " ".join(str(error).split())
         said = "" if isinstance(error, StudyError) else f"{type(error).__name__}: "

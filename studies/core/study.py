@@ -37,7 +37,7 @@ class Study:
     later: tuple[Stage, ...] = ()
     """Further stages, in their order."""
     whole: bool = False
-    """Whether statements need every cell."""
+    """Whether statements need every row, and each one ok."""
     step: int = 1
     """Events in the least number that adds cells to those of fewer and changes none."""
 
@@ -64,11 +64,11 @@ class Study:
 
     def statements(self, table: pd.DataFrame) -> list[Statement]:
         """What the table says; raises `StudyError` where it lacks what the statements need."""
-        failed = table["status"] == "failed" if "status" in table else pd.Series(dtype=bool)
-        if self.whole and failed.any():
-            reason = table.loc[failed, "reason"].iloc[0]
+        bad = table["status"] != "ok" if "status" in table else pd.Series(dtype=bool)
+        if self.whole and bad.any():
+            reason = table.loc[bad, "reason"].iloc[0]
             raise StudyError(
-                f"study {self.name!r}: {int(failed.sum())} rows failed, the first by {reason}; mend that and run it again"
+                f"study {self.name!r}: {int(bad.sum())} rows are not ok, the first by {reason}; mend that and run it again"
             )
         return self.judge(table)
 

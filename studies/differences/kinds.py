@@ -107,4 +107,5 @@ def event(seed: int, kind: str, k: int) -> Scenario:
     level = float(generator.uniform(0.128, 0.148))
     rail = base.rail.model_dump() | {"level": level, "scatter": 0.003}
     name = event_name(seed, kind, k)
-    return base.changed(**({"duration_s": 12.0, "case": None, "rail": rail, "name": name} | own))
+    common = {"duration_s": 12.0, "case": None, "variation": None, "rail": rail, "name": name}
+    return base.changed(**(common | own))

@@ -2,12 +2,13 @@
 
 import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
+from studies.files.small_file import small_text
 from studies.files.study_error import StudyError, nearest
+from studies.files.units import is_number, range_fault, shown
 
 
 class Strict(BaseModel):
@@ -16,6 +17,26 @@ class Strict(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, str_strip_whitespace=True
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_disguise(cls, value: Any, info: ValidationInfo) -> Any:
+        """Refuse a number in quotes, and true or false for one, which the library would convert."""
+        stated = str(cls.model_fields[str(info.field_name)].annotation)
+        for part in value if isinstance(value, list) else [value]:
+            if (isinstance(part, bool) and "bool" not in stated) or (
+                isinstance(part, str) and "str" not in stated and is_number(part)
+            ):
+                raise ValueError(f"must be a number without quotes, not {part!r}")
+        return value
+
+    @field_validator("*")
+    @classmethod
+    def _of_a_railway(cls, value: Any, info: ValidationInfo) -> Any:
+        fault = range_fault(str(info.field_name), value)
+        if fault is not None:
+            raise ValueError(fault)
+        return value
 
     @classmethod
     def complete(cls) -> type[BaseModel]:
@@ -31,13 +52,10 @@ class Foreign(BaseModel):
 
 def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
     """Content of a TOML file; raises `StudyError` naming `what` kind of file it is, and `hint` where it does not exist."""
+    text = small_text(path, what, hint)
     try:
-        return tomllib.loads(Path(path).read_bytes().decode())
-    except FileNotFoundError:
-        raise StudyError(f"{what} file {path!r} does not exist; {hint}") from None
-    except OSError as error:
-        raise StudyError(f"{what} file {path!r} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # numbers of too many digits, lists too deep
         raise StudyError(f"{what} file {path!r} is not TOML: {error}") from None
 
 
@@ -72,8 +90,8 @@ def explain(kind: type[BaseModel], error: ValidationError) -> str:
     if not place:
         return reason
     given = fault.get("input")
-    shown = "" if isinstance(given, Mapping | list | BaseModel) else f" = {given!r}"
-    return f"key {key!r}{shown}: {reason}"
+    value = "" if isinstance(given, Mapping | list | BaseModel) else f" = {shown(given)}"
+    return f"key {key!r}{value}: {reason}"
 
 
 def _dotted(place: tuple[int | str, ...]) -> str:

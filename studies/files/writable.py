@@ -1,21 +1,48 @@
-"""Files that will be written, checked before minutes are spent on their content."""
+"""What will be written, checked before minutes are spent on its content."""
 
+import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from studies.files.study_error import StudyError
 
+RUN, FIGURE, LOG = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet")
+"""Endings of files by what they hold."""
 
-def check_writable(path: Path) -> None:
-    """Raise `StudyError` if a file cannot be written, before minutes are spent on its content."""
-    existed = path.exists()
+
+def check_file(path: Path | None, endings: Sequence[str]) -> None:
+    """Raise `StudyError` if a file has none of these `endings` or cannot be written; nothing is left behind."""
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise StudyError(
+            f"file {str(path)!r}: ending {path.suffix!r} must be {' or '.join(endings)}"
+        )
     try:
+        existed = path.exists()
         with open(path, "ab"):
             pass
         if not existed:
             path.unlink()
     except OSError as error:
         raise StudyError(f"file {str(path)!r} cannot be written: {error.strerror}") from None
+
+
+def check_place(path: Path, what: str = "output", option: str = "--out") -> None:
+    """Raise `StudyError` if a folder is none, or cannot be made where it is wanted; nothing is made."""
+    try:
+        place = path.absolute()
+        while not place.exists():
+            place = place.parent
+        if place.is_dir() and os.access(place, os.W_OK | os.X_OK):
+            return
+        reason = "No permission" if place.is_dir() else f"{str(place)!r} is a file"
+    except OSError as error:
+        reason = str(error.strerror)
+    raise StudyError(
+        f"{what} folder {str(path)!r} cannot be written: {reason}; choose another with {option}"
+    )
 
 
 def check_folder(folder: Path) -> None:

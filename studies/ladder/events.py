@@ -89,6 +89,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         title=f"random event {k} of the ladder",
         case=None,
         duration_s=duration,
+        variation=None,  # drawn here
         rail=rail_keys(d["curve"], d["residual_ratio"], d["level"])
         | {
             "increments": {"law": "logarithmic"},

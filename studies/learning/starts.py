@@ -128,7 +128,10 @@ def station_event(series: Series, direction: str, station: int) -> tuple[Event, 
     base = load_scenario(BASE)
     rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[series.rail]}
     changed = base.changed(
-        rail=rail, duration_s=series.duration, reversed=DIRECTIONS.index(direction) > 0
+        rail=rail,
+        variation=None,  # drawn here
+        duration_s=series.duration,
+        reversed=DIRECTIONS.index(direction) > 0,
     )
     return changed.event(int(event_seed)), level
 

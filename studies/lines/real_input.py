@@ -4,7 +4,7 @@ from pathlib import Path
 
 from studies.files.study_error import StudyError
 from studies.railtoolkit.reading import read_path
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, safe_name
 
 
 def with_real_input(scenario: Scenario, line: str | None, train: str | None) -> Scenario:
@@ -24,7 +24,7 @@ def with_real_input(scenario: Scenario, line: str | None, train: str | None) -> 
             f"{scenario.title}; on {Path(line).name}, {section.start:.0f} m to {section.end:.0f} m, "
             f"{grade:g} per mille"
         )
-        name += f"+{Path(line).stem}"
+        name += f"+{safe_name(Path(line).stem)}"
     if train is not None:
         if scenario.load_t is not None or scenario.failures:
             raise StudyError(
@@ -32,7 +32,7 @@ def with_real_input(scenario: Scenario, line: str | None, train: str | None) -> 
                 "train; choose another --scenario"
             )
         changes |= {"train": train, "coupler": None}
-        name += f"+{Path(train).stem}"
+        name += f"+{safe_name(Path(train).stem)}"
     changed = scenario.changed(name=name, **changes)
     changed.event()  # a file that does not hold a train shows now, not as a failed row
     return changed

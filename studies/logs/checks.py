@@ -67,7 +67,10 @@ def faulty(source: str, column: str, row: int | None, reason: str) -> Faulty:
 
 
 def check_numbers(table: pd.DataFrame, columns: list[str], source: str) -> None:
-    """Raise for what is not a number, or infinite; empty cells pass as nan."""
+    """Raise for too few rows, and for what is not a number, or infinite; empty cells pass as nan."""
+    if len(table) < FEWEST_ROWS:
+        text = f"{len(table)} rows; give {FEWEST_ROWS} or more to be analysed"
+        raise faulty(source, "time_s", None, text)
     for name in columns:
         values = table[name]
         if not pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
@@ -83,10 +86,6 @@ def check_numbers(table: pd.DataFrame, columns: list[str], source: str) -> None:
 def check_time(time: Floats, source: str) -> tuple[NDArray[np.int64], list[Remark]]:
     """Number of the part of each instant, and gaps and uneven sampling; raises for a time that does not grow."""
     name = "time_s"
-    if time.size < FEWEST_ROWS:
-        raise faulty(
-            source, name, None, f"{time.size} rows; give {FEWEST_ROWS} or more to be analysed"
-        )
     missing = np.flatnonzero(~np.isfinite(time))
     if missing.size:
         raise faulty(source, name, int(missing[0]) + 1, "has no time")

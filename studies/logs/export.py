@@ -9,13 +9,12 @@ import xarray as xr
 from alloc.estimation.measured_run import MeasuredTrain, applied_force
 from alloc.plant.train import Train
 from studies.files.study_error import StudyError
+from studies.files.writable import LOG, check_file
 from studies.logs.columns import column_of
 from studies.logs.measured_train import write_log_train
 
 DECIMALS = {"s": 4, "kmh": 3, "kn": 3, "ms2": 4}
 """Decimals of a CSV file by unit: a tenth of a millimetre per second, 1 N."""
-TABLES = (".csv", ".parquet")
-"""Endings of files that hold a log."""
 
 
 def log_table(run: xr.Dataset, train: Train, every: int = 1) -> pd.DataFrame:
@@ -44,10 +43,9 @@ def rounded(table: pd.DataFrame) -> pd.DataFrame:
     return table.round({name: DECIMALS[str(name).rsplit("_", 1)[1]] for name in table})
 
 
-def check_log_path(path: Path) -> None:
-    """Raise `StudyError` unless the ending is that of a table."""
-    if path.suffix.lower() not in TABLES:
-        raise StudyError(f"log {str(path)!r}: ending {path.suffix!r} must be {' or '.join(TABLES)}")
+def train_beside(path: Path) -> Path:
+    """File of the train's data beside a log."""
+    return path.with_suffix(".train.toml")
 
 
 def write_log(run: xr.Dataset, train: Train, path: Path) -> Path:
@@ -55,9 +53,9 @@ def write_log(run: xr.Dataset, train: Train, path: Path) -> Path:
 
     Raises `StudyError` if a file cannot be written.
     """
-    check_log_path(path)
+    check_file(path, LOG)
     table = log_table(run, train)
-    beside = path.with_suffix(".train.toml")
+    beside = train_beside(path)
     try:
         if path.suffix.lower() == ".csv":
             rounded(table).replace(-0.0, 0.0).to_csv(path, index=False)

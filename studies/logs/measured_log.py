@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.measured_run import MeasuredRun, MeasuredTrain
 from studies.files.study_error import StudyError
+from studies.files.writable import LOG
 from studies.logs import checks
 from studies.logs.checks import Remark, faulty
 from studies.logs.columns import QUANTITIES, Column, near_column, parse_column
@@ -42,14 +43,14 @@ def read_log(path: str | Path, train: MeasuredTrain) -> MeasuredLog:
 def _read_table(path: Path) -> pd.DataFrame:
     text = repr(str(path))
     ending = path.suffix.lower()
-    if ending not in (".csv", ".parquet"):
-        raise StudyError(f"log {text}: ending {path.suffix!r} must be .csv or .parquet")
+    if ending not in LOG:
+        raise StudyError(f"log {text}: ending {path.suffix!r} must be {' or '.join(LOG)}")
     if not path.is_file():
         raise StudyError(f"log {text} does not exist")
     try:
         if ending == ".parquet":
             return pd.read_parquet(path)
-        with open(path, newline="", encoding="utf-8") as file:
+        with open(path, newline="", encoding="utf-8-sig") as file:
             header = [name.strip() for name in next(csv.reader(file), [])]
         if len(header) < 2 and any(mark in "".join(header) for mark in ";\t"):
             raise StudyError(f"log {text}: columns must be divided by commas, decimals by points")
@@ -58,7 +59,7 @@ def _read_table(path: Path) -> pd.DataFrame:
             raise StudyError(f"log {text}: column {double[0]!r} is there twice")
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(path, index_col=False, skipinitialspace=True)
+            table = pd.read_csv(path, index_col=False, skipinitialspace=True, low_memory=False)
         table.columns = pd.Index(header)
         return table
     except StudyError:

@@ -10,6 +10,7 @@ driven = [true, true, false, false]
 axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
 """
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -95,7 +96,7 @@ def read_log_train(name_or_path: str) -> MeasuredTrain:
 
 def write_log_train(train: MeasuredTrain, path: Path) -> None:
     """Write a TOML file that `read_log_train` reads back."""
-    lines = [f'name = "{train.name}"']
+    lines = [f"name = {json.dumps(train.name, ensure_ascii=False)}"]
     for car, mass in enumerate(train.car_mass):
         own = train.axle_car == car
         lines += [

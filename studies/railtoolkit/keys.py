@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from studies.files.strict import Foreign
+from studies.files.units import range_fault
 
 
 class PathKeys(Foreign):
@@ -16,12 +17,17 @@ class PathKeys(Foreign):
 
     name: str
     id: str
-    characteristic_sections: tuple[tuple[float, float, float], ...] = Field(min_length=2)
+    characteristic_sections: tuple[tuple[float, float, float], ...] = Field(
+        min_length=2, max_length=5000
+    )
     points_of_interest: tuple[tuple[float, str, Literal["front", "rear"]], ...] = ()
 
     @model_validator(mode="after")
     def _fits(self) -> "PathKeys":
-        for k, (start, limit, _) in enumerate(self.characteristic_sections):
+        for k, (start, limit, grade) in enumerate(self.characteristic_sections):
+            for key, value in (("start_m", start), ("limit_kmh", limit), ("grade_permille", grade)):
+                if fault := range_fault(key, value):
+                    raise ValueError(f"characteristic_sections[{k + 1}]: {value:g} {fault}")
             if limit <= 0.0:
                 raise ValueError(
                     f"characteristic_sections[{k + 1}]: speed limit {limit:g} km/h must exceed 0"
@@ -49,25 +55,27 @@ class VehicleKeys(Foreign):
     name: str
     id: str
     vehicle_type: Literal["traction unit", "freight", "passenger", "multiple unit"]
-    length: float = Field(gt=0.0)
-    mass: float = Field(gt=0.0)
-    load_limit: float = Field(default=0.0, ge=0.0)
+    length: float = Field(gt=0.0, le=1000.0)
+    mass: float = Field(gt=0.0, le=5000.0)
+    load_limit: float = Field(default=0.0, ge=0.0, le=5000.0)
     mass_traction: float | None = Field(default=None, gt=0.0)
-    rotation_mass: float = Field(default=1.08, ge=1.0)
-    base_resistance: float = Field(default=0.0, ge=0.0)
-    rolling_resistance: float = Field(default=0.0, ge=0.0)
-    air_resistance: float = Field(default=0.0, ge=0.0)
-    speed_limit: float | None = Field(default=None, gt=0.0)
-    a_braking: float | None = Field(default=None, lt=0.0)
-    tractive_effort: tuple[tuple[float, float], ...] | None = Field(default=None, min_length=2)
+    rotation_mass: float = Field(default=1.08, ge=1.0, le=5.0)
+    base_resistance: float = Field(default=0.0, ge=0.0, le=1000.0)
+    rolling_resistance: float = Field(default=0.0, ge=0.0, le=1000.0)
+    air_resistance: float = Field(default=0.0, ge=0.0, le=1000.0)
+    speed_limit: float | None = Field(default=None, gt=0.0, le=600.0)
+    a_braking: float | None = Field(default=None, lt=0.0, ge=-5.0)
+    tractive_effort: tuple[tuple[float, float], ...] | None = Field(
+        default=None, min_length=2, max_length=5000
+    )
 
     @model_validator(mode="after")
     def _fits(self) -> "VehicleKeys":
         if self.mass_traction is not None and self.mass_traction > self.mass * (1.0 + 1e-9):
             raise ValueError(f"mass_traction = {self.mass_traction} exceeds mass = {self.mass}")
         pairs = self.tractive_effort or ()
-        if any(speed < 0.0 or effort < 0.0 for speed, effort in pairs):
-            raise ValueError("tractive_effort must hold values of 0 or greater")
+        if not all(0.0 <= speed <= 600.0 and 0.0 <= effort <= 1e7 for speed, effort in pairs):
+            raise ValueError("tractive_effort must hold speeds from 0 to 600 km/h and 0 to 1e7 N")
         if any(b[0] <= a[0] for a, b in pairwise(pairs)):
             raise ValueError("tractive_effort: speeds must grow")
         if self.powered and (not pairs or self.mass_traction is None):
@@ -86,7 +94,7 @@ class TrainKeys(Foreign):
 
     name: str
     id: str
-    formation: tuple[str, ...] = Field(min_length=1)
+    formation: tuple[str, ...] = Field(min_length=1, max_length=500)
 
 
 class PathFile(Foreign):
@@ -100,3 +108,11 @@ class StockFile(Foreign):
 
     trains: tuple[TrainKeys, ...] = ()
     vehicles: tuple[VehicleKeys, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> "StockFile":
+        ids = [vehicle.id for vehicle in self.vehicles]
+        for name in ids:
+            if ids.count(name) > 1:
+                raise ValueError(f"vehicles: id {name!r} is there twice")
+        return self

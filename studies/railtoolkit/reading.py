@@ -10,6 +10,7 @@ import yaml
 
 from alloc.plant.rail import Line
 from alloc.plant.train import Train
+from studies.files.small_file import small_text
 from studies.files.strict import parse
 from studies.files.study_error import StudyError, unknown
 from studies.railtoolkit.keys import PathFile, StockFile, VehicleKeys
@@ -155,15 +156,10 @@ def _formation(path: str | Path) -> tuple[str, list[VehicleKeys]]:
 
 
 def _document(path: str | Path, schema: str, what: str) -> dict[str, Any]:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise StudyError(f"{what} file {str(path)!r} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{what} file {str(path)!r} cannot be read: {error}") from None
+    text = small_text(str(path), what)
     try:
         content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise StudyError(f"{what} file {str(path)!r} is not YAML: {reason}") from None
     if not isinstance(content, dict):

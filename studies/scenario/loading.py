@@ -7,7 +7,7 @@ from typing import Any
 from alloc.registry import Registry
 from studies.files.strict import parse, read_toml
 from studies.files.study_error import StudyError
-from studies.scenario.scenario import Scenario
+from studies.scenario.scenario import Scenario, safe_name
 from studies.scenario.train_keys import is_file
 
 SHIPPED = Path(__file__).parent / "shipped"
@@ -43,7 +43,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     else:
         path = Path(found)
         data = read_toml(str(path), "scenario", "`readhesion list` names the shipped ones")
-        keys = {"name": path.stem} | _resolved(data, path.parent)
+        keys = {"name": safe_name(path.stem)} | _resolved(data, path.parent)
     scenario = parse(Scenario, keys, text)
     scenario.event()  # impossible values show now, not in the middle of a study
     return scenario

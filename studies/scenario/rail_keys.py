@@ -3,14 +3,14 @@
 from dataclasses import fields
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from alloc.errors import number_fault
 from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import Line, Patch, Rail, Receptivity, logarithmic_increments
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
-from studies.files.units import si
+from studies.files.units import range_fault, si
 
 
 class PatchKeys(Strict):
@@ -67,7 +67,7 @@ class CurveKeys(BaseModel):
                 near = nearest(key, allowed)
                 hint = f"; did you mean {near!r}?" if near else ""
                 raise ValueError(f"{key} does not belong to the {self.kind} curve{hint}")
-            fault = number_fault(value, negative=True)
+            fault = number_fault(value, negative=True) or range_fault(key, value)
             if fault is not None:
                 raise ValueError(f"{key} = {value!r} {fault}")
         return self
@@ -88,12 +88,12 @@ class RailKeys(Strict):
     a / (V + b) + c with V in km/h. `rear_speed_law` takes over from the front to the rear within `rear_axles`.
     """
 
-    level: float
+    level: float = Field(le=10.0)
     speed_law: str | tuple[float, float, float] = "none"
     rear_speed_law: tuple[float, float, float] | None = None
     rear_axles: float | None = None
     increments: IncrementKeys = IncrementKeys()
-    patches: tuple[PatchKeys, ...] = ()
+    patches: tuple[PatchKeys, ...] = Field(default=(), max_length=1000)
     scatter: float = 0.0
     scatter_length_m: float | None = None
     conditioning: float = 0.0
@@ -129,8 +129,8 @@ class LineKeys(Strict):
     """The line: sections and tunnels, or a railtoolkit running path in `file`: `[line]`."""
 
     file: str | None = None
-    sections: tuple[SectionKeys, ...] = ()
-    tunnels: tuple[TunnelKeys, ...] = ()
+    sections: tuple[SectionKeys, ...] = Field(default=(), max_length=50_000)
+    tunnels: tuple[TunnelKeys, ...] = Field(default=(), max_length=1000)
     tunnel_factor: float = 1.0
 
     @model_validator(mode="after")
@@ -165,5 +165,5 @@ class ReceptivityKeys(Strict):
     period_s: float = 3.0
 
     def receptivity(self, phase: float) -> Receptivity:
-        """The plant's receptivity with a `phase` [rad]."""
-        return Receptivity(**si(self), phase=phase)
+        """The plant's receptivity with a `phase` [rad]; what is constant has none."""
+        return Receptivity(**si(self), phase=phase if self.amplitude else 0.0)

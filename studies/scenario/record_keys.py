@@ -1,11 +1,12 @@
 """Keys of a file from a record of parameters: the record says names, units and defaults, and nothing is said twice."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass
-from functools import partial
+from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import Field as RecordField
+from functools import cache, partial
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, create_model
+from pydantic import BaseModel, BeforeValidator, Field, create_model
 
 from studies.files.strict import Strict
 from studies.files.units import ENDINGS, si
@@ -13,6 +14,7 @@ from studies.files.units import ENDINGS, si
 Parameters = TypeVar("Parameters")
 
 
+@cache
 def keys_of(record: type) -> Any:
     """Model of the keys that give a frozen dataclass; a key is the field's name and its unit's ending.
 
@@ -37,7 +39,7 @@ def built(keys: BaseModel, record: type[Parameters], **given: Any) -> Parameters
     return record(**values | given)
 
 
-def _in_files(item: Field[Any]) -> bool:
+def _in_files(item: RecordField[Any]) -> bool:
     inner = _record_in(item.type)
     return item.metadata.get("unit", "") is not None and (inner is None or bool(fields(inner)))
 
@@ -48,18 +50,20 @@ def _record_in(kind: Any) -> Any:
     return found if is_dataclass(found) else None
 
 
-def _key(item: Field[Any]) -> tuple[str, tuple[Any, Any]]:
+def _key(item: RecordField[Any]) -> tuple[str, tuple[Any, Any]]:
     """Name of a field's key; its type and default."""
     inner = _record_in(item.type)
     if inner is not None:
         table = keys_of(inner)
-        several: Any = tuple.__class_getitem__((table, ...))
+        several: Any = Annotated[tuple.__class_getitem__((table, ...)), Field(max_length=1000)]
         return item.name, (table, table()) if inner is item.type else (several, ())
     stated: Any = item.type
     unit = item.metadata.get("unit")
     if unit is None and float in (stated, *get_args(stated)):
         raise TypeError(f"{item.name}: a number that a file gives needs a unit")
     kind: Any = stated if item.default is MISSING else stated | None
+    if (most := item.metadata.get("most")) is not None:
+        kind = Annotated[kind, Field(le=most)]
     if names := item.metadata.get("names"):
         kind = Annotated[kind, BeforeValidator(partial(_named, names))]
     return item.name + ENDINGS[unit or "1"], (kind, ... if item.default is MISSING else None)

@@ -1,13 +1,15 @@
 """Slip events as files: TOML in, `alloc.simulation.Event` out.
 
 A scenario fixes everything that rules and controllers share. The seed of `Scenario.event` draws the scatter of the rail, the
-errors of the sensors and the phase of the receptivity, and nothing else draws them: runs that differ in rule or controller
-alone meet the same event.
+errors of the sensors, the losses of telegrams, the phase of the receptivity and what `[variation]` names, and nothing else
+draws them: runs that differ in rule or controller alone meet the same event.
 """
 
 import hashlib
 import json
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,12 +22,13 @@ from alloc.plant.adhesion import CURVES
 from alloc.plant.model import build
 from alloc.plant.sets import SETS
 from alloc.plant.train import InverterGroup
-from alloc.simulation import DriverCommand, Event, SimulationError
+from alloc.simulation import DriverCommand, Event, SimulationError, inputs_hash
 from studies.files.strict import Strict, explain
 from studies.files.study_error import StudyError
 from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
 from studies.scenario.train_keys import CouplerKeys, FailureKeys, build_train, is_file
+from studies.scenario.variation_keys import Day, VariationKeys
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
 """Keys that say what a scenario is for; they do not change what happens."""
@@ -58,16 +61,18 @@ class Scenario(Strict):
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
     coupler: CouplerKeys | None = None
-    failures: tuple[FailureKeys, ...] = ()
+    failures: tuple[FailureKeys, ...] = Field(default=(), max_length=1000)
     rail: RailKeys
     line: LineKeys = LineKeys()
     receptivity: ReceptivityKeys = ReceptivityKeys()
-    command: tuple[CommandKeys, ...] = Field(min_length=1)
+    variation: VariationKeys | None = None
+    """What differs between days; without it a seed draws only what the other tables leave to chance."""
+    command: tuple[CommandKeys, ...] = Field(min_length=1, max_length=10_000)
     belief: BeliefKeys = BeliefKeys()
     onboard: OnboardKeys = OnboardKeys()
-    duration_s: float = Field(gt=0.0)
+    duration_s: float = Field(gt=0.0, le=36_000.0)
     start_m: float = 0.0
-    initial_speed_kmh: float = Field(default=0.0, ge=0.0)
+    initial_speed_kmh: float = Field(default=0.0, ge=0.0, le=3.6 * SPEED_BOUND)
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
     step_s: float = Field(default=1e-3, gt=0.0)
     record_period_s: float = Field(default=0.01, gt=0.0)
@@ -92,7 +97,10 @@ class Scenario(Strict):
             self.inverter_group,
         )
         axles = train.axle_count
+        day = Day() if self.variation is None else self.variation.day(seed)
         rail = self.rail.rail(axles, int(rail_seed))
+        rail = replace(rail, level=day.level * rail.level)
+        start = self.start_m + day.start
         initial_speed = self.initial_speed_kmh / 3.6
         reach = self.duration_s * min(
             SPEED_BOUND,
@@ -105,7 +113,7 @@ class Scenario(Strict):
             self.line.line(),
             self.receptivity.receptivity(2.0 * math.pi * phase / 2.0**32),
             {failure.unit - 1: failure.time_s for failure in self.failures},
-            span=(self.start_m - 20.0, self.start_m + reach),
+            span=(start - 20.0, start + reach),
         )
         onboard = self.onboard.onboard(
             self.belief, self.rail.increments, rail.curve, axles, int(sensor_seed)
@@ -117,13 +125,13 @@ class Scenario(Strict):
             name=self.name,
             model=model,
             command=DriverCommand(
-                tuple(c.time_s for c in self.command),
+                tuple(c.time_s + day.delay for c in self.command),
                 tuple(c.acceleration_kmhs / 3.6 for c in self.command),
             ),
             onboard=onboard,
             duration=self.duration_s,
             initial_speed=initial_speed,
-            initial_position=self.start_m,
+            initial_position=start,
             step=self.step_s,
             record_period=self.record_period_s,
             target_speed=None if self.target_speed_kmh is None else self.target_speed_kmh / 3.6,
@@ -147,12 +155,21 @@ class Scenario(Strict):
         text = json.dumps(content, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
+    def draws(self) -> bool:
+        """Whether anything that happens depends on the seed."""
+        return inputs_hash(self.event(1)) != inputs_hash(self.event(2))
+
     def changed(self, **values: Any) -> "Scenario":
         """A copy with other top-level values, checked anew."""
         try:
             return Scenario.model_validate(self.model_dump() | values)
         except ValidationError as error:
             raise StudyError(f"scenario {self.name!r}: {explain(Scenario, error)}") from None
+
+
+def safe_name(text: str) -> str:
+    """`text` as part of a scenario's name, which is part of file names: without blanks and the like."""
+    return re.sub(r"[^\w.+-]", "-", text)
 
 
 def _digest(path: str) -> str:

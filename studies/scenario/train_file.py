@@ -15,7 +15,7 @@ class MotorKeys(Strict):
     """Traction motors of a kind of car: `[car.X.motors]`; torque and power of one motor."""
 
     inverter_group: InverterGroup = "1C4M"
-    gear_ratio: float
+    gear_ratio: float = Field(gt=0.0, le=100.0)
     torque_nm: float
     power_kw: float
     brake_torque_nm: float | None = None
@@ -39,7 +39,7 @@ class MotorKeys(Strict):
 class AirBrakeKeys(Strict):
     """Friction brake of a kind of car: `[car.X.air_brake]`; the force is that of one axle at the rim, at full pressure."""
 
-    pressure_kpa: float
+    pressure_kpa: float = Field(gt=0.0)
     force_kn: float
     lag_s: float = 1.2
     dead_time_s: float = 0.05
@@ -58,9 +58,9 @@ class CarKeys(Strict):
     length_m: float
     mass_t: float
     load_t: float = 0.0
-    axle_positions_m: tuple[float, ...]
+    axle_positions_m: tuple[float, ...] = Field(max_length=64)
     bogie_of_axle: tuple[int, ...]
-    wheel_radius_m: float
+    wheel_radius_m: float = Field(ge=0.1, le=2.0)
     wheel_inertia_kgm2: float
     driven: tuple[bool, ...] | None = None
     motors: MotorKeys | None = None
@@ -88,7 +88,7 @@ class TrainKeys(Strict):
     """The file: the train's name, its formation from the front, its running resistance A + B v + C v2."""
 
     name: str = Field(pattern=r"^[\w.+-]+$")
-    formation: str = Field(min_length=1)
+    formation: str = Field(min_length=1, max_length=500)
     car: dict[str, CarKeys]
     planned_acceleration_kmhs: float
     resistance_n: float = 0.0

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from studies.files.study_error import StudyError
-from studies.files.writable import check_writable
+from studies.files.writable import check_file
 from studies.slides.damped_least_squares import minimise
 from studies.slides.jp4209318 import BOUNDS, Undisclosed
 from studies.slides.targets import HOLD_OUT, implausible, outcomes, residuals, unreached
@@ -183,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, least in (("samples", 0), ("starts", 1), ("seed", 0), ("jobs", 1)):
             if getattr(chosen, name) < least:
                 raise StudyError(f"--{name} {getattr(chosen, name)}: must be {least} or greater")
-        check_writable(chosen.out)
+        check_file(chosen.out, (".parquet",))
     except StudyError as error:
         parser.error(str(error))  # exit code 2
     table = calibrate(chosen.samples, chosen.starts, chosen.seed, chosen.jobs)

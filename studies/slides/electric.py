@@ -21,6 +21,7 @@ from alloc.plant.sets import jp4209318_3car
 from alloc.plant.train import InverterGroup, Motors, TorqueLimit, Train
 from alloc.simulation import simulate
 from mpc.hosted import MPC
+from studies.core.run_status import run_status
 from studies.core.statement import Statement
 from studies.core.verdict import over_cases
 from studies.slides.jp4209318 import CALIBRATED, INITIAL_SPEED, STEP, Undisclosed
@@ -112,6 +113,7 @@ def electric_row(group: InverterGroup, controller: str) -> dict[str, Any]:
         "distance": motion.distance(run) + rest,
         "damage": motion.damage(run),
         "reference_error": float(np.abs(run["reference_speed"] - run["speed"]).max()),
+        **run_status(run),
     }
 
 

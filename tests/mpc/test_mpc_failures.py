@@ -63,9 +63,16 @@ def test_a_solver_that_fails_is_counted_and_survived(pattern):
     settled = between(run, DROP + 1.2, BACK)
     assert np.all(slip[settled] < 3.0 * run["peak_slip"].values[settled][:, driven(run)])
     assert adhesion_used(run, DROP + 1.2) > 0.85
-    command = run["torque_command"].values
+    command, target = run["torque_command"].values, run["torque_target"].values
     assert np.isfinite(command).all()
-    assert np.all((command >= 0.0) & (command <= run["torque_target"].values * (1 + 1e-12)))
+    assert np.all((command >= 0.0) & (command <= target * (1 + 1e-12)))
+    # whoever answered, the MPC or its reserve
+    factor = run["torque_factor"].values
+    assert factor.min() < 0.8
+    np.testing.assert_array_equal(
+        factor[target != 0.0], (command[target != 0.0] / target[target != 0.0])
+    )
+    assert np.all(factor[target == 0.0] == 1.0)
     assert (
         evaluate(run)["slip_time"] < evaluate(simulate(drop_event(), "alone", "none"))["slip_time"]
     )
@@ -126,3 +133,17 @@ def test_the_residual_is_not_pursued_past_half_of_the_deadline(context, make_sen
     late, ok = hasty.decide(slipping), patient.decide(slipping)
     assert (late.status, ok.status) == ("late", "ok")
     assert late.residual > ok.residual
+
+
+def test_a_fault_of_the_program_ends_the_run():
+    class Broken(MpcController):
+        calls = 0
+
+        def _problem(self, *readings):
+            self.calls += 1
+            if self.calls == 5:
+                raise ZeroDivisionError("no axles")
+            return super()._problem(*readings)
+
+    with pytest.raises(ZeroDivisionError, match="no axles"):
+        run_mpc(drop_event(duration=1.0), None, Broken)

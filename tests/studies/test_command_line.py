@@ -51,9 +51,10 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tm
     code, out, _ = call("compare", *small)
     assert code == 0
     assert "two slippery seconds" in out
-    assert "2 runs" in out
+    assert "10 runs" in out
+    assert "less alone, paired over 5 seeds" in out
     table = pd.read_parquet(tmp_path / "out" / "runs.parquet")
-    assert table["rule"].tolist() == ["alone", "exact"]
+    assert table["rule"].tolist() == ["alone"] * 5 + ["exact"] * 5
     assert set(METRICS) <= set(table.columns)
     for name in ("rule-comparison", "utilisation-damage"):
         stem = tmp_path / "out" / "figures" / name
@@ -97,8 +98,8 @@ def test_if_every_run_fails_the_exit_code_says_so(call, small, monkeypatch):
     monkeypatch.setattr("studies.core.job.simulate", broken)
     code, out, _ = call("compare", *small)
     assert code == 1
-    assert "RuntimeError at broken: power cut" in out
-    assert "2 failed" in out
+    assert "RuntimeError: power cut (at tests/studies/test_command_line.py:" in out
+    assert "10 failed" in out
 
 
 def test_one_event_is_simulated(call, short_file, tmp_path):
@@ -173,6 +174,13 @@ def test_bad_input_is_one_clear_line(refused, tmp_path, monkeypatch, arguments, 
     assert not list(tmp_path.iterdir())
 
 
+def test_seeds_of_a_scenario_that_draws_nothing_are_refused(refused, write_scenario):
+    text = write_scenario.short.partition("[onboard")[0]
+    path = write_scenario(text, ("scatter = 0.01", "scatter = 0.0"))
+    line = refused("compare", "--scenario", path, "--seeds", "3")
+    assert "--seeds 3: nothing in scenario 'own' depends on the seed" in line
+
+
 def test_a_folder_that_cannot_be_written_is_refused(refused, short_file):
     inside_a_file = short_file / "results"
     line = refused("compare", "--scenario", short_file, "--out", inside_a_file)
@@ -180,7 +188,7 @@ def test_a_folder_that_cannot_be_written_is_refused(refused, short_file):
 
 
 def test_a_figure_in_a_format_that_does_not_exist_is_refused(refused, short_file, tmp_path):
-    assert "'xyz' is not supported" in refused(
+    assert "ending '.xyz' must be .pdf or .png or .svg" in refused(
         "simulate", short_file, "--figure", tmp_path / "run.xyz"
     )
 

@@ -1,11 +1,19 @@
 """What a comparison consists of when nothing is said, and what a word about it changes."""
 
+from collections import Counter
 from fnmatch import fnmatchcase
 
 import pytest
 
 from alloc.rules import RULES
-from studies.comparison.defaults import KEPT_RUNS, MPC_CELLS, SLOW_RULES, default_grid, make_grid
+from studies.comparison.defaults import (
+    DEFAULT_SEEDS,
+    KEPT_RUNS,
+    MPC_CELLS,
+    SLOW_RULES,
+    default_grid,
+    make_grid,
+)
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 
@@ -17,7 +25,15 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
     assert [scenario.name for scenario in grid.scenarios] == wanted
     assert 8 <= len(wanted) < len(shipped)
     assert set(grid.rules) == set(RULES) - set(SLOW_RULES)
-    assert grid.seeds == (0,)
+    assert grid.seeds == tuple(range(DEFAULT_SEEDS))
+    assert DEFAULT_SEEDS >= 5
+    assert not grid.fixed
+    seeds = Counter(
+        job.controller
+        for job in grid.jobs()
+        if job.scenario.name == "wet-patch" and job.rule == "exact"
+    )
+    assert seeds == {"cut-and-ramp": DEFAULT_SEEDS, "mpc": DEFAULT_SEEDS}
 
 
 def test_the_mpc_joins_in_where_it_is_meant_to():

@@ -94,6 +94,21 @@ def test_a_table_fits_the_terminal(width):
     assert "98765" in text
 
 
+def test_differences_fit_a_narrow_terminal():
+    names = {
+        "controller": "cut-and-ramp",
+        "effort_ratio": [0.1, 0.2, 0.6],
+        "damage": [1.0, 90.0, 9.0],
+    }
+    table = pd.DataFrame(
+        rows(rule="alone") + rows(rule="greedy-claim", **names) + rows(rule="alone", **names)
+    )
+    (_, _, below) = render(table, 95).partition("less alone")
+    assert "+0.00 ±0.00" in below
+    assert all(len(line.rstrip()) <= 95 for line in below.splitlines())
+    assert "…" not in below
+
+
 def test_a_line_is_named_once_per_rule_and_shows_its_interval():
     text = render(pd.DataFrame(rows(damage=[1.0, 2.0, 3.0]) + rows(controller="mpc")), 170)
     assert text.count("exact") == 1
@@ -108,6 +123,68 @@ def test_failures_are_shown_with_their_reason():
     assert "exact, none: 1 of 3 runs failed: lost [its] way" in text
     assert "qp, none: 1 of 1 runs failed: no solver" in text
     assert "failed" in next(line for line in text.splitlines() if line.strip().startswith("qp"))
+
+
+def test_differences_are_paired_by_seed_under_the_same_controller():
+    # by hand: 2 - 1, 5 - 3, 9 - 6 are 1, 2, 3, of which s = 1; the seed that failed has no pair
+    table = pd.DataFrame(
+        rows(rule="alone", seeds=4, damage=[1.0, 3.0, 6.0, 0.0])
+        + rows(rule="alone", controller="mpc", damage=50.0)
+        + rows(seeds=4, damage=[2.0, 5.0, 9.0, 77.0], status=["ok", "ok", "ok", "failed"])
+        + rows(rule="qp", controller="mpc", seeds=1, damage=40.0)
+        + rows(controller="table")
+    )
+    table = table.sample(frac=1.0, random_state=1)  # pairs do not rest on the order of rows
+    lines = {(line.rule, line.controller): line for line in summarise(table)}
+    found = lines["exact", "none"].differences["damage"]
+    assert (found.value, found.count) == (2.0, 3)
+    assert found.half_width == pytest.approx(4.303 / math.sqrt(3), rel=1e-3)
+    assert lines["qp", "mpc"].differences["damage"].value == -10.0
+    assert math.isnan(lines["qp", "mpc"].differences["damage"].half_width)
+    assert lines["alone", "none"].differences == lines["exact", "table"].differences == {}
+
+
+def test_differences_are_printed_beside_the_table_and_in_the_json():
+    table = pd.DataFrame(
+        rows(rule="alone", damage=[1.0, 3.0, 6.0])
+        + rows(damage=[4.0, 9.0, 15.0])
+        + rows(rule="qp", seeds=1)
+    )
+    text = render(table, 100)
+    (_, _, below) = text.partition("less alone, paired over 3 seeds")
+    (line,) = (line for line in below.splitlines() if line.split()[:1] == ["exact"])
+    assert "+6 ±7" in line
+    assert "qp" not in below  # one pair has no interval
+    content = json.loads(to_json(summarise(table), {}))
+    by_rule = {row["rule"]: row["differences"] for row in content["rows"]}
+    assert content["reference"] == "alone"
+    assert by_rule["alone"] == {}
+    assert by_rule["exact"]["damage"]["mean"] == 6.0
+    assert by_rule["exact"]["damage"]["half_width"] == pytest.approx(
+        4.303 * 3.0 / math.sqrt(3), rel=1e-3
+    )
+    assert by_rule["qp"]["damage"] == {"mean": -0.5, "half_width": None}
+
+
+def test_degraded_runs_are_counted_apart_and_enter_no_mean():
+    table = pd.DataFrame(
+        rows(
+            damage=[1.0, 50.0, 70.0],
+            status=["ok", "degraded", "failed"],
+            reason=["", "often", "broke"],
+        )
+    )
+    (line,) = summarise(table)
+    assert (line.seeds, line.failed, line.degraded, line.metrics["damage"].value) == (3, 1, 1, 1.0)
+    assert "exact, none: 1 of 3 runs failed, 1 of 3 runs degraded: often" in render(table, 170)
+    (row,) = json.loads(to_json([line], {}))["rows"]
+    assert (row["failed"], row["degraded"], row["reasons"]) == (1, 1, ["often", "broke"])
+    every = render(
+        pd.DataFrame(rows(status="degraded", reason="often") + rows(rule="qp", seeds=1)), 170
+    )
+    assert "degraded" in next(
+        line for line in every.splitlines() if line.strip().startswith("exact")
+    )
 
 
 def test_columns_that_apply_to_nothing_are_left_out():
@@ -125,7 +202,7 @@ def test_faults_are_shown_where_there_are_any_and_only_there(metric):
     some = pd.DataFrame([*rows(**(none | {metric: 7.0})), *rows(rule="alone", **none)])
     shown = render(some, 200)
     assert heading in shown
-    (line,) = (line for line in shown.splitlines() if line.split()[:1] == ["exact"])
+    line = next(line for line in shown.splitlines() if line.split()[:1] == ["exact"])
     assert " 7 " in line
     others = [text for name, text in FAULT_HEADINGS.items() if name != metric]
     assert not any(text in shown for text in others)

@@ -137,7 +137,9 @@ def test_a_failed_cell_becomes_a_row_with_its_reason_and_the_rest_goes_on(
     grid = Grid((short,), ("alone",), ("mpc", "none"), (0,))
     table = run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert table["status"].tolist() == ["failed", "ok"]
-    assert table.loc[0, "reason"] == "RuntimeError at broken_controller: no battery"
+    reason = table.loc[0, "reason"]
+    assert reason.startswith("RuntimeError: no battery (at tests/studies/test_runner.py:")
+    assert " in broken_controller, from " in reason
     run_cells(grid.jobs(), Store(tmp_path), keep=["*"])
     assert len(runs) == 2
     idle = each_unit(lambda context: AlwaysIdle())

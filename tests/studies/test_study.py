@@ -80,11 +80,15 @@ def test_a_longer_study_runs_what_is_new_and_a_second_one_nothing(tmp_path):
 def test_what_fails_is_a_row_with_its_reason(tmp_path):
     table = study(fragile).run(tmp_path, 3)
     assert table["status"].tolist() == ["ok", "failed", "ok"]
-    assert table["reason"][1] == "ValueError at fragile: one is no number"
+    reason = table["reason"][1]
+    assert reason.startswith("ValueError: one is no number (at tests/studies/test_study.py:")
+    assert reason.split(" in ")[1].startswith("fragile, from studies/core/cell.py:")
     assert table["arm"].tolist() == ["a"] * 3
     assert study(fragile).held(tmp_path) == 3
     assert study(fragile).statements(table)[0].verdict == ""
-    with pytest.raises(StudyError, match="1 rows failed, the first by ValueError at fragile"):
+    with pytest.raises(
+        StudyError, match="1 rows are not ok, the first by ValueError: one is no number"
+    ):
         study(fragile, whole=True).statements(table)
 
 

@@ -1,0 +1,36 @@
+"""How large a run may be: what would take hours or more memory than a machine has is refused before it starts."""
+
+from alloc.errors import SimulationError
+from alloc.plant.model import STABLE_STEP, Model
+
+MOST_AXLE_STEPS = 3e8
+"""Integration steps times axles: minutes of computing, and at most 2.4 GB of sensor noise."""
+MOST_AXLE_RECORDS = 5e6
+"""Recorded instants times axles: about 2 GB while the record is evaluated."""
+
+
+def check_size(
+    owner: str, model: Model, duration: float, period: float, step: float, record_period: float
+) -> None:
+    """Raise `SimulationError` where a run of `duration` [s] is longer than these bounds allow, or than nothing."""
+    if round(duration / period) < 1:
+        raise SimulationError(
+            f"{owner}: duration = {duration!r} must not be below the control period {period!r}"
+        )
+    axles, fastest = model.layout.axles, model.stiffness() / STABLE_STEP
+    steps, records = duration * max(1.0 / step, fastest), duration / max(record_period, period)
+    if not steps * axles <= MOST_AXLE_STEPS:
+        cause = (
+            f"choose a longer step than {step:g} s"
+            if 1.0 / step >= fastest
+            else f"choose parameters without rates as fast as {model.stiffness():.2g} 1/s"
+        )
+        raise SimulationError(
+            f"{owner}: {steps:.2g} steps of {axles} axles exceed {MOST_AXLE_STEPS:g} axle-steps; choose a shorter "
+            f"duration than {duration:g} s, or {cause}"
+        )
+    if records * axles > MOST_AXLE_RECORDS:
+        raise SimulationError(
+            f"{owner}: {records:.2g} recorded instants of {axles} axles exceed {MOST_AXLE_RECORDS:g}; choose a shorter "
+            f"duration than {duration:g} s, or a record_period longer than {record_period:g} s"
+        )

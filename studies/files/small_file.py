@@ -1,0 +1,29 @@
+"""Text files that people write: scenarios, trains, lines. They are small, and anything else is refused before it is read."""
+
+from studies.files.study_error import StudyError
+
+MOST_BYTES = 1_000_000
+"""A line of twenty thousand sections has half of it; reading YAML takes ten seconds for this much."""
+
+
+def small_text(path: str, what: str, hint: str = "") -> str:
+    """Content of a UTF-8 file, with or without byte order mark; raises `StudyError` naming `what` kind of file it is.
+
+    `hint`: what to do where it does not exist. At most `MOST_BYTES` are read.
+    """
+    owner = f"{what} file {path!r}"
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        text = content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise StudyError(f"{owner} does not exist{hint and '; '}{hint}") from None
+    except UnicodeDecodeError as error:
+        raise StudyError(f"{owner} is no text in UTF-8: {error}") from None
+    except (OSError, ValueError) as error:  # a name may hold what no name can
+        raise StudyError(
+            f"{owner} cannot be read: {getattr(error, 'strerror', None) or error}"
+        ) from None
+    if len(content) > MOST_BYTES:
+        raise StudyError(f"{owner} is larger than {MOST_BYTES} bytes; give a smaller one")
+    return text

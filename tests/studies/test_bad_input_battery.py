@@ -1,0 +1,615 @@
+"""A battery of bad input over all commands: one line that names the thing, exit code 2, nothing written, no work begun."""
+
+import math
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from alloc.loop import ClosedLoop
+from studies.command_line.main import app
+from studies.core.plugins import VARIABLE
+from studies.files.strict import Strict, _record_in, parse
+from studies.files.study_error import StudyError
+from studies.scenario.scenario import Scenario
+from tests.studies.conftest import SHORT
+from tests.studies.test_line_command import NOTHING, PATH, STOCK, changed
+from tests.studies.test_plugins import REGISTRIES
+
+HUGE = "1" * 5000
+DEEP = "[" * 20_000
+TRAM = (Path(__file__).parents[2] / "docs" / "plugins" / "tram.toml").read_text()
+CAR = """name = "car"
+[[cars]]
+mass_t = 36.0
+wheel_radius_mm = 430.0
+wheel_inertia_kgm2 = [155.0, 65.0]
+"""
+LOG = "time_s,speed_kmh,axle1_speed_kmh,axle1_force_kn\n" + "".join(
+    f"{0.1 * k:.1f},36.0,36.{k},5.0\n" for k in range(20)
+)
+
+
+class Case(NamedTuple):
+    """A command line, what its message must say, and the files that it needs beside the good ones."""
+
+    line: str
+    words: str
+    files: Mapping[str, str | bytes] = MappingProxyType({})
+
+
+def scenario(old: str, new: str, words: str) -> Case:
+    """A run of the short scenario with one thing changed."""
+    assert old in SHORT
+    return Case("simulate bad.toml", words, {"bad.toml": SHORT.replace(old, new)})
+
+
+def added(text: str, words: str) -> Case:
+    """A run of the short scenario with something more."""
+    return Case("simulate bad.toml", words, {"bad.toml": SHORT + text})
+
+
+def top(text: str, words: str) -> Case:
+    """A run of the short scenario with a further key at its top."""
+    return scenario('case = "A"', f'case = "A"\n{text}', words)
+
+
+def train(old: str, new: str, words: str) -> Case:
+    """The train of one's own with one thing changed."""
+    assert old in TRAM
+    return Case("--plugin bad.toml list", words, {"bad.toml": TRAM.replace(old, new)})
+
+
+def car(old: str, new: str, words: str) -> Case:
+    """The train of a log with one thing changed."""
+    assert old in CAR
+    return Case("analyse log.csv --train bad.toml", words, {"bad.toml": CAR.replace(old, new)})
+
+
+def log(old: str, new: str, words: str) -> Case:
+    """An analysis of the log with one thing changed."""
+    assert old in LOG
+    return Case("analyse bad.csv --train car.toml", words, {"bad.csv": LOG.replace(old, new)})
+
+
+def plain_log(content: str | bytes, words: str) -> Case:
+    """An analysis of this log."""
+    return Case("analyse bad.csv --train car.toml", words, {"bad.csv": content})
+
+
+def path(*place_value_words: Any) -> Case:
+    """A line run with one thing changed in the line."""
+    *change, words = place_value_words
+    text = yaml.safe_dump(changed(PATH, *change))
+    return Case("run-line --line bad.yaml --train train.yaml", words, {"bad.yaml": text})
+
+
+def stock(*place_value_words: Any) -> Case:
+    """A line run with one thing changed in the train."""
+    *change, words = place_value_words
+    text = yaml.safe_dump(changed(STOCK, *change))
+    return Case("run-line --line line.yaml --train bad.yaml", words, {"bad.yaml": text})
+
+
+def plugin(content: str | bytes, words: str, name: str = "bad.py") -> Case:
+    """The list of what there is, with this plug-in."""
+    return Case(f"--plugin {name} list", words, {name: content})
+
+
+SECTIONS = ("paths", 0, "characteristic_sections")
+VEHICLE = ("vehicles", 0)
+
+COMMAND_LINES = [
+    Case("compar", "compare"),
+    Case("--unheard-of list", "--unheard-of"),
+    Case("list everything", "everything"),
+    Case("list --json=perhaps", "perhaps"),
+    Case("--plugin", "--plugin"),
+    Case("compare --unheard-of", "--unheard-of"),
+    Case("compare --seeds 0", "--seeds 0"),
+    Case("compare --seeds -3", "--seeds -3"),
+    Case("compare --seeds 1.5", "'1.5' is not a whole number"),
+    Case("compare --seeds nan", "'nan' is not a whole number"),
+    Case("compare --seeds 1000000000000", "--seeds 1000000000000"),
+    Case(f"compare --seeds {HUGE}", "is not a whole number"),
+    Case("compare --seeds", "--seeds"),
+    Case("compare --seeds ''", "is not a whole number"),
+    Case("compare --jobs 0", "--jobs 0"),
+    Case("compare --jobs -1", "--jobs -1"),
+    Case("compare --jobs 1000", "--jobs 1000"),
+    Case("compare --jobs two", "'two' is not a whole number"),
+    Case("compare --rules", "an option for names was given without one"),
+    Case("compare --rules ''", "an option for names was given without one"),
+    Case("compare --rules exakt", "unknown rule 'exakt'; did you mean 'exact'?"),
+    Case("compare --rules exact,", "unknown rule ''"),
+    Case("compare --controllers mcp", "unknown controller 'mcp'; did you mean 'mpc'?"),
+    Case("compare --scenario wet-strat", "did you mean 'wet-start'?"),
+    Case("compare --scenario none.toml", "scenario file 'none.toml' does not exist"),
+    Case("compare --scenario ''", "an option for names was given without one"),
+    Case("compare --scenario folder/", "'folder' cannot be read: Is a directory"),
+    Case("compare --scenario short.toml other/short.toml", "two different scenarios are named 'short'"),
+    Case("compare --line none.yaml", "running path file 'none.yaml' does not exist"),
+    Case("compare --line folder", "'folder' cannot be read: Is a directory"),
+    Case("compare --line short.toml", "not a railtoolkit running path"),
+    Case("compare --line train.yaml", "key 'schema'"),
+    Case("compare --train none.yaml", "rolling stock file 'none.yaml' does not exist"),
+    Case("compare --train nothing", "unknown train 'nothing'"),
+    Case("compare --train none.toml", "train file 'none.toml' does not exist"),
+    Case("compare --out ''", "--out"),
+    Case("compare --out short.toml", "short.toml' is a file"),
+    Case("compare --out short.toml/inside", "is a file"),
+    Case(f"compare --out {'x' * 5000}", "cannot be written"),
+    Case("compare --out one --out two", "--out"),
+    Case("simulate", "scenario"),
+    Case("simulate short.toml short.toml extra", "short.toml"),
+    Case("simulate ''", "unknown scenario ''"),
+    Case("simulate wet-strat", "did you mean 'wet-start'?"),
+    Case("simulate short.toml --rule gredy", "did you mean 'greedy'?"),
+    Case("simulate short.toml --rule ''", "unknown rule ''"),
+    Case("simulate short.toml --rule exact --rule greedy", "--rule"),
+    Case("simulate short.toml --controller cut", "did you mean 'cut-and-ramp'?"),
+    Case("simulate short.toml --controller ''", "unknown controller ''"),
+    Case("simulate short.toml --seed -1", "--seed -1"),
+    Case("simulate short.toml --seed 0.5", "'0.5' is not a whole number"),
+    Case("simulate short.toml --seed inf", "'inf' is not a whole number"),
+    Case("simulate short.toml --seed 99999999999999999999", "--seed 99999999999999999999"),
+    Case("simulate short.toml --out x.csv", "'x.csv': ending '.csv' must be .nc"),
+    Case("simulate short.toml --out run", "'run': ending '' must be .nc"),
+    Case("simulate short.toml --out ''", "--out"),
+    Case("simulate short.toml --out ' '", "--out"),
+    Case("simulate short.toml --out no/where.nc", "'no/where.nc' cannot be written"),
+    Case("simulate short.toml --out folder.nc", "'folder.nc' cannot be written: Is a directory"),
+    Case("simulate short.toml --out short.toml/run.nc", "cannot be written: Not a directory"),
+    Case("simulate short.toml --figure run", "'run': ending '' must be .pdf or .png or .svg"),
+    Case("simulate short.toml --figure run.xyz", "ending '.xyz' must be"),
+    Case("simulate short.toml --figure ''", "--figure"),
+    Case("simulate short.toml --figure no/where.pdf", "'no/where.pdf' cannot be written"),
+    Case("simulate short.toml --log x.txt", "ending '.txt' must be .csv or .parquet"),
+    Case("simulate short.toml --log no/x.csv", "'no/x.csv' cannot be written"),
+    Case("simulate short.toml --log taken.csv", "'taken.train.toml' cannot be written"),
+    Case("sweep", "name"),
+    Case("sweep laddr", "did you mean 'ladder'?"),
+    Case("sweep ''", "unknown sweep ''"),
+    Case("sweep ladder --events 0", "--events 0"),
+    Case("sweep ladder --events -5", "--events -5"),
+    Case("sweep ladder --events 1000000000", "--events 1000000000"),
+    Case("sweep ladder --events many", "'many' is not a whole number"),
+    Case("sweep ladder --seed -1", "--seed -1"),
+    Case("sweep ladder --jobs -2", "--jobs -2"),
+    Case("sweep ladder --out ''", "--out"),
+    Case("sweep ladder --out short.toml", "short.toml' is a file"),
+    Case("figures slipevent", "did you mean 'slip-event'?"),
+    Case("figures ''", "unknown figure ''"),
+    Case("figures --jobs 0", "--jobs 0"),
+    Case("figures slip-event --out short.toml", "figure folder 'short.toml' cannot be written"),
+    Case("figures slip-event --out ''", "--out"),
+    Case("figures slip-event --results short.toml", "results folder 'short.toml' cannot be written"),
+    Case("analyse", "log"),
+    Case("analyse log.csv", "--train"),
+    Case("analyse none.csv --train car.toml", "log 'none.csv' does not exist"),
+    Case("analyse folder.csv --train car.toml", "log 'folder.csv' does not exist"),
+    Case("analyse car.toml --train car.toml", "ending '.toml' must be .csv or .parquet"),
+    Case("analyse '' --train car.toml", "no name is given"),
+    Case("analyse log.csv --train nothing", "unknown train 'nothing'"),
+    Case("analyse log.csv --train none.toml", "train file 'none.toml' does not exist"),
+    Case("analyse log.csv --train folder", "unknown train 'folder'"),
+    Case("analyse log.csv --train car.toml --slip-kmh nan", "--slip-kmh nan"),
+    Case("analyse log.csv --train car.toml --slip-kmh inf", "--slip-kmh inf"),
+    Case("analyse log.csv --train car.toml --slip-kmh -1", "--slip-kmh -1"),
+    Case("analyse log.csv --train car.toml --slip-kmh 0", "--slip-kmh 0"),
+    Case("analyse log.csv --train car.toml --slip-kmh fast", "--slip-kmh"),
+    Case("analyse log.csv --train car.toml --slip-percent 0", "--slip-percent 0"),
+    Case("analyse log.csv --train car.toml --slip-percent nan", "--slip-percent nan"),
+    Case("analyse log.csv --train car.toml --figure f", "ending '' must be"),
+    Case("analyse log.csv --train car.toml --figure no/f.pdf", "cannot be written"),
+    Case("run-line", "--line"),
+    Case("run-line --line line.yaml", "--train"),
+    Case("run-line --line none.yaml --train train.yaml", "'none.yaml' does not exist"),
+    Case("run-line --line line.yaml --train none.yaml", "'none.yaml' does not exist"),
+    Case("run-line --line folder --train train.yaml", "Is a directory"),
+    Case("run-line --line '' --train train.yaml", "--line"),
+    Case("run-line --line line.yaml --train line.yaml", "key 'schema'"),
+    Case("run-line --line line.yaml --train train.yaml --load 1.5", "--load 1.5"),
+    Case("run-line --line line.yaml --train train.yaml --load nan", "--load nan"),
+    Case("run-line --line line.yaml --train train.yaml --load -1", "--load -1"),
+    Case("run-line --line line.yaml --train train.yaml --load full", "--load"),
+    Case("run-line --line line.yaml --train train.yaml --out x.csv", "ending '.csv' must be .nc"),
+    Case("run-line --line line.yaml --train train.yaml --out no/x.nc", "cannot be written"),
+    Case("run-line --line line.yaml --train train.yaml --figure x", "ending '' must be"),
+]  # fmt: skip
+
+SCENARIO_FILES = [
+    top("step_s = 1e-12", "'step_s' = 1e-12"),
+    scenario("duration_s = 2.0", "duration_s = 20.0\nstep_s = 1e-6", "than 20 s, or choose a longer step"),
+    top("step_s = 0.0", "'step_s' = 0.0"),
+    top("step_s = 0.5", "step = 0.5 must not exceed the control period 0.01"),
+    top("record_period_s = 1e9", "'record_period_s' = 1000000000.0"),
+    top("record_period_s = 1e3", "record_period = 1000.0 must not exceed duration = 2.0"),
+    top("record_period_s = -0.01", "'record_period_s' = -0.01"),
+    top("initial_speed_kmh = 1e6", "'initial_speed_kmh' = 1000000.0"),
+    top("initial_speed_kmh = -1.0", "'initial_speed_kmh' = -1.0"),
+    top("initial_speed_kmh = nan", "'initial_speed_kmh' = nan"),
+    top("load_t = []", "0 loads for 8 cars"),
+    top("load_t = [1e300]", "'load_t': 1e+300"),
+    top("load_t = 'full'", "'load_t' = 'full'"),
+    top("start_m = inf", "'start_m' = inf"),
+    top("start_m = [[[]]]", "'start_m'"),
+    top("case = 'B'", "is not TOML"),
+    top("seed = 3", "unknown key 'seed'"),
+    top("inverter_group = '2C4M'", "'inverter_group' = '2C4M'"),
+    top("name = ''", "'name' = ''"),
+    top("name = 'a b'", "'name' = 'a b'"),
+    top("failures = 3", "'failures'"),
+    top("failures = [{ unit = 99 }]", "no traction unit 99"),
+    top("failures = [{ unit = 1, time_s = nan }]", "'failures[1].time_s' = nan"),
+    top("coupler = { stiffness_n_per_m = 1e300 }", "'coupler.stiffness_n_per_m' = 1e+300"),
+    scenario("duration_s = 2.0", "duration_s = 1e12", "'duration_s' = 1000000000000.0"),
+    scenario("duration_s = 2.0", "duration_s = 36000.0", "axle-steps"),
+    scenario("duration_s = 2.0", "duration_s = 0.001", "must not be below the control period"),
+    scenario("duration_s = 2.0", "duration_s = '2'", "'duration_s' = '2'"),
+    scenario("duration_s = 2.0", "duration_s = true", "'duration_s' = True"),
+    scenario("duration_s = 2.0\n", "", "'duration_s' is missing"),
+    scenario("duration_s = 2.0", f"duration_s = {HUGE}", "is not TOML"),
+    scenario("duration_s = 2.0", "duration_s = 1e999", "'duration_s' = inf"),
+    scenario("acceleration_kmhs = 3.0", "acceleration_kmhs = 1e9", "'command[1].acceleration_kmhs' = 1000000000.0"),
+    scenario("acceleration_kmhs = 3.0", "acceleration_kmhs = nan", "'command[1].acceleration_kmhs' = nan"),
+    scenario("[[command]]", "[command]", "'command'"),
+    scenario("level = 0.05", "level = 1e300", "'rail.level' = 1e+300"),
+    scenario("level = 0.05", "level = 0.0", "level = 0.0 must be"),
+    scenario("level = 0.05", "level = -0.05", "level = -0.05 must be"),
+    scenario("level = 0.05", "level = 'wet'", "'rail.level' = 'wet'"),
+    scenario("level = 0.05", "levl = 0.05", "unknown key 'rail.levl'; did you mean 'level'?"),
+    scenario("level = 0.05", "level = 0.05\nlevel = 0.06", "is not TOML"),
+    scenario("level = 0.05", "level = 0.05\nspeed_law = 'fast'", "speed_law = 'fast' is unknown"),
+    scenario("level = 0.05", "level = 0.05\ncurve = { kind = 'polch' }", "did you mean 'polach'?"),
+    scenario("level = 0.05", "level = 0.05\ncurve = { micro_slope = 1e300 }", "micro_slope"),
+    scenario("level = 0.05", "level = 0.05\ncurve = { micro_slope = true }", "micro_slope"),
+    scenario("level = 0.05", "level = 0.05\ncurve = { micro_slope = 1e6 }", "without rates as fast as"),
+    added("[[rail.patches]]\nfactor = 0.5\nstart_m = 5.0\nend_m = 1.0\n", "start = 5.0 must lie before end"),
+    scenario("level = 0.05", f"level = 0.05\npatches = [{'{ factor = 0.5 },' * 2000}]", "at most 1000"),
+    scenario('"commuter-8car"', '"comuter-8car"', "did you mean 'commuter-8car'?"),
+    scenario('"commuter-8car"', '""', "unknown train ''"),
+    scenario('"commuter-8car"', '"none.toml"', "train file 'none.toml' does not exist"),
+    scenario('"commuter-8car"', r'"a\u0000b.toml"', "cannot be read"),
+    scenario('"commuter-8car"', '["commuter-8car"]', "'train'"),
+    scenario("load_error = 0.05", "load_error = -0.05", "load_error = -0.05"),
+    scenario("load_error = 0.05", "dropouts = [{ axle = 99, begin_s = 0.0 }]", "dropout of axle 99"),
+    scenario("loss = 0.1", "loss = 1.1", "loss = 1.1"),
+    scenario("loss = 0.1", "period_s = 1e-6", "period = 1e-06"),
+    added("[onboard.mpc]\nhorizon = 1000000\n", "horizon"),
+    added("[onboard.mpc]\nhorizn = 10\n", "horizn"),
+    added("[onboard.cut_and_ramp]\nheld = 3\n", "held"),
+    added("[line]\nfile = 'none.yaml'\n", "'none.yaml' does not exist"),
+    added("[line]\nfile = ''\n", "Is a directory"),
+    added("[line]\nfile = 'line.yaml'\nsections = [{ start_m = 0.0, grade_permille = 1.0 }]\n", "either file or sections"),
+    added("[line]\nsections = [{ start_m = 0.0, grade_permille = 1e6 }]\n", "grade_permille"),
+    added("[line]\ntunnels = [{ start_m = 5.0, end_m = 1.0 }]\n", "tunnel"),
+    added("[receptivity]\nperiod_s = 0.0\n", "period = 0.0"),
+    added("[belief]\nincrements = { law = 'given' }\n", "'belief.increments': values go with law"),
+    added("[belief]\nunit_increments = []\n", "0 unit_increments"),
+    Case("simulate bad.toml", "'title' is missing", {"bad.toml": ""}),
+    Case("simulate bad.toml", "is no text in UTF-8", {"bad.toml": bytes(range(256))}),
+    Case("simulate bad.toml", "is no text in UTF-8", {"bad.toml": SHORT.encode("utf-16")}),
+    Case("simulate bad.toml", "is not TOML", {"bad.toml": "\0" * 100}),
+    Case("simulate bad.toml", "is not TOML", {"bad.toml": f"title = {DEEP}"}),
+    Case("simulate bad.toml", "is larger than", {"bad.toml": "#" * 1_000_001}),
+    Case("simulate bad.toml", "is not TOML", {"bad.toml": "title = "}),
+]  # fmt: skip
+
+TRAINS = [
+    train('formation = "MTM"', 'formation = ""', "'formation' = ''"),
+    train('formation = "MTM"', 'formation = "MXM"', "has a car 'X'"),
+    train('formation = "MTM"', f'formation = "{"M" * 600}"', "'formation'"),
+    train('name = "tram"', 'name = "../tram"', "'name' = '../tram'"),
+    train('name = "tram"', 'name = "one-axle"', "train 'one-axle' exists already"),
+    train("mass_t = 14.0", "mass_t = 1e300", "'car.M.mass_t' = 1e+300"),
+    train("mass_t = 14.0", "mass_t = 0.0", "empty_mass = 0.0"),
+    train("mass_t = 14.0", "mass_t = -1.0", "empty_mass = -1000.0"),
+    train("gear_ratio = 6.2", "gear_ratio = 0.0", "'car.M.motors.gear_ratio' = 0.0"),
+    train("gear_ratio = 6.2", "gear_ratio = nan", "'car.M.motors.gear_ratio' = nan"),
+    train("wheel_radius_m = 0.31\nwheel_inertia_kgm2 = 40.0", "wheel_radius_m = 310.0", "'car.M.wheel_radius_m' = 310.0"),
+    train("axle_positions_m = [4.1, 5.9]", "axle_positions_m = []", "has no axles"),
+    train("axle_positions_m = [4.1, 5.9]", "axle_positions_m = [5.9, 4.1]", "must grow"),
+    train("pressure_kpa = 400.0, force_kn = 9.0", "pressure_kpa = 0.0, force_kn = 9.0", "pressure"),
+    car("mass_t = 36.0", "mass_t = 36000.0", "'cars[1].mass_t' = 36000.0"),
+    car("mass_t = 36.0", "mass_t = nan", "'cars[1].mass_t' = nan"),
+    car("wheel_radius_mm = 430.0", "wheel_radius_mm = 0.43", "wheel_radius_mm"),
+    car("[155.0, 65.0]", "[]", "wheel_inertia_kgm2"),
+    car("[155.0, 65.0]", "[155.0, 65.0]\ndriven = [true]", "driven has 1 entries for 2"),
+    car("[[cars]]", "[cars]", "'cars'"),
+    Case("analyse log.csv --train bad.toml", "is missing", {"bad.toml": ""}),
+]  # fmt: skip
+
+LINES = [
+    path("schema", NOTHING, "key 'schema' is missing"),
+    path("schema", 3, "key 'schema' = 3"),
+    path("schema_version", "2030.01", "key 'schema_version' = '2030.01'"),
+    path("paths", [], "'paths'"),
+    path("paths", "all", "'paths'"),
+    path(*SECTIONS, [], "'paths[1].characteristic_sections'"),
+    path(*SECTIONS, [[0.0, 60, 0.0]], "characteristic_sections"),
+    path(*SECTIONS, [[0.0, 60, 0.0]] * 6000, "characteristic_sections"),
+    path(*SECTIONS, 1, [500.0, 40], "characteristic_sections[2]"),
+    path(*SECTIONS, 1, 0, 0.0, "must lie beyond the one before"),
+    path(*SECTIONS, 1, 0, math.nan, "characteristic_sections[2]"),
+    path(*SECTIONS, 2, 0, 1e12, "characteristic_sections[3]: 1e+12"),
+    path(*SECTIONS, 1, 1, 0, "speed limit 0 km/h must exceed 0"),
+    path(*SECTIONS, 1, 1, 1e9, "characteristic_sections[2]: 1e+09"),
+    path(*SECTIONS, 1, 1, "fast", "characteristic_sections[2]"),
+    path(*SECTIONS, 1, 2, 1e300, "characteristic_sections[2]: 1e+300"),
+    path(*SECTIONS, 1, 2, -80.0, "falls by 80 per mille"),
+    path("paths", 0, "points_of_interest", [[9e3, "far", "front"]], "lies off the line"),
+    path("paths", 0, "points_of_interest", [[400.0, "mid", "middle"]], "points_of_interest[1]"),
+    stock("vehicles", [], "'vehicles'"),
+    stock("trains", 0, "formation", [], "'trains[1].formation'"),
+    stock("trains", 0, "formation", ["R1"] * 600, "'trains[1].formation'"),
+    stock("trains", 0, "formation", ["R2"], "did you mean 'R1'?"),
+    stock("vehicles", [STOCK["vehicles"][0]] * 2, "id 'R1' is there twice"),
+    stock(*VEHICLE, "mass", NOTHING, "'vehicles[1].mass' is missing"),
+    stock(*VEHICLE, "mass", 0.0, "'vehicles[1].mass' = 0.0"),
+    stock(*VEHICLE, "mass", math.nan, "'vehicles[1].mass' = nan"),
+    stock(*VEHICLE, "mass", 1e300, "'vehicles[1].mass' = 1e+300"),
+    stock(*VEHICLE, "length", 1e9, "'vehicles[1].length' = 1000000000.0"),
+    stock(*VEHICLE, "length", -5.0, "'vehicles[1].length' = -5.0"),
+    stock(*VEHICLE, "a_braking", 0.6, "'vehicles[1].a_braking' = 0.6"),
+    stock(*VEHICLE, "a_braking", NOTHING, "'vehicles.a_braking' of vehicle 'R1' is missing"),
+    stock(*VEHICLE, "tractive_effort", [], "'vehicles[1].tractive_effort'"),
+    stock(*VEHICLE, "tractive_effort", NOTHING, "tractive_effort is missing"),
+    stock(*VEHICLE, "tractive_effort", 0, 1, 1e12, "tractive_effort"),
+    stock(*VEHICLE, "tractive_effort", 1, 0, 0.0, "tractive_effort: speeds must grow"),
+    stock(*VEHICLE, "vehicle_type", "boat", "'vehicles[1].vehicle_type' = 'boat'"),
+    stock(*VEHICLE, "mass_traction", 99.0, "mass_traction = 99.0 exceeds mass"),
+    Case("run-line --line bad.yaml --train train.yaml", "no keys at the top", {"bad.yaml": ""}),
+    Case("run-line --line bad.yaml --train train.yaml", "no keys at the top", {"bad.yaml": "[1]"}),
+    Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": DEEP}),
+    Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": "a: [b"}),
+    Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": "a: !!python/name:os.system ''"}),
+    Case("run-line --line bad.yaml --train train.yaml", "is no text in UTF-8", {"bad.yaml": b"\xff\xfe\x00"}),
+    Case("run-line --line bad.yaml --train train.yaml", "is larger than", {"bad.yaml": "#" * 1_000_001}),
+]  # fmt: skip
+
+HEADER = LOG.partition("\n")[0] + "\n"
+LOGS = [
+    plain_log("", "bad.csv"),
+    plain_log("\n\n\n", "bad.csv"),
+    plain_log(HEADER, "0 rows"),
+    plain_log(HEADER + "0.0,36.0,36.0,5.0\n", "1 rows"),
+    plain_log(bytes(range(256)), "bad.csv"),
+    plain_log(LOG.encode("utf-16"), "bad.csv"),
+    plain_log("\0" * 1000, "bad.csv"),
+    plain_log(LOG.replace(",", ";"), "divided by commas"),
+    plain_log(LOG.replace(",", "\t"), "divided by commas"),
+    plain_log(LOG.partition("\n")[2], "column '36.0' is there twice"),
+    log("time_s", "time", "column 'time_s'"),
+    log("speed_kmh,", "sped_kmh,", "is missing"),
+    log("axle1_speed_kmh", "speed_of_axle", "is missing"),
+    log("axle1_speed_kmh", "axle9_speed_kmh", "has 2 axles"),
+    log("axle1_speed_kmh", "speed_kmh", "'speed_kmh' is there twice"),
+    log("axle1_force_kn", "axle1_speed_ms", "give one"),
+    log("1.0,36.0,", "0.9,36.0,", "column 'time_s', row 11: time is repeated"),
+    log("1.0,36.0,", "0.1,36.0,", "column 'time_s', row 11: time goes back"),
+    log("1.0,36.0,", "nan,36.0,", "column 'time_s', row 11: has no time"),
+    log("1.0,36.0,", "inf,36.0,", "column 'time_s', row 11"),
+    log("1.0,36.0,", "noon,36.0,", "'noon' is not a number"),
+    log("1.0,36.0,", "1.0,fast,", "'fast' is not a number"),
+    log("1.0,36.0,", "1.0,1e308,", "faster than any train"),
+    log("1.0,36.0,", "1.0,-36.0,", "is negative"),
+    log(",36.0,", ",,", "at no instant"),
+    log(",5.0\n", ",5000.0\n", "exceed the axle load"),
+    log(",5.0\n", ",5.0,7\n", "bad.csv"),
+    log("1.0,36.0,", '1.0,"36.0,', "bad.csv"),
+    Case("analyse bad.parquet --train car.toml", "is no table of parquet", {"bad.parquet": LOG}),
+    Case("analyse bad.parquet --train car.toml", "is no table of parquet", {"bad.parquet": ""}),
+]  # fmt: skip
+
+PLUGINS = [
+    Case("--plugin none.py list", "is no file"),
+    Case("--plugin '' list", "is no file"),
+    Case("--plugin folder list", "is no file"),
+    plugin("", "registers nothing"),
+    plugin("# only a comment\n", "registers nothing"),
+    plugin("def (", "SyntaxError"),
+    plugin("1 / 0", "ZeroDivisionError"),
+    plugin("import sys\nsys.exit(0)", "SystemExit"),
+    plugin("raise SystemExit", "SystemExit"),
+    plugin("import nothing_of_this_name", "ModuleNotFoundError"),
+    plugin("\0", "bad.py"),
+    plugin(b"\xff\xfe", "SyntaxError"),
+    plugin("x = 1", "is no file", "bad.txt"),
+    plugin("from alloc.rules import RULES\nRULES.register('exact', None)", "rule 'exact' exists already"),
+    plugin("from studies.scenario.loading import SCENARIOS\nSCENARIOS.register('wet-start', {})", "exists already"),
+    plugin("", "bad.toml", "bad.toml"),
+    Case("--plugin weird.py compare --scenario own", "title", {
+        "weird.py": "from studies.scenario.loading import SCENARIOS\nSCENARIOS.register('own', {})"}),
+]  # fmt: skip
+
+BATTERY = COMMAND_LINES + SCENARIO_FILES + TRAINS + LINES + LOGS + PLUGINS
+GOOD = {
+    "short.toml": SHORT,
+    "other/short.toml": SHORT.replace("duration_s = 2.0", "duration_s = 3.0"),
+    "line.yaml": yaml.safe_dump(PATH),
+    "train.yaml": yaml.safe_dump(STOCK),
+    "car.toml": CAR,
+    "log.csv": LOG,
+}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder of good files to be called in; nothing may be simulated."""
+
+    def no_run(*_, **__):
+        raise AssertionError("a run was begun before bad input was refused")
+
+    monkeypatch.setattr(ClosedLoop, "run", no_run)
+    for module in ("studies.core.runner", "studies.core.study", "paper_figs.source"):
+        monkeypatch.setattr(f"{module}.run_cells", no_run)
+    for registry in REGISTRIES:  # a plug-in may register something before it is refused
+        list(registry)
+        monkeypatch.setattr(registry, "_parts", dict(registry._parts))
+        monkeypatch.setattr(registry, "_origins", dict(registry._origins))
+    monkeypatch.setenv(VARIABLE, "")
+    monkeypatch.chdir(tmp_path)
+    for folder in ("folder", "folder.nc", "folder.csv", "taken.train.toml", "other"):
+        (tmp_path / folder).mkdir()
+    write(tmp_path, GOOD)
+    return tmp_path
+
+
+def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    for name, content in files.items():
+        data = content.encode() if isinstance(content, str) else content
+        (folder / name).write_bytes(data)
+
+
+def tree(folder: Path) -> dict[str, tuple[int, int]]:
+    """Everything below a folder with its size and time of change."""
+    found = {}
+    for item in sorted(folder.rglob("*")):
+        state = item.stat()
+        found[str(item)] = (state.st_size, state.st_mtime_ns)
+    return found
+
+
+def test_the_battery_meets_every_command_and_is_large():
+    told = " ".join(case.line for case in BATTERY)
+    commands = [name for name in app if not name.startswith("-")]
+    assert len(commands) >= 7
+    assert all(name in told for name in commands)
+    assert len(BATTERY) >= 150
+
+
+@pytest.mark.parametrize("case", BATTERY, ids=lambda case: f"{case.line[:50]} {case.words[:40]}")
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_is_written(place, call, case):
+    write(place, case.files)
+    before = tree(place)
+    code, out, err = call(*shlex.split(case.line))
+    assert (code, out) == (2, "")
+    assert err.startswith("readhesion: ")
+    assert err.count("\n") == 1, err
+    assert case.words in err
+    assert len(err) < 2000
+    assert tree(place) == before
+
+
+def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
+    """(path, content of a file that has all on the way to it) of every key of `kind` that holds numbers."""
+    found = []
+    kind = kind.complete() if issubclass(kind, Strict) else kind
+    for name, field in kind.model_fields.items():
+        stated = str(field.annotation)
+        record = _record_in(field.annotation)
+        if record is not None:
+            several = "tuple" in stated
+            inner = {
+                key: NEEDED[key] for key, own in record.model_fields.items() if own.is_required()
+            }
+            found += number_keys(record, inner, (*place, (name, several)))
+        elif "float" in stated or "int" in stated:
+            found.append((place, base, name))
+    return found
+
+
+NEEDED = {
+    "factor": 0.5, "stiffness_n_per_m": 2e7, "unit": 1, "start_m": 0.0, "end_m": 100.0, "axle": 0,
+    "grade_permille": 5.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
+}  # fmt: skip
+KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
+"""Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""
+
+
+def content_with(place, base, name, value) -> dict[str, Any]:
+    """The content of a scenario file in which one key has `value`."""
+    content: Any = dict(base) | {name: value}
+    for table, several in reversed(place):
+        content = {table: [content] if several else content}
+    top = {
+        "name": "own", "title": "t", "train": "one-axle", "duration_s": 0.1,
+        "command": [{"time_s": 0.0, "acceleration_kmhs": 3.0}],
+    }  # fmt: skip
+    rail = {"level": 0.1} | content.get("rail", {})
+    return top | content | {"rail": rail}
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: ".".join([t for t, _ in key[0]] + [key[2]]))
+def test_no_number_key_takes_what_is_no_number_or_ends_in_a_traceback(key):
+    place, base, name = key
+    for value in (math.nan, math.inf, -math.inf, 1e300, "0.1", "wet", {}, True, [[]], [math.nan]):
+        with pytest.raises(StudyError) as refused:
+            parse(Scenario, content_with(place, base, name, value), "own.toml").event()
+        assert name in str(refused.value)
+        assert "\n" not in str(refused.value)
+    for value in (0, -1, 0.0, -1.0, [], [0.0], [-1.0], 1e-300, 1, 1e6):
+        with suppress(StudyError):
+            parse(Scenario, content_with(place, base, name, value), "own.toml").event()
+
+
+def test_files_with_blanks_and_byte_order_marks_work(place, monkeypatch):
+    from studies.lines.real_input import with_real_input
+    from studies.logs.measured_log import read_log
+    from studies.logs.measured_train import read_log_train
+    from studies.scenario.loading import load_scenario
+
+    mark = b"\xef\xbb\xbf"
+    write(place, {
+        "my event.toml": mark + SHORT.encode(), "my line.yaml": mark + yaml.safe_dump(PATH).encode(),
+        "my train.yaml": yaml.safe_dump(STOCK), "my log.csv": mark + LOG.encode(),
+        "my car.toml": mark + CAR.encode(),
+    })  # fmt: skip
+    found = load_scenario("my event.toml")
+    assert found.name == "my-event"
+    real = with_real_input(found, "my line.yaml", "my train.yaml")
+    assert real.name == "my-event+my-line+my-train"
+    assert read_log("my log.csv", read_log_train("my car.toml")).run.time.size == 20
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable for root")
+@pytest.mark.parametrize("line", ["simulate short.toml", "analyse log.csv --train car.toml"])
+def test_a_file_that_may_not_be_read_is_refused(place, call, line):
+    for name in ("short.toml", "log.csv"):
+        (place / name).chmod(0)
+    code, _, err = call(*shlex.split(line))
+    assert (code, err.count("\n")) == (2, 1)
+    assert "Permission denied" in err
+
+
+def process(*arguments: str, **environment: str) -> subprocess.Popen:
+    command = [sys.executable, "-c", "from studies.command_line.main import main; main()"]
+    return subprocess.Popen(
+        [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env=os.environ | environment,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["list", "--json"]])
+def test_a_reader_who_leaves_early_ends_the_command_quietly(arguments):
+    with process(*arguments) as running:
+        assert running.stdout is not None
+        running.stdout.close()  # as `| head` does, before anything is written
+        assert running.stderr is not None
+        assert running.stderr.read() == b""
+        assert running.wait(timeout=600) == 141
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["sweep", "--help"], ["--help"]])
+def test_a_terminal_of_plain_letters_gets_plain_letters(arguments):
+    running = process(*arguments, PYTHONIOENCODING="ascii", LC_ALL="C", PYTHONUTF8="0")
+    out, err = running.communicate(timeout=600)
+    assert (running.returncode, err) == (0, b"")
+    assert out.decode("ascii").strip()
+
+
+def test_as_a_process_bad_input_is_one_line_and_exit_code_2():
+    running = process("simulate", "wet-strät", PYTHONIOENCODING="ascii", LC_ALL="C")
+    out, err = running.communicate(timeout=600)
+    assert (running.returncode, out, err.count(b"\n")) == (2, b"", 1)
+    assert b"did you mean 'wet-start'?" in err

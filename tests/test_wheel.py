@@ -1,0 +1,46 @@
+"""A wheel holds every module, and every file that the program reads, by what `pyproject.toml` says."""
+
+import tomllib
+from fnmatch import fnmatch
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+LAYERS = ("alloc", "mpc", "studies", "paper_figs")
+NOT_SHIPPED = "paper_figs/gallery/*"
+"""Pictures of the README, which the program does not read."""
+FILES = [
+    path.relative_to(ROOT)
+    for layer in LAYERS
+    for path in sorted((ROOT / layer).rglob("*"))
+    if path.is_file() and "__pycache__" not in path.parts
+]
+DATA = {
+    f"{package.replace('.', '/')}/{pattern}"
+    for package, patterns in SETUPTOOLS["package-data"].items()
+    for pattern in patterns
+}
+
+
+def test_every_module_stands_in_a_package_that_is_found():
+    for path in FILES:
+        if path.suffix == ".py":
+            assert all((ROOT / folder / "__init__.py").exists() for folder in path.parents[:-1])
+            package = ".".join(path.parent.parts)
+            assert any(fnmatch(package, one) for one in SETUPTOOLS["packages"]["find"]["include"])
+
+
+def test_every_other_file_is_package_data_and_nothing_else_is():
+    others = [str(path) for path in FILES if path.suffix != ".py"]
+    read = [name for name in others if not fnmatch(name, NOT_SHIPPED)]
+    assert len(read) > 10
+    assert not [name for name in read if not any(fnmatch(name, pattern) for pattern in DATA)]
+    assert not [pattern for pattern in DATA if not any(fnmatch(name, pattern) for name in read)]
+
+
+def test_no_module_that_ships_imports_the_tests():
+    for path in FILES:
+        if path.suffix == ".py":
+            text = (ROOT / path).read_text()
+            assert "from tests" not in text, path
+            assert "import tests" not in text, path
