@@ -67,3 +67,9 @@ def defaults(record):
 @pytest.mark.parametrize(("record", "expected"), [(Onboard(), ONBOARD), (MpcSettings(), MPC)])
 def test_defaults_are_those_of_the_documents_and_trials_named_beside_them(record, expected):
     assert defaults(record) == expected
+
+
+def test_what_no_file_sets_has_its_default_too():
+    onboard = Onboard()
+    assert onboard.sensors.seed == 0
+    assert (onboard.belief.increments, onboard.belief.loads, onboard.hosted) == (None, None, {})

@@ -178,3 +178,16 @@ def test_gradient_and_both_hessians_are_the_costs(seed):
     )  # fmt: skip
     add_second_order(hessians, terms, quadratic, np.full((2 * WIDTH, SIZE), np.nan))
     np.testing.assert_allclose(quadratic.hessian, h * both, rtol=1e-9, atol=1e-10)
+
+
+def test_an_axle_at_its_limit_costs_nothing():
+    terms, start, torques = _case(0)
+    around = _linearised(torques, start)
+    matrix = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    highest = matrix @ around.nodes[1:].max(axis=0)
+    found = []
+    for limit in (highest, highest + 1.0):
+        case = terms._replace(slip_matrix=matrix, axle=terms.axle._replace(slip_limit=limit))
+        found.append(_condensed(around, torques, case))
+    np.testing.assert_array_equal(found[0].hessian, found[1].hessian)
+    np.testing.assert_array_equal(found[0].gradient, found[1].gradient)
