@@ -77,3 +77,12 @@ def test_rules_that_know_no_caps_say_whether_these_allow_more_than_the_plan(rule
     assert find_rule(rule)(AllocationProblem([0.25, 0.26], 0.25, limit_max=[0.24, 1.0])).case == "A"
     heavy = AllocationProblem([0.25, 0.26], 0.25, mass=[9.0, 1.0], limit_max=[0.249, 1.0])
     assert find_rule(rule)(heavy).case == "B"  # 9 (-0.001) + 0.01 > 0
+
+
+@pytest.mark.parametrize("rule", ["exact", "qp"])
+def test_lower_bounds_that_just_give_the_plan_are_the_answer(rule):
+    answer = find_rule(rule)(
+        AllocationProblem([0.5, 0.5], 0.125, previous=[0.25, 0.25], rate=0.125)
+    )
+    assert answer.limit.tolist() == [0.125, 0.125]
+    assert (answer.level, answer.case, answer.status) == (0.125, "B", "ok")
