@@ -33,7 +33,7 @@ from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
 
 
-def _named(*names: str) -> np.dtype[np.record]:
+def _named(*names: str) -> np.dtype[np.void]:
     """Type of records of numbers, whose fields are attributes in Python as in compiled code."""
     return np.dtype((np.record, [(name, float) for name in names]))
 

@@ -330,7 +330,7 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     joint = JointProblem(units, SETTINGS)
     assert no_solver[0][1].iterations == 2
     reports = [_report(axles=1), _report(axles=2, speed=11.0, carried=60.0, target=600.0)]
-    commands = [np.array([]), np.array([170.0, 180.0])]
+    commands = [np.array([]), np.array([165.0, 170.0, 180.0])]
     asked, solution = joint.solve(reports, commands)
     solver = joint._group.solver
     assert solver.calls == [("restart", [160.0, 180.0]), "solve"]

@@ -46,11 +46,11 @@ def _solver(**settings):
 def steps(monkeypatch):
     """Function (residuals, settings) -> solver whose residual before each step is given, and the list of its steps."""
 
-    def make(residuals, cost=1.0, flag=1, better=True, **settings):
+    def make(residuals, cost=1.0, failure="", better=True, **settings):
         solver, taken, left = _solver(**settings), [], list(residuals)
         solver._linearise = lambda problem: None
         solver._residual = lambda problem: left.pop(0)
-        solver._step = lambda problem: taken.append("step") or flag
+        solver._step = lambda problem: taken.append("step") or failure
         solver._search = lambda problem, cost: taken.append(("search", cost)) or better
         monkeypatch.setattr(real_time, "trajectory_cost", lambda *_: cost)
         return solver, taken
@@ -99,9 +99,9 @@ def test_what_is_not_finite_is_said(steps, cost, residual):
     assert (solution.status, solution.iterations, taken) == ("not finite", 0, [])
 
 
-@pytest.mark.parametrize(("flag", "status"), [(-1, "QP flag -1"), (0, "ok")])
-def test_a_quadratic_program_that_fails_is_said(steps, flag, status):
-    solver, _ = steps([1.0, 0.0], flag=flag)
+@pytest.mark.parametrize(("failure", "status"), [("QP flag -1", "QP flag -1"), ("", "ok")])
+def test_a_quadratic_program_that_fails_is_said(steps, failure, status):
+    solver, _ = steps([1.0, 0.0], failure=failure)
     solution = solver.solve(PROBLEM)
     assert (solution.status, solution.iterations) == (status, 1)
 
@@ -135,11 +135,27 @@ def test_a_step_minimises_the_quadratic_model_within_the_bounds():
     solver.torques[:] = 20.0, 20.0, 45.0, 10.0
     solver._quadratic.hessian[:] = np.diag([1.0, 2.0, 4.0, 0.5])
     solver._quadratic.gradient[:] = 0.3, -0.4, -8.0, 5.0
-    assert solver._step(PROBLEM) > 0
+    assert solver._step(PROBLEM) == ""
     # -g / h in scaled torques: -0.3, 0.2, 2 and -10, the last two beyond their bounds
     np.testing.assert_allclose(solver._trial, [17.0, 24.0, 50.0, 0.0], atol=1e-9)
     solver._solver = SimpleNamespace(update=lambda **_: -3)
-    assert solver._step(PROBLEM) == -3
+    assert solver._step(PROBLEM) == "QP flag -3"
+    solver._solver = SimpleNamespace(update=lambda **_: 0, solve=lambda: (None, 0.0, -1, None))
+    assert solver._step(PROBLEM) == "QP flag -1"
+    solver._solver = SimpleNamespace(
+        update=lambda **_: 0, solve=lambda: (np.zeros(4), 0.0, 0, None)
+    )
+    assert solver._step(PROBLEM) == ""
+
+
+def test_curvature_that_cannot_be_had_is_a_failure_and_not_a_fault():
+    solver = _solver(exact_hessian=True)
+
+    def fails(problem):
+        raise np.linalg.LinAlgError("no eigenvalues")
+
+    solver._make_exact = fails
+    assert solver._step(PROBLEM) == "LinAlgError: no eigenvalues"
 
 
 def test_a_step_that_would_raise_the_cost_is_halved(monkeypatch):

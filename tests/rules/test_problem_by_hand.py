@@ -5,6 +5,7 @@ import pytest
 
 from alloc.errors import AllocationError
 from alloc.rules import AllocationProblem, find_rule
+from alloc.rules.optimality_check import optimality
 
 
 def test_limits_before_bound_nothing_without_a_rate():
@@ -86,3 +87,9 @@ def test_lower_bounds_that_just_give_the_plan_are_the_answer(rule):
     )
     assert answer.limit.tolist() == [0.125, 0.125]
     assert (answer.level, answer.case, answer.status) == (0.125, "B", "ok")
+
+
+def test_what_stands_at_no_bound_has_no_multiplier_to_be_wrong():
+    problem = AllocationProblem([0.5, 0.5], 0.2)
+    found = optimality(problem, find_rule("exact")(problem))
+    assert (found.complementarity, found.dual) == (0.0, 0.0)
