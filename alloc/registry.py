@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 Part = TypeVar("Part")
 
@@ -41,6 +41,11 @@ class Registry(Mapping[str, Part], Generic[Part]):
         self._origins: dict[str, str] = {}
         self._filled, self._filling = package is None, False
         self._lock = threading.RLock()
+        self._home = str(sys._getframe(1).f_globals.get("__name__", ""))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process takes its own registry: parts are registered in each."""
+        return _of_home, (self._home, self.kind)
 
     def register(self, name: str, part: Part, origin: str | None = None) -> Part:
         """Add `part` under `name`; the module that did may do so again, no other may.
@@ -100,9 +105,8 @@ class Registry(Mapping[str, Part], Generic[Part]):
     def _fill(self) -> None:
         if self._filled:
             return
-        with (
-            self._lock
-        ):  # another thread waits for all parts; this one may ask while it imports them
+        # another thread waits for all parts; this one may ask while it imports them
+        with self._lock:
             if self._filled or self._filling:
                 return
             self._filling = True
@@ -116,3 +120,9 @@ class Registry(Mapping[str, Part], Generic[Part]):
     @cached_property
     def _installed(self) -> dict[str, EntryPoint]:
         return {entry.name: entry for entry in entry_points(group=self.group)}
+
+
+def _of_home(home: str, kind: str) -> "Registry[Any]":
+    """The registry of this kind that a module made."""
+    made = vars(import_module(home)).values()
+    return next(one for one in made if isinstance(one, Registry) and one.kind == kind)

@@ -1,11 +1,13 @@
 """Parts by name: those that ship, those of installed packages, those registered at run time."""
 
+import pickle
 from importlib.metadata import EntryPoint
 
 import pytest
 
 from alloc import registry as registry_module
 from alloc.registry import Registry
+from alloc.rules import RULES
 
 
 @pytest.fixture
@@ -59,3 +61,7 @@ def test_shipped_parts_come_first_in_their_order():
     assert names[:2] == ["one-axle", "jp4209318-3car"]
     assert SETS.shipped() == names
     assert SETS.origin("freight-17") == "alloc.plant.sets.freight"
+
+
+def test_another_process_takes_its_own_registry():
+    assert pickle.loads(pickle.dumps(RULES)) is RULES

@@ -1,6 +1,7 @@
 """Cells of a study: each is a piece of work that yields rows of its table, and is done once."""
 
 import hashlib
+import inspect
 import json
 import time
 import traceback
@@ -85,8 +86,9 @@ class Task:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The function's module."""
-        return (self.function.__module__,)
+        """The function's module; a script's by its file, for in a worker another one is `__main__`."""
+        module = self.function.__module__
+        return (inspect.getfile(self.function) if module == "__main__" else module,)
 
     def work(self) -> Yield:
         """Call the function."""

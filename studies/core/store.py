@@ -16,7 +16,7 @@ from alloc.private_folder import ASIDE, write_whole
 from alloc.recording import save
 from studies.core.cell import Key, Row
 from studies.files.study_error import StudyError
-from studies.files.writable import check_folder
+from studies.files.writable import make_folder
 
 TABLE = "runs.parquet"
 SUMS = "SHA256SUMS"
@@ -42,7 +42,7 @@ class Store:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        check_folder(self.folder)
+        make_folder(self.folder)
         self._lock = FileLock(self.folder / ".lock")
         for path in self.folder.rglob(f".*{ASIDE}*"):
             if time.time() - path.stat().st_mtime > LITTER_AGE:
@@ -126,7 +126,7 @@ class Store:
         except OSError as error:
             raise StudyError(f"file {str(path)!r} cannot be read: {error.strerror}") from None
         known = self._sums().get(self._name(path))
-        if known is not None and hashlib.sha256(content).hexdigest() not in known:
+        if known is not None and _digest(content) not in known:
             self._set_aside(path, "it is not as it was written")
             return None
         return content
@@ -144,11 +144,12 @@ class Store:
     def _replace(self, path: Path, write: Callable[[Path], object]) -> None:
         """Write a file and its checksum. In between those of both states are there: whichever a crash leaves is known."""
         sums, name = self._sums(), self._name(path)
+        if name not in sums and path.exists():
+            sums[name] = [_digest(path.read_bytes())]
 
         def replace(aside: Path) -> None:
             write(aside)
-            new = hashlib.sha256(aside.read_bytes()).hexdigest()
-            sums[name] = [*sums.get(name, []), new]
+            sums[name] = [*sums.get(name, []), _digest(aside.read_bytes())]
             self._write_sums(sums)
 
         write_whole(path, replace)
@@ -171,6 +172,10 @@ class Store:
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _inside(label: str) -> str:

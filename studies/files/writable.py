@@ -45,7 +45,7 @@ def check_place(path: Path, what: str = "output", option: str = "--out") -> None
     )
 
 
-def check_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Make a folder for results; raises `StudyError` if it cannot be made or written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -22,6 +22,10 @@ from tests.benchmarks.fatrop_peer import FatropSolver
 from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.benchmarks.mpc_cases import CASES, HORIZON
 
+pytestmark = pytest.mark.skipif(
+    "not config.getoption('benchmark_enable')", reason="compiles for minutes: run with make bench"
+)
+
 TOLERANCE = 1e-8
 PEER_PROBLEMS, BLOCKS = 50, 10
 """Solvers take turns after each block of problems."""

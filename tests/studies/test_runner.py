@@ -1,5 +1,8 @@
 """The grid: in parallel as in a row, resumed as begun, and nothing lost on the way."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -165,3 +168,32 @@ def test_runs_that_are_to_be_kept_are_recorded_even_if_their_row_exists(short, t
     assert [job.rule for job in kept] == ["exact"]
     run = load(store.run_path(key_of(kept[0])))
     assert run.identical(simulate_job(kept[0]).assign_attrs(wall_time_s=run.attrs["wall_time_s"]))
+
+
+SCRIPT = """
+import sys
+
+from alloc.rules import RULES
+from studies.core.cell import Task
+from studies.core.runner import run_cells
+from studies.core.store import Store
+
+
+def counted(k):
+    return {"k": k, "rules": len(RULES)}
+
+
+if __name__ == "__main__":
+    cells = [Task(str(k), counted, (k,)) for k in range(4)]
+    table = run_cells(cells, Store(sys.argv[1]), jobs=2)
+    print(*table["status"], *table["reason"], len(set(table["cell"])))
+"""
+
+
+def test_a_script_runs_tasks_of_its_own_and_its_edit_runs_them_again(tmp_path):
+    for edit in ("", "MORE = 1"):
+        (tmp_path / "script.py").write_text(SCRIPT + edit)
+        words = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "out")]
+        done = subprocess.run(words, capture_output=True, text=True)
+        assert done.stdout.split() == ["ok", "ok", "ok", "ok", "4"], done.stderr
+    assert len(Store(tmp_path / "out").read()) == 8

@@ -124,6 +124,23 @@ def test_any_flipped_bit_is_noticed(store):
             assert store.read().empty
 
 
+def test_a_crash_after_the_checksums_were_lost_loses_no_table(store, monkeypatch):
+    store.add([row(0)])
+    (store.folder / SUMS).unlink()
+
+    def killed(self, *_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            "os.replace",
+            lambda old, new: killed(old) if str(new).endswith(TABLE) else Path(old).rename(new),
+        )
+        with pytest.raises(KeyboardInterrupt):
+            store.add([row(1)])
+    assert store.cells() == {"cell 0": True}
+
+
 def test_checksums_are_those_of_the_usual_tool(store):
     store.add([row(0)])
     store.add([row(1)])
