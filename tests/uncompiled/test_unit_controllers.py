@@ -1,12 +1,14 @@
 """Built-in readhesion controllers of units equal their second transcription, driving and braking, under random signals."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.dispatch import control
+from alloc.onboard.controllers.peak_search import move_reference
 from alloc.onboard.equipment import equipment
 from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
@@ -208,3 +210,20 @@ def test_a_hosted_controllers_share_is_not_its_reserves():
     control(EQ, st, m, 0.5)
     assert m.unit.torque_command.tolist() == [400.0] * 4
     assert m.unit.torque_factor.tolist() == [0.3] * 4
+
+
+@pytest.mark.parametrize(
+    ("reference", "step", "kept", "then"),
+    [
+        (0.5, -0.25, -0.25, 0.25),
+        (0.5, -0.375, 0.375, 0.25),
+        (0.5, 0.5, 0.5, 1.0),
+        (0.5, 0.75, -0.75, 1.0),
+    ],
+)
+def test_a_search_turns_round_beyond_its_bounds_and_not_at_them(reference, step, kept, then):
+    k = memory(EQ, 10.0, 0.08).law[list(BUILT_IN).index("perturb-observe")]
+    k.reference[0], k.clock[0] = reference, 3.0
+    move_reference(SimpleNamespace(lowest=0.25, highest=1.0), k, 0, step, 0.1, 0.2)
+    assert (k.step[0], k.reference[0], k.clock[0]) == (kept, then, 0.0)
+    assert (k.last_coefficient[0], k.last_slip[0]) == (0.1, 0.2)
