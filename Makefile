@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
-MUTANTS ?= 200
+MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
