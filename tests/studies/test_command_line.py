@@ -289,11 +289,14 @@ def waiting(short_file, tmp_path, monkeypatch):
         start_new_session=True,
     )  # fmt: skip
     table = tmp_path / "out" / "runs.parquet"
-    _wait_for(lambda: len(list((tmp_path / "busy").iterdir())) == 2, running)
-    _wait_for(lambda: table.exists() and len(pd.read_parquet(table)) == 2, running)
-    yield running, [int(path.name) for path in (tmp_path / "busy").iterdir()]
-    running.kill()
-    running.communicate()
+    busy = tmp_path / "busy"
+    try:
+        _wait_for(lambda: len(list(busy.iterdir())) == 2, running)
+        _wait_for(lambda: table.exists() and len(Store(table.parent).read()) == 2, running)
+        yield running, [int(path.name) for path in busy.iterdir()]
+    finally:
+        running.kill()
+        running.communicate()
 
 
 LONG = 900.0
