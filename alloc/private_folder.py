@@ -11,15 +11,11 @@ import tempfile
 import uuid
 import warnings
 from atexit import register
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 VARIABLES = ("READHESION_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
 """Environment variables that may say where compiled code is kept; the first that is set does."""
-
-ASIDE = ".part"
-"""In the name of a file that is being written."""
 
 
 @lru_cache(maxsize=1)
@@ -82,16 +78,3 @@ def check_owner(path: Path) -> None:
     open_folder = stat.S_ISDIR(found.st_mode) and found.st_mode & 0o022
     if stat.S_ISLNK(found.st_mode) or found.st_uid != os.getuid() or open_folder:
         raise PermissionError(f"{str(path)!r} is not this user's alone")
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Make or replace `path` by `write(file to fill)`: other processes see all of it or nothing.
-
-    The file beside it has a name of its own, so writers do not meet; a `write` that raises leaves nothing behind.
-    """
-    aside = path.with_name(f".{uuid.uuid4().hex}{ASIDE}{path.suffix}")
-    try:
-        write(aside)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)

@@ -20,7 +20,8 @@ from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import NamedTuple
 
-from alloc.private_folder import cache_folder, write_whole
+from alloc.private_folder import cache_folder
+from alloc.whole_file import write_whole
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("alloc", "mpc", "studies")

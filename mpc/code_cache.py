@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-from alloc.private_folder import cache_part, write_whole
+from alloc.private_folder import cache_part
+from alloc.whole_file import write_whole
 
 _loaded: dict[str, ModuleType] = {}
 

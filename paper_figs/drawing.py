@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from alloc.private_folder import write_whole
+from alloc.whole_file import write_whole
 from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE

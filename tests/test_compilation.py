@@ -16,8 +16,9 @@ import studies.readhesion_paper.lanes
 from alloc import compilation, private_folder, sources
 from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.plant import compiled
-from alloc.private_folder import VARIABLES, cache_folder, private, write_whole
+from alloc.private_folder import VARIABLES, cache_folder, private
 from alloc.sources import closure, path_of
+from alloc.whole_file import write_whole
 from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
-from alloc.private_folder import write_whole
+from alloc.whole_file import write_whole
 
 Floats = NDArray[np.float64]
 

@@ -87,13 +87,9 @@ def _missing(
     work = []
     for cell, key in zip(cells, keys, strict=True):
         kept = any(fnmatchcase(key.label, pattern) for pattern in keep)
-        done = succeeded.get(key.digest, False)
-        failed = key.digest in succeeded and not done
-        if (
-            not (done or failed)
-            or (failed and retry_failed)
-            or (done and kept and not store.has_run(key))
-        ):
+        done = succeeded.get(key.digest)  # None: not there
+        again = kept and not store.has_run(key) if done else done is None or retry_failed
+        if again:
             work.append((cell, key, kept))
     return sorted(
         work, key=lambda one: not (isinstance(one[0], Job) and is_hosted(one[0].controller))

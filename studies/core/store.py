@@ -5,6 +5,7 @@ import io
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -12,8 +13,8 @@ import pandas as pd
 import xarray as xr
 from filelock import FileLock
 
-from alloc.private_folder import ASIDE, write_whole
 from alloc.recording import save
+from alloc.whole_file import ASIDE, write_whole
 from studies.core.cell import Key, Row
 from studies.files.study_error import StudyError
 from studies.files.writable import make_folder
@@ -45,8 +46,9 @@ class Store:
         make_folder(self.folder)
         self._lock = FileLock(self.folder / ".lock")
         for path in self.folder.rglob(f".*{ASIDE}*"):
-            if time.time() - path.stat().st_mtime > LITTER_AGE:
-                path.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # another writer has just finished it
+                if time.time() - path.stat().st_mtime > LITTER_AGE:
+                    path.unlink()
 
     @property
     def path(self) -> Path:

@@ -113,6 +113,12 @@ def test_a_broken_table_is_set_aside_with_one_line(store, damage, listed):
     assert store.cells() == {"cell 1": True}
 
 
+def test_a_file_that_another_writer_finishes_meanwhile_is_no_fault(store, monkeypatch):
+    gone = store.folder / ".1234.part.parquet"
+    monkeypatch.setattr(Path, "rglob", lambda *_: iter([gone]))
+    assert Store(store.folder).read().empty
+
+
 def test_any_flipped_bit_is_noticed(store):
     store.add([row(0, damage=1.5)])
     whole = store.path.read_bytes()
