@@ -37,8 +37,6 @@ def drive(
     [s]: a multiple of `period` (default: `period` itself). The run holds those of `alloc.recorded_variables.VARIABLES`
     that the plant and the driver decide. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
     """
-    if model.lanes != 1:
-        raise SimulationError(f"drive: the model has {model.lanes} lanes; a run takes one")
     record_period = period if record_period is None else record_period
     times = {"duration": duration, "period": period, "step": step, "record_period": record_period}
     SimulationError.check("drive", times, positive=times)
@@ -68,10 +66,8 @@ class _DriverInPython:
         self.driver, self.timing = driver, loop.timing
         self.torque = torque
         """Torques that he set, (instants, units)."""
-        n, state, inputs = model.layout, loop.plant.state[:, 0], loop.plant.inputs
-        self.controls = Controls(
-            inputs.torque_command[:, 0], inputs.pressure_target[:, 0], inputs.valve[:, 0]
-        )
+        n, state, inputs = model.layout, loop.plant.state, loop.plant.inputs
+        self.controls = Controls(inputs.torque_command, inputs.pressure_target, inputs.valve)
         self.position, self.speed = state[n.position], state[n.speed]
         self.motors, self.cylinders = state[n.torque], state[n.pressure]
         self.last_speed = float(self.speed[0])

@@ -51,8 +51,6 @@ class Event:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.model.lanes != 1:
-            raise SimulationError(f"event: the model has {self.model.lanes} lanes; a run takes one")
         SimulationError.check("event", self, positive=("duration", "step", "record_period"))
         if self.step > self.onboard.period * (1 + 1e-9):
             raise SimulationError(

@@ -25,8 +25,9 @@ from alloc.onboard.sensing import sense
 from alloc.onboard.settings import Settings
 from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
-from alloc.plant.model import Environment, Floats, Inputs, Layout, Model, Structure
+from alloc.plant.model import Floats, Inputs, Layout, Model
 from alloc.plant.right_side import peak_field
+from alloc.plant.workspace import Workspace
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
 
@@ -50,12 +51,10 @@ Part = Callable[[int], bool]
 class Plant(NamedTuple):
     """The plant of a run."""
 
-    structure: Structure
-    environment: Environment
     rows: Layout
     state: Floats
     inputs: Inputs
-    workspace: compiled.Workspace
+    workspace: Workspace
 
 
 class Computers(NamedTuple):
@@ -94,17 +93,16 @@ class Given(NamedTuple):
 @inlined_jit
 def _true_limits(plant, eq, time, truth):
     """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
-    s, e, rows, state, w = (
-        plant.structure, plant.environment, plant.rows, plant.state, plant.workspace
-    )  # fmt: skip
-    peak_field(s, e, rows, time, state, plant.inputs.cleaning, w, w.peak)
+    w = plant.workspace
+    compiled.pack(w, plant.state, w.scratch.state)
+    peak_field(w, time, w.scratch.state)
     for j in range(truth.size):
         truth[j] = np.inf
-    for i in range(rows.axles):
+    for i in range(plant.rows.axles):
         j = eq.axle_unit[i]
         if j >= 0:
-            v = state[rows.bodies + s.axle_body[i], 0]
-            limit, _ = adhesion_limit(e.curve_kind, e.curve, w.peak[i, 0], v)
+            v = w.scratch.state[w.axle.speed_row[i]]
+            limit, _ = adhesion_limit(w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v)
             truth[j] = min(truth[j], STABLE_SHARE * limit)
 
 
@@ -124,26 +122,26 @@ def _record_computers(plant, eq, m, commanded, k, record):
     _copy(m.unit_block, k, record.unit)
     _copy(m.train_block, k, record.train)
     for g in range(plant.rows.groups):
-        record.valve[k, g] = plant.inputs.valve[g, 0]
+        record.valve[k, g] = plant.inputs.valve[g]
     for c in range(plant.rows.cars):
         record.slide_reference[k, c] = m.slide.reference[c]
 
 
 @equation
 def _record_plant(plant, time, k, record):
-    compiled.note(
-        plant.structure, plant.environment, plant.rows, time, plant.state, plant.inputs,
-        plant.workspace, k, record.state, record.peak, record.body_acceleration,
-    )  # fmt: skip
+    """Write the state at `time` [s] to row `k`, and what the plant noted in the step that began there."""
     record.time[k] = time
+    for i in range(plant.state.size):
+        record.state[k, i] = plant.state[i]
 
 
 @equation
-def _advance_plant(plant, time, timing):
-    compiled.advance(
-        plant.structure, plant.environment, plant.rows, time, timing.step, timing.steps,
-        plant.state, plant.inputs, plant.workspace,
-    )  # fmt: skip
+def _record_noted(plant, k, record):
+    noted = plant.workspace.noted
+    for i in range(noted.peak.size):
+        record.peak[k, i] = noted.peak[i]
+    for i in range(noted.acceleration.size):
+        record.body_acceleration[k, i] = noted.acceleration[i]
 
 
 @jit
@@ -159,12 +157,12 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             a = 0.0
         if progress.phase[0] == SENSE:
             for j in range(units):
-                m.in_service[j] = time < plant.environment.failure_time[j, 0] + REPORT_DELAY
+                m.in_service[j] = time < plant.workspace.unit.failure_time[j] + REPORT_DELAY
             first = 2 * rows.bodies
             torque = first + rows.axles
             sense(
                 eq, st, m, time, a,
-                plant.state[first : first + rows.axles, 0], plant.state[torque : torque + units, 0],
+                plant.state[first : first + rows.axles], plant.state[torque : torque + units],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
             needed = prepare_allocation(eq, st, m, time, tick, a)
@@ -193,13 +191,18 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             if st.hosted:
                 return CONTROL
         for j in range(units):
-            plant.inputs.torque_command[j, 0] = m.unit.torque_command[j]
+            plant.inputs.torque_command[j] = m.unit.torque_command[j]
         brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)
-        if tick % timing.record_ticks == 0:
-            k = tick // timing.record_ticks
+        k = tick // timing.record_ticks
+        recorded = tick % timing.record_ticks == 0
+        if recorded:
             _record_plant(plant, time, k, record.plant)
             _record_computers(plant, eq, m, a, k, record)
-        _advance_plant(plant, time, timing)
+        compiled.inlined_advance(
+            plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
+        )
+        if recorded:
+            _record_noted(plant, k, record.plant)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING
@@ -213,9 +216,15 @@ def run_with_driver(plant, timing, progress, record, stop):
         if progress.phase[0] == SENSE:
             progress.phase[0] = ADVANCE
             return DRIVER
-        if tick % timing.record_ticks == 0:
-            _record_plant(plant, time, tick // timing.record_ticks, record)
-        _advance_plant(plant, time, timing)
+        k = tick // timing.record_ticks
+        recorded = tick % timing.record_ticks == 0
+        if recorded:
+            _record_plant(plant, time, k, record)
+        compiled.advance(
+            plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
+        )
+        if recorded:
+            _record_noted(plant, k, record)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING
@@ -241,8 +250,6 @@ class ClosedLoop:
         self.ticks = ticks
         self.timing = Timing(float(period), period / steps, steps, record_ticks)
         self.plant = Plant(
-            model.structure,
-            model.environment,
             model.layout,
             model.initial_state(speed, position),
             model.zero_inputs(),

@@ -134,7 +134,7 @@ def event_hash(event: Event) -> str:
     """Hash of everything that defines an event: equal events have equal hashes."""
     model = event.model
     given = (getattr(event, item.name) for item in fields(event) if item.name != "model")
-    parts = (*given, model.train, model.rails, model.line, model.span)
+    parts = (*given, model.train, (model.rail,), model.line, model.span)
     digest = hashlib.sha256(canonical(parts).encode())
     digest.update(model.environment.failure_time.tobytes())
     digest.update(model.environment.receptivity.tobytes())

@@ -148,7 +148,7 @@ def simulate(
     tally = Tally()
     parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
     if host is not None:
-        torque = loop.plant.state[model.layout.torque, 0]
+        torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
 
     go = partial(

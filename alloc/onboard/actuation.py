@@ -71,12 +71,12 @@ def restrain_blind_units(st, m):
 def brake_receiver(eq, st, m, tick, braking, pressure, valve):
     """Cylinder pressures [Pa] and valves of every brake group: force wanted of it, and its slide protection.
 
-    `pressure`, `valve` (groups, 1) are filled. A trailer follows the plan by air alone.
+    `pressure`, `valve` (groups,) are filled. A trailer follows the plan by air alone.
     """
     protect(eq, st, m, tick, braking, valve)
     for g in range(eq.group.unit.size):
         if not braking:
-            pressure[g, 0] = 0.0
+            pressure[g] = 0.0
             continue
         reference = max(m.reference[eq.group.body[g]], LOWEST_SPEED)
         unit = eq.group.unit[g]
@@ -87,4 +87,4 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
             force = planned * eq.group.weight[g] * (1.0 + eq.group.inertia[g])
         numerator, offset, constant = eq.group.friction[g]
         friction = hyperbolic_speed_law(reference, numerator, offset, constant)
-        pressure[g, 0] = min(force / (eq.group.gain[g] * friction), eq.group.pressure[g])
+        pressure[g] = min(force / (eq.group.gain[g] * friction), eq.group.pressure[g])

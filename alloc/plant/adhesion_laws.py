@@ -7,7 +7,7 @@ coefficient, whose maximum over the slip velocity lies below it; for the others 
 import math
 
 from alloc.compilation import equation
-from alloc.plant.operations import absolute, atan, exp, interpolate, maximum, where
+from alloc.plant.operations import absolute, atan, exp, interpolate, maximum, minimum, where
 
 PIECEWISE, POLACH, SLIP_RATIO, TABULATED = 0, 1, 2, 3
 
@@ -28,9 +28,17 @@ def parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_r
     smallest C is taken that satisfies the first and leaves the tail half of the fall from the peak: the initial
     slope stays, and the curve keeps its first derivative.
     """
+    return maximum(
+        top_curvature, narrowest_parabola(micro_slope, macro_slope, residual_ratio) / peak
+    )
+
+
+@equation
+def narrowest_parabola(micro_slope, macro_slope, residual_ratio):
+    """Least curvature of the parabola, times the peak."""
     for_line = 0.25 * micro_slope * micro_slope
     for_tail = 0.5 * macro_slope * macro_slope / (1.0 - residual_ratio)
-    return maximum(top_curvature, maximum(for_line, for_tail) / peak)
+    return maximum(for_line, for_tail)
 
 
 @equation
@@ -39,14 +47,17 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
 
     On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
     """
-    curvature = parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
+    narrowest = narrowest_parabola(micro_slope, macro_slope, residual_ratio)
+    curvature = maximum(top_curvature, narrowest / peak)
+    # divisions are what this law costs: of those by the curvature one of each pair is by a constant
+    breadth = minimum(1.0 / top_curvature, peak * (1.0 / narrowest))
     magnitude = absolute(slip)
-    half_width = micro_slope / (4.0 * curvature)
-    line_end = peak / micro_slope - half_width  # (3)
-    top = peak / micro_slope + half_width  # (4)
-    tail_start = top + macro_slope / (2.0 * curvature)  # (5)
+    middle, half_width = peak * (1.0 / micro_slope), 0.25 * micro_slope * breadth
+    line_end = middle - half_width  # (3)
+    top = middle + half_width  # (4)
+    tail_start = top + 0.5 * macro_slope * breadth  # (5)
     residual = residual_ratio * peak
-    drop = peak - macro_slope * macro_slope / (4.0 * curvature) - residual  # (6), B of the source
+    drop = peak - 0.25 * macro_slope * macro_slope * breadth - residual  # (6), B of the source
     line = micro_slope * magnitude
     parabola = peak - curvature * (magnitude - top) * (magnitude - top)
     beyond = maximum(magnitude - tail_start, 0.0)

@@ -1,4 +1,4 @@
-"""The plant on whole arrays: assembly of the same laws for NumPy (single states or lanes) and CasADi (SX).
+"""The plant on whole arrays: assembly of the same laws for NumPy (single states or many) and CasADi (SX).
 
 The environment (peak coefficients, gradients, torque limits) is an argument. So a controller can put its belief in the
 place of the truth.
@@ -24,11 +24,11 @@ from alloc.plant.equations import (
 from alloc.plant.model import Inputs, Layout, Model, Structure
 
 Array = Any
-"""NumPy array (rows,) or (rows, lanes), or CasADi column."""
+"""NumPy array (rows,) or (rows, instants), or CasADi column."""
 
 
 class Local(NamedTuple):
-    """The environment where the train is now; rows as named, with or without lanes."""
+    """The environment where the train is now; rows as named, with or without instants."""
 
     peak: Array  # (axles,) peak coefficient
     grade: Array  # (cars,)
@@ -101,7 +101,8 @@ class ArrayModel:
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
         inertia = self._column(s.inertia, omega)
-        shoe, rate = wheelset(self.motor_torques(state), force, radius, omega, limit, inertia)
+        motor, inverse = self.motor_torques(state), 1.0 / inertia
+        shoe, rate = wheelset(motor, force, radius, omega, limit, inertia, inverse)
         return shoe, rate
 
     def coupler_forces(self, state: Array) -> tuple[Array, Array]:
@@ -114,7 +115,7 @@ class ArrayModel:
         return tension, damper
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
-        """Derivative of the state, (rows,) or (rows, lanes); rows as in `Layout`."""
+        """Derivative of the state, (rows,) or (rows, instants); rows as in `Layout`."""
         s, n = self.structure, self.layout
         column = self._column
         speed, omega = state[n.speed], state[n.omega]

@@ -5,8 +5,8 @@ gives the speed law (12), the increments by axle (15) and the scatter; JP4209318
 """
 
 from alloc.compilation import equation
-from alloc.plant.equations import hyperbolic_speed_law
-from alloc.plant.operations import maximum, minimum
+from alloc.plant.operations import floor, maximum, minimum
+from alloc.plant.rail import NOISE_KNOTS
 
 PEAK_FLOOR = 1e-3
 """Least peak coefficient of the field; scatter must not make adhesion vanish or turn negative."""
@@ -22,7 +22,8 @@ def smooth_step(x):
 @equation
 def window(x, start, end, edge):
     """1 between `start` and `end`, 0 outside, with smooth edges of width `edge` centred on the bounds."""
-    return smooth_step((x - start) / edge + 0.5) * smooth_step((end - x) / edge + 0.5)
+    per_edge = 1.0 / edge
+    return smooth_step((x - start) * per_edge + 0.5) * smooth_step((end - x) * per_edge + 0.5)
 
 
 @equation
@@ -32,13 +33,19 @@ def patch_factor(weight_in_space, weight_in_time, factor):
 
 
 @equation
-def interpolate_noise(before, after, fraction):
-    """Value of the scatter between two knots, with zero slope at the knots."""
-    return before + (after - before) * smooth_step(fraction)
+def scatter_knot(x, length):
+    """Place in the scatter's ring of `NOISE_KNOTS` knots, `length` [m] apart, between which it is interpolated linearly.
+
+    The smooth step makes that a curve with zero slope at the knots.
+    """
+    knot = x * (1.0 / length)
+    base = floor(knot)
+    ring = base - NOISE_KNOTS * floor(base * (1.0 / NOISE_KNOTS))
+    return ring + smooth_step(knot - base)
 
 
 @equation
-def peak_coefficient(speed, numerator, offset, constant, patches, increment, scatter, conditioning):
-    """Peak coefficient of one axle; `patches` is the product of the patch factors."""
-    base = hyperbolic_speed_law(speed, numerator, offset, constant) * patches
+def peak_coefficient(decline, numerator, constant, patches, increment, scatter, conditioning):
+    """Peak coefficient of one axle; `decline` is that of its speed law, `patches` the product of the patch factors."""
+    base = (numerator * decline + constant) * patches
     return maximum((base + increment + scatter) * (1.0 + conditioning), PEAK_FLOOR)

@@ -1,9 +1,9 @@
 """Elementary operations that the plant's equations are written in.
 
-Each one works on NumPy arrays and floats, on CasADi expressions, and inside Numba code, so an equation
-is stated once for all three. In Numba they are branch-free polynomials that agree with the C library to
-a few units in the last place: calls into the C library would keep LLVM from vectorising the loop over
-scenarios, and the wheels of Numba on PyPI come without Intel's vector mathematics library.
+Each one works on NumPy arrays and floats, on CasADi expressions, and inside Numba code on floats and on vectors of
+`alloc.plant.simd`, so an equation is stated once for all of them. In Numba they are branch-free polynomials that agree with
+the C library to a few units in the last place: that library knows no vectors, and the wheels of Numba on PyPI come
+without Intel's vector mathematics library.
 """
 
 import math
@@ -17,6 +17,7 @@ from numba.extending import intrinsic, overload
 
 from alloc.compilation import INLINED, equation
 from alloc.errors import PlantError
+from alloc.plant import simd
 
 
 def _casadi(*operands: Any) -> Any:
@@ -28,7 +29,41 @@ def _casadi(*operands: Any) -> Any:
     return None
 
 
-def _write_exponent(typing_context, k):
+def _operation(plain: Callable[..., Any], symbolic: str, single: Any, vector: Any) -> Any:
+    """An elementwise operation: `plain` for NumPy, CasADi's function `symbolic`, and what is compiled in its place."""
+
+    def operation(*operands: Any) -> Any:
+        casadi = _casadi(*operands)
+        return getattr(casadi, symbolic)(*operands) if casadi else plain(*operands)
+
+    @overload(operation, jit_options=INLINED, strict=False)
+    def compiled(*operands: Any) -> Any:
+        return vector if any(isinstance(kind, simd.Vector) for kind in operands) else single
+
+    return operation
+
+
+where = _operation(
+    np.where,
+    "if_else",
+    lambda condition, a, b: a if condition else b,
+    lambda condition, a, b: simd.select(condition, a, b),
+)
+"""`a` where `condition` holds, else `b`; both are evaluated."""
+minimum = _operation(
+    np.minimum, "fmin", lambda a, b: a if a < b else b, lambda a, b: simd.lesser(a, b)
+)
+maximum = _operation(
+    np.maximum, "fmax", lambda a, b: a if a > b else b, lambda a, b: simd.greater(a, b)
+)
+absolute = _operation(np.abs, "fabs", lambda x: math.fabs(x), lambda x: simd.fabs(x))
+sqrt = _operation(np.sqrt, "sqrt", lambda x: math.sqrt(x), lambda x: simd.sqrt(x))
+floor = _operation(np.floor, "floor", lambda x: np.floor(x), lambda x: simd.floor(x))
+
+
+@intrinsic
+def _write_exponent(typingctx, k):
+    """2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
 
     def generate(context, builder, signature, arguments):
         integer = ir.IntType(64)
@@ -38,8 +73,9 @@ def _write_exponent(typing_context, k):
     return types.float64(types.float64), generate
 
 
-_power_of_two: Any = intrinsic(_write_exponent)
-"""2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
+_power_of_two = _operation(
+    np.exp2, "exp2", lambda k: _write_exponent(k), lambda k: simd.power_of_two(k)
+)
 
 
 def _polynomial(*coefficients: float) -> Any:
@@ -60,10 +96,9 @@ _LOG2_E = 1.4426950408889634
 @equation
 def _exp_polynomial(x):
     # Beyond these bounds the result is 0 or inf to double precision for the plant's purposes.
-    # (Written so that a nan passes through.)
-    bounded = -700.0 if x < -700.0 else x
-    bounded = 700.0 if bounded > 700.0 else bounded
-    k = np.floor(bounded * _LOG2_E + 0.5)
+    # (In this order a nan passes through.)
+    bounded = minimum(700.0, maximum(-700.0, x))
+    k = floor(bounded * _LOG2_E + 0.5)
     r = (bounded - k * _LN2_HIGH) - k * _LN2_LOW
     return _EXP(r) * _power_of_two(k)
 
@@ -82,16 +117,16 @@ _TAN_3PI_8 = 2.41421356237309504880
 
 @equation
 def _atan_polynomial(x):
-    a = math.fabs(x)
+    a = absolute(x)
     large, middle = a > _TAN_3PI_8, a > 0.66
     # one division serves all three ranges: -1/a, (a - 1)/(a + 1), a
-    numerator = -1.0 if large else (a - 1.0 if middle else a)
-    denominator = a if large else (a + 1.0 if middle else 1.0)
-    offset = 0.5 * math.pi if large else (0.25 * math.pi if middle else 0.0)
+    numerator = where(large, -1.0, where(middle, a - 1.0, a))
+    denominator = where(large, a, where(middle, a + 1.0, 1.0))
+    offset = where(large, 0.5 * math.pi, where(middle, 0.25 * math.pi, 0.0 * a))
     t = numerator / denominator
     z = t * t
     y = offset + (t + t * z * _ATAN_P(z) / _ATAN_Q(z))
-    return y if x >= 0.0 else -y
+    return where(x >= 0.0, y, -y)
 
 
 # Taylor terms from r**3/3! up to r**21/21!, over r**3: remainder below 2e-18 at |r| = pi/2
@@ -101,33 +136,24 @@ _PI_HIGH, _PI_LOW = 3.14159265160560607910, 1.98418714791870343106e-09
 
 @equation
 def _sine_polynomial(x):
-    k = np.floor(x * (1.0 / math.pi) + 0.5)
+    k = floor(x * (1.0 / math.pi) + 0.5)
     r = (x - k * _PI_HIGH) - k * _PI_LOW
     z = r * r
-    odd = k - 2.0 * np.floor(0.5 * k)
+    odd = k - 2.0 * floor(0.5 * k)
     return (r + r * z * _SINE(z)) * (1.0 - 2.0 * odd)
 
 
-def _operation(plain: Callable[..., Any], symbolic: str, compiled: Callable[..., Any]) -> Any:
-    """An elementwise operation: `plain` for NumPy, CasADi's function `symbolic`, and what is `compiled` in its place."""
-
-    def operation(*operands: Any) -> Any:
-        casadi = _casadi(*operands)
-        return getattr(casadi, symbolic)(*operands) if casadi else plain(*operands)
-
-    overload(operation, jit_options=INLINED, strict=False)(lambda *operands: compiled)
-    return operation
+@equation
+def _exp_of_vector(x):
+    # most axles do not slip, and then the tails of their curves ask for exp(0)
+    return _exp_polynomial(x) if simd.is_nonzero(x) else simd.spread(1.0)
 
 
-where = _operation(np.where, "if_else", lambda condition, a, b: a if condition else b)
-"""`a` where `condition` holds, else `b`; both are evaluated."""
-minimum = _operation(np.minimum, "fmin", lambda a, b: a if a < b else b)
-maximum = _operation(np.maximum, "fmax", lambda a, b: a if a > b else b)
-absolute = _operation(np.abs, "fabs", lambda x: math.fabs(x))
-sqrt = _operation(np.sqrt, "sqrt", lambda x: math.sqrt(x))
-exp = _operation(np.exp, "exp", lambda x: _exp_polynomial(x + 0.0))
-atan = _operation(np.arctan, "atan", lambda x: _atan_polynomial(x + 0.0))
-sine = _operation(np.sin, "sin", lambda x: _sine_polynomial(x + 0.0))
+exp = _operation(np.exp, "exp", lambda x: _exp_polynomial(x + 0.0), lambda x: _exp_of_vector(x))
+atan = _operation(
+    np.arctan, "atan", lambda x: _atan_polynomial(x + 0.0), lambda x: _atan_polynomial(x)
+)
+sine = _operation(np.sin, "sin", lambda x: _sine_polynomial(x + 0.0), lambda x: _sine_polynomial(x))
 
 
 def interpolate(table: Any, share: Any) -> Any:
@@ -148,4 +174,8 @@ def _interpolate(table, share):
         k = int(x)
         return table[k + 1] + (x - k) * (table[k + 2] - table[k + 1])
 
-    return look_up
+    def look_up_all(table, share):
+        x = minimum(share * (table.size - 2), table.size - 2 - 1e-9)
+        return simd.look_up(table, 1.0 + x)
+
+    return look_up_all if isinstance(share, simd.Vector) else look_up

@@ -43,7 +43,7 @@ class Structure(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Sizes of a train, and with them the rows of the state array (rows, lanes)."""
+    """Sizes of a train, and with them the rows of the state array (rows,)."""
 
     bodies: int
     axles: int

@@ -138,7 +138,7 @@ def station_event(series: Series, direction: str, station: int) -> tuple[Event, 
 
 def true_unit_increments(event: Event) -> Floats:
     """Increment of each unit over the foremost one as the rail has it on average, (units,)."""
-    rail, structure = event.model.rails[0], event.model.structure
+    rail, structure = event.model.rail, event.model.structure
     return unit_increments(np.asarray(rail.increments, dtype=float), structure.axle_unit)
 
 

@@ -1,34 +1,40 @@
-"""Many runs of one driven unit under the torque table, advanced together: for sweeps and calibration.
+"""Many runs of one driven axle under the torque table, advanced together: for sweeps and calibration.
 
-The closed loop of `alloc.simulation` without what a single unit lacks (allocation, telegrams, slip detector), over the
-plant's lanes: rail and table differ from lane to lane. A lane costs a tenth of a run by itself; the results are the same.
+The closed loop of `alloc.simulation` without what a single axle lacks (allocation, telegrams, slip detector, couplers,
+brakes), by the plant's own laws. A lane is one number of a vector: rail and table differ from lane to lane. The results
+are those of runs one by one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import jit
+from alloc.compilation import inlined_jit, jit
 from alloc.event import DriverCommand, SimulationError
-from alloc.loop import Plant, Timing
 from alloc.onboard.controllers.torque_table import TorqueTable, asymmetric_lag, torque_factor
 from alloc.onboard.detector import differentiate
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
-from alloc.plant import compiled
-from alloc.plant.array_model import ArrayModel
-from alloc.plant.model import build
+from alloc.plant.adhesion_laws import tangential_coefficient
+from alloc.plant.car import EFFORT_SPEED_STEP
+from alloc.plant.equations import (
+    car_drag,
+    motor_torque_rate,
+    slip_velocity,
+    speed_decline,
+    wheelset,
+)
+from alloc.plant.field import patch_factor, peak_coefficient, window
+from alloc.plant.model import Model, build
+from alloc.plant.operations import absolute, minimum
 from alloc.plant.rail import Rail
-from alloc.plant.right_side import peak_field
+from alloc.plant.simd import WIDTH, load, look_up, spread, store
 from alloc.plant.train import Train
 
 Floats = NDArray[np.float64]
-
-LANES_TOGETHER = 32
-"""Lanes advanced by one call: enough for vector code, few enough for the fast caches."""
 
 
 @dataclass(frozen=True)
@@ -57,72 +63,169 @@ class TableRuns:
     """Torque that holds a coefficient of 1 on the axle that accelerates with the train."""
 
 
-class TableLanes(NamedTuple):
-    """A table per lane and what it remembers, (lanes,) each."""
+class Axle(NamedTuple):
+    """The axle, its motor and what it moves."""
 
-    margin: Floats
-    width: Floats
-    pole: Floats
-    gain: Floats
-    rise_share: Floats
-    fall_share: Floats
-    speed: Floats  # behind the differentiator's filter [m/s]
-    torque: Floats  # behind the table's [N m]
-    factor: Floats
+    radius: float
+    inertia: float
+    gear: float
+    load: float
+    mass: float
+    resistance: Floats  # (3,)
+    lag: float
+    drive_table: Floats
+    curve_kind: int
+    curve: Floats
 
 
-class LaneRecord(NamedTuple):
-    """What is recorded; first dimension: instants, last: lanes."""
+class Lanes(NamedTuple):
+    """What differs from lane to lane; the last dimension, of `WIDTH`."""
 
-    state: Floats
-    peak: Floats
-    command: Floats
-    factor: Floats
+    law: Floats  # (3, lanes) speed law
+    patch: Floats  # (patches, 7, lanes)
+    table: Floats  # (6, lanes) the settings of the torque table
 
 
 class Drive(NamedTuple):
-    """What the driver asks for, per control period, and the wheels that it is asked of."""
+    """What the driver asks for per control period, and the times of the run."""
 
     target: Floats  # torque [N m]
     commanded: Floats  # acceleration [m/s2]
     first_tick: int
-    radius: float
+    period: float
+    steps: int
+    record_ticks: int
+
+
+class LaneRecord(NamedTuple):
+    """What is recorded, (instants, lanes)."""
+
+    speed: Floats
+    slip: Floats
+    coefficient: Floats
+    peak: Floats
+    torque: Floats
+    command: Floats
+    factor: Floats
+
+
+@inlined_jit
+def _meet(axle, lanes, time, x, v, omega):
+    """Peak coefficient, slip velocity [m/s] and coefficient of the axle, at rest anywhere before the train's front."""
+    product = spread(1.0)
+    for p in range(lanes.patch.shape[0]):
+        patch = lanes.patch[p]
+        weight = window(x, load(patch[1], 0), load(patch[2], 0), load(patch[3], 0))
+        acting = window(time, load(patch[4], 0), load(patch[5], 0), load(patch[6], 0))
+        product = product * patch_factor(weight, acting, load(patch[0], 0))
+    decline = speed_decline(v, load(lanes.law[1], 0))
+    peak = peak_coefficient(
+        decline, load(lanes.law[0], 0), load(lanes.law[2], 0), product, 0.0, 0.0, 0.0
+    )
+    slip = slip_velocity(omega, axle.radius, v)
+    rim = axle.radius * omega
+    return peak, slip, tangential_coefficient(axle.curve_kind, axle.curve, slip, v, rim, peak)
+
+
+@inlined_jit
+def _rates(axle, lanes, time, x, v, omega, torque, command):
+    """Accelerations of train and wheel, and the rate of the motor's torque."""
+    _, _, mu = _meet(axle, lanes, time, x, v, omega)
+    force, r, a = mu * axle.load, axle.radius, axle.resistance
+    inverse = 1.0 / axle.inertia
+    _, turning = wheelset(axle.gear * torque, force, r, omega, spread(0.0), axle.inertia, inverse)
+    drag = car_drag(v, a[0], a[1], a[2], 1.0, axle.mass, 0.0)
+    knot = minimum(
+        absolute(r * omega) * (1.0 / EFFORT_SPEED_STEP), axle.drive_table.size - 1.000001
+    )
+    bound = look_up(axle.drive_table, knot)
+    rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.lag)
+    return (force - drag) / axle.mass, turning, rising
+
+
+@inlined_jit
+def _step(axle, lanes, time, h, x, v, omega, torque, command):
+    """One step of the classical fourth-order method."""
+    a1, b1, c1 = _rates(axle, lanes, time, x, v, omega, torque, command)
+    half, middle = 0.5 * h, time + 0.5 * h
+    v2 = v + half * a1
+    a2, b2, c2 = _rates(
+        axle, lanes, middle, x + half * v, v2, omega + half * b1, torque + half * c1, command
+    )
+    v3 = v + half * a2
+    a3, b3, c3 = _rates(
+        axle, lanes, middle, x + half * v2, v3, omega + half * b2, torque + half * c2, command
+    )
+    v4 = v + h * a3
+    a4, b4, c4 = _rates(
+        axle, lanes, time + h, x + h * v3, v4, omega + h * b3, torque + h * c3, command
+    )
+    sixth = h / 6.0
+    return (
+        x + sixth * (v + 2.0 * (v2 + v3) + v4),
+        v + sixth * (a1 + 2.0 * (a2 + a3) + a4),
+        omega + sixth * (b1 + 2.0 * (b2 + b3) + b4),
+        torque + sixth * (c1 + 2.0 * (c2 + c3) + c4),
+    )
 
 
 @jit
-def _run(plant, timing, tables, drive, record):
-    s, e, rows, state, inputs, w = (
-        plant.structure, plant.environment, plant.rows, plant.state, plant.inputs, plant.workspace
+def _run(axle, lanes, drive, record):
+    """A block of lanes from rest to the end."""
+    x = v = omega = torque = filtered = lagged = spread(0.0)
+    margin, width, pole, gain, rise, fall = (
+        load(lanes.table[0], 0), load(lanes.table[1], 0), load(lanes.table[2], 0),
+        load(lanes.table[3], 0), load(lanes.table[4], 0), load(lanes.table[5], 0),
     )  # fmt: skip
-    omega = 2 * rows.bodies
-    lanes = state.shape[1]
+    h = drive.period / drive.steps
     for k in range(drive.target.size):
-        time = (drive.first_tick + k) * timing.period
-        a = drive.commanded[k]
-        for b in range(lanes):
-            speed = drive.radius * state[omega, b]
-            tables.speed[b], acceleration = differentiate(
-                tables.speed[b], speed, tables.pole[b], tables.gain[b]
-            )
-            factor = torque_factor(acceleration - a, tables.margin[b], tables.width[b])
-            tables.torque[b] = asymmetric_lag(
-                tables.torque[b],
-                factor * drive.target[k],
-                tables.rise_share[b],
-                tables.fall_share[b],
-            )
-            tables.factor[b] = factor
-            inputs.torque_command[0, b] = tables.torque[b]
-        if k % timing.record_ticks == 0:
-            n = k // timing.record_ticks
-            peak_field(s, e, rows, time, state, inputs.cleaning, w, w.peak)
-            for b in range(lanes):
-                for i in range(state.shape[0]):
-                    record.state[n, i, b] = state[i, b]
-                record.peak[n, b] = w.peak[0, b]
-                record.command[n, b] = tables.torque[b]
-                record.factor[n, b] = tables.factor[b]
-        compiled.advance(s, e, rows, time, timing.step, timing.steps, state, inputs, w)
+        time = (drive.first_tick + k) * drive.period
+        filtered, acceleration = differentiate(filtered, axle.radius * omega, pole, gain)
+        factor = torque_factor(acceleration - drive.commanded[k], margin, width)
+        lagged = asymmetric_lag(lagged, factor * drive.target[k], rise, fall)
+        if k % drive.record_ticks == 0:
+            n = k // drive.record_ticks
+            peak, slip, mu = _meet(axle, lanes, time, x, v, omega)
+            store(record.speed[n], 0, v)
+            store(record.slip[n], 0, slip)
+            store(record.coefficient[n], 0, mu)
+            store(record.peak[n], 0, peak)
+            store(record.torque[n], 0, torque)
+            store(record.command[n], 0, lagged)
+            store(record.factor[n], 0, factor)
+        for i in range(drive.steps):
+            x, v, omega, torque = _step(axle, lanes, time + i * h, h, x, v, omega, torque, lagged)
+
+
+def _refuse(train: Train, model: Model, rails: Sequence[Rail]) -> None:
+    """Raise `SimulationError` for what is no lane."""
+    n, s = model.layout, model.structure
+    if n.units != 1 or n.axles != 1 or n.bodies != 1 or n.groups or s.unloading.any():
+        raise SimulationError(
+            f"lanes: train {train.name!r} has {n.units} units and {n.axles} axles; only one unit of one axle fits"
+        )
+    if any(rail.curve != rails[0].curve for rail in rails):
+        raise SimulationError("lanes: all rails of a batch must have the same adhesion curve")
+    if any(rail.scatter or rail.conditioning or rail.increments for rail in rails):
+        raise SimulationError(
+            "lanes: rails differ in level, speed law and patches; use `simulate` for scatter, increments and conditioning"
+        )
+
+
+def _lanes(rails: Sequence[Rail], tables: Sequence[TorqueTable], period: float) -> Lanes:
+    """What differs, of at most `WIDTH` lanes; the last one fills up."""
+    some = [*range(len(rails)), *(len(rails) - 1,) * (WIDTH - len(rails))]
+    none = (1.0, -1e6, 1e6, 5.0, -1e6, 1e6, 1.0)
+    patch = np.empty((max(len(rail.patches) for rail in rails), 7, WIDTH))
+    patch[:] = np.array(none)[:, None]
+    for b, k in enumerate(some):
+        for p, item in enumerate(rails[k].patches):
+            patch[p, :, b] = astuple(item)
+    return Lanes(
+        np.stack([rails[k].axle_laws(1)[:, 0] for k in some], axis=1),
+        patch,
+        np.array([tables[k].constants(period) for k in some]).T.copy(),
+    )
 
 
 def simulate_tables(
@@ -137,68 +240,57 @@ def simulate_tables(
 ) -> TableRuns:
     """Drive `train` from rest at `begin` to `end` [s] once per lane: rail k under table k, every `period` [s].
 
-    The train must be one rigid unit of one axle, driving only. Rails may differ in all but their curve. Raises
+    The train must be one rigid unit of one axle, driving only. Rails may differ in level, speed law and patches. Raises
     `SimulationError` where the lanes do not fit together, `PlantError` where train and rail do not.
     """
     if len(rails) != len(tables) or not rails:
         raise SimulationError(
             f"lanes: {len(rails)} rails and {len(tables)} tables; give as many of each, at least one"
         )
-    if any(rail.curve != rails[0].curve for rail in rails):
-        raise SimulationError("lanes: all rails of a batch must have the same adhesion curve")
-    model = build(train, tuple(rails))
-    n = model.layout
-    if n.units != 1 or n.axles != 1 or n.bodies != 1:
-        raise SimulationError(
-            f"lanes: train {train.name!r} has {n.units} units and {n.axles} axles; only one unit of one axle fits"
-        )
+    models = [build(train, rail) for rail in dict.fromkeys(rails)]
+    model = models[0]
+    _refuse(train, model, rails)
+    s, e = model.structure, model.environment
     ticks = round((end - begin) / period)
     record_ticks = max(1, round(record_period / period))
     records = (ticks + record_ticks - 1) // record_ticks
     first_tick = round(begin / period)
-    onboard = Onboard(period=period, rise_time=period)
-    eq = equipment(model, onboard)
+    eq = equipment(model, Onboard(period=period, rise_time=period))
     commanded = command.sampled(period * (first_tick + np.arange(ticks, dtype=np.float64)))
     if np.any(commanded < 0.0):
         raise SimulationError("lanes: the table's lanes drive only; use `simulate` for braking")
     to_torque = float(eq.axle_load[0] * eq.radius[0] / eq.gear[0] * (1.0 + eq.own_inertia[0]))
     target = commanded * eq.planned_share * to_torque
-    steps = model.substeps(period)
-    lanes = len(rails)
-    constants = np.array([table.constants(period) for table in tables]).T
-    timing = Timing(period, period / steps, steps, record_ticks)
-    drive = Drive(target, commanded, first_tick, float(eq.radius[0]))
-    kept = []
-    for start in range(0, lanes, LANES_TOGETHER):
-        part = slice(start, min(start + LANES_TOGETHER, lanes))
-        own = model.select_lanes(part)
-        memory = (np.zeros(own.lanes) for _ in range(3))
-        states = np.zeros((records, n.rows, own.lanes))
-        record = LaneRecord(states, *(np.zeros((records, own.lanes)) for _ in range(3)))
-        plant = Plant(
-            own.structure, own.environment, n, own.initial_state(), own.zero_inputs(),
-            compiled.workspace(own, timing.step),
-        )  # fmt: skip
-        _run(plant, timing, TableLanes(*constants[:, part].copy(), *memory), drive, record)
-        kept.append(record)
-    states, peaks, commands, factors = (
-        np.concatenate(parts, axis=-1) for parts in zip(*kept, strict=True)
+    axle = Axle(
+        *(float(values[0]) for values in (s.radius, s.inertia, s.gear, s.static_load, s.body_mass)),
+        s.car_resistance[0].copy(),
+        float(s.unit_lag[0]),
+        s.drive_table[0].copy(),
+        e.curve_kind,
+        e.curve,
     )
-    arrays = ArrayModel.of(model)
-    flat = states.transpose(1, 0, 2).reshape(n.rows, -1)
-    slip, mu, _ = arrays.forces(flat, peaks.reshape(1, -1))
-    speed = states[:, n.speed.start, :]
-    limit, top = rails[0].curve.limit(peaks, speed)
+    steps = max(one.substeps(period) for one in models)
+    drive = Drive(target, commanded, first_tick, period, steps, record_ticks)
+    kept = []
+    for start in range(0, len(rails), WIDTH):
+        own = slice(start, start + WIDTH)
+        record = LaneRecord(*np.zeros((len(LaneRecord._fields), records, WIDTH)))
+        _run(axle, _lanes(rails[own], tables[own], period), drive, record)
+        kept.append(record)
+    found = LaneRecord(
+        *(np.concatenate(parts, axis=-1)[:, : len(rails)] for parts in zip(*kept, strict=True))
+    )
+    limit, top = rails[0].curve.limit(found.peak, found.speed)
     return TableRuns(
         time=period * (first_tick + record_ticks * np.arange(records, dtype=np.float64)),
-        speed=speed,
-        slip=slip.reshape(records, lanes),
-        peak_slip=np.broadcast_to(top, peaks.shape),
-        coefficient=mu.reshape(records, lanes),
+        speed=found.speed,
+        slip=found.slip,
+        peak_slip=np.broadcast_to(top, found.peak.shape),
+        coefficient=found.coefficient,
         peak=limit,
-        torque=states[:, n.torque.start, :],
-        command=commands,
-        factor=factors,
+        torque=found.torque,
+        command=found.command,
+        factor=found.factor,
         plan=float(target.max(initial=0.0)),
         torque_per_coefficient=to_torque,
     )

@@ -24,7 +24,7 @@ from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import one_axle
 from alloc.spans import spans
-from studies.readhesion_paper.lanes import LANES_TOGETHER, TableRuns, simulate_tables
+from studies.readhesion_paper.lanes import TableRuns, simulate_tables
 
 Unit = Literal["km/h/s", "m/s2"]
 UNITS: dict[Unit, float] = {"km/h/s": 1.0 / 3.6, "m/s2": 1.0}
@@ -34,6 +34,8 @@ BEGIN, DROP, RECOVERY, END = -1.0, 6.0, 14.0, 15.0
 """Times [s] of Table 2."""
 LOW_END = 16.0
 """End [s] of a run whose rail stays low, for readhesion possibility (`alloc.metrics.readhesion`)."""
+CASES_TOGETHER = 32
+"""Cases of one piece of parallel work."""
 COMMAND = DriverCommand((0.0,), (3.0 / 3.6,))
 STEP = 5e-5
 """Step [s] of the paper, which is the controller's period here."""
@@ -131,7 +133,7 @@ def assess(
     possible; used_coefficient (10), utilisation (11); period [s], slip_swing [m/s], torque_swing (share of the plan) and
     slips_before of the limit cycle; longest_slip: longest time [s] in macro slip between 6 s and 14 s.
     """
-    parts = [cases[k : k + LANES_TOGETHER] for k in range(0, len(cases), LANES_TOGETHER)]
+    parts = [cases[k : k + CASES_TOGETHER] for k in range(0, len(cases), CASES_TOGETHER)]
     done = joblib.Parallel(n_jobs=min(jobs, max(len(parts), 1)))(
         joblib.delayed(_assess)(unprinted, part, step, top_curvature) for part in parts
     )

@@ -18,7 +18,7 @@ FLAT = TorqueLimit(4000.0, 0.0, table=(4000.0,))
 
 @dataclass(frozen=True)
 class Trace:
-    """States (samples, rows, lanes) of a run, the inputs as the plant left them, and the layout."""
+    """States (samples, rows) of a run, the rail's cleaning (samples, axles), and the layout."""
 
     time: np.ndarray
     state: np.ndarray
@@ -26,7 +26,7 @@ class Trace:
     layout: Layout
 
     def rows(self, name: str) -> np.ndarray:
-        """Rows of the state by the name they have in `Layout`, (samples, rows, lanes)."""
+        """Rows of the state by the name they have in `Layout`, (samples, rows of that name)."""
         return self.state[:, getattr(self.layout, name)]
 
 
@@ -67,8 +67,6 @@ def train():
 
 def _filled(shape, value, time) -> np.ndarray:
     values = np.asarray(value(time) if callable(value) else value, dtype=float)
-    if values.ndim == 1:
-        values = values[:, None]
     return np.broadcast_to(values, shape).copy()
 
 
@@ -80,25 +78,22 @@ def run() -> Callable[..., Trace]:
         model: Model, duration, speed=0.0, *, command=0.0, pressure=0.0, valve=0.0, step=1e-3,
         sample=None, position=0.0, state=None,
     ) -> Trace:  # fmt: skip
-        n, lanes = model.layout, model.lanes
+        n = model.layout
         steps = 1 if sample is None else round(sample / step)
         state = model.initial_state(speed, position) if state is None else state.copy()
-        w, idle = compiled.workspace(model, step), model.zero_inputs()
-        time, states, cleaning = [0.0], [state.copy()], [idle.cleaning.copy()]
+        w = compiled.workspace(model, step)
+        time, states, cleaning = [0.0], [state.copy()], [np.zeros(n.axles)]
         for k in range(round(duration / (step * steps))):
             now = k * steps * step
             inputs = Inputs(
-                _filled((n.units, lanes), command, now),
-                _filled((n.groups, lanes), pressure, now),
-                _filled((n.groups, lanes), valve, now),
-                idle.cleaning,
+                _filled(n.units, command, now),
+                _filled(n.groups, pressure, now),
+                _filled(n.groups, valve, now),
             )
-            end = compiled.advance(
-                model.structure, model.environment, n, now, step, steps, state, inputs, w
-            )
+            end = compiled.advance(w, now, step, steps, state, inputs)
             time.append(end)
             states.append(state.copy())
-            cleaning.append(idle.cleaning.copy())
+            cleaning.append(w.scratch.cleaning[: n.axles].copy())
         return Trace(np.array(time), np.stack(states), np.stack(cleaning), n)
 
     return advance

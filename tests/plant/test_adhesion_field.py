@@ -15,7 +15,7 @@ from tests.plant.numpy_plant import environment_at
 
 def _peak(train, rail, speed=20.0, position=500.0, time=0.0) -> np.ndarray:
     model = build(train, rail)
-    return environment_at(model, time, model.initial_state(speed, position)).peak[:, 0]
+    return environment_at(model, time, model.initial_state(speed, position)).peak
 
 
 @pytest.mark.parametrize(
@@ -165,12 +165,12 @@ def test_cleaned_rail_arrives_after_distance_over_speed(run, car):
 
     where = position + offset[2]
     passed = where > position[0] + 1.0
-    met = trace.cleaning[passed, 2, 0]
+    met = trace.cleaning[passed, 2]
     cells = [left(where + k * rail.cleaning_spacing)[passed] for k in (-2, -1, 0, 1, 2)]
     assert np.all(met >= np.min(cells, axis=0) - 5e-3)
     assert np.all(met <= np.max(cells, axis=0) + 5e-3)
     assert met.max() > 0.5
-    met = trace.cleaning[:, 2, 0]
+    met = trace.cleaning[:, 2]
     begin_deposit, begin_met = (trace.time[np.argmax(x > 0.5)] for x in (deposit, met))
     assert begin_met - begin_deposit == pytest.approx((offset[1] - offset[2]) / speed[0], abs=0.02)
 
@@ -195,7 +195,7 @@ def test_cleaning_raises_all_of_the_peak(train):
         conditioning=0.3,
     )  # fmt: skip
     model = build(train("M"), rail)
-    cleaning = np.array([0.0, 0.5, 1.0, 0.2])[:, None]
+    cleaning = np.array([0.0, 0.5, 1.0, 0.2])
     state = model.initial_state(20.0, 333.0)
     dirty, clean = (environment_at(model, 0.0, state, c).peak for c in (None, cleaning))
     np.testing.assert_allclose(clean, dirty * (1.0 + 0.3 * cleaning), rtol=1e-12)

@@ -4,19 +4,14 @@ import casadi
 import numpy as np
 import pytest
 
-from alloc.plant import compiled
 from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
-from alloc.plant.right_side import derivative as inlined_derivative
 from alloc.plant.sets import SETS
-from tests.compiled_part import from_python
+from tests.plant.compiled_rate import compiled_rate
 from tests.plant.numpy_plant import environment_at
 
-derivative = from_python(inlined_derivative)
-
-LANES = 3
 TIME = 1.7
 CURVES = {
     "piecewise": PiecewiseCurve(),
@@ -29,43 +24,42 @@ LINE = Line((0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), 
 
 def _model(name: str, curve: str, law: str) -> Model:
     train = SETS[name]()
-    rails = [
-        Rail(
-            1.0 if law == "shinkansen" else 0.5 + 0.1 * b,
-            law,
-            patches=(Patch(0.6, 250.0, 350.0, 20.0, 1.0, 3.0 + b, 0.5), Patch(1.2, 300.0 + b)),
-            increments=tuple(logarithmic_increments(train.axle_count)),
-            scatter=0.012,
-            seed=b,
-            conditioning=0.3,
-            curve=CURVES[curve],
-        )
-        for b in range(LANES)
-    ]
-    receptivity = [Receptivity(0.8, 0.3, 2.0, 0.4 * b) for b in range(LANES)]
-    failures = [{} if train.cars[-1].motors is None else {0: 1.5 + 0.1 * b} for b in range(LANES)]
-    return build(train, rails, LINE, receptivity, failures)
+    rail = Rail(
+        1.0 if law == "shinkansen" else 0.6,
+        law,
+        patches=(
+            Patch(0.6, 250.0, 350.0, 20.0, 1.0, 3.0, 0.5),
+            Patch(1.2, 300.0),
+            Patch(0.5, 900.0),
+        ),
+        increments=tuple(logarithmic_increments(train.axle_count)),
+        scatter=0.012,
+        seed=2,
+        conditioning=0.3,
+        curve=CURVES[curve],
+    )
+    failures = {} if train.cars[-1].motors is None else {0: 1.5}
+    return build(train, rail, LINE, Receptivity(0.8, 0.3, 2.0, 0.4), failures)
 
 
-def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs]:
-    """States from standstill to speed, with slip, slide and locked wheels; any brake and motor command."""
+def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
+    """States from standstill to speed, with slip, slide and locked wheels; any command, any cleaning of the rail."""
     rng = np.random.default_rng(seed)
-    n, s, lanes = model.layout, model.structure, model.lanes
-    state = np.zeros((n.rows, lanes))
-    state[n.position] = rng.uniform(200, 450, lanes) + rng.uniform(-0.05, 0.05, (n.bodies, lanes))
-    state[n.speed] = rng.choice([0.0, 2.0, 30.0], lanes) + rng.uniform(-0.5, 1.0, (n.bodies, lanes))
-    rolling = state[n.speed][s.axle_body] / s.radius[:, None]
+    n, s = model.layout, model.structure
+    state = np.zeros(n.rows)
+    state[n.position] = rng.uniform(200, 450) + rng.uniform(-0.05, 0.05, n.bodies)
+    state[n.speed] = rng.choice([0.0, 2.0, 30.0]) + rng.uniform(-0.5, 1.0, n.bodies)
+    rolling = state[n.speed][s.axle_body] / s.radius
     slip = rng.normal(0.0, 1.0, rolling.shape) * 10.0 ** rng.uniform(-3, 1, rolling.shape)
     state[n.omega] = (rolling + slip) * (rng.random(rolling.shape) > 0.1)
-    state[n.torque] = rng.uniform(-2000.0, 2000.0, (n.units, lanes))
-    state[n.pressure] = rng.uniform(0.0, 4e5, (n.groups, lanes))
+    state[n.torque] = rng.uniform(-2000.0, 2000.0, n.units)
+    state[n.pressure] = rng.uniform(0.0, 4e5, n.groups)
     inputs = Inputs(
-        rng.uniform(-4000.0, 4000.0, (n.units, lanes)),
-        rng.uniform(0.0, 4e5, (n.groups, lanes)),
-        rng.integers(0, 3, (n.groups, lanes)).astype(float),
-        rng.random((n.axles, lanes)),
+        rng.uniform(-4000.0, 4000.0, n.units),
+        rng.uniform(0.0, 4e5, n.groups),
+        rng.integers(0, 3, n.groups).astype(float),
     )
-    return state, inputs
+    return state, inputs, rng.random(n.axles)
 
 
 def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
@@ -83,27 +77,22 @@ def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
 @pytest.mark.parametrize("name", SETS)
 def test_numpy_and_numba_agree(name, curve, law):
     model = _model(name, curve, law)
-    n, w = model.layout, compiled.workspace(model, 1e-3)
     arrays = ArrayModel.of(model)
-    for seed in range(3):
-        state, inputs = _random(model, seed)
-        local = environment_at(model, TIME, state, inputs.cleaning, arrays)
-        slope = np.full((n.rows, LANES), np.nan)
-        derivative(
-            model.structure, model.environment, n, TIME, state,
-            inputs.torque_command, inputs.pressure_target, inputs.valve, inputs.cleaning, w, slope,
-        )  # fmt: skip
-        np.testing.assert_allclose(w.peak, local.peak, rtol=1e-12)
-        _assert_agree(slope, arrays.derivative(state, inputs, local), n)
+    for seed in range(9):
+        state, inputs, cleaning = _random(model, seed)
+        local = environment_at(model, TIME, state, cleaning, arrays)
+        slope, peak = compiled_rate(model, state, inputs, TIME, cleaning)
+        np.testing.assert_allclose(peak, local.peak, rtol=1e-12)
+        _assert_agree(slope, arrays.derivative(state, inputs, local), model.layout)
 
 
 def _casadi_function(model: Model) -> casadi.Function:
-    """Derivative of one lane as an SX function of state, inputs and environment."""
+    """Derivative as an SX function of state, inputs and environment."""
     n = model.layout
     state = casadi.SX.sym("state", n.rows)
-    sizes = (n.units, n.groups, n.groups, n.axles, n.axles, n.cars, n.cars, *(n.units,) * 3)
+    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3)
     arguments = [casadi.SX.sym(f"a{k}", size) for k, size in enumerate(sizes)]
-    slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:4]), Local(*arguments[4:]))
+    slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:3]), Local(*arguments[3:]))
     return casadi.Function("derivative", [state, *arguments], [slope])
 
 
@@ -112,22 +101,19 @@ def _casadi_function(model: Model) -> casadi.Function:
 def test_numpy_and_casadi_agree(name, curve):
     model = _model(name, curve, "none")
     arrays, function = ArrayModel.of(model), _casadi_function(model)
-    for seed in range(3):
-        state, inputs = _random(model, seed)
-        local = environment_at(model, TIME, state, inputs.cleaning, arrays)
-        expected = arrays.derivative(state, inputs, local)
-        for b in range(LANES):
-            lane = [np.ascontiguousarray(values[:, b]) for values in (state, *inputs, *local)]
-            symbolic = np.asarray(function(*lane)).ravel()
-            _assert_agree(symbolic, expected[:, b], model.layout)
+    for seed in range(9):
+        state, inputs, cleaning = _random(model, seed)
+        local = environment_at(model, TIME, state, cleaning, arrays)
+        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
+        _assert_agree(symbolic, arrays.derivative(state, inputs, local), model.layout)
 
 
 def test_casadi_numbers_are_accepted_as_they_are():
     model = _model("commuter-8car", "polach-wet", "none")
     arrays = ArrayModel.of(model)
-    state, inputs = _random(model, 5)
-    local = environment_at(model, TIME, state, inputs.cleaning, arrays)
-    lane = [casadi.DM(values[:, 0]) for values in (state, *inputs, *local)]
-    numeric = arrays.derivative(lane[0], Inputs(*lane[1:5]), Local(*lane[5:]))
-    expected = arrays.derivative(state, inputs, local)[:, 0]
+    state, inputs, cleaning = _random(model, 5)
+    local = environment_at(model, TIME, state, cleaning, arrays)
+    given, *rest = [casadi.DM(values) for values in (state, *inputs, *local)]
+    numeric = arrays.derivative(given, Inputs(*rest[:3]), Local(*rest[3:]))
+    expected = arrays.derivative(state, inputs, local)
     _assert_agree(np.asarray(numeric).ravel(), expected, model.layout)

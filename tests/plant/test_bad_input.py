@@ -138,8 +138,6 @@ MISFITS = [
     ({"failures": {7: 1.0}}, "no traction unit 8"),
     ({"failures": {-1: 1.0}}, "no traction unit 0"),
     ({"failures": {0: NAN}}, "traction unit 1"),
-    ({"failures": [{}, {}]}, "failures: 2 entries for 1 lanes"),
-    ({"receptivity": [Receptivity()] * 3}, "receptivity: 3 entries for 1 lanes"),
 ]
 
 

@@ -91,7 +91,7 @@ def test_locked_wheel_stays_locked_until_the_rail_can_turn_it(locked):
     assert np.abs(omega[at_three]).max() < 1e-9
     assert speed[at_three] > 5.0
     slip = -speed
-    rail_force = -model.rails[0].curve.coefficient(slip, 0.05) * model.structure.static_load[0]
+    rail_force = -model.rail.curve.coefficient(slip, 0.05) * model.structure.static_load[0]
     can_turn = (0.05 * pressure < rail_force) & (trace.time > 3.0)
     first = int(np.argmax(can_turn))
     assert np.abs(omega[at_three:first]).max() < 1e-9
@@ -113,7 +113,7 @@ def test_sliding_car_decelerates_with_the_adhesion_coefficient(locked):
     window = (trace.time > 2.0) & (trace.time < 3.0)
     slip = -speed[window].mean()
     rate = (speed[window][-1] - speed[window][0]) / (window.sum() - 1) / 1e-3
-    expected = GRAVITY * float(model.rails[0].curve.coefficient(slip, 0.05))
+    expected = GRAVITY * float(model.rail.curve.coefficient(slip, 0.05))
     assert rate == pytest.approx(expected, rel=1e-3)
 
 

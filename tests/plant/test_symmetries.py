@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.errors import PlantError
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.model import build
-from alloc.plant.rail import Line, Patch, Rail, Receptivity
-from alloc.plant.train import AirBrake, Coupler, Train
-from tests.benchmarks.batch import Batch
+from alloc.plant.rail import Patch, Rail
+from alloc.plant.train import Coupler, Train
 
 DRAFT_GEAR = Coupler(stiffness=5e6, stiffening=1e9, damping=1e5, slack=0.02)
 RESISTANCE = (3e3, 60.0, 8.0)
@@ -98,67 +96,3 @@ def test_stiff_couplers_approach_the_rigid_train(run, train):
         for t in (train("TMT"), stiff)
     ]
     np.testing.assert_allclose(speeds[0], speeds[1], rtol=2e-4)
-
-
-def _lanes(train, count=5):
-    rails = [
-        Rail(
-            0.1 + 0.01 * b, "none", scatter=0.01 * (b % 2), seed=b, conditioning=0.1 * b,
-            patches=(Patch(0.8, start=5.0 * b),) * (b % 3),
-        )
-        for b in range(count)
-    ]  # fmt: skip
-    receptivity = [Receptivity(0.8, 0.1, 1.0 + b) for b in range(count)]
-    failures = [{0: 0.3337} if b == 1 else {} for b in range(count)]
-    line = Line((0.0, 10.0), (0.0, 0.01))
-    return train, rails, line, receptivity, failures
-
-
-def test_lanes_equal_single_runs(run, train):
-    t, rails, line, receptivity, failures = _lanes(train("TM", resistance=RESISTANCE))
-    together = run(
-        build(t, rails, line, receptivity, failures), 1.5, 10.0, command=2000.0, pressure=2e4
-    )
-    for b, rail in enumerate(rails):
-        alone = run(
-            build(t, rail, line, receptivity[b], failures[b]), 1.5, 10.0,
-            command=2000.0, pressure=2e4,
-        )  # fmt: skip
-        np.testing.assert_allclose(
-            together.state[..., b], alone.state[..., 0], rtol=1e-12, atol=1e-12
-        )
-
-
-@pytest.mark.parametrize("threads", [1, 2, 3, 9])
-def test_threads_do_not_change_the_result(run, train, threads):
-    model = build(*_lanes(train("TM", resistance=RESISTANCE)))
-    expected = run(model, 0.5, 10.0, command=2000.0, pressure=2e4, sample=0.1)
-    batch = Batch(model, model.initial_state(10.0), 1e-3, threads)
-    inputs = model.zero_inputs()
-    inputs.torque_command[:], inputs.pressure_target[:] = 2000.0, 2e4
-    time = 0.0
-    for _ in range(5):
-        time = batch.advance(time, 100, inputs)
-    assert time == pytest.approx(0.5)
-    np.testing.assert_allclose(batch.state, expected.state[-1], rtol=1e-12, atol=1e-12)
-
-
-def test_batch_names_what_is_wrong(train):
-    model = build(*_lanes(train("TM")))
-    with pytest.raises(PlantError, match="state has shape"):
-        Batch(model, np.zeros((3, 3)), 1e-3)
-    with pytest.raises(PlantError, match="threads = 0"):
-        Batch(model, model.initial_state(), 1e-3, 0)
-    with pytest.raises(PlantError, match="lanes"):
-        model.select_lanes(slice(7, 9))
-
-
-def test_dead_time_of_the_brake_is_kept_per_group_of_lanes(run, car):
-    brake = AirBrake(400e3, 0.05, 0.4, 0.6, 0.2)
-    model = build(Train("one", (car(air_brake=brake),)), [Rail(0.2), Rail(0.3)])
-    batch, inputs = Batch(model, model.initial_state(10.0), 1e-3, 2), model.zero_inputs()
-    inputs.pressure_target[:] = 1e5
-    batch.advance(0.0, 200, inputs)
-    assert np.all(batch.state[model.layout.pressure] == 0.0)
-    batch.advance(0.2, 1, inputs)
-    assert np.all(batch.state[model.layout.pressure] > 0.0)

@@ -180,7 +180,7 @@ def test_common_random_numbers(make_event):
     assert one["slip_velocity"].values[: k - 1] == pytest.approx(
         other["slip_velocity"].values[: k - 1]
     )
-    assert make_event(0.13, scatter=0.01, seed=8).model.rails != event.model.rails
+    assert make_event(0.13, scatter=0.01, seed=8).model.rail != event.model.rail
 
 
 def test_braking_mirrors_driving(make_event):

@@ -10,8 +10,9 @@ from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
+from alloc.plant.simd import WIDTH
 from alloc.simulation import simulate
-from studies.readhesion_paper.lanes import LANES_TOGETHER, simulate_tables
+from studies.readhesion_paper.lanes import simulate_tables
 
 COMMAND = DriverCommand((0.5,), (3.0 / 3.6,))
 PERIOD, END = 2e-4, 6.0
@@ -63,10 +64,10 @@ def test_a_lane_is_a_run(train, rails, lanes, lane):
 
 
 def test_a_lane_does_not_depend_on_its_company(train, rails, lanes):
-    many = LANES_TOGETHER + 2
+    many = WIDTH + 2
     crowd = simulate_tables(train, [rails[0]] * many, [TABLES[0]] * many, COMMAND, 0.0, 3.0, PERIOD)
     alone = lanes.slip[: crowd.time.size, 0]
-    for lane in (0, LANES_TOGETHER - 1, many - 1):
+    for lane in (0, WIDTH - 1, many - 1):
         np.testing.assert_allclose(crowd.slip[:, lane], alone, rtol=0.0, atol=1e-9)
 
 

@@ -56,7 +56,7 @@ def test_a_second_sweep_runs_nothing(swept, monkeypatch):
 @pytest.mark.parametrize("curve", CURVES)
 def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
     base, other = claim_event(0, k), scenario(0, k, curve)
-    (rail,), (same,) = other.event(k).model.rails, base.event(k).model.rails
+    rail, same = other.event(k).model.rail, base.event(k).model.rail
     assert (rail.scatter, rail.seed, rail.increments) == (same.scatter, same.seed, same.increments)
     assert rail.patches == same.patches
     # where adhesion falls with speed, the level is a factor on a law: only its ratio can be compared
@@ -70,14 +70,14 @@ def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
 def test_an_informed_train_differs_in_what_it_believes_alone(curve):
     event = scenario(0, 1, curve)
     known = informed(event)
-    assert known.event(1).onboard.belief.curve == known.event(1).model.rails[0].curve
-    assert known.event(1).model.rails == event.event(1).model.rails
+    assert known.event(1).onboard.belief.curve == known.event(1).model.rail.curve
+    assert known.event(1).model.rail == event.event(1).model.rail
     assert known.changed(belief=event.belief.model_dump()).hash() == event.hash()
 
 
 @pytest.mark.parametrize("curve", [c for c in CURVES if "flat" in c])
 def test_a_flat_curve_hardly_falls_beyond_its_peak(curve):
-    (rail,) = scenario(0, 0, curve).event(0).model.rails
+    rail = scenario(0, 0, curve).event(0).model.rail
     top, slip = (float(v) for v in rail.curve.limit(0.13, 5.0))
     beyond = float(rail.curve.coefficient(slip + 2.0, 0.13, 5.0))
     assert beyond > 0.98 * top

@@ -109,7 +109,7 @@ def test_every_set_is_plausible(name):
 
 def test_sensitivity_alone_changes_between_the_columns():
     one, other = (brake_event(CALIBRATED, 3, s) for s in (1.0, CALIBRATED.sensitivity_high))
-    assert other.model.rails == one.model.rails
+    assert other.model.rail == one.model.rail
     assert other.model.train == one.model.train
     braking = other.onboard.braking
     protection = braking.slide_protection

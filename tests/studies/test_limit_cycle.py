@@ -5,11 +5,9 @@ import pytest
 
 from alloc.event import DriverCommand
 from alloc.onboard.controllers.torque_table import TorqueTable
-from alloc.plant import compiled
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.right_side import derivative
 from alloc.plant.sets import find_set
 from alloc.plant.sets.one_axle import rail
 from studies.readhesion_paper.lanes import simulate_tables
@@ -20,7 +18,7 @@ from studies.readhesion_paper.limit_cycle import (
     growth,
     reduced_model,
 )
-from tests.compiled_part import from_python
+from tests.plant.compiled_rate import compiled_rate
 
 ACCELERATION = 3.0 / 3.6
 NARROW, WIDE = TorqueTable(width=0.2 / 3.6), TorqueTable(width=0.8 / 3.6)
@@ -52,13 +50,8 @@ def test_slip_accelerates_as_in_the_plant(train, slip):
     s, n = plant.structure, plant.layout
     state = plant.initial_state(speed)
     state[n.omega], state[n.torque] = (speed + slip) / s.radius[0], torque
-    inputs, w = plant.zero_inputs(), compiled.workspace(plant, 1e-3)
-    slope = np.zeros_like(state)
-    from_python(derivative)(
-        s, plant.environment, n, 0.0, state, inputs.torque_command, w.target,
-        w.valve, inputs.cleaning, w, slope,
-    )  # fmt: skip
-    rate = s.radius[0] * slope[n.omega][0, 0] - slope[n.speed][0, 0]
+    slope, _ = compiled_rate(plant, state, plant.zero_inputs())
+    rate = s.radius[0] * slope[n.omega][0] - slope[n.speed][0]
     reduced = model(train, NARROW, peak)
     point = np.array([slip, torque, 0.0, 0.0, 1.0])
     assert reduced.rates(reduced.mode(point))[SLIP] @ point == pytest.approx(rate, rel=1e-9)

@@ -128,8 +128,8 @@ def test_the_train_is_loaded_and_coupled(event):
     assert [car.load for car in train.cars] == pytest.approx([0.0, 1e4, 2e4, 3e4, 4e4, 0.0])
     assert train.load_transfer
     assert all(c.stiffness == 5e6 and c.slack == pytest.approx(0.012) for c in train.couplers)
-    assert event.model.environment.failure_time[1, 0] == 1.5
-    assert np.isinf(event.model.environment.failure_time[[0, 2, 3, 4, 5], 0]).all()
+    assert event.model.environment.failure_time[1] == 1.5
+    assert np.isinf(event.model.environment.failure_time[[0, 2, 3, 4, 5]]).all()
 
 
 def test_laws_of_front_and_rear_arrive_as_they_are_given():
@@ -142,7 +142,7 @@ def test_laws_of_front_and_rear_arrive_as_they_are_given():
 
 
 def test_the_rail_is_as_the_file_says(event):
-    rail = event.model.rails[0]
+    rail = event.model.rail
     assert (rail.level, rail.speed_law, rail.scatter) == (0.9, "curtius-kniffler", 0.012)
     assert (rail.scatter_length, rail.conditioning) == (15.0, 0.1)
     assert rail.increments == pytest.approx(0.01 * np.log(np.arange(1, 27)) + 0.001)
@@ -178,15 +178,15 @@ def test_the_equipment_is_as_the_file_says(event):
 
 def test_what_is_not_said_is_believed_as_it_is(short):
     event = short.event()
-    assert event.onboard.belief.increments == event.model.rails[0].increments
-    assert event.onboard.belief.curve == event.model.rails[0].curve
+    assert event.onboard.belief.increments == event.model.rail.increments
+    assert event.onboard.belief.curve == event.model.rail.curve
 
 
 def test_equal_seeds_give_equal_draws_and_others_differ(short):
     one, again, other = short.event(3), short.event(3), short.event(4)
-    assert one.model.rails[0].seed == again.model.rails[0].seed != other.model.rails[0].seed
+    assert one.model.rail.seed == again.model.rail.seed != other.model.rail.seed
     assert one.onboard.sensors.seed == again.onboard.sensors.seed != other.onboard.sensors.seed
-    assert one.onboard.sensors.seed != one.model.rails[0].seed
+    assert one.onboard.sensors.seed != one.model.rail.seed
 
 
 def test_a_failure_of_a_unit_that_does_not_exist_is_refused(write_scenario):

@@ -52,7 +52,7 @@ def test_what_is_drawn_arrives_in_the_event(short):
     keys = {"level": (0.9, 0.95), "start_m": 3.0, "delay_s": 0.2}
     scenario = short.changed(variation=keys)
     event, day = scenario.event(3), VariationKeys(**keys).day(3)
-    assert event.model.rails[0].level == day.level * 0.05
+    assert event.model.rail.level == day.level * 0.05
     assert event.initial_position == day.start != 0.0
     assert event.command.times == (day.delay,)
     assert event.model.span[0] == day.start - 20.0
@@ -92,4 +92,4 @@ def test_every_shipped_scenario_differs_from_day_to_day(name):
     scenario = load_scenario(name)
     hashes = {inputs_hash(scenario.event(seed)) for seed in range(4)}
     assert len(hashes) == 4
-    assert len({scenario.event(seed).model.rails[0].level for seed in range(4)}) == 4
+    assert len({scenario.event(seed).model.rail.level for seed in range(4)}) == 4

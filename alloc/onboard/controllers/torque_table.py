@@ -9,6 +9,7 @@ from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController, direction
 from alloc.onboard.detector import differentiate, differentiator_gain
 from alloc.onboard.quantity import filled, quantity
+from alloc.plant.operations import maximum, minimum, where
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
@@ -33,13 +34,13 @@ def lag_share(time_constant: float, period: float) -> float:
 @equation
 def torque_factor(deviation, margin, width):
     """Factor Adl of Fig. 5: 1 up to `margin`, 0 from `margin` + `width` on, linear between; all [m/s2]."""
-    return min(max(1.0 - (deviation - margin) / width, 0.0), 1.0)
+    return minimum(maximum(1.0 - (deviation - margin) / width, 0.0), 1.0)
 
 
 @equation
 def asymmetric_lag(value, wanted, rise_share, fall_share):
     """One period of the filter behind the table: its time constant differs between rising and falling."""
-    return value + (rise_share if wanted > value else fall_share) * (wanted - value)
+    return value + where(wanted > value, rise_share, fall_share) * (wanted - value)
 
 
 @equation

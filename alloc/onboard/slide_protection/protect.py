@@ -95,7 +95,7 @@ def _decide(eq, p, m, g):
 
 @inlined_jit
 def protect(eq, st, m, tick, braking, valve):
-    """Fill `valve` (groups, 1) with the actions of all bogies; everything rests while the air brakes do."""
+    """Fill `valve` (groups,) with the actions of all bogies; everything rests while the air brakes do."""
     p, k = st.slide, m.slide
     if not braking:
         for i in range(k.filtered.size):
@@ -109,4 +109,4 @@ def protect(eq, st, m, tick, braking, valve):
         for g in range(k.action.size):
             _decide(eq, p, m, g)
     for g in range(k.action.size):
-        valve[g, 0] = k.action[g]
+        valve[g] = k.action[g]

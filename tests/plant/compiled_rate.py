@@ -1,0 +1,24 @@
+"""The compiled right side, called by itself."""
+
+import numpy as np
+
+from alloc.plant import compiled
+from alloc.plant.right_side import derivative
+from tests.compiled_part import from_python
+
+_pack, _unpack, _derivative = map(from_python, (compiled.pack, compiled.unpack, derivative))
+
+
+def compiled_rate(model, state, inputs, time=0.0, cleaning=None):
+    """Derivative of `state` (rows,) at `time` [s], and the peak coefficient of every axle."""
+    w = compiled.workspace(model, 1e-3)
+    n, c = model.layout, w.scratch
+    c.slope[:] = np.nan
+    c.command[: n.units], c.target[: n.groups], c.valve[: n.groups] = inputs
+    if cleaning is not None:
+        c.cleaning[: n.axles] = cleaning
+    _pack(w, state, c.state)
+    _derivative(w, time, c.state, c.slope)
+    slope = np.empty_like(state)
+    _unpack(w, c.slope, slope)
+    return slope, c.peak[: n.axles].copy()
