@@ -122,7 +122,7 @@ def _unbox(kind: Record, value: Any, context: Any) -> NativeValue:
 class _Fields(AttributeTemplate):
     key = Record
 
-    def generic_resolve(self, kind: Record, name: str) -> types.Type | None:
+    def generic_resolve(self, kind: Any, name: Any) -> Any:  # type: ignore[override]
         return kind.fields[name].kind if name in kind.fields else None
 
 

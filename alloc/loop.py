@@ -4,12 +4,14 @@ The loop is compiled. It returns to Python only where something lives there (a d
 says what it needs, and goes on with the answer; so compiled and hosted parts see exactly the same run.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.by_reference import ByReference
 from alloc.compilation import equation, inlined_jit, jit
 from alloc.onboard.actuation import (
     brake_receiver,
@@ -27,7 +29,6 @@ from alloc.plant import compiled
 from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.model import Floats, Inputs, Layout, Model
 from alloc.plant.right_side import peak_field
-from alloc.plant.workspace import Workspace
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
 
@@ -54,7 +55,7 @@ class Plant(NamedTuple):
     rows: Layout
     state: Floats
     inputs: Inputs
-    workspace: Workspace
+    workspace: ByReference  # a `Workspace`
 
 
 class Computers(NamedTuple):
@@ -243,8 +244,8 @@ class ClosedLoop:
         speed: float,
         position: float,
     ) -> None:
-        """Start at `speed` [m/s] and `position` [m]; `step` [s] is divided further where the plant needs it."""
-        steps = round(period / step)
+        """Start at `speed` [m/s] and `position` [m]; `step` [s] is the longest, less where the plant needs it."""
+        steps = math.ceil(period / step * (1.0 - 1e-9))
         steps *= model.substeps(period / steps)
         record_ticks = max(1, round(record_period / period))
         self.ticks = ticks

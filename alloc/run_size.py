@@ -18,7 +18,10 @@ def check_size(
             f"{owner}: duration = {duration!r} must not be below the control period {period!r}"
         )
     axles, fastest = model.layout.axles, model.stiffness() / STABLE_STEP
-    steps, records = duration * max(1.0 / step, fastest), duration / max(record_period, period)
+    steps, records = (
+        duration * max(1.0 / step, 1.0 / period, fastest),
+        duration / max(record_period, period),
+    )
     if not steps * axles <= MOST_AXLE_STEPS:
         cause = (
             f"choose a longer step than {step:g} s"

@@ -141,7 +141,7 @@ def simulate(
         memory(eq, event.initial_speed, abs(float(commanded[0])) * share),
     )
     loop = ClosedLoop(
-        model, ticks, onboard.period, event.step, event.record_period,
+        model, ticks, onboard.period, event.longest_step, event.record_period,
         event.initial_speed, event.initial_position,
     )  # fmt: skip
     given = _given(commanded, onboard, model.layout, computers.settings.telegrams.ticks)

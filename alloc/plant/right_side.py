@@ -115,7 +115,9 @@ def _cars(w, y, slope):
         grade, air = spread(w.rail.grade[0]), spread(w.rail.air_factor[0])
         if not w.rail.uniform:
             x = _of_bodies(w, y, w.row.position, car.position_row, k) + load(car.offset, k)
-            knot = minimum(maximum((x - w.rail.origin) * (1.0 / w.rail.spacing), 0.0), end)
+            knot = minimum(
+                maximum((x - w.rail.line_origin) * (1.0 / w.rail.line_spacing), 0.0), end
+            )
             grade, air = look_up(w.rail.grade, knot), look_up(w.rail.air_factor, knot)
         drag = car_drag(
             v, load(car.resistance[0], k), load(car.resistance[1], k), load(car.resistance[2], k),

@@ -156,7 +156,12 @@ def chosen(function: Any) -> None:
         )
 
 
-@intrinsic
+def _intrinsic(function: Callable[..., Any]) -> Any:
+    """Numba's decorator, for functions whose first argument callers do not give."""
+    return intrinsic(function)
+
+
+@_intrinsic
 def spread(typingctx, number):
     """A number, `WIDTH` times."""
     return VECTOR(VECTOR), lambda context, builder, sig, args: args[0]
@@ -166,7 +171,7 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, first: Any) -> Any
     return builder.gep(context.make_array(kind)(context, builder, value=array).data, [first])
 
 
-@intrinsic
+@_intrinsic
 def is_nonzero(typingctx, values):
     """Whether any of the `WIDTH` numbers is not 0, or no number."""
 
@@ -178,7 +183,7 @@ def is_nonzero(typingctx, values):
     return types.boolean(VECTOR), generate
 
 
-@intrinsic
+@_intrinsic
 def load(typingctx, array, first):
     """`array` [first : first + WIDTH]."""
 
@@ -189,7 +194,7 @@ def load(typingctx, array, first):
     return VECTOR(array, types.intp), generate
 
 
-@intrinsic
+@_intrinsic
 def store(typingctx, array, first, values):
     """`array` [first : first + WIDTH] = `values`."""
 
@@ -217,7 +222,7 @@ def _pick(builder: Any, base: Any, index: Any) -> Any:
     )
 
 
-@intrinsic
+@_intrinsic
 def gather(typingctx, array, index, first):
     """`array` [`index` [first : first + WIDTH]]."""
 
@@ -231,7 +236,7 @@ def gather(typingctx, array, index, first):
     return VECTOR(array, index, types.intp), generate
 
 
-@intrinsic
+@_intrinsic
 def look_up(typingctx, table, x):
     """`table` at `x` >= 0, in units of its spacing, by linear interpolation."""
 
@@ -246,7 +251,7 @@ def look_up(typingctx, table, x):
     return VECTOR(table, VECTOR), generate
 
 
-@intrinsic
+@_intrinsic
 def total(typingctx, values):
     """Sum of the `WIDTH` numbers, in pairs."""
 

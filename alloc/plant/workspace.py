@@ -4,13 +4,12 @@ Which axle belongs to which car, unit and brake group stands here as rows of the
 and sums. What fills a block up has neither load nor motor; it adds nothing.
 """
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from alloc.by_reference import ByReference
+from alloc.plant.blocks import filled, indices, members, packed
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
 from alloc.plant.structure import Floats, Ints, Layout
@@ -103,8 +102,8 @@ class Rail(NamedTuple):
     cleaning_spacing: float
     grade: Floats
     air_factor: Floats
-    origin: float
-    spacing: float
+    line_origin: float
+    line_spacing: float
     uniform: bool  # everywhere the same grade and air
     receptivity: Floats
 
@@ -160,38 +159,6 @@ class Workspace(NamedTuple):
     noted: Noted
 
 
-def _packed(parts: Any) -> Any:
-    """The same with all arrays of numbers side by side, each on a cache line of its own.
-
-    Where they happened to lie otherwise made the right side up to 1.5 times slower.
-    """
-    arrays = [values for values in _leaves(parts) if isinstance(values, np.ndarray)]
-    places = np.cumsum([0, *(padded(values.size) for values in arrays)])
-    raw = np.zeros(int(places[-1]) + WIDTH)
-    start = -raw.ctypes.data // raw.itemsize % WIDTH
-    rest = iter(zip(arrays, places + start, strict=False))
-
-    def placed(part: Any) -> Any:
-        if isinstance(part, tuple):
-            return type(part)(*map(placed, part))
-        if not isinstance(part, np.ndarray):
-            return part
-        values, first = next(rest)
-        room = raw[first : first + values.size].view(values.dtype).reshape(values.shape)
-        room[...] = values
-        return room
-
-    return placed(parts)
-
-
-def _leaves(part: Any) -> Iterator[Any]:
-    if isinstance(part, tuple):
-        for one in part:
-            yield from _leaves(one)
-    else:
-        yield part
-
-
 def _sizes(n: Layout) -> tuple[int, ...]:
     """Rows of the parts of the state, in its order."""
     return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 4)
@@ -202,117 +169,127 @@ def _rows(n: Layout) -> Rows:
     return Rows(0, *(int(end) for end in ends))
 
 
-def _filled(values: NDArray[np.float64], fill: float = 0.0) -> Floats:
-    """Values (..., size) as blocks, `fill` in what is left."""
-    found = np.full((*values.shape[:-1], padded(values.shape[-1])), fill)
-    found[..., : values.shape[-1]] = values
-    return found
+def _axles(model: Model, row: Rows) -> Axles:
+    s, e, absent = model.structure, model.environment, row.nothing
+    return Axles(
+        offset=filled(s.axle_offset),
+        radius=filled(s.radius),
+        inertia=filled(s.inertia, 1.0),
+        inverse_inertia=filled(1.0 / s.inertia),
+        gear=filled(s.gear),
+        static_load=filled(s.static_load),
+        unloading=filled(s.unloading),
+        shoe_gain=filled(s.shoe_gain * s.radius),
+        law=filled(e.law[::2]),
+        increment=filled(e.increment),
+        body=indices(s.axle_body, 0),
+        car=indices(s.axle_car, 0),
+        position_row=indices(row.position + s.axle_body, row.position),
+        speed_row=indices(row.speed + s.axle_body, row.speed),
+        torque_row=indices(np.where(s.axle_unit < 0, -1, row.torque + s.axle_unit), absent),
+        pressure_row=indices(np.where(s.axle_group < 0, -1, row.pressure + s.axle_group), absent),
+    )
 
 
-def _indices(values: Ints, absent: int) -> Ints:
-    """As `_filled`, for indices, of which negative ones are `absent` too."""
-    found = np.full(padded(values.size), absent, dtype=np.int64)
-    found[: values.size] = np.where(values < 0, absent, values)
-    return found
+def _cars(model: Model, row: Rows) -> Cars:
+    s, n = model.structure, model.layout
+    of_car = members(s.axle_car, n.cars, padded(n.axles))
+    return Cars(
+        members=of_car,
+        position_row=indices(row.position + s.car_body, row.nothing),
+        speed_row=indices(row.speed + s.car_body, row.nothing),
+        offset=filled(s.car_offset),
+        mass=filled(s.car_mass),
+        resistance=filled(s.car_resistance.T),
+        shoe_friction=filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
+        body_mass=filled(s.body_mass, 1.0),
+        # none behind the last body
+        coupler=filled(np.append(s.coupler, np.zeros((1, 4)), axis=0).T),
+    )
 
 
-def _members(owner: Ints, count: int, absent: int) -> Ints:
-    """Which items each of `count` owners has, (most items, owners): `absent` where it has fewer."""
-    own = [np.flatnonzero(owner == k) for k in range(count)]
-    found = np.full((max([1, *map(len, own)]), padded(count)), absent, dtype=np.int64)
-    for k, some in enumerate(own):
-        found[: len(some), k] = some
-    return found
+def _units(model: Model, row: Rows) -> Units:
+    s, n = model.structure, model.layout
+    of_unit = members(s.axle_unit, n.units, -1)
+    points = s.drive_table.shape[1]
+    return Units(
+        members=np.where(of_unit < 0, row.nothing, row.omega + of_unit),
+        share=np.where(of_unit < 0, 0.0, s.radius[of_unit] / filled(s.unit_axles, 1.0)),
+        lag=filled(s.unit_lag, 1.0),
+        failure_time=filled(model.environment.failure_time),
+        table_start=points * filled(np.arange(float(n.units))),
+        # look-ups take two neighbours, also where there is no unit
+        drive_table=np.append(s.drive_table, np.zeros(2)),
+        brake_table=np.append(s.brake_table, np.zeros(2)),
+        table_end=max(points, 2) - 1.000001,
+        fill=filled(s.group_fill, 1.0),
+        release=filled(s.group_release, 1.0),
+    )
+
+
+def _rail(model: Model) -> Rail:
+    e = model.environment
+    own = {name: getattr(e, name) for name in Rail._fields if name in e._fields}
+    return Rail(
+        **own,
+        law_offset=float(e.law[1, 0]),
+        grade=e.line[0],
+        air_factor=e.line[1],
+        uniform=bool(np.all(e.line == e.line[:, :1])),
+    )
+
+
+def _scratch(model: Model, row: Rows, step: float) -> Scratch:
+    n, e, train = model.layout, model.environment, model.train
+    axles, bodies, cars, groups = map(padded, (n.axles, n.bodies, n.cars, n.groups))
+    delay = np.array(
+        [round(brake.dead_time / step) for brake in train.brake_groups], dtype=np.int64
+    )
+    slots = int(delay.max(initial=0)) + 1
+    cells = int(sum(car.length for car in train.cars) / e.cleaning_spacing) + 256
+    return Scratch(
+        state=np.zeros(row.end),
+        stage=np.zeros(row.end),
+        slope=np.zeros(row.end),
+        total=np.zeros(row.end),
+        active=np.zeros((e.patch.shape[0], 5)),
+        decline=np.zeros(bodies),
+        peak=np.zeros(axles),
+        mu=np.zeros(axles),
+        load=np.zeros((2, axles + WIDTH)),
+        car_force=np.zeros(cars),
+        grip=np.zeros(cars),
+        net=np.zeros(cars),
+        tension=np.zeros(WIDTH + cars),
+        command=np.zeros(padded(n.units)),
+        target=np.zeros(groups),
+        valve=np.zeros(groups),
+        cleaning=np.zeros(axles),
+        cleaned=np.zeros(cells if e.conditioned else 1),
+        cell=np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
+        delay_target=np.zeros((n.groups, slots)),
+        delay_valve=np.zeros((n.groups, slots)),
+        delay_steps=delay,
+        clock=np.zeros(1, dtype=np.int64),
+    )
 
 
 def workspace(model: Model, step: float) -> ByReference:
     """Everything that `model` needs to be advanced with `step` [s]: a `Workspace`."""
-    n, s, e = model.layout, model.structure, model.environment
+    n = model.layout
     row = _rows(n)
-    axles, absent = padded(n.axles), row.nothing
-    of_car = _members(s.axle_car, n.cars, axles)
-    of_unit = _members(s.axle_unit, n.units, -1)
-    share = np.where(of_unit < 0, 0.0, s.radius[of_unit] / _filled(s.unit_axles, 1.0))
-    length = sum(car.length for car in model.train.cars)
-    cells = int(length / e.cleaning_spacing) + 256
-    delay = np.array(
-        [round(brake.dead_time / step) for brake in model.train.brake_groups], dtype=np.int64
+    parts = zip(row, _sizes(n), strict=False)
+    found = Workspace(
+        size=n,
+        row=row,
+        place=np.concatenate([first + np.arange(size) for first, size in parts]),
+        rigid=n.bodies == 1,
+        stages=RUNGE_KUTTA,
+        axle=_axles(model, row),
+        car=_cars(model, row),
+        unit=_units(model, row),
+        rail=_rail(model),
+        scratch=_scratch(model, row, step),
+        noted=Noted(np.zeros(n.axles), np.zeros(n.bodies)),
     )
-    points, slots = s.drive_table.shape[1], int(delay.max(initial=0)) + 1
-    return ByReference(
-        _packed(
-            Workspace(
-                n,
-                row,
-                np.concatenate(
-                    [first + np.arange(size) for first, size in zip(row, _sizes(n), strict=False)]
-                ),
-                n.bodies == 1,
-                RUNGE_KUTTA,
-                Axles(
-                    *map(_filled, (s.axle_offset, s.radius)),
-                    _filled(s.inertia, 1.0),
-                    _filled(1.0 / s.inertia),
-                    *map(_filled, (s.gear, s.static_load, s.unloading, s.shoe_gain * s.radius)),
-                    _filled(e.law[::2]),
-                    _filled(e.increment),
-                    _indices(s.axle_body, 0),
-                    _indices(s.axle_car, 0),
-                    _indices(row.position + s.axle_body, row.position),
-                    _indices(row.speed + s.axle_body, row.speed),
-                    _indices(np.where(s.axle_unit < 0, -1, row.torque + s.axle_unit), absent),
-                    _indices(np.where(s.axle_group < 0, -1, row.pressure + s.axle_group), absent),
-                ),
-                Cars(
-                    of_car,
-                    _indices(row.position + s.car_body, absent),
-                    _indices(row.speed + s.car_body, absent),
-                    _filled(s.car_offset),
-                    _filled(s.car_mass),
-                    _filled(s.car_resistance.T),
-                    _filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
-                    _filled(s.body_mass, 1.0),
-                    np.stack([_filled(np.append(values, np.zeros(1))) for values in s.coupler.T]),
-                ),
-                Units(
-                    np.where(of_unit < 0, absent, row.omega + of_unit),
-                    share,
-                    _filled(s.unit_lag, 1.0),
-                    _filled(e.failure_time),
-                    points * _filled(np.arange(float(n.units))),
-                    *(np.append(table, np.zeros(2)) for table in (s.drive_table, s.brake_table)),
-                    max(points, 2) - 1.000001,
-                    _filled(s.group_fill, 1.0),
-                    _filled(s.group_release, 1.0),
-                ),
-                Rail(
-                    *e[: e._fields.index("curve") + 1],
-                    e.law[1, 0],
-                    *e[e._fields.index("patch") : e._fields.index("line_origin")],
-                    *e.line,
-                    e.line_origin,
-                    e.line_spacing,
-                    bool(np.all(e.line == e.line[:, :1])),
-                    e.receptivity,
-                ),
-                Scratch(
-                    *np.zeros((4, row.end)),
-                    np.zeros((e.patch.shape[0], 5)),
-                    np.zeros(padded(n.bodies)),
-                    *np.zeros((2, axles)),
-                    np.zeros((2, axles + WIDTH)),
-                    *np.zeros((3, padded(n.cars))),
-                    np.zeros(WIDTH + padded(n.cars)),
-                    np.zeros(padded(n.units)),
-                    *np.zeros((2, padded(n.groups))),
-                    np.zeros(axles),
-                    np.zeros(cells if e.conditioned else 1),
-                    np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
-                    *np.zeros((2, n.groups, slots)),
-                    delay,
-                    np.zeros(1, dtype=np.int64),
-                ),
-                Noted(np.zeros(n.axles), np.zeros(n.bodies)),
-            )
-        )
-    )
+    return ByReference(packed(found))

@@ -34,8 +34,8 @@ def rehearse_plant(scenario: Scenario) -> None:
     """Take one step of the scenario's train, so that the compiled integrator lies in the cache."""
     event = scenario.event(0)
     model = event.model
-    w = compiled.workspace(model, event.step)
-    compiled.advance(w, 0.0, event.step, 1, model.initial_state(), model.zero_inputs())
+    w = compiled.workspace(model, event.longest_step)
+    compiled.advance(w, 0.0, event.longest_step, 1, model.initial_state(), model.zero_inputs())
 
 
 def rehearse(controller: str) -> None:

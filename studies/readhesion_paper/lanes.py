@@ -262,7 +262,11 @@ def simulate_tables(
     to_torque = float(eq.axle_load[0] * eq.radius[0] / eq.gear[0] * (1.0 + eq.own_inertia[0]))
     target = commanded * eq.planned_share * to_torque
     axle = Axle(
-        *(float(values[0]) for values in (s.radius, s.inertia, s.gear, s.static_load, s.body_mass)),
+        float(s.radius[0]),
+        float(s.inertia[0]),
+        float(s.gear[0]),
+        float(s.static_load[0]),
+        float(s.body_mass[0]),
         s.car_resistance[0].copy(),
         float(s.unit_lag[0]),
         s.drive_table[0].copy(),

@@ -74,7 +74,7 @@ class Scenario(Strict):
     start_m: float = 0.0
     initial_speed_kmh: float = Field(default=0.0, ge=0.0, le=3.6 * SPEED_BOUND)
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
-    step_s: float = Field(default=1e-3, gt=0.0)
+    step_s: float | None = Field(default=None, gt=0.0)
     record_period_s: float = Field(default=0.01, gt=0.0)
 
     def event(self, seed: int = 0) -> Event:

@@ -65,7 +65,7 @@ def environment_at(
         decline, e.law[0], e.law[2], patches, e.increment, scatter, conditioning
     )
     place = (state[n.position][s.car_body] + s.car_offset - e.line_origin) / e.line_spacing
-    rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles[:, None]
+    rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles
     rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
