@@ -1,4 +1,7 @@
-"""What the tests know of the plant beside its right side: its true environment and its energy, with NumPy."""
+"""What the tests know of the plant beside its right side, with NumPy: its true environment, its energy, and RK4."""
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +10,7 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import coupler_stretch, speed_decline
 from alloc.plant.field import patch_factor, peak_coefficient, scatter_knot, window
-from alloc.plant.model import Model
+from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
 
 
@@ -31,9 +34,9 @@ def mechanical_energy(model, state):
 def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Linear interpolation of each row of `tables` (rows, points) at its `x` (rows,) in grid units."""
     bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
-    k = bounded.astype(np.int64)
-    row = np.arange(tables.shape[0])
-    return np.asarray(tables[row, k] + (tables[row, k + 1] - tables[row, k]) * (bounded - k))
+    k = bounded.astype(np.int64)[:, None]
+    low, high = (np.take_along_axis(tables, place, 1)[:, 0] for place in (k, k + 1))
+    return low + (high - low) * (bounded - k[:, 0])
 
 
 def environment_at(
@@ -65,7 +68,7 @@ def environment_at(
         decline, e.law[0], e.law[2], patches, e.increment, scatter, conditioning
     )
     place = (state[n.position][s.car_body] + s.car_offset - e.line_origin) / e.line_spacing
-    rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles[:, None]
+    rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles
     rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
@@ -78,3 +81,22 @@ def environment_at(
         brake_limit=_table(s.brake_table, rim) * receptivity,
         health=(time < e.failure_time).astype(float),
     )
+
+
+def right_side(model: Model, inputs: Inputs) -> Callable[..., Any]:
+    """Derivative of a state (rows,) in its true environment, as a function of time [s] and state."""
+    arrays = ArrayModel.of(model)
+
+    def rate(time: Any, state: Any) -> Any:
+        return arrays.derivative(state, inputs, environment_at(model, time, state, arrays=arrays))
+
+    return rate
+
+
+def runge_kutta_step(rate: Callable[..., Any], time: Any, step: float, state: Any) -> Any:
+    """The state one step of the classical fourth-order method later."""
+    a = rate(time, state)
+    b = rate(time + 0.5 * step, state + 0.5 * step * a)
+    c = rate(time + 0.5 * step, state + 0.5 * step * b)
+    d = rate(time + step, state + step * c)
+    return state + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
