@@ -1,6 +1,8 @@
 """The array model on JAX: what NumPy's functions do to its operands is handed to `jax.numpy`.
 
-JAX is no dependency; where it is not installed its benchmarks are skipped. Double precision, on the processor.
+JAX is no dependency; where it is not installed its benchmarks are skipped. `pip install --target <folder> jax`, and that
+folder behind the project's in PYTHONPATH, brings it without a change to the installed packages. Double precision, on the
+processor.
 """
 
 from collections.abc import Callable
@@ -10,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from alloc.plant.model import Model
-from tests.plant.numpy_plant import right_side, runge_kutta_step
+from tests.plant.numpy_plant import runge_kutta_step
 
 
 def load_jax() -> Any:
@@ -54,10 +55,12 @@ class Operand(NDArrayOperatorsMixin):
         return lambda *args, **kwargs: Operand(method(*args, **kwargs))
 
 
-def advance_with_jax(model: Model, inputs: Any, step: float, state: Any) -> Callable[[int], Any]:
-    """A function of the number of steps that takes `state`, (rows,) or (states, rows), so far; RK4, compiled."""
+def advance_with_jax(rate: Callable[..., Any], step: float, state: Any) -> Callable[[int], Any]:
+    """A function of the number of steps that takes `state`, (rows,) or (states, rows), so far; RK4, compiled.
+
+    `rate` is a right side of time and state, written for NumPy.
+    """
     jax = load_jax()
-    rate = right_side(model, inputs)
 
     def once(k: Any, now: Any) -> Any:
         return runge_kutta_step(rate, Operand(k * step), step, Operand(now)).value

@@ -23,20 +23,22 @@ def coupler_spring_energy(stretch, stiffness, stiffening):
 def mechanical_energy(model, state):
     """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], of `state` (rows,)."""
     s, n = model.structure, model.layout
-    kinetic = (0.5 * s.body_mass * state[n.speed] ** 2).sum(axis=0)
-    rotating = (0.5 * s.inertia * state[n.omega] ** 2).sum(axis=0)
+    kinetic = (0.5 * s.body_mass * state[n.speed] ** 2).sum()
+    rotating = (0.5 * s.inertia * state[n.omega] ** 2).sum()
     stiffness, stiffening, _, slack = s.coupler.T
     position = state[n.position]
     stretch = coupler_stretch(position[:-1] - position[1:], slack)
-    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum(axis=0)
+    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum()
 
 
-def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear interpolation of each row of `tables` (rows, points) at its `x` (rows,) in grid units."""
-    bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
-    k = bounded.astype(np.int64)[:, None]
-    low, high = (np.take_along_axis(tables, place, 1)[:, 0] for place in (k, k + 1))
-    return low + (high - low) * (bounded - k[:, 0])
+def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear interpolation at `x` (rows,), in grid units, in `table` (points,) or in one per row, (rows, points)."""
+    rows, points = np.arange(len(table) if table.ndim == 2 else 1), table.shape[-1]
+    bounded = np.clip(x, 0.0, points - 1.000001)
+    k = bounded.astype(np.int64)
+    flat, place = table.ravel(), points * rows + k
+    low, high = (np.take_along_axis(flat, place + one, 0) for one in (0, 1))
+    return low + (high - low) * (bounded - k)
 
 
 def environment_at(
@@ -59,9 +61,7 @@ def environment_at(
     for p in e.patch:
         weight = window(position, p[1], p[2], p[3])
         patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
-    scatter = _table(
-        np.broadcast_to(e.noise, (n.axles, e.noise.size)), scatter_knot(position, e.noise_length)
-    )
+    scatter = _table(e.noise, scatter_knot(position, e.noise_length))
     conditioning = 0.0 if cleaning is None else e.conditioning * cleaning
     decline = speed_decline(speed, e.law[1])
     peak = peak_coefficient(
@@ -72,11 +72,10 @@ def environment_at(
     rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
-    both = np.broadcast_to
     return Local(
         peak=peak,
-        grade=_table(both(e.line[0], (n.cars, e.line.shape[1])), place),
-        air_factor=_table(both(e.line[1], (n.cars, e.line.shape[1])), place),
+        grade=_table(e.line[0], place),
+        air_factor=_table(e.line[1], place),
         drive_limit=_table(s.drive_table, rim),
         brake_limit=_table(s.brake_table, rim) * receptivity,
         health=(time < e.failure_time).astype(float),
