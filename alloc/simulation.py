@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from alloc.by_reference import ByReference
 from alloc.canonical import canonical
 from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event, SimulationError
@@ -151,9 +152,8 @@ def simulate(
         torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
 
-    go = partial(
-        run_with_computers, loop.plant, computers, loop.timing, given, loop.progress, record
-    )
+    parts_of_run = (loop.plant, computers, loop.timing, given, loop.progress, record)
+    go = partial(run_with_computers, *map(ByReference, parts_of_run))
     started = clock.perf_counter()
     loop.run(go, parts, on_progress)
     tally.wall_time = clock.perf_counter() - started

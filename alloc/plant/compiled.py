@@ -47,18 +47,15 @@ def _runge_kutta_step(w, time, step, is_first):
     for i in range(0, c.state.size, WIDTH):
         store(c.stage, i, load(c.state, i))
         store(c.total, i, load(c.state, i))
-    # one call for all stages: the right side is inlined, and compiled once
-    for stage in range(4):
-        share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
-        reach = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
-        ahead = step if stage == 2 else 0.5 * step
-        derivative(w, time + reach, c.stage, c.slope)
+    for stage in range(w.stages.shape[0]):
+        reach, ahead, share = w.stages[stage, 0], w.stages[stage, 1], w.stages[stage, 2]
+        derivative(w, time + reach * step, c.stage, c.slope)
         if is_first and stage == 0:
             _note(w)
         for i in range(0, c.state.size, WIDTH):
             slope = load(c.slope, i)
-            store(c.total, i, load(c.total, i) + share * slope)
-            store(c.stage, i, load(c.state, i) + ahead * slope)
+            store(c.total, i, load(c.total, i) + share * step * slope)
+            store(c.stage, i, load(c.state, i) + ahead * step * slope)
     for i in range(0, c.state.size, WIDTH):
         store(c.state, i, load(c.total, i))
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
 from alloc.compilation import INLINED, equation
 from alloc.errors import PlantError
@@ -29,62 +28,75 @@ def _casadi(*operands: Any) -> Any:
     return None
 
 
-def _operation(plain: Callable[..., Any], symbolic: str, single: Any, vector: Any) -> Any:
-    """An elementwise operation: `plain` for NumPy, CasADi's function `symbolic`, and what is compiled in its place."""
+def _operation(plain: Callable[..., Any], symbolic: str) -> Any:
+    """An elementwise operation: `plain` for NumPy, `symbolic` for CasADi; what is compiled is registered apart."""
 
     def operation(*operands: Any) -> Any:
         casadi = _casadi(*operands)
         return getattr(casadi, symbolic)(*operands) if casadi else plain(*operands)
 
-    @overload(operation, jit_options=INLINED, strict=False)
-    def compiled(*operands: Any) -> Any:
-        return vector if any(isinstance(kind, simd.Vector) for kind in operands) else single
-
     return operation
 
 
-where = _operation(
-    np.where,
-    "if_else",
-    lambda condition, a, b: a if condition else b,
-    lambda condition, a, b: simd.select(condition, a, b),
-)
+def _emitted(plain: Callable[..., Any], symbolic: str, operands: int, emit: Any) -> Any:
+    """An operation of which LLVM knows the instructions, see `simd.elementwise`."""
+    operation = _operation(plain, symbolic)
+    simd.elementwise(operation, emit, operands)
+    return operation
+
+
+def _lesser(builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered("<", a, b), a, b)
+
+
+def _greater(builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered(">", a, b), a, b)
+
+
+where = _operation(np.where, "if_else")
 """`a` where `condition` holds, else `b`; both are evaluated."""
-minimum = _operation(
-    np.minimum, "fmin", lambda a, b: a if a < b else b, lambda a, b: simd.lesser(a, b)
-)
-maximum = _operation(
-    np.maximum, "fmax", lambda a, b: a if a > b else b, lambda a, b: simd.greater(a, b)
-)
-absolute = _operation(np.abs, "fabs", lambda x: math.fabs(x), lambda x: simd.fabs(x))
-sqrt = _operation(np.sqrt, "sqrt", lambda x: math.sqrt(x), lambda x: simd.sqrt(x))
-floor = _operation(np.floor, "floor", lambda x: np.floor(x), lambda x: simd.floor(x))
+simd.chosen(where)
+minimum = _emitted(np.minimum, "fmin", 2, _lesser)
+maximum = _emitted(np.maximum, "fmax", 2, _greater)
+absolute = _emitted(np.abs, "fabs", 1, simd.of_llvm("fabs"))
+sqrt = _emitted(np.sqrt, "sqrt", 1, simd.of_llvm("sqrt"))
+floor = _emitted(np.floor, "floor", 1, simd.of_llvm("floor"))
 
 
-@intrinsic
-def _write_exponent(typingctx, k):
-    """2**k for an integer-valued float k in [-1022, 1023], by writing the exponent's bits."""
+def _write_exponent(builder: Any, k: Any) -> Any:
+    word: ir.Type = ir.IntType(64)
+    if k.type != ir.DoubleType():
+        word = ir.VectorType(word, simd.WIDTH)
 
-    def generate(context, builder, signature, arguments):
-        integer = ir.IntType(64)
-        biased = builder.add(builder.fptosi(arguments[0], integer), ir.Constant(integer, 1023))
-        return builder.bitcast(builder.shl(biased, ir.Constant(integer, 52)), ir.DoubleType())
+    def words(number: int) -> ir.Constant:
+        return ir.Constant(word, number if k.type == ir.DoubleType() else [number] * simd.WIDTH)
 
-    return types.float64(types.float64), generate
+    # 1.5 * 2**52 + k holds k in its last bits; a conversion to integers is no vector code before AVX-512
+    shifted = builder.bitcast(builder.fadd(k, simd.constant(k, 6755399441055744.0)), word)
+    return builder.bitcast(builder.shl(builder.add(shifted, words(1023)), words(52)), k.type)
 
 
-_power_of_two = _operation(
-    np.exp2, "exp2", lambda k: _write_exponent(k), lambda k: simd.power_of_two(k)
-)
+_power_of_two = _emitted(np.exp2, "exp2", 1, _write_exponent)
+"""2**k for integer-valued k in [-1022, 1023], by writing the exponent's bits."""
 
 
 def _polynomial(*coefficients: float) -> Any:
-    """Horner's scheme with these coefficients, that of the highest power first; a chain of calls that are inlined."""
-    last = coefficients[-1]
-    if len(coefficients) == 1:
-        return equation(lambda x: last)
-    before = _polynomial(*coefficients[:-1])
-    return equation(lambda x: before(x) * x + last)
+    """Horner's scheme with these coefficients, that of the highest power first."""
+
+    def emit(builder: Any, x: Any) -> Any:
+        value = simd.constant(x, coefficients[0])
+        for coefficient in coefficients[1:]:
+            value = builder.fadd(builder.fmul(value, x), simd.constant(x, coefficient))
+        return value
+
+    return _emitted(lambda x: np.polyval(coefficients, x), "", 1, emit)
+
+
+def _written(plain: Callable[..., Any], symbolic: str, body: Callable[..., Any]) -> Any:
+    """An operation of which `body` is compiled in its place."""
+    operation = _operation(plain, symbolic)
+    overload(operation, jit_options=INLINED, strict=False)(lambda x: body)
+    return operation
 
 
 # exp(r) on |r| <= ln(2)/2: Taylor terms up to r**13/13!, remainder below 5e-18.
@@ -103,6 +115,19 @@ def _exp_polynomial(x):
     return _EXP(r) * _power_of_two(k)
 
 
+def _exp_of_vector(x):
+    # most axles do not slip, and then the tails of their curves ask for exp(0)
+    return _exp_polynomial(x) if simd.is_nonzero(x) else simd.spread(1.0)
+
+
+exp = _operation(np.exp, "exp")
+
+
+@overload(exp, jit_options=INLINED)
+def _exp(x):
+    return _exp_of_vector if isinstance(x, simd.Vector) else lambda x: _exp_polynomial(x + 0.0)
+
+
 # atan on [0, tan(pi/8)] after two reductions; odd rational minimax of the Cephes library.
 _ATAN_P = _polynomial(
     -8.750608600031904122785e-1, -1.615753718733365076637e1, -7.500855792314704667340e1,
@@ -115,7 +140,6 @@ _ATAN_Q = _polynomial(
 _TAN_3PI_8 = 2.41421356237309504880
 
 
-@equation
 def _atan_polynomial(x):
     a = absolute(x)
     large, middle = a > _TAN_3PI_8, a > 0.66
@@ -134,7 +158,6 @@ _SINE = _polynomial(*((-1.0) ** k / math.factorial(2 * k + 1) for k in range(10,
 _PI_HIGH, _PI_LOW = 3.14159265160560607910, 1.98418714791870343106e-09
 
 
-@equation
 def _sine_polynomial(x):
     k = floor(x * (1.0 / math.pi) + 0.5)
     r = (x - k * _PI_HIGH) - k * _PI_LOW
@@ -143,17 +166,8 @@ def _sine_polynomial(x):
     return (r + r * z * _SINE(z)) * (1.0 - 2.0 * odd)
 
 
-@equation
-def _exp_of_vector(x):
-    # most axles do not slip, and then the tails of their curves ask for exp(0)
-    return _exp_polynomial(x) if simd.is_nonzero(x) else simd.spread(1.0)
-
-
-exp = _operation(np.exp, "exp", lambda x: _exp_polynomial(x + 0.0), lambda x: _exp_of_vector(x))
-atan = _operation(
-    np.arctan, "atan", lambda x: _atan_polynomial(x + 0.0), lambda x: _atan_polynomial(x)
-)
-sine = _operation(np.sin, "sin", lambda x: _sine_polynomial(x + 0.0), lambda x: _sine_polynomial(x))
+atan = _written(np.arctan, "atan", _atan_polynomial)
+sine = _written(np.sin, "sin", _sine_polynomial)
 
 
 def interpolate(table: Any, share: Any) -> Any:

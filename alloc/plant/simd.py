@@ -7,6 +7,7 @@ a whole block. Compiled code only.
 
 import operator
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 from llvmlite import ir
@@ -72,82 +73,93 @@ def _spread(context: Any, builder: Any, source: Any, target: Any, value: Any) ->
     return _repeat(builder, _FLOATS, context.cast(builder, value, source, types.float64))
 
 
-def _operator(function: Any, result: types.Type, operands: int, instruction: Any) -> None:
-    """Teach Numba an operator of Python on vectors; `instruction` emits it."""
+def elementwise(
+    function: Any, emit: Callable[..., Any], operands: int, gives_mask: bool = False
+) -> None:
+    """Let compiled code call `function` with vectors, or with numbers as long as it is no operator of Python.
+
+    `emit` makes its instructions of LLVM's builder and the operands, all vectors or all numbers. It is compiled where it is
+    called; a function of Numba's own per type would take longer to compile than a law that calls it.
+    """
+    truth: Any = MASK if gives_mask else VECTOR
 
     class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            some = len(args) == operands and any(isinstance(kind, Vector) for kind in args)
-            return signature(result, *(VECTOR,) * operands) if some else None
+        key = function
 
-    infer_global(function)(Template)
-    lower_builtin(function, *(VECTOR,) * operands)(
-        lambda context, builder, sig, args: instruction(builder, *args)
-    )
+        def generic(self, args: Any, kws: Any) -> Any:
+            if len(args) != operands or not all(isinstance(kind, _NUMBERS) for kind in args):
+                return None
+            if any(isinstance(kind, Vector) for kind in args):
+                return signature(truth, *(VECTOR,) * operands)
+            return signature(types.float64, *(types.float64,) * operands)
+
+    infer_global(function, types.Function(Template))
+    for kind in (VECTOR, types.float64) if isinstance(function, FunctionType) else (VECTOR,):
+        lower_builtin(function, *(kind,) * operands)(
+            lambda context, builder, sig, args: emit(builder, *args)
+        )
+
+
+_NUMBERS = (Vector, types.Float, types.Integer)
+
+
+def of_llvm(name: str) -> Callable[..., Any]:
+    """Emits one of LLVM's functions of one operand, such as ``sqrt``."""
+
+    def emit(builder: Any, value: Any) -> Any:
+        kind = "f64" if value.type == ir.DoubleType() else f"v{WIDTH}f64"
+        signature_ = ir.FunctionType(value.type, [value.type])
+        function = cgutils.get_or_insert_function(builder.module, signature_, f"llvm.{name}.{kind}")
+        return builder.call(function, [value])
+
+    return emit
+
+
+def constant(value: Any, number: float) -> ir.Constant:
+    """`number` of the type of the operand `value`."""
+    return ir.Constant(value.type, number if value.type == ir.DoubleType() else [number] * WIDTH)
 
 
 def _compare(sign: str) -> Callable[..., Any]:
     return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
 
 
-_operator(operator.add, VECTOR, 2, ir.IRBuilder.fadd)
-_operator(operator.sub, VECTOR, 2, ir.IRBuilder.fsub)
-_operator(operator.mul, VECTOR, 2, ir.IRBuilder.fmul)
-_operator(operator.truediv, VECTOR, 2, ir.IRBuilder.fdiv)
-_operator(operator.neg, VECTOR, 1, ir.IRBuilder.fneg)
+elementwise(operator.add, ir.IRBuilder.fadd, 2)
+elementwise(operator.sub, ir.IRBuilder.fsub, 2)
+elementwise(operator.mul, ir.IRBuilder.fmul, 2)
+elementwise(operator.truediv, ir.IRBuilder.fdiv, 2)
+elementwise(operator.neg, ir.IRBuilder.fneg, 1)
 for _function, _sign in (
     (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="),
 ):  # fmt: skip
-    _operator(_function, MASK, 2, _compare(_sign))
+    elementwise(_function, _compare(_sign), 2, gives_mask=True)
 
 
-def elementwise(emit: Callable[..., Any], *operands: types.Type) -> Any:
-    """A compiled function of vectors; `emit` is called with LLVM's builder and the operands."""
+def chosen(function: Any) -> None:
+    """Let compiled code call `function` (condition, a, b) for `a` where the condition holds, else `b`."""
 
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return emit(builder, *args)
+    class Template(AbstractTemplate):
+        key = function
 
-    kinds = operands or (VECTOR,)
-    given = VECTOR(*kinds), generate
-    if len(kinds) == 1:
-        return intrinsic(lambda typingctx, a: given)
-    if len(kinds) == 2:
-        return intrinsic(lambda typingctx, a, b: given)
-    return intrinsic(lambda typingctx, a, b, c: given)
+        def generic(self, args: Any, kws: Any) -> Any:
+            condition, *values = args
+            if isinstance(condition, Mask) or any(isinstance(kind, Vector) for kind in values):
+                return signature(VECTOR, condition, VECTOR, VECTOR)
+            return signature(types.float64, types.boolean, types.float64, types.float64)
 
-
-def of_llvm(name: str) -> Any:
-    """One of LLVM's functions of one vector, such as ``sqrt``."""
-
-    def emit(builder: Any, value: Any) -> Any:
-        kind = ir.FunctionType(_FLOATS, [_FLOATS])
-        function = f"llvm.{name}.v{WIDTH}f64"
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, function), [value])
-
-    return elementwise(emit)
+    infer_global(function, types.Function(Template))
+    for condition, kind in (
+        (MASK, VECTOR), (types.boolean, VECTOR), (types.boolean, types.float64),
+    ):  # fmt: skip
+        lower_builtin(function, condition, kind, kind)(
+            lambda context, builder, sig, args: builder.select(*args)
+        )
 
 
-def _write_exponent(builder: Any, k: Any) -> Any:
-    # 1.5 * 2**52 + k holds k in its last bits; a conversion to integers is no vector code before AVX-512
-    shifted = builder.fadd(k, ir.Constant(_FLOATS, [6755399441055744.0] * WIDTH))
-    biased = builder.add(builder.bitcast(shifted, _WORDS), _constant(_WORDS, 1023))
-    return builder.bitcast(builder.shl(biased, _constant(_WORDS, 52)), _FLOATS)
-
-
-fabs, sqrt, floor = of_llvm("fabs"), of_llvm("sqrt"), of_llvm("floor")
-select = elementwise(
-    lambda builder, condition, a, b: builder.select(condition, a, b), MASK, VECTOR, VECTOR
-)
-lesser = elementwise(
-    lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b), VECTOR, VECTOR
-)
-greater = elementwise(
-    lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b), VECTOR, VECTOR
-)
-power_of_two = elementwise(_write_exponent)
-"""2**k for integer-valued k in [-1022, 1023], by writing the exponent's bits."""
-spread = elementwise(lambda builder, value: value)
-"""A number, `WIDTH` times."""
+@intrinsic
+def spread(typingctx, number):
+    """A number, `WIDTH` times."""
+    return VECTOR(VECTOR), lambda context, builder, sig, args: args[0]
 
 
 def _place(context: Any, builder: Any, kind: Any, array: Any, first: Any) -> Any:

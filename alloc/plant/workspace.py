@@ -10,9 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.by_reference import ByReference
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
 from alloc.plant.structure import Floats, Ints, Layout
+
+RUNGE_KUTTA = np.array(
+    [[0.0, 0.5, 1.0 / 6.0], [0.5, 0.5, 1.0 / 3.0], [0.5, 1.0, 1.0 / 3.0], [1.0, 0.0, 1.0 / 6.0]]
+)
+"""Stages of the classical fourth-order method: where in the step, reach to the next, weight. As data, or the compiler would
+write the right side out four times."""
 
 
 class Rows(NamedTuple):
@@ -144,6 +151,7 @@ class Workspace(NamedTuple):
     row: Rows
     place: Ints  # (rows,) of the state among those of the padded one
     rigid: bool
+    stages: Floats  # (4, 3) of the integrator
     axle: Axles
     car: Cars
     unit: Units
@@ -217,8 +225,8 @@ def _members(owner: Ints, count: int, absent: int) -> Ints:
     return found
 
 
-def workspace(model: Model, step: float) -> Workspace:
-    """Everything that `model` needs to be advanced with `step` [s]."""
+def workspace(model: Model, step: float) -> ByReference:
+    """Everything that `model` needs to be advanced with `step` [s]: a `Workspace`."""
     n, s, e = model.layout, model.structure, model.environment
     row = _rows(n)
     axles, absent = padded(n.axles), row.nothing
@@ -231,77 +239,80 @@ def workspace(model: Model, step: float) -> Workspace:
         [round(brake.dead_time / step) for brake in model.train.brake_groups], dtype=np.int64
     )
     points, slots = s.drive_table.shape[1], int(delay.max(initial=0)) + 1
-    return _packed(
-        Workspace(
-            n,
-            row,
-            np.concatenate(
-                [first + np.arange(size) for first, size in zip(row, _sizes(n), strict=False)]
-            ),
-            n.bodies == 1,
-            Axles(
-                *map(_filled, (s.axle_offset, s.radius)),
-                _filled(s.inertia, 1.0),
-                _filled(1.0 / s.inertia),
-                *map(_filled, (s.gear, s.static_load, s.unloading, s.shoe_gain * s.radius)),
-                _filled(e.law[::2]),
-                _filled(e.increment),
-                _indices(s.axle_body, 0),
-                _indices(s.axle_car, 0),
-                _indices(row.position + s.axle_body, row.position),
-                _indices(row.speed + s.axle_body, row.speed),
-                _indices(np.where(s.axle_unit < 0, -1, row.torque + s.axle_unit), absent),
-                _indices(np.where(s.axle_group < 0, -1, row.pressure + s.axle_group), absent),
-            ),
-            Cars(
-                of_car,
-                _indices(row.position + s.car_body, absent),
-                _indices(row.speed + s.car_body, absent),
-                _filled(s.car_offset),
-                _filled(s.car_mass),
-                _filled(s.car_resistance.T),
-                _filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
-                _filled(s.body_mass, 1.0),
-                np.stack([_filled(np.append(values, np.zeros(1))) for values in s.coupler.T]),
-            ),
-            Units(
-                np.where(of_unit < 0, absent, row.omega + of_unit),
-                share,
-                _filled(s.unit_lag, 1.0),
-                _filled(e.failure_time),
-                points * _filled(np.arange(float(n.units))),
-                *(np.append(table, np.zeros(2)) for table in (s.drive_table, s.brake_table)),
-                max(points, 2) - 1.000001,
-                _filled(s.group_fill, 1.0),
-                _filled(s.group_release, 1.0),
-            ),
-            Rail(
-                *e[: e._fields.index("curve") + 1],
-                e.law[1, 0],
-                *e[e._fields.index("patch") : e._fields.index("line_origin")],
-                *e.line,
-                e.line_origin,
-                e.line_spacing,
-                bool(np.all(e.line == e.line[:, :1])),
-                e.receptivity,
-            ),
-            Scratch(
-                *np.zeros((4, row.end)),
-                np.zeros((e.patch.shape[0], 5)),
-                np.zeros(padded(n.bodies)),
-                *np.zeros((2, axles)),
-                np.zeros((2, axles + WIDTH)),
-                *np.zeros((3, padded(n.cars))),
-                np.zeros(WIDTH + padded(n.cars)),
-                np.zeros(padded(n.units)),
-                *np.zeros((2, padded(n.groups))),
-                np.zeros(axles),
-                np.zeros(cells if e.conditioned else 1),
-                np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
-                *np.zeros((2, n.groups, slots)),
-                delay,
-                np.zeros(1, dtype=np.int64),
-            ),
-            Noted(np.zeros(n.axles), np.zeros(n.bodies)),
+    return ByReference(
+        _packed(
+            Workspace(
+                n,
+                row,
+                np.concatenate(
+                    [first + np.arange(size) for first, size in zip(row, _sizes(n), strict=False)]
+                ),
+                n.bodies == 1,
+                RUNGE_KUTTA,
+                Axles(
+                    *map(_filled, (s.axle_offset, s.radius)),
+                    _filled(s.inertia, 1.0),
+                    _filled(1.0 / s.inertia),
+                    *map(_filled, (s.gear, s.static_load, s.unloading, s.shoe_gain * s.radius)),
+                    _filled(e.law[::2]),
+                    _filled(e.increment),
+                    _indices(s.axle_body, 0),
+                    _indices(s.axle_car, 0),
+                    _indices(row.position + s.axle_body, row.position),
+                    _indices(row.speed + s.axle_body, row.speed),
+                    _indices(np.where(s.axle_unit < 0, -1, row.torque + s.axle_unit), absent),
+                    _indices(np.where(s.axle_group < 0, -1, row.pressure + s.axle_group), absent),
+                ),
+                Cars(
+                    of_car,
+                    _indices(row.position + s.car_body, absent),
+                    _indices(row.speed + s.car_body, absent),
+                    _filled(s.car_offset),
+                    _filled(s.car_mass),
+                    _filled(s.car_resistance.T),
+                    _filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
+                    _filled(s.body_mass, 1.0),
+                    np.stack([_filled(np.append(values, np.zeros(1))) for values in s.coupler.T]),
+                ),
+                Units(
+                    np.where(of_unit < 0, absent, row.omega + of_unit),
+                    share,
+                    _filled(s.unit_lag, 1.0),
+                    _filled(e.failure_time),
+                    points * _filled(np.arange(float(n.units))),
+                    *(np.append(table, np.zeros(2)) for table in (s.drive_table, s.brake_table)),
+                    max(points, 2) - 1.000001,
+                    _filled(s.group_fill, 1.0),
+                    _filled(s.group_release, 1.0),
+                ),
+                Rail(
+                    *e[: e._fields.index("curve") + 1],
+                    e.law[1, 0],
+                    *e[e._fields.index("patch") : e._fields.index("line_origin")],
+                    *e.line,
+                    e.line_origin,
+                    e.line_spacing,
+                    bool(np.all(e.line == e.line[:, :1])),
+                    e.receptivity,
+                ),
+                Scratch(
+                    *np.zeros((4, row.end)),
+                    np.zeros((e.patch.shape[0], 5)),
+                    np.zeros(padded(n.bodies)),
+                    *np.zeros((2, axles)),
+                    np.zeros((2, axles + WIDTH)),
+                    *np.zeros((3, padded(n.cars))),
+                    np.zeros(WIDTH + padded(n.cars)),
+                    np.zeros(padded(n.units)),
+                    *np.zeros((2, padded(n.groups))),
+                    np.zeros(axles),
+                    np.zeros(cells if e.conditioned else 1),
+                    np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
+                    *np.zeros((2, n.groups, slots)),
+                    delay,
+                    np.zeros(1, dtype=np.int64),
+                ),
+                Noted(np.zeros(n.axles), np.zeros(n.bodies)),
+            )
         )
     )

@@ -1,0 +1,190 @@
+"""Nested records of arrays for compiled code, handed over as one address.
+
+Numba hands a `NamedTuple` over by value, field by field, seven numbers per array: with the hundreds of arrays of a run
+this was most of what compiling took, and more than the work of a short step. Here compiled code gets the address of a
+block that holds the numbers and where the arrays begin; it reads fields as those of the `NamedTuple`.
+"""
+
+import hashlib
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer,
+    infer_getattr,
+    signature,
+)
+from numba.extending import (
+    NativeValue,
+    lower_builtin,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np.numpy_support import from_dtype
+
+_WORD = ir.IntType(64)
+
+
+class Field(NamedTuple):
+    """A field of a record: its type, and its first word in the block."""
+
+    kind: types.Type
+    word: int
+
+
+class Record(types.Type):
+    """Numba's type of a record by its address; records of equal fields are of one type."""
+
+    def __init__(self, name: str, fields: tuple[tuple[str, Field], ...]) -> None:
+        self.fields = dict(fields)
+        digest = hashlib.sha256(repr((name, fields)).encode()).hexdigest()[:12]
+        super().__init__(name=f"{name}_{digest}")
+
+
+class ByReference:
+    """A `NamedTuple` of numbers, arrays and further ones, to be handed to compiled code; in Python it has their fields.
+
+    Arrays must be contiguous; they are shared, numbers are copied. Raises `TypeError` for what is neither.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self._value = value
+        words: list[int] = []
+        self.kind = _lay_out(value, words)
+        self._block = np.array(words, dtype=np.uint64)
+        self.address = self._block.ctypes.data
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._value, name)
+
+
+def _lay_out(value: Any, words: list[int]) -> Record:
+    """Append the words of `value`; an array takes its address and shape, a number one word."""
+    fields, start = [], len(words)
+    for name, item in zip(value._fields, value, strict=True):
+        word = len(words) - start
+        if isinstance(item, ByReference):
+            item = item._value
+        if isinstance(item, tuple) and hasattr(item, "_fields"):
+            kind: types.Type = _lay_out(item, words)
+        elif isinstance(item, np.ndarray):
+            if not item.flags.c_contiguous:
+                raise TypeError(f"{type(value).__name__}.{name}: the array is not contiguous")
+            kind = types.Array(from_dtype(item.dtype), item.ndim, "C")
+            words += [item.ctypes.data, *item.shape]
+        elif isinstance(item, bool | np.bool_):
+            kind = types.boolean
+            words.append(int(item))
+        elif isinstance(item, int | np.integer):
+            kind = types.int64
+            words.append(int(np.int64(item).view(np.uint64)))
+        elif isinstance(item, float):
+            kind = types.float64
+            words.append(int(np.float64(item).view(np.uint64)))
+        elif item is None:
+            kind = types.none
+        else:
+            raise TypeError(
+                f"{type(value).__name__}.{name}: {type(item).__name__} is neither number, array nor record"
+            )
+        fields.append((name, Field(kind, word)))
+    return Record(type(value).__name__, tuple(fields))
+
+
+@register_model(Record)
+class _RecordModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: types.Type) -> None:
+        super().__init__(manager, kind, _WORD.as_pointer())
+
+
+@typeof_impl.register(ByReference)
+def _typeof(value: ByReference, context: Any) -> Record:
+    return value.kind
+
+
+@unbox(Record)
+def _unbox(kind: Record, value: Any, context: Any) -> NativeValue:
+    address = context.pyapi.object_getattr_string(value, "address")
+    number = context.pyapi.long_as_ulonglong(address)
+    context.pyapi.decref(address)
+    return NativeValue(context.builder.inttoptr(number, _WORD.as_pointer()))
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = Record
+
+    def generic_resolve(self, kind: Record, name: str) -> types.Type | None:
+        return kind.fields[name].kind if name in kind.fields else None
+
+
+@infer
+class _Items(AbstractTemplate):
+    key = "static_getitem"
+
+    def generic(self, args: Any, kws: Any) -> Any:
+        kind, index = args
+        if isinstance(kind, Record) and isinstance(index, int):
+            return signature(list(kind.fields.values())[index].kind, *args)
+        return None
+
+
+@lower_builtin("static_getitem", Record, types.IntegerLiteral)
+def _read_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    block, index = args
+    return _read(context, builder, sig.args[0], block, list(sig.args[0].fields)[index])
+
+
+@lower_getattr_generic(Record)
+def _read(context: Any, builder: Any, kind: Record, block: Any, name: str) -> Any:
+    field = kind.fields[name]
+
+    def word(k: int, of: ir.Type = _WORD) -> Any:
+        place = builder.gep(block, [ir.Constant(_WORD, k)])
+        value = builder.load(builder.bitcast(place, of.as_pointer()), align=8)
+        # nothing writes to the block while compiled code runs
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+
+    if isinstance(field.kind, Record):
+        return builder.gep(block, [ir.Constant(_WORD, field.word)])
+    if field.kind == types.none:
+        return context.get_dummy_value()
+    if isinstance(field.kind, types.Array):
+        return _array(context, builder, field, word)
+    if field.kind == types.float64:
+        return word(field.word, ir.DoubleType())
+    number = word(field.word)
+    return builder.trunc(number, ir.IntType(1)) if field.kind == types.boolean else number
+
+
+def _array(context: Any, builder: Any, field: Field, word: Any) -> Any:
+    """Numba's description of an array, of its address and shape; nobody owns it."""
+    kind: Any = field.kind
+    array = context.make_array(kind)(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    shape = [word(field.word + 1 + k) for k in range(kind.ndim)]
+    strides = [ir.Constant(_WORD, size)]
+    for count in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], count))
+    items = shape[0] if shape else ir.Constant(_WORD, 1)
+    for count in shape[1:]:
+        items = builder.mul(items, count)
+    data = builder.inttoptr(word(field.word), context.get_data_type(kind.dtype).as_pointer())
+    context.populate_array(
+        array,
+        data=data,
+        shape=cgutils.pack_array(builder, shape),
+        strides=cgutils.pack_array(builder, strides),
+        itemsize=size,
+        meminfo=None,
+    )
+    return array._getvalue()
