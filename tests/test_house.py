@@ -66,7 +66,13 @@ def test_rooms_do_not_import_each_other_in_a_circle():
 
 
 def test_plant_knows_nothing_of_what_runs_on_board():
-    below = ("alloc.plant", "alloc.compilation", "alloc.errors", "alloc.registry")
+    below = (
+        "alloc.plant",
+        "alloc.by_reference",
+        "alloc.compilation",
+        "alloc.errors",
+        "alloc.registry",
+    )
     for name in TREES:
         if name.startswith("alloc.plant."):
             assert all(

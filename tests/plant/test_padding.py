@@ -156,11 +156,12 @@ def test_states_come_back_as_they_went():
         np.testing.assert_array_equal(back, state)
 
 
-def _arrays(parts):
-    for part in parts:
+def _arrays(record):
+    for name in getattr(record, "_fields", ()):
+        part = getattr(record, name)
         if isinstance(part, np.ndarray) and part.size:
             yield part
-        elif isinstance(part, tuple):
+        else:
             yield from _arrays(part)
 
 
