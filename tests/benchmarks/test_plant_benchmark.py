@@ -1,11 +1,10 @@
-"""Cost of the plant per axle and step of 1 ms, RK4, 16 cars and 64 axles, all ways in one run.
+"""Cost of the plant per axle and step of RK4, one train at a time: ours on several trains, and all ways on one of them.
 
 `make bench` measures; as an ordinary test each way takes a few steps and only its result is checked. Ratios are
 compared within one run only, with wide margins: the machine may be busy.
 """
 
 import math
-import os
 import time
 
 import casadi
@@ -18,131 +17,130 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.sets import find_set
-from tests.benchmarks.batch import Batch
-from tests.plant.numpy_plant import environment_at
+from tests.benchmarks.jax_peer import advance_with_jax
+from tests.plant.numpy_plant import environment_at, right_side, runge_kutta_step
 
-STEP = 1e-3
 SPEED = 20.0
-LANES = 16
+STATES = 64
+"""States that JAX advances side by side."""
 STEPS = 20
-"""Steps per round and lane; a multiple of them where a way is fast."""
+"""Steps per round; a multiple of them where a way is fast."""
+PEER = "high-speed-16car"
+"""The train on which all ways are measured."""
+STEP = {"one-axle": 5e-5, "freight-17": 5e-4}
+"""Step of each train [s], where it is not the usual one."""
 
 
-def _model(lanes: int) -> Model:
-    train = find_set("high-speed-16car")
-    growth = tuple(logarithmic_increments(train.axle_count))
-    rails = [
-        Rail(
-            0.9, "shinkansen", patches=(Patch(0.6, start=5.0),), increments=growth,
-            scatter=0.012, seed=seed,
-        )
-        for seed in range(lanes)
-    ]  # fmt: skip
-    return build(train, rails)
+def _step(name: str) -> float:
+    return STEP.get(name, 1e-3)
+
+
+def _model(name: str) -> Model:
+    train = find_set(name)
+    rail = Rail(
+        0.9, "shinkansen", patches=(Patch(0.6, start=-40.0),), scatter=0.012, seed=3,
+        increments=tuple(logarithmic_increments(train.axle_count)),
+    )  # fmt: skip
+    model = build(train, rail)
+    assert model.substeps(_step(name)) == 1, "such a step is too long"
+    return model
 
 
 def _inputs(model: Model) -> Inputs:
     inputs = model.zero_inputs()
-    inputs.torque_command[:] = np.linspace(300.0, 900.0, model.layout.units)[:, None]
+    inputs.torque_command[:] = np.linspace(300.0, 900.0, model.layout.units)
     return inputs
 
 
-def _compiled(lanes: int):
-    model = _model(lanes)
-    inputs, w = _inputs(model), compiled.workspace(model, STEP)
-    sizes, start = model.layout, model.initial_state(SPEED)
+def _start(model: Model, slip: float = 0.0):
+    """The train at `SPEED`; every second wheel turns faster by the share `slip`."""
+    state = model.initial_state(SPEED)
+    state[model.layout.omega][::2] *= 1.0 + slip
+    return state
+
+
+def _compiled(name: str, slip: float = 0.0):
+    model, step = _model(name), _step(name)
+    inputs, w, start = _inputs(model), compiled.workspace(model, step), _start(model, slip)
 
     def advance(steps):
         state = start.copy()
-        w.clock[0] = 0
-        compiled.advance(
-            model.structure, model.environment, sizes, 0.0, STEP, steps, state, inputs, w
-        )
+        compiled.advance(w, 0.0, step, steps, state, inputs)
         return state
 
     return advance
 
 
-def _numpy_rate(model: Model):
-    """Right side with NumPy, vectorised over the axles, of a state (rows,) or (rows, 1)."""
-    arrays, inputs, rows = ArrayModel.of(model), _inputs(model), model.layout.rows
-
-    def rate(t, x):
-        state = x.reshape(rows, 1)
-        local = environment_at(model, t, state, arrays=arrays)
-        return arrays.derivative(state, inputs, local).reshape(x.shape)
-
-    return rate
-
-
-def _runge_kutta(rate, state, steps):
-    for k in range(steps):
-        t = k * STEP
-        a = rate(t, state)
-        b = rate(t + STEP / 2, state + STEP / 2 * a)
-        c = rate(t + STEP / 2, state + STEP / 2 * b)
-        d = rate(t + STEP, state + STEP * c)
-        state = state + STEP / 6 * (a + 2 * b + 2 * c + d)
-    return state
-
-
-def _numpy():
-    model = _model(1)
-    rate, start = _numpy_rate(model), model.initial_state(SPEED)
-    return lambda steps: _runge_kutta(rate, start, steps)
-
-
-def _scipy():
-    model = _model(1)
-    rate, start = _numpy_rate(model), model.initial_state(SPEED)[:, 0]
+def _numpy(name: str, slip: float = 0.0):
+    model, step = _model(name), _step(name)
+    rate, start = right_side(model, _inputs(model)), _start(model, slip)
 
     def advance(steps):
-        end = steps * STEP
-        solution = solve_ivp(rate, (0.0, end), start, rtol=1e-6, atol=1e-6, max_step=STEP * 3)
-        assert solution.success
-        return solution.y[:, -1:]
+        state = start
+        for k in range(steps):
+            state = runge_kutta_step(rate, k * step, step, state)
+        return state
 
     return advance
 
 
-def _casadi_rate(model: Model):
-    """Symbols and right side in SX, environment held at its starting values (CasADi has no field of the rail)."""
+def _scipy():
+    model = _model(PEER)
+    rate, start = right_side(model, _inputs(model)), _start(model)
+
+    def advance(steps):
+        end = steps * _step(PEER)
+        tolerances = {"rtol": 1e-6, "atol": 1e-6, "max_step": 3.0 * _step(PEER)}
+        solution = solve_ivp(rate, (0.0, end), start, **tolerances)
+        assert solution.success
+        return solution.y[:, -1]
+
+    return advance
+
+
+def _held(model: Model):
+    """Right side of a state alone, the environment held as it is at the start: CasADi has no field of the rail."""
+    arrays, local = ArrayModel.of(model), environment_at(model, 0.0, _start(model))
+
+    def rate(state, number=np.asarray):
+        inputs, held = Inputs(*map(number, _inputs(model))), Local(*map(number, local))
+        return arrays.derivative(state, inputs, held)
+
+    return rate
+
+
+def _casadi_rate():
+    """Symbols and right side in SX, and the start."""
+    model = _model(PEER)
     state = casadi.SX.sym("state", model.layout.rows)
-    start = model.initial_state(SPEED)
-    local = environment_at(model, 0.0, start)
-    inputs = Inputs(*(casadi.DM(values[:, 0]) for values in _inputs(model)))
-    held = Local(*(casadi.DM(values[:, 0]) for values in local))
-    return state, ArrayModel.of(model).derivative(state, inputs, held), start[:, 0]
+    return state, _held(model)(state, casadi.DM), _start(model)
 
 
 def _casadi_function():
-    state, slope, start = _casadi_rate(_model(1))
+    state, slope, start = _casadi_rate()
     rate = casadi.Function("rate", [state], [slope])
     x = casadi.SX.sym("x", state.numel())
-    a = rate(x)
-    b = rate(x + STEP / 2 * a)
-    c = rate(x + STEP / 2 * b)
-    d = rate(x + STEP * c)
-    step = casadi.Function("step", [x], [x + STEP / 6 * (a + 2 * b + 2 * c + d)])
+    ahead = runge_kutta_step(lambda _, value: rate(value), 0.0, _step(PEER), x)
+    step = casadi.Function("step", [x], [ahead])
 
     def advance(steps):
         value = start
         for _ in range(steps):
             value = step(value)
-        return np.asarray(value)
+        return np.asarray(value).ravel()
 
     return advance
 
 
 def _cvodes():
-    state, slope, start = _casadi_rate(_model(1))
+    state, slope, start = _casadi_rate()
     problem = {"x": state, "ode": slope}
 
     def advance(steps):
         options = {"abstol": 1e-6, "reltol": 1e-6}
-        solver = casadi.integrator("solver", "cvodes", problem, 0.0, steps * STEP, options)
+        solver = casadi.integrator("solver", "cvodes", problem, 0.0, steps * _step(PEER), options)
         began = time.perf_counter()
-        end = np.asarray(solver(x0=start)["xf"])
+        end = np.asarray(solver(x0=start)["xf"]).ravel()
         # without setting the solver up, the least of all rounds
         advance.seconds = min(advance.seconds, time.perf_counter() - began)
         return end
@@ -151,52 +149,54 @@ def _cvodes():
     return advance
 
 
-def _threads(threads: int, lanes: int):
-    model = _model(lanes)
-    inputs = _inputs(model)
-    batch = Batch(model, model.initial_state(SPEED), STEP, threads)
-
-    def advance(steps):  # goes on from where it is: the first call is the one that is checked
-        batch.advance(0.0, steps, inputs)
-        return batch.state
-
-    return advance
+def _jax(states: int, holds: bool):
+    pytest.importorskip("jax")
+    model = _model(PEER)
+    held, full = _held(model), right_side(model, _inputs(model))
+    start = _start(model) if states == 1 else np.tile(_start(model), (states, 1))
+    rate = (lambda _, state: held(state)) if holds else full
+    advance = advance_with_jax(rate, _step(PEER), start)
+    return lambda steps: np.atleast_2d(advance(steps))[-1]
 
 
 WAYS = {
-    "compiled": (lambda: _compiled(1), 1, 10),
-    "numpy": (_numpy, 1, 1),
+    "commuter-8car": (lambda: _compiled("commuter-8car"), 20, 1),
+    PEER: (lambda: _compiled(PEER), 10, 1),
+    "freight-17": (lambda: _compiled("freight-17"), 10, 1),
+    "one-axle": (lambda: _compiled("one-axle"), 200, 1),
+    f"{PEER} slipping": (lambda: _compiled(PEER, 0.05), 10, 1),
+    "numpy": (lambda: _numpy(PEER), 1, 1),
     "solve_ivp": (_scipy, 1, 1),
-    "casadi function": (_casadi_function, 1, 1),
-    "casadi cvodes": (_cvodes, 1, 1),
-    "batch of 16": (lambda: _compiled(LANES), LANES, 4),
-    "batch of 32": (lambda: _compiled(2 * LANES), 2 * LANES, 2),
-    "batch of 32 on 2 threads": (lambda: _threads(2, 2 * LANES), 2 * LANES, 2),
+    "casadi function, held": (_casadi_function, 1, 1),
+    "casadi cvodes, held": (_cvodes, 1, 1),
+    "jax": (lambda: _jax(1, False), 2, 1),
+    "jax, held": (lambda: _jax(1, True), 2, 1),
+    f"jax, {STATES} states": (lambda: _jax(STATES, False), 1, STATES),
+    f"jax, {STATES} states, held": (lambda: _jax(STATES, True), 1, STATES),
 }
-"""Way, its lanes, and how many times `STEPS` steps one round takes."""
+"""Way, how many times `STEPS` steps one round takes, and its states.
+
+Those named by a train are the compiled plant; "held": without the field of the rail and the tables.
+"""
 
 
 @pytest.fixture(scope="module")
 def cost():
-    """Nanoseconds per axle, lane and step by way, filled in as the benchmarks run."""
+    """Nanoseconds per axle, state and step by way, filled in as the benchmarks run."""
     return {}
 
 
-@pytest.fixture(scope="module")
-def reference():
-    """State after `STEPS` steps of the compiled plant."""
-    return _compiled(1)(STEPS)
-
-
 @pytest.mark.parametrize("way", WAYS)
-def test_cost_per_axle_and_step(benchmark, cost, reference, way):
-    make, lanes, times = WAYS[way]
+def test_cost_per_axle_and_step(benchmark, cost, way):
+    make, times, states = WAYS[way]
     advance = make()
-    state = advance(STEPS)
-    # those with the environment held differ by what it does in 20 ms
-    tolerance = 1e-3 if way.startswith("casadi") else 1e-6
-    speeds = slice(0, 2)
-    np.testing.assert_allclose(state[speeds, :1], reference[speeds], rtol=tolerance)
+    name, _, slipping = way.partition(" ")
+    name = name if name in WAYS and "-" in name else PEER
+    expected = _numpy(name, 0.05 if slipping == "slipping" else 0.0)(STEPS)
+    # where the environment is held, they differ by what it does in 20 ms
+    tolerance = 1e-3 if way.endswith("held") else 1e-6
+    rolling = slice(0, _model(name).layout.omega.stop)
+    np.testing.assert_allclose(advance(STEPS)[rolling], expected[rolling], rtol=tolerance)
     if not benchmark.enabled:
         benchmark(lambda: None)
         return
@@ -204,25 +204,17 @@ def test_cost_per_axle_and_step(benchmark, cost, reference, way):
     benchmark.pedantic(advance, args=(steps,), rounds=25, warmup_rounds=1)
     # short rounds and the least of many: least disturbed by other processes
     seconds = getattr(advance, "seconds", benchmark.stats.stats.min)
-    cost[way] = seconds / (steps * lanes * reference_axles()) * 1e9
+    cost[way] = seconds / (steps * states * find_set(name).axle_count) * 1e9
     benchmark.extra_info["ns per axle-step"] = round(cost[way], 1)
-
-
-def reference_axles() -> int:
-    """Axles of the train."""
-    return find_set("high-speed-16car").axle_count
 
 
 def test_ratios(benchmark, cost):
     """Wide margins; the numbers themselves are in each benchmark's extra info."""
     benchmark(lambda: None)
-    if len(cost) < len(WAYS):
+    if len(cost) < len([way for way in WAYS if "jax" not in way]):
         pytest.skip("needs the costs of the whole module: run with --benchmark-enable")
     benchmark.extra_info.update({way: round(value, 1) for way, value in cost.items()})
-    assert cost["numpy"] > 5.0 * cost["compiled"]
-    assert cost["solve_ivp"] > 5.0 * cost["compiled"]
-    assert cost["casadi cvodes"] > 1.5 * cost["compiled"]
-    assert cost["casadi function"] > 2.5 * cost["batch of 16"]  # without the rail's field at that
-    assert cost["compiled"] > 3.5 * cost["batch of 16"]
-    if os.cpu_count() > 1 and os.getloadavg()[0] < 1.2:  # this run itself makes a load of one
-        assert cost["batch of 16"] > 1.3 * cost["batch of 32 on 2 threads"]
+    least = {"numpy": 100.0, "solve_ivp": 100.0, "casadi cvodes, held": 15.0}
+    least |= {"casadi function, held": 5.0, "jax": 3.0, f"jax, {STATES} states": 1.5}
+    for way, ratio in least.items():
+        assert cost.get(way, math.inf) > ratio * cost[PEER], way

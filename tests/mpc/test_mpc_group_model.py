@@ -48,25 +48,23 @@ def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
     assert sorted({context.car for context in group}) == list(range(cars))
     n, rng = plant.layout, np.random.default_rng(2)
     state = plant.initial_state(12.0)
-    state[n.omega, 0] += rng.uniform(0.0, 0.2, n.axles) / 0.43
-    state[n.torque, 0] = rng.uniform(200.0, 600.0, n.units)
+    state[n.omega] += rng.uniform(0.0, 0.2, n.axles) / 0.43
+    state[n.torque] = rng.uniform(200.0, 600.0, n.units)
     command = rng.uniform(300.0, 700.0, n.units)
-    peak = environment_at(plant, 0.0, state).peak[:, 0]
+    peak = environment_at(plant, 0.0, state).peak
     pick = np.r_[n.speed, n.omega, n.torque]
     count = substeps(group, PERIOD)
     predict = step_function(unit_model(group), PERIOD, count)
-    before = state[pick, 0].copy()
+    before = state[pick].copy()
     predicted = np.asarray(predict(before, command, parameters(group, peak))).ravel()
     # the factors of load transfer are the last of the parameters
     factors = np.concatenate([np.ones(n.axles + 8 + 5 * len(group)), np.zeros(n.axles)])
     constant = predict(before, command, parameters(group, peak) * factors)
     inputs = plant.zero_inputs()
-    inputs.torque_command[:, 0] = command
-    compiled.advance(
-        plant.structure, plant.environment, n, 0.0, PERIOD / count, count, state,
-        inputs, compiled.workspace(plant, PERIOD / count),
-    )  # fmt: skip
-    np.testing.assert_allclose(predicted, state[pick, 0], rtol=1e-11)
+    inputs.torque_command[:] = command
+    w = compiled.workspace(plant, PERIOD / count)
+    compiled.advance(w, 0.0, PERIOD / count, count, state, inputs)
+    np.testing.assert_allclose(predicted, state[pick], rtol=1e-11)
     assert np.abs(np.asarray(constant).ravel() - predicted).max() > 1e-3, (
         "load transfer must matter here"
     )

@@ -44,22 +44,20 @@ def _compare(curve, slip, step):
     context = unit_contexts(plant, equipment(plant, onboard), onboard, "mpc")[0]
     n = plant.layout
     state = plant.initial_state(12.0)
-    state[n.omega, 0] += np.array(slip) / 0.43
-    state[n.torque, 0] = 400.0
-    peak = environment_at(plant, 0.0, state).peak[:, 0]
+    state[n.omega] += np.array(slip) / 0.43
+    state[n.torque] = 400.0
+    peak = environment_at(plant, 0.0, state).peak
     pick = np.r_[n.speed, n.omega, n.torque]
     model = unit_model(context)
     step = PERIOD / substeps(context, PERIOD) if step is None else step
     predict = step_function(model, PERIOD, round(PERIOD / step))
-    before = state[pick, 0].copy()
+    before = state[pick].copy()
     predicted = np.asarray(predict(before, 650.0, parameters(context, peak))).ravel()
     inputs = plant.zero_inputs()
     inputs.torque_command[:] = 650.0
-    compiled.advance(
-        plant.structure, plant.environment, n, 0.0, step, round(PERIOD / step), state,
-        inputs, compiled.workspace(plant, step),
-    )  # fmt: skip
-    return before, state[pick, 0], predicted
+    w = compiled.workspace(plant, step)
+    compiled.advance(w, 0.0, step, round(PERIOD / step), state, inputs)
+    return before, state[pick], predicted
 
 
 @pytest.mark.parametrize("slip", [(0.0,) * 4, (0.02, 0.05, 0.1, 0.3)], ids=["rolling", "slipping"])

@@ -1,4 +1,7 @@
-"""What the tests know of the plant beside its right side: its true environment and its energy, with NumPy."""
+"""What the tests know of the plant beside its right side, with NumPy: its true environment, its energy, and RK4."""
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +10,7 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import coupler_stretch, speed_decline
 from alloc.plant.field import patch_factor, peak_coefficient, scatter_knot, window
-from alloc.plant.model import Model
+from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
 
 
@@ -20,20 +23,22 @@ def coupler_spring_energy(stretch, stiffness, stiffening):
 def mechanical_energy(model, state):
     """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], of `state` (rows,)."""
     s, n = model.structure, model.layout
-    kinetic = (0.5 * s.body_mass * state[n.speed] ** 2).sum(axis=0)
-    rotating = (0.5 * s.inertia * state[n.omega] ** 2).sum(axis=0)
+    kinetic = (0.5 * s.body_mass * state[n.speed] ** 2).sum()
+    rotating = (0.5 * s.inertia * state[n.omega] ** 2).sum()
     stiffness, stiffening, _, slack = s.coupler.T
     position = state[n.position]
     stretch = coupler_stretch(position[:-1] - position[1:], slack)
-    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum(axis=0)
+    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum()
 
 
-def _table(tables: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear interpolation of each row of `tables` (rows, points) at its `x` (rows,) in grid units."""
-    bounded = np.clip(x, 0.0, tables.shape[1] - 1.000001)
+def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear interpolation at `x` (rows,), in grid units, in `table` (points,) or in one per row, (rows, points)."""
+    rows, points = np.arange(len(table) if table.ndim == 2 else 1), table.shape[-1]
+    bounded = np.clip(x, 0.0, points - 1.000001)
     k = bounded.astype(np.int64)
-    row = np.arange(tables.shape[0])
-    return np.asarray(tables[row, k] + (tables[row, k + 1] - tables[row, k]) * (bounded - k))
+    flat, place = table.ravel(), points * rows + k
+    low, high = (np.take_along_axis(flat, place + one, 0) for one in (0, 1))
+    return low + (high - low) * (bounded - k)
 
 
 def environment_at(
@@ -56,9 +61,7 @@ def environment_at(
     for p in e.patch:
         weight = window(position, p[1], p[2], p[3])
         patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
-    scatter = _table(
-        np.broadcast_to(e.noise, (n.axles, e.noise.size)), scatter_knot(position, e.noise_length)
-    )
+    scatter = _table(e.noise, scatter_knot(position, e.noise_length))
     conditioning = 0.0 if cleaning is None else e.conditioning * cleaning
     decline = speed_decline(speed, e.law[1])
     peak = peak_coefficient(
@@ -69,12 +72,30 @@ def environment_at(
     rim = np.abs(rim) / EFFORT_SPEED_STEP
     wave = sine(2.0 * np.pi * time / e.receptivity[2] + e.receptivity[3])
     receptivity = minimum(maximum(e.receptivity[0] + e.receptivity[1] * wave, 0.0), 1.0)
-    both = np.broadcast_to
     return Local(
         peak=peak,
-        grade=_table(both(e.line[0], (n.cars, e.line.shape[1])), place),
-        air_factor=_table(both(e.line[1], (n.cars, e.line.shape[1])), place),
+        grade=_table(e.line[0], place),
+        air_factor=_table(e.line[1], place),
         drive_limit=_table(s.drive_table, rim),
         brake_limit=_table(s.brake_table, rim) * receptivity,
         health=(time < e.failure_time).astype(float),
     )
+
+
+def right_side(model: Model, inputs: Inputs) -> Callable[..., Any]:
+    """Derivative of a state (rows,) in its true environment, as a function of time [s] and state."""
+    arrays = ArrayModel.of(model)
+
+    def rate(time: Any, state: Any) -> Any:
+        return arrays.derivative(state, inputs, environment_at(model, time, state, arrays=arrays))
+
+    return rate
+
+
+def runge_kutta_step(rate: Callable[..., Any], time: Any, step: float, state: Any) -> Any:
+    """The state one step of the classical fourth-order method later."""
+    a = rate(time, state)
+    b = rate(time + 0.5 * step, state + 0.5 * step * a)
+    c = rate(time + 0.5 * step, state + 0.5 * step * b)
+    d = rate(time + step, state + step * c)
+    return state + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)

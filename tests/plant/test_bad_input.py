@@ -130,9 +130,7 @@ def test_impossible_parameter_is_named(make, fields, named):
 
 RAIL = Rail(0.2)
 MISFITS = [
-    ({"rail": []}, "no lane"),
     ({"rail": Rail(0.2, increments=(0.0, 0.1))}, "increments: 2 values for 4 axles"),
-    ({"rail": [RAIL, Rail(0.2, curve=PiecewiseCurve(4.0))]}, "same adhesion curve"),
     ({"span": (5.0, 1.0)}, "span"),
     ({"span": (0.0, NAN)}, "span"),
     ({"failures": {7: 1.0}}, "no traction unit 8"),

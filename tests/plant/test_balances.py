@@ -32,16 +32,14 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
         pressure=lambda t: 400e3 if t > 1.5 else 0.0,
     )  # fmt: skip
     n = model.layout
-    slip = (
-        0.43 * trace.rows("omega")[:, :, 0] - trace.rows("speed")[:, model.structure.axle_body, 0]
-    )
+    slip = 0.43 * trace.rows("omega") - trace.rows("speed")[:, model.structure.axle_body]
     assert slip.max() > 0.5  # slip
     assert slip.min() < -1.0  # slide
     assert np.abs(trace.rows("omega")[-1]).min() < 1e-6 < trace.rows("speed")[-1].min()  # lock
 
-    energy = np.array([mechanical_energy(model, state)[0] for state in trace.state])
-    motors, shoes, resistance, couplers_lost = trace.rows("work")[:, :, 0].T
-    friction = trace.rows("friction_work")[:, :, 0].sum(axis=1)
+    energy = np.array([mechanical_energy(model, state) for state in trace.state])
+    motors, shoes, resistance, couplers_lost = trace.rows("work").T
+    friction = trace.rows("friction_work").sum(axis=1)
     turned_over = max(np.abs(motors).max(), friction.max() + shoes.max())
     residual = energy - energy[0] - (motors - shoes - resistance - couplers_lost - friction)
     assert np.abs(residual).max() < 1e-6 * turned_over
@@ -57,7 +55,7 @@ def test_gradient_gives_back_what_it_took(run, train):
     model = build(train("T", brake=False), Rail(0.3), line)
     trace = run(model, 20.0, 25.0, sample=0.1)
     lifted = model.train.mass * GRAVITY * 100.0 * 0.01 / np.sqrt(1.0 + 0.01**2)
-    assert trace.rows("work")[-1, 2, 0] == pytest.approx(lifted, rel=1e-3)
+    assert trace.rows("work")[-1, 2] == pytest.approx(lifted, rel=1e-3)
 
 
 @pytest.mark.parametrize("couplers", [None, (DRAFT_GEAR, DRAFT_GEAR)], ids=["rigid", "coupled"])
@@ -66,8 +64,8 @@ def test_momentum_follows_the_motors(run, train, couplers):
     model = build(train("TMT", couplers=couplers), Rail(0.1))
     trace = run(model, 2.0, 10.0, command=2500.0, step=5e-4, sample=0.01)
     s = model.structure
-    carried = (s.body_mass[:, None] * trace.rows("speed")[:, :, 0].T).sum(axis=0)
-    rotating = ((s.inertia / s.radius)[:, None] * trace.rows("omega")[:, :, 0].T).sum(axis=0)
+    carried = trace.rows("speed") @ s.body_mass
+    rotating = trace.rows("omega") @ (s.inertia / s.radius)
     lag, t = s.unit_lag[0], trace.time
     per_torque = (s.gear / s.radius).sum()
     impulse = per_torque * 2500.0 * (t - lag * (1.0 - np.exp(-t / lag)))
@@ -85,14 +83,14 @@ def test_forces_between_cars_are_equal_and_opposite(train):
     rng = np.random.default_rng(7)
     for _ in range(20):
         state = model.initial_state(20.0)
-        state[n.position] += rng.uniform(-0.05, 0.05, (n.bodies, 1))
-        state[n.speed] += rng.uniform(-0.3, 0.3, (n.bodies, 1))
-        state[n.omega] += rng.uniform(-2.0, 2.0, (n.axles, 1))
+        state[n.position] += rng.uniform(-0.05, 0.05, n.bodies)
+        state[n.speed] += rng.uniform(-0.3, 0.3, n.bodies)
+        state[n.omega] += rng.uniform(-2.0, 2.0, n.axles)
         local = environment_at(model, 0.0, state)
         slope = arrays.derivative(state, model.zero_inputs(), local)
         _, _, force = arrays.forces(state, local.peak)
         speed = state[n.speed][s.car_body]
-        a, b, c = s.car_resistance.T[:, :, None]
+        a, b, c = s.car_resistance.T
         drag = (a + b * speed + c * speed**2) * speed / np.sqrt(speed**2 + 0.05**2)
-        total = (s.body_mass[:, None] * slope[n.speed]).sum()
+        total = s.body_mass @ slope[n.speed]
         assert total == pytest.approx(force.sum() - drag.sum(), rel=1e-9, abs=1e-6)

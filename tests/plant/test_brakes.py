@@ -13,7 +13,7 @@ def test_pressure_follows_after_the_dead_time(run, car):
     """p = P (1 - exp(-(t - t_d) / T)), exactly zero before t_d."""
     model = build(Train("one", (car(air_brake=AirBrake(400e3, 0.01, 0.4, 0.6, 0.123)),)), Rail(0.3))
     trace = run(model, 2.0, 10.0, pressure=300e3)
-    pressure, t = trace.rows("pressure")[:, :, 0], trace.time[:, None]
+    pressure, t = trace.rows("pressure"), trace.time[:, None]
     expected = 300e3 * -np.expm1(-np.maximum(t - 0.123, 0.0) / 0.4)
     assert np.all(pressure[trace.time < 0.1235] == 0.0)
     np.testing.assert_allclose(
@@ -27,7 +27,7 @@ def test_valves_hold_and_release(run, car):
         model, 3.0, 10.0, pressure=300e3,
         valve=lambda t: 0.0 if t < 1.0 - 1e-9 else (1.0 if t < 2.0 - 1e-9 else 2.0),
     )  # fmt: skip
-    pressure = trace.rows("pressure")[:, 0, 0]
+    pressure = trace.rows("pressure")[:, 0]
     held = pressure[(trace.time >= 1.0505) & (trace.time <= 2.0495)]
     np.testing.assert_allclose(held, held[0], rtol=1e-13)
     late = trace.time > 2.0505
@@ -38,8 +38,8 @@ def test_valves_hold_and_release(run, car):
 def test_groups_brake_on_their_own(run, car):
     model = build(Train("one", (car(),)), Rail(0.3))
     trace = run(model, 1.0, 10.0, pressure=np.array([200e3, 0.0]))
-    assert trace.rows("pressure")[-1, 0, 0] > 1e5
-    assert trace.rows("pressure")[-1, 1, 0] == 0.0
+    assert trace.rows("pressure")[-1, 0] > 1e5
+    assert trace.rows("pressure")[-1, 1] == 0.0
 
 
 def test_deceleration_is_shoe_force_over_mass_and_rotating_mass(run, car):
@@ -48,7 +48,7 @@ def test_deceleration_is_shoe_force_over_mass_and_rotating_mass(run, car):
     brake = AirBrake(400e3, 0.02, 0.01, 0.01, 0.0, friction)
     train = Train("one", (car(False, air_brake=brake),))
     trace = run(build(train, Rail(0.4)), 5.0, 30.0, pressure=400e3, sample=0.01)
-    speed = trace.rows("speed")[:, 0, 0]
+    speed = trace.rows("speed")[:, 0]
     middle = slice(100, 400)
     rate = np.gradient(speed, trace.time)[middle]
     grip = friction[0] / (3.6 * speed[middle] + friction[1]) + friction[2]
@@ -85,8 +85,8 @@ def locked(run, car):
 def test_locked_wheel_stays_locked_until_the_rail_can_turn_it(locked):
     """It turns when shoe force falls to the rail force of the sliding wheel, not earlier and not later."""
     model, trace = locked
-    omega, speed = trace.rows("omega")[:, :, 0], trace.rows("speed")[:, 0, 0]
-    pressure = trace.rows("pressure")[:, 0, 0]
+    omega, speed = trace.rows("omega"), trace.rows("speed")[:, 0]
+    pressure = trace.rows("pressure")[:, 0]
     at_three = round(3.0 / 1e-3)
     assert np.abs(omega[at_three]).max() < 1e-9
     assert speed[at_three] > 5.0
@@ -103,13 +103,13 @@ def test_locked_wheel_stays_locked_until_the_rail_can_turn_it(locked):
 
 def test_released_wheel_returns_to_rolling(locked):
     _, trace = locked
-    rim, speed = 0.43 * trace.rows("omega")[-1, :, 0], trace.rows("speed")[-1, 0, 0]
+    rim, speed = 0.43 * trace.rows("omega")[-1], trace.rows("speed")[-1, 0]
     np.testing.assert_allclose(rim, speed, rtol=1e-3)
 
 
 def test_sliding_car_decelerates_with_the_adhesion_coefficient(locked):
     model, trace = locked
-    speed = trace.rows("speed")[:, 0, 0]
+    speed = trace.rows("speed")[:, 0]
     window = (trace.time > 2.0) & (trace.time < 3.0)
     slip = -speed[window].mean()
     rate = (speed[window][-1] - speed[window][0]) / (window.sum() - 1) / 1e-3
@@ -125,4 +125,4 @@ def test_motor_does_not_turn_a_wheel_that_the_shoes_hold(run, train):
     freed = run(model, 2.0, command=500.0)
     # the dead time passes the valve's command on after 0.1 s, so it starts from a filled cylinder that sinks a little
     assert np.abs(held.rows("speed")).max() < 1e-9
-    assert freed.rows("speed")[-1, 0, 0] > 0.5
+    assert freed.rows("speed")[-1, 0] > 0.5

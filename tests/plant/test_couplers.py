@@ -61,9 +61,9 @@ def test_two_cars_oscillate_at_their_frequency(run, train):
     t = train("TM").coupled(Coupler(stiffness=2e6, damping=0.0))
     model = build(t, Rail(0.3))
     state = model.initial_state(20.0)
-    state[model.layout.position, 0] = [0.0, -0.01]
+    state[model.layout.position] = [0.0, -0.01]
     trace = run(model, 2.0, state=state, step=5e-4)
-    gap = trace.rows("position")[:, 0, 0] - trace.rows("position")[:, 1, 0]
+    gap = trace.rows("position")[:, 0] - trace.rows("position")[:, 1]
     s = model.structure
     mass = s.body_mass + np.bincount(s.axle_body, s.inertia / s.radius**2)
     expected = np.sqrt(2e6 * (1.0 / mass).sum())
@@ -75,8 +75,8 @@ def test_two_cars_oscillate_at_their_frequency(run, train):
 def test_slack_is_taken_up_before_the_wagons_move(run, train):
     t = train("MT").coupled(Coupler(stiffness=5e6, damping=1e5, slack=0.04))
     trace = run(build(t, Rail(0.3)), 2.0, 0.0, command=1500.0, step=5e-4)
-    gap = trace.rows("position")[:, 0, 0] - trace.rows("position")[:, 1, 0]
-    speed = trace.rows("speed")[:, :, 0]
+    gap = trace.rows("position")[:, 0] - trace.rows("position")[:, 1]
+    speed = trace.rows("speed")
     taut = np.argmax(gap > 0.02)
     assert taut > 10
     assert np.all(speed[:taut, 1] == 0.0)

@@ -8,6 +8,7 @@ import pytest
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail, Receptivity
+from alloc.plant.train import Coupler
 
 ROLLING_RESISTANCE = (2e3, 50.0, 6.0)
 
@@ -27,15 +28,18 @@ def _slipping_end_state(run, model, duration, **inputs):
         state = model.initial_state(20.0)
         state[n.omega] *= 1.05
         trace = run(model, duration, state=state, step=step, sample=duration, **inputs)
-        return s.radius[:, None] * trace.rows("omega")[-1]
+        return s.radius * trace.rows("omega")[-1]
 
     return end
 
 
-def test_fourth_order_on_a_smooth_case(run, train):
-    model = build(
-        train("M", resistance=ROLLING_RESISTANCE, load_transfer=True), Rail(0.2, curve=POLACH_WET)
-    )
+@pytest.mark.parametrize(
+    ("formation", "couplers"), [("M", None), ("MMM", (Coupler(damping=0.0),) * 2)],
+    ids=["rigid", "coupled"],
+)  # fmt: skip
+def test_fourth_order_on_a_smooth_case(run, train, formation, couplers):
+    made = train(formation, resistance=ROLLING_RESISTANCE, load_transfer=True, couplers=couplers)
+    model = build(made, Rail(0.2, curve=POLACH_WET))
     end = _slipping_end_state(run, model, 0.48, command=1300.0)
     orders = _orders(end, [2e-3, 1e-3, 5e-4], 6.25e-5)
     assert np.all(np.abs(orders - 4.0) < 0.3), orders
@@ -54,7 +58,7 @@ def test_fourth_order_with_smooth_edges_of_the_environment(run, train):
         state = model.initial_state(20.0)
         state[n.omega] *= 0.95
         trace = run(model, 0.48, state=state, step=step, sample=0.48, command=-9e3)
-        return s.radius[:, None] * trace.rows("omega")[-1]
+        return s.radius * trace.rows("omega")[-1]
 
     orders = _orders(end, [2e-3, 1e-3, 5e-4], 6.25e-5)
     assert np.all(np.abs(orders - 4.0) < 0.4), orders
@@ -75,8 +79,8 @@ def test_halving_the_step_keeps_the_metrics_of_a_slip_event(run, train, curve):
             return 1900.0 if t < 1.6 else 300.0
 
         trace = run(model, 3.0, 10.0, command=command, step=step, sample=4e-3)
-        speed = trace.rows("speed")[:, 0, 0]
-        slip = 0.43 * trace.rows("omega")[:, :, 0] - speed[:, None]
+        speed = trace.rows("speed")[:, 0]
+        slip = 0.43 * trace.rows("omega") - speed[:, None]
         return np.array([slip.max(), trace.rows("friction_work")[-1].sum(), speed[-1]])
 
     coarse, fine = metrics(1e-3), metrics(5e-4)

@@ -24,8 +24,8 @@ def test_gradient_and_tunnel_by_position(train):
     ]:
         state = model.initial_state(20.0, front + 1.0)
         local = environment_at(model, 0.0, state)
-        np.testing.assert_allclose(local.grade[:, 0], grades, atol=1e-12)
-        np.testing.assert_allclose(local.air_factor[:, 0], air)
+        np.testing.assert_allclose(local.grade, grades, atol=1e-12)
+        np.testing.assert_allclose(local.air_factor, air)
 
 
 def test_train_rolls_back_on_a_slope(run, train):
@@ -33,7 +33,7 @@ def test_train_rolls_back_on_a_slope(run, train):
     t = train("TT", brake=False)
     trace = run(build(t, Rail(0.3), Line((0.0,), (0.03,))), 3.0, 0.0, position=100.0, sample=0.1)
     expected = -GRAVITY * np.sin(np.arctan(0.03)) * t.mass / (t.mass + t.rotating_mass)
-    assert trace.rows("speed")[-1, 0, 0] == pytest.approx(3.0 * expected, rel=1e-3)
+    assert trace.rows("speed")[-1, 0] == pytest.approx(3.0 * expected, rel=1e-3)
 
 
 def test_resistance_opposes_motion_and_is_the_parabola(train):
@@ -54,7 +54,7 @@ def test_cars_share_the_resistance_of_the_train(train):
 def test_coasting_slows_down_by_the_resistance(run, train):
     t = train("TMT", resistance=(5e3, 100.0, 10.0))
     trace = run(build(t, Rail(0.3)), 1.0, 30.0, sample=0.1)
-    speed = trace.rows("speed")[:, 0, 0]
+    speed = trace.rows("speed")[:, 0]
     force = 5e3 + 100.0 * speed.mean() + 10.0 * speed.mean() ** 2
     assert speed[0] - speed[-1] == pytest.approx(force / (t.mass + t.rotating_mass), rel=1e-3)
 
@@ -64,7 +64,7 @@ def test_tunnel_raises_the_air_part_only(run, train):
     for factor in (1.0, 2.0):
         line = Line(tunnels=((-1e3, 1e4),), tunnel_factor=factor)
         model = build(train("TMT", resistance=(5e3, 0.0, 10.0)), Rail(0.3), line)
-        work = run(model, 0.1, 30.0, position=100.0).rows("work")[-1, 2, 0]
+        work = run(model, 0.1, 30.0, position=100.0).rows("work")[-1, 2]
         lost.append(work / (30.0 * 0.1))
     assert lost[0] == pytest.approx(5e3 + 9e3, rel=5e-3)
     assert lost[1] == pytest.approx(5e3 + 18e3, rel=5e-3)

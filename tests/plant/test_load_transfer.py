@@ -92,7 +92,7 @@ def test_switched_off_it_changes_nothing():
         model = build(Train("one", (make_car(),), load_transfer=on), Rail(0.2))
         state = model.initial_state(10.0)
         state[model.layout.omega] += 0.2
-        _, mu, force = ArrayModel.of(model).forces(state, np.full((4, 1), 0.2))
+        _, mu, force = ArrayModel.of(model).forces(state, np.full(4, 0.2))
         uniform = np.ptp(force / mu) < 1e-6
         assert uniform is not on
         assert (force / mu).sum() == pytest.approx(model.train.mass * GRAVITY)

@@ -14,13 +14,13 @@ LAG = 5e-3
 def test_torque_lags_the_command(run, train):
     trace = run(build(train("M"), Rail(0.3)), 0.05, 10.0, command=1000.0)
     expected = 1000.0 * -np.expm1(-trace.time / LAG)
-    np.testing.assert_allclose(trace.rows("torque")[:, 0, 0], expected, rtol=1e-4)
+    np.testing.assert_allclose(trace.rows("torque")[:, 0], expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("command", [9e3, -9e3])
 def test_torque_is_bounded(run, train, command):
     trace = run(build(train("M"), Rail(0.5)), 0.2, 20.0, command=command)
-    assert trace.rows("torque")[-1, 0, 0] == pytest.approx(np.sign(command) * 4000.0, rel=1e-9)
+    assert trace.rows("torque")[-1, 0] == pytest.approx(np.sign(command) * 4000.0, rel=1e-9)
 
 
 def test_limit_by_speed():
@@ -41,11 +41,11 @@ def test_table_is_interpolated_at_the_mean_rim_speed_of_the_unit(car):
     motors = Motors("1C4M", 7.0, TorqueLimit(1.0, 0.0, table=given), TorqueLimit(1.0, 0.0))
     model = build(Train("one", (car(motors=motors),)), Rail(0.3))
     state = model.initial_state(0.0)
-    state[model.layout.omega, 0] = np.array([10.0, 11.0, 12.0, 14.0]) / 0.43
+    state[model.layout.omega] = np.array([10.0, 11.0, 12.0, 14.0]) / 0.43
     local = environment_at(model, 0.0, state)
-    assert local.drive_limit[0, 0] == pytest.approx(1000.0 + 10.0 * 3.6 * 11.75)
+    assert local.drive_limit[0] == pytest.approx(1000.0 + 10.0 * 3.6 * 11.75)
     state[model.layout.omega] = 300.0
-    assert environment_at(model, 0.0, state).drive_limit[0, 0] == pytest.approx(given[-1])
+    assert environment_at(model, 0.0, state).drive_limit[0] == pytest.approx(given[-1])
 
 
 def test_electric_brake_follows_the_receptivity(run, train):
@@ -57,13 +57,13 @@ def test_electric_brake_follows_the_receptivity(run, train):
     wave = np.sin(w * t + phase - np.arctan(w * LAG)) / np.hypot(1.0, w * LAG)
     late = t > 0.1
     expected = -4000.0 * (mean + amplitude * wave)
-    np.testing.assert_allclose(trace.rows("torque")[late, 0, 0], expected[late], rtol=1e-5)
+    np.testing.assert_allclose(trace.rows("torque")[late, 0], expected[late], rtol=1e-5)
 
 
 def test_receptivity_does_not_touch_driving_and_stays_in_bounds(run, train):
     model = build(train("M"), Rail(0.5), receptivity=Receptivity(0.5, 3.0, 1.0))
     driving = run(model, 0.6, 20.0, command=2000.0).rows("torque")
-    assert driving[-1, 0, 0] == pytest.approx(2000.0)
+    assert driving[-1, 0] == pytest.approx(2000.0)
     braking = run(model, 1.0, 20.0, command=-9e3).rows("torque")
     assert braking.min() >= -4000.0
     assert braking.max() <= 0.0
@@ -72,7 +72,7 @@ def test_receptivity_does_not_touch_driving_and_stays_in_bounds(run, train):
 
 def test_failed_unit_loses_its_torque_at_that_time(run, train):
     model = build(train("MM"), Rail(0.5), failures={1: 0.3})
-    torque = run(model, 0.6, 10.0, command=1000.0).rows("torque")[:, :, 0]
+    torque = run(model, 0.6, 10.0, command=1000.0).rows("torque")
     time = np.arange(torque.shape[0]) * 1e-3
     after = time > 0.3005
     np.testing.assert_allclose(torque[time < 0.2995, 0], torque[time < 0.2995, 1])
@@ -94,6 +94,6 @@ def test_inverter_groups(train, group, units):
 
 def test_power_of_the_motors_is_what_the_work_adds_up(run, train):
     trace = run(build(train("M"), Rail(0.5)), 1.0, 10.0, command=1000.0)
-    power = 7.0 * trace.rows("torque")[:, 0, 0] * trace.rows("omega")[:, :, 0].sum(axis=1)
+    power = 7.0 * trace.rows("torque")[:, 0] * trace.rows("omega").sum(axis=1)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) * 1e-3])
-    np.testing.assert_allclose(trace.rows("work")[:, 0, 0], work, rtol=1e-4, atol=20.0)
+    np.testing.assert_allclose(trace.rows("work")[:, 0], work, rtol=1e-4, atol=20.0)

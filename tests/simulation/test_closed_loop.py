@@ -25,7 +25,7 @@ def test_energy_balance_of_a_run_with_slip(make_event, dip):
     state[n.position] = run["position"].values
     state[n.speed] = run["speed"].values
     state[n.omega] = (run["rim_speed"].values / event.model.structure.radius).T
-    stored = mechanical_energy(event.model, state)
+    stored = np.array([mechanical_energy(event.model, now) for now in state.T])
     lost = run["friction_work"].values.sum(axis=1) + sum(
         run[name].values for name in ("shoe_work", "resistance_work", "coupler_work")
     )

@@ -66,9 +66,9 @@ def plant_forces(model: Model, speed: float, position: float, drives: bool) -> F
     if drives:
         state[n.torque] = local.drive_limit
     rate = arrays.derivative(state, model.zero_inputs(), local)
-    motors, _, drag, _ = rate[n.work][:, 0]
+    motors, _, drag, _ = rate[n.work]
     mass, rotating = s.body_mass, s.inertia / s.radius
-    momentum = mass @ rate[n.speed][:, 0] + rotating @ rate[n.omega][:, 0]
+    momentum = mass @ rate[n.speed] + rotating @ rate[n.omega]
     return Forces(
         motors / speed, drag / speed, momentum / (mass.sum() + (rotating / s.radius).sum())
     )

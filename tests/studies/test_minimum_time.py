@@ -90,11 +90,11 @@ def test_the_driver_knows_the_forces_of_the_plant(stock):
         local = environment_at(model, 0.0, state)
         state[n.torque] = local.drive_limit
         state[n.pressure] = forces.brake_pressure(30e3, speed)
-        motors, shoes, drag, _ = arrays.derivative(state, model.zero_inputs(), local)[n.work][:, 0]
+        motors, shoes, drag, _ = arrays.derivative(state, model.zero_inputs(), local)[n.work]
         assert forces.effort(speed) == pytest.approx(motors / speed, rel=1e-9)
         assert forces.resistance(position, speed) == pytest.approx(drag / speed, rel=1e-9)
         assert shoes / speed == pytest.approx(30e3, rel=1e-9)
-        np.testing.assert_allclose(forces.torque(1.0, speed), local.drive_limit[:, 0], rtol=1e-9)
+        np.testing.assert_allclose(forces.torque(1.0, speed), local.drive_limit, rtol=1e-9)
 
 
 def test_no_limit_is_exceeded(found):
