@@ -60,7 +60,7 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
     drop = peak - 0.25 * macro_slope * macro_slope * breadth - residual  # (6), B of the source
     line = micro_slope * magnitude
     parabola = peak - curvature * (magnitude - top) * (magnitude - top)
-    beyond = maximum(magnitude - tail_start, 0.0)
+    beyond = maximum(0.0, magnitude - tail_start)  # in this order a nan passes through
     tail = residual + drop * exp(-beyond * macro_slope / drop)
     value = where(magnitude <= line_end, line, where(magnitude < tail_start, parabola, tail))
     return where(slip < 0.0, -value, value)

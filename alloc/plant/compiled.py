@@ -41,26 +41,6 @@ def _note(w):
 
 
 @inlined_jit
-def _runge_kutta_step(w, time, step, is_first):
-    """Advance the state by one step of the classical fourth-order method."""
-    c = w.scratch
-    for i in range(0, c.state.size, WIDTH):
-        store(c.stage, i, load(c.state, i))
-        store(c.total, i, load(c.state, i))
-    for stage in range(w.stages.shape[0]):
-        reach, ahead, share = w.stages[stage, 0], w.stages[stage, 1], w.stages[stage, 2]
-        derivative(w, time + reach * step, c.stage, c.slope)
-        if is_first and stage == 0:
-            _note(w)
-        for i in range(0, c.state.size, WIDTH):
-            slope = load(c.slope, i)
-            store(c.total, i, load(c.total, i) + share * step * slope)
-            store(c.stage, i, load(c.state, i) + ahead * step * slope)
-    for i in range(0, c.state.size, WIDTH):
-        store(c.state, i, load(c.total, i))
-
-
-@inlined_jit
 def _read_cleaning(w):
     """Cleaning of the rail under each axle, left by the wheels ahead."""
     axle, c = w.axle, w.scratch
@@ -113,18 +93,41 @@ def _delay_pneumatics(w, target, valve):
 
 
 @inlined_jit
+def _copy(values, result):
+    for i in range(0, result.size, WIDTH):
+        store(result, i, load(values, i))
+
+
+@inlined_jit
+def _add(values, slope, share, result):
+    """`result` = `values` + `share` * `slope`, all rows."""
+    for i in range(0, result.size, WIDTH):
+        store(result, i, load(values, i) + share * load(slope, i))
+
+
+@inlined_jit
 def inlined_advance(w, time, step, steps, state, inputs):
-    """As `advance`, compiled into the loop that calls it."""
-    pack(w, state, w.scratch.state)
-    _copy_part(inputs.torque_command, 0, w.scratch.command, 0, w.size.units)
+    """As `advance`, compiled into the loop that calls it: the classical fourth-order Runge-Kutta method."""
+    c = w.scratch
+    pack(w, state, c.state)
+    _copy_part(inputs.torque_command, 0, c.command, 0, w.size.units)
     for k in range(steps):
         _delay_pneumatics(w, inputs.pressure_target, inputs.valve)
         if w.rail.conditioned:
             _read_cleaning(w)
-        _runge_kutta_step(w, time + k * step, step, k == 0)
+        _copy(c.state, c.stage)
+        _copy(c.state, c.total)
+        for stage in range(w.stages.shape[0]):
+            reach, ahead, share = w.stages[stage, 0], w.stages[stage, 1], w.stages[stage, 2]
+            derivative(w, time + (k + reach) * step, c.stage, c.slope)
+            if k == 0 and stage == 0:
+                _note(w)
+            _add(c.total, c.slope, share * step, c.total)
+            _add(c.state, c.slope, ahead * step, c.stage)
+        _copy(c.total, c.state)
         if w.rail.conditioned:
             _leave_cleaning(w)
-    unpack(w, w.scratch.state, state)
+    unpack(w, c.state, state)
     return time + steps * step
 
 

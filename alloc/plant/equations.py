@@ -32,7 +32,7 @@ def shoe_torque(other_torque, angular_speed, limit, inertia):
     brings omega to zero with the time constant `LOCK_TIME` instead of jumping.
     """
     holding = other_torque + inertia * angular_speed * (1.0 / LOCK_TIME)
-    return minimum(maximum(holding, -limit), limit)
+    return minimum(limit, maximum(-limit, holding))  # in this order a nan passes through
 
 
 @equation

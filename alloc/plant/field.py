@@ -15,7 +15,7 @@ PEAK_FLOOR = 1e-3
 @equation
 def smooth_step(x):
     """0 below 0, 1 above 1, twice continuously differentiable between: 6 x^5 - 15 x^4 + 10 x^3."""
-    bounded = minimum(maximum(x, 0.0), 1.0)
+    bounded = minimum(1.0, maximum(0.0, x))  # in this order a nan passes through
     return bounded * bounded * bounded * (10.0 + bounded * (6.0 * bounded - 15.0))
 
 

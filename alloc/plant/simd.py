@@ -242,7 +242,9 @@ def look_up(typingctx, table, x):
 
     def generate(context, builder, sig, args):
         base = context.make_array(sig.args[0])(context, builder, value=args[0]).data
-        below = builder.fptosi(args[1], _WORDS)
+        # what is no number must not become an index; the share below stays none
+        known = builder.fcmp_ordered(">=", args[1], constant(args[1], 0.0))
+        below = builder.fptosi(builder.select(known, args[1], constant(args[1], 0.0)), _WORDS)
         share = builder.fsub(args[1], builder.sitofp(below, _FLOATS))
         before = _pick(builder, base, below)
         after = _pick(builder, builder.gep(base, [ir.Constant(_INDEX, 1)]), below)

@@ -108,7 +108,7 @@ def test_neither_control_period_nor_recording_changes_the_run():
     [
         ({"duration": -1.0}, "duration"),
         ({"period": float("nan")}, "period"),
-        ({"step": 1.0}, "step"),
+        ({"step": -1.0}, "step"),
         ({"record_period": 0.15}, "multiple"),
     ],
 )

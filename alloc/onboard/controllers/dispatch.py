@@ -6,27 +6,38 @@ from alloc.compilation import equation, inlined_jit
 from alloc.onboard.controllers.collection import BUILT_IN
 
 
-def _case(index: int, law: Any, otherwise: Any) -> Any:
-    """Law of a unit: `law` where the run's controller has this index, else `otherwise`."""
+def _case(index: int, law: Any) -> Any:
+    """Law of a unit under the controller of this index."""
+
+    @equation
+    def follow(eq, st, m, j, commanded):
+        return law(eq, st, m, st.law[index], m.law[index], j, commanded)
+
+    return follow
+
+
+def _either(first: Any, below: int, second: Any) -> Any:
+    """`first` for controllers of an index below this, else `second`."""
 
     @equation
     def choose(eq, st, m, j, commanded):
-        if st.controller == index:
-            return law(eq, st, m, st.law[index], m.law[index], j, commanded)
+        if st.controller < below:
+            return first(eq, st, m, j, commanded)
         else:
-            return otherwise(eq, st, m, j, commanded)
+            return second(eq, st, m, j, commanded)
 
     return choose
 
 
-@equation
-def _keep_command(eq, st, m, j, commanded):
-    return 1.0
+def _tree(cases: list[Any], start: int) -> Any:
+    """Choice among `cases`, the first of index `start`; halved, for the compiler goes through all at every level."""
+    if len(cases) == 1:
+        return cases[0]
+    half = len(cases) // 2
+    return _either(_tree(cases[:half], start), start + half, _tree(cases[half:], start + half))
 
 
-_command: Any = _keep_command
-for _index, _controller in reversed(list(enumerate(BUILT_IN.values()))):
-    _command = _case(_index, _controller.law, _command)
+_command: Any = _tree([_case(k, one.law) for k, one in enumerate(BUILT_IN.values())], 0)
 
 
 @inlined_jit
