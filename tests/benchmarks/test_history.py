@@ -1,0 +1,110 @@
+"""`make bench` compares ratios with those of `docs/benchmarks.csv`; `make bench-keep` adds to it."""
+
+import os
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from alloc.event import DriverCommand
+from alloc.metrics import evaluate
+from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.plant import compiled
+from alloc.plant.model import build
+from alloc.plant.rail import Patch, Rail
+from alloc.plant.sets import find_set
+from alloc.simulation import simulate
+from studies.readhesion_paper.lanes import simulate_tables
+from studies.scenario.loading import load_scenario
+from tests.benchmarks import history
+from tests.plant.numpy_plant import right_side
+
+YARDSTICK = "right side with NumPy, 64 axles"
+ROUNDS = 60
+
+
+def _model(name):
+    return build(find_set(name), Rail(0.2, patches=(Patch(0.6, start=5.0),)))
+
+
+def _plant(name, step, steps):
+    model = _model(name)
+    w, start, inputs = (
+        compiled.workspace(model, step),
+        model.initial_state(20.0),
+        model.zero_inputs(),
+    )
+    inputs.torque_command[:] = 500.0
+    return lambda: compiled.advance(w, 0.0, step, steps, start.copy(), inputs)
+
+
+def _numpy():
+    model = _model("high-speed-16car")
+    rate, state = right_side(model, model.zero_inputs()), model.initial_state(20.0)
+    return lambda: rate(0.0, state)
+
+
+def _run():
+    event = load_scenario("wet-patch").event(0)
+    return lambda: simulate(event, "exact", "cut-and-ramp")
+
+
+def _metrics():
+    run = _run()()
+    return lambda: evaluate(run)
+
+
+def _lanes():
+    rails, tables = [Rail(0.1 + 0.001 * k) for k in range(8)], [TorqueTable()] * 8
+    command, train = DriverCommand((0.0,), (0.8,)), find_set("one-axle")
+    return lambda: simulate_tables(train, rails, tables, command, 0.0, 0.1)
+
+
+WAYS = {
+    YARDSTICK: _numpy,
+    "plant, 32 axles, 100 steps of 2 ms": lambda: _plant("commuter-8car", 2e-3, 100),
+    "plant, 64 axles, 100 steps of 2 ms": lambda: _plant("high-speed-16car", 2e-3, 100),
+    "plant, 74 axles coupled, 100 steps of 0.5 ms": lambda: _plant("freight-17", 5e-4, 100),
+    "plant, one axle, 1000 steps of 50 us": lambda: _plant("one-axle", 5e-5, 1000),
+    "eight lanes of the readhesion paper, 0.1 s": _lanes,
+    "run of 20 s with 32 axles, recorded": _run,
+    "all metrics of that run": _metrics,
+}
+
+
+def test_ratios_do_not_grow(benchmark):
+    benchmark(lambda: None)
+    if not benchmark.enabled:
+        pytest.skip("times are compared by `make bench`")
+    times = history.least_times({name: make() for name, make in WAYS.items()}, ROUNDS)
+    now = history.entries(times, YARDSTICK)
+    benchmark.extra_info.update(now.set_index("way")["ratio"].to_dict())
+    slower = history.grown(now, history.stored())
+    if os.environ.get("READHESION_KEEP_BENCHMARKS"):
+        history.keep(now)
+    assert not slower, "; ".join(slower)
+
+
+def _entry(way, ratio, processor=None):
+    return [["2026-01-01", processor or history.processor(), "", way, 1.0, ratio]]
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(1.19, []), (1.21, ["way: 1.21"]), (0.5, [])])
+def test_a_fifth_more_is_told(ratio, told):
+    before = pd.DataFrame(_entry("way", 9.0) + _entry("way", 1.0), columns=history.COLUMNS)
+    now = pd.DataFrame(_entry("way", ratio) + _entry("new", 9.0), columns=history.COLUMNS)
+    assert [line.partition(" of")[0] for line in history.grown(now, before)] == told
+
+
+def test_other_processors_do_not_count():
+    before = pd.DataFrame(_entry("way", 1.0, "another"), columns=history.COLUMNS)
+    now = pd.DataFrame(_entry("way", 5.0), columns=history.COLUMNS)
+    assert history.grown(now, before) == []
+
+
+def test_ways_are_timed_in_turn():
+    calls = []
+    ways = {name: lambda name=name: calls.append(name) for name in "ab"}
+    least = history.least_times(ways, 3)
+    assert calls == list("ab") * 4
+    assert all(np.isfinite(least[name]) and least[name] >= 0.0 for name in "ab")
