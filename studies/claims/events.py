@@ -7,7 +7,7 @@ import numpy as np
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from studies.claims.quantities import BELIEVED_SLOPE, draw, event_name
-from studies.scenario.loading import load_scenario
+from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 BASE = "wet-start"
@@ -35,7 +35,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         "end_m": d["patch_start_m"] + d["patch_length_m"],
         "edge_m": 4.0,
     }
-    return load_scenario(BASE).changed(
+    return shipped_scenario(BASE).changed(
         name=event_name(seed, k),
         title=f"random event {k}",
         case=None,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
-from studies.scenario.loading import load_scenario
+from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 EXPECTED = 0.16
@@ -103,7 +103,7 @@ def event(seed: int, kind: str, k: int) -> Scenario:
     """Event `k` of a kind, from `seed`, kind and `k` alone."""
     generator = np.random.default_rng([seed, k, 101 + list(KINDS).index(kind)])
     own = EVENTS[kind](generator)
-    base = load_scenario("wet-start")
+    base = shipped_scenario("wet-start")
     level = float(generator.uniform(0.128, 0.148))
     rail = base.rail.model_dump() | {"level": level, "scatter": 0.003}
     name = event_name(seed, kind, k)
