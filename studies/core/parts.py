@@ -110,6 +110,16 @@ class Parts:
                     found = found.iloc[np.argsort(by_part)].reset_index(drop=True)
                 return found
 
+    def rows_of(self, cells: Sequence[str]) -> pd.DataFrame:
+        """Rows of these cells, in their order."""
+        asked = pa.array(cells, pa.string())
+
+        def choose(index: Index) -> NDArray[np.int64]:
+            order = pc.index_in(index.cell, asked).fill_null(len(cells)).to_numpy()
+            return np.argsort(order, kind="stable")[: np.count_nonzero(order < len(cells))]
+
+        return self.read(choose)
+
     def gather(self) -> None:
         """Join files that are not full, where they are many. Also those of other writers: these write their rows again."""
         index = self.index()

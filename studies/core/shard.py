@@ -39,8 +39,10 @@ class Shard(NamedTuple):
 ALL = Shard(1, 1)
 
 
-def read_shard(text: str) -> Shard:
-    """The share that ``k/n`` names; raises `StudyError` unless k is one of 1 ... n."""
+def read_shard(text: str | None) -> Shard:
+    """The share that ``k/n`` names, all if nothing is said; raises `StudyError` unless k is one of 1 ... n."""
+    if text is None:
+        return ALL
     numbers = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text.strip())
     shard = Shard(*map(int, numbers.groups())) if numbers else Shard(0, 0)
     if not 1 <= shard.number <= shard.shares <= MOST_SHARDS:

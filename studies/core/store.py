@@ -17,7 +17,7 @@ from alloc.recording import save
 from alloc.whole_file import ASIDE
 from studies.core.cell import Key, Row
 from studies.core.checked_file import Gone, read_checked, write_checked
-from studies.core.parts import Index, Parts
+from studies.core.parts import Parts
 from studies.core.single_table import take_over
 from studies.files.writable import make_folder
 
@@ -72,14 +72,7 @@ class Store:
 
     def rows_of(self, keys: Sequence[Key]) -> pd.DataFrame:
         """Rows of these cells, in the order of `keys`."""
-        asked = pa.array([key.digest for key in keys], pa.string())
-
-        def choose(index: Index) -> np.ndarray:
-            order = pc.index_in(index.cell, asked).fill_null(len(keys)).to_numpy()
-            places = np.argsort(order, kind="stable")
-            return places[: np.count_nonzero(order < len(keys))]
-
-        return self.parts.read(choose)
+        return self.parts.rows_of([key.digest for key in keys])
 
     def save_run(self, key: Key, run: xr.Dataset) -> Path:
         """Write a recorded run; returns its file."""
