@@ -60,7 +60,7 @@ def sweep(
     check_place(out)
     folder = study_folder(out, name)
     with progress() as on_row:
-        table = chosen.run(folder, count, seed, processes, on_row, shard)
+        table = chosen.run(folder, count, seed, processes, on_row, shard=shard)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
     all_failed = failed == len(table) > 0
     found = [] if all_failed or work.shard else chosen.statements(table)

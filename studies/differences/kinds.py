@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
+from studies.files.units import stated
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -83,7 +84,7 @@ def _believed(g: Generator) -> dict[str, Any]:
 EVENTS: dict[str, Callable[[Generator], dict[str, Any]]] = {
     "plain": lambda g: {},
     "unequal masses": lambda g: {
-        "load_t": tuple(g.uniform(0.0, 12.0, 8).tolist()),
+        "load_t": tuple(stated("_t", load) for load in g.uniform(0.0, 12.0, 8).tolist()),
         "command": [{"time_s": 0.0, "acceleration_kmhs": 2.7}],
     },
     "caps not growing": lambda g: {"belief": _believed(g)},

@@ -4,6 +4,7 @@ from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.files.units import stated
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -99,6 +100,6 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         },
         line={"sections": [{"start_m": -1000.0, "grade_permille": d["grade_permille"]}]},
         belief={"curve": {"kind": "piecewise"}},
-        onboard={"sensors": {"speed_noise_kmh": d["speed_noise_kmh"]}},
+        onboard={"sensors": {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}},
         **changes,
     )
