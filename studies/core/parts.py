@@ -145,7 +145,7 @@ class Parts:
         table = table.replace_schema_metadata({"readhesion": str(SCHEMA)}).combine_chunks()
         return write_checked(
             self.folder / f"{pc.max(table[ADDED]).as_py():020d}", ".parquet",
-            lambda aside: pq.write_table(table, aside, compression="zstd", use_dictionary=text),
+            lambda aside: pq.write_table(table, aside, use_dictionary=text, write_statistics=False),
         )  # fmt: skip
 
     def _listed(self) -> set[str]:

@@ -105,7 +105,10 @@ def test_drawn_events_can_be_run(k):
 
 @pytest.mark.parametrize(("seed", "k"), [(1, 4), (1, 819)])
 def test_a_draw_smaller_than_a_file_may_state_is_none_at_all(seed, k):
-    assert min(scenario(seed, k).load_t) == 0.0 or scenario(seed, k).onboard.sensors.speed_noise_kmh == 0.0
+    assert (
+        min(scenario(seed, k).load_t) == 0.0
+        or scenario(seed, k).onboard.sensors.speed_noise_kmh == 0.0
+    )
 
 
 def test_measures_are_shares_of_what_there_is():
