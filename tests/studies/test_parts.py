@@ -1,6 +1,8 @@
 """Parts of a table: the last rows of a cell count wherever they stand, and joining files changes nothing."""
 
 import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
@@ -137,6 +139,31 @@ def test_a_file_that_another_process_joins_meanwhile_is_found_again(
     monkeypatch.setattr(reader.parts, "index", index)
     assert sorted(reader.read()["cell"]) == sorted(joined[0])
     assert len(files(tmp_path)) == 1
+
+
+def test_writers_that_join_files_at_the_same_time_lose_nothing(tmp_path, small_files):
+    def work(writer: int) -> None:
+        store = Store(tmp_path)
+        for k in range(8):
+            store.add([row(100 * writer + k, k), row(100 * writer, k)])
+            if k % 2:
+                assert store.cells().keys() >= {f"{100 * writer + j:016x}" for j in range(k + 1)}
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(work, range(4)))
+    table = Store(tmp_path).read()
+    assert len(table) == len(set(table["cell"])) == 32
+    assert table["value"][table["cell"].isin([f"{100 * w:016x}" for w in range(4)])].eq(7).all()
+
+
+def test_a_list_of_files_that_comes_late_is_asked_for_again(tmp_path, small_files, monkeypatch):
+    for k in range(4):
+        Store(tmp_path).add([row(k)])
+    late = [os.listdir(tmp_path / "rows")] * 7  # as a network file system may answer
+    Store(tmp_path).cells()
+    present = os.listdir
+    monkeypatch.setattr(os, "listdir", lambda path: late.pop() if late else present(path))
+    assert len(Store(tmp_path).read()) == 4
 
 
 def test_a_writer_goes_on_whose_file_was_joined_with_others(tmp_path, small_files):
