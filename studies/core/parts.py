@@ -126,7 +126,6 @@ class Parts:
         small = [k for k, name in enumerate(index.names) if len(self._known[name]) < FULL]
         if len(small) < MANY:
             return
-        self._tail = None
         sizes = np.cumsum([len(self._known[index.names[k]]) for k in small])
         for batch in np.split(small, np.flatnonzero(np.diff(sizes // LARGE)) + 1):
             places = np.flatnonzero(np.isin(index.part, batch))
