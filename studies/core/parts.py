@@ -92,6 +92,7 @@ class Parts:
                 kept = {name: table for name, table in self._known.items() if name in names}
                 self._known = dict(sorted((kept | read).items()))
                 self._index = _indexed(self._known)
+                pa.default_memory_pool().release_unused()  # half of what this took
                 self._newest = max([self._newest, *(int(name[:20]) for name in names)])
             if len(read) == len(new):
                 break
