@@ -4,6 +4,7 @@ Each writer keeps its last rows in one file, which it replaces by a longer one a
 a cell those added last count, wherever they stand: so rows may stand twice, and a crash at any instant does no harm.
 """
 
+import math
 import os
 import re
 import time
@@ -31,8 +32,10 @@ SCHEMA = 2
 """Version of the files, in their metadata."""
 FULL = 4096
 """Rows of a file to which no more are added."""
-MANY, LARGE = 64, 65_536
-"""So many files that are not full are joined into files of about so many rows."""
+MANY, LARGE = 64, 32_768
+"""So many files of less than half of so many rows are joined into files of about so many."""
+AGE = 600.0
+"""Files are joined that nobody has lengthened for so long [s]."""
 NAME = re.compile(rf"\d{{20}}-[0-9a-f]{{{DIGITS}}}\.parquet")
 TRIES = 20
 """How often a folder is listed again whose list names files that are gone; a network file system may be late."""
@@ -122,9 +125,11 @@ class Parts:
         return self.read(choose)
 
     def gather(self) -> None:
-        """Join files that are not full, where they are many. Also those of other writers: these write their rows again."""
+        """Join small files where they are many, also of other writers: one that still works writes its rows again."""
         index = self.index()
-        small = [k for k, name in enumerate(index.names) if len(self._known[name]) < FULL]
+        small = [k for k, name in enumerate(index.names) if len(self._known[name]) < LARGE // 2]
+        if len(small) >= MANY:
+            small = [k for k in small if _time_of(self.folder / index.names[k]) < time.time() - AGE]
         if len(small) < MANY:
             return
         sizes = np.cumsum([len(self._known[index.names[k]]) for k in small])
@@ -196,6 +201,13 @@ def _names_in(folder: Path) -> list[str]:
         return os.listdir(folder)
     except FileNotFoundError:
         return []
+
+
+def _time_of(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return math.inf
 
 
 def _joined(tables: Sequence[pa.Table]) -> pa.Table:

@@ -73,7 +73,8 @@ def rows(folder: Path) -> int:
 def main(folder: Path, trials: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     studies.core.runner.FLUSH_INTERVAL = 0.01
-    studies.core.parts.MANY, studies.core.parts.FULL = 4, 16
+    studies.core.parts.FULL, studies.core.parts.MANY, studies.core.parts.LARGE = 16, 4, 64
+    studies.core.parts.AGE = -1.0
     kills = damages = 0
     started = time.monotonic()
     os.waitpid(begin(folder / "timed", 20), 0)

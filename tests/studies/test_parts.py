@@ -34,6 +34,7 @@ def small_files(monkeypatch):
     monkeypatch.setattr(studies.core.parts, "FULL", 5)
     monkeypatch.setattr(studies.core.parts, "MANY", 3)
     monkeypatch.setattr(studies.core.parts, "LARGE", 12)
+    monkeypatch.setattr(studies.core.parts, "AGE", -1.0)
 
 
 WRITES = st.lists(
@@ -50,7 +51,7 @@ WRITES = st.lists(
 
 @given(writes=WRITES)
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_several_writers_give_the_table_that_one_would(writes, small_files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("store")
@@ -164,6 +165,19 @@ def test_a_list_of_files_that_comes_late_is_asked_for_again(tmp_path, small_file
     present = os.listdir
     monkeypatch.setattr(os, "listdir", lambda path: late.pop() if late else present(path))
     assert len(Store(tmp_path).read()) == 4
+
+
+def test_files_that_may_still_be_lengthened_are_left_alone(tmp_path, small_files, monkeypatch):
+    monkeypatch.setattr(studies.core.parts, "AGE", 600.0)
+    for k in range(7):
+        Store(tmp_path).add([row(k)])
+    before = files(tmp_path)
+    for path in before[:4]:
+        os.utime(path, (0, 0))
+    Store(tmp_path).cells()
+    after = files(tmp_path)
+    assert (len(after), set(after) & set(before)) == (4, set(before[4:]))
+    assert len(Store(tmp_path).read()) == 7
 
 
 def test_a_writer_goes_on_whose_file_was_joined_with_others(tmp_path, small_files):
