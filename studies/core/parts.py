@@ -33,7 +33,7 @@ SCHEMA = 2
 FULL = 4096
 """Rows of a file to which no more are added."""
 MANY, LARGE = 64, 32_768
-"""So many files of less than half of so many rows are joined into files of about so many."""
+"""So many files that are not full are joined into files of about so many rows."""
 AGE = 600.0
 """Files are joined that nobody has lengthened for so long [s]."""
 NAME = re.compile(rf"\d{{20}}-[0-9a-f]{{{DIGITS}}}\.parquet")
@@ -127,7 +127,7 @@ class Parts:
     def gather(self) -> None:
         """Join small files where they are many, also of other writers: one that still works writes its rows again."""
         index = self.index()
-        small = [k for k, name in enumerate(index.names) if len(self._known[name]) < LARGE // 2]
+        small = [k for k, name in enumerate(index.names) if len(self._known[name]) < FULL]
         if len(small) >= MANY:
             small = [k for k in small if _time_of(self.folder / index.names[k]) < time.time() - AGE]
         if len(small) < MANY:
@@ -145,12 +145,12 @@ class Parts:
 
     def _write(self, table: pa.Table) -> Path:
         self.folder.mkdir(parents=True, exist_ok=True)
-        text = [name for name, kind in zip(table.column_names, table.schema.types, strict=True)
-                if not pa.types.is_floating(kind)]  # fmt: skip
+        repeated = [name for name, kind in zip(table.column_names, table.schema.types, strict=True)
+                    if name != "cell" and not pa.types.is_floating(kind)]  # fmt: skip
         table = table.replace_schema_metadata({"readhesion": str(SCHEMA)}).combine_chunks()
         return write_checked(
             self.folder / f"{pc.max(table[ADDED]).as_py():020d}", ".parquet",
-            lambda aside: pq.write_table(table, aside, use_dictionary=text, write_statistics=False),
+            lambda aside: pq.write_table(table, aside, use_dictionary=repeated, write_statistics=False),
         )  # fmt: skip
 
     def _listed(self) -> set[str]:
