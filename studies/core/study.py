@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -60,10 +61,8 @@ class Study:
         """
         store = Store(folder)
         tables: list[pd.DataFrame] = []
-        for cells, blocks in self._blocks(seed, events, shard, settings):
-            tables.append(
-                run_cells(cells, store, jobs, on_row=_of_blocks(on_row, len(tables), blocks))
-            )
+        for cells, block in self._blocks(seed, events, shard, settings):
+            tables.append(run_cells(cells, store, jobs, on_row=_in_all(on_row, block)))
         table = tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True)
         if shard != ALL:
             return table
@@ -74,15 +73,15 @@ class Study:
 
     def _blocks(
         self, seed: int, events: int, shard: Shard, settings: Mapping[str, object]
-    ) -> Iterator[tuple[Sequence[Cell], int]]:
-        """Cells of the first events, then of the next, for all would not fit into memory; and the number of blocks."""
+    ) -> Iterator[tuple[Sequence[Cell], "Block"]]:
+        """Cells of the first events, then of the next, for all would not fit into memory."""
         if not isinstance(self.cells, EachEvent) or self.later:
-            yield shard.of_cells(self.cells(seed, events, **settings)), 1
+            yield shard.of_cells(self.cells(seed, events, **settings)), Block(0, 1, 1)
             return
         numbers = shard.of(range(events))
-        starts = range(0, max(len(numbers), 1), BLOCK)
-        for start in starts:
-            yield self.cells(seed, numbers[start : start + BLOCK], **settings), len(starts)
+        for start in range(0, max(len(numbers), 1), BLOCK):
+            some = numbers[start : start + BLOCK]
+            yield self.cells(seed, some, **settings), Block(start, max(len(some), 1), len(numbers))
 
     def statements(self, table: pd.DataFrame) -> list[Statement]:
         """What the table says; raises `StudyError` where it lacks what the statements need."""
@@ -105,6 +104,8 @@ class Study:
         def holds(cells: Sequence[Cell]) -> bool:
             return bool(cells) and all(key_of(cell).digest in done for cell in cells)
 
+        if not done:
+            return 0
         if isinstance(self.cells, EachEvent) and not self.later:
             held = 0
             while holds(self.cells(seed, range(held, held + 1), **settings)):
@@ -145,8 +146,21 @@ class EachEvent:
         return [cell for k in numbers for cell in self._cells(seed, k, **settings)]
 
 
-def _of_blocks(on_row: OnRow | None, before: int, blocks: int) -> OnRow | None:
-    """Progress in one of several blocks, as progress in all; each is taken to have as many cells."""
+class Block(NamedTuple):
+    """Some of many events, by their number: those before, these, and all."""
+
+    before: int
+    events: int
+    all: int
+
+
+def _in_all(on_row: OnRow | None, block: Block) -> OnRow | None:
+    """Progress in a block as progress in all, whose events are taken to have as many cells each."""
     if on_row is None:
         return None
-    return lambda label, done, cells: on_row(label, before * cells + done, blocks * cells)
+
+    def tell(label: str, done: int, cells: int) -> None:
+        before, every = (cells * events // block.events for events in (block.before, block.all))
+        on_row(label, before + done, every)
+
+    return tell
