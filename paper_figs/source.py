@@ -50,8 +50,8 @@ class Source:
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
         job = Job(load_scenario(scenario), rule, controller, seed)
-        key = key_of(job)
-        return load(self.store.run_path(key)) if self.store.has_run(key) else simulate_job(job)
+        path = self.store.run_path(key_of(job))
+        return simulate_job(job) if path is None else load(path)
 
     def study(
         self, name: str, least: int | None, instead: Callable[[], pd.DataFrame] | None = None

@@ -26,6 +26,7 @@ from studies.core.collection import find_study
 from studies.core.controllers import is_hosted
 from studies.core.job import Job, simulate_job
 from studies.core.statement import Statement
+from studies.core.union import MEASURED
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
@@ -38,8 +39,7 @@ from tests.studies.sweep_tables import claim_table, difference_table
 STORED = Path(__file__).with_name("results_hash.json")
 HOSTED_DURATION = 8.0
 """Time [s] for which the slow hosted controllers run; every shipped event slips before."""
-BOOKKEEPING = ("code_hash", "scenario_hash", "wall_time", "computing", "solve_time", "messages", "reason",
-               "status", "cell", "rule_time", "controller_time", "controller_median", "controller_p99")  # fmt: skip
+BOOKKEEPING = (*MEASURED, "code_hash", "scenario_hash", "messages", "reason", "status", "cell")
 """Columns, by their beginning, that depend on the machine's speed or on how rows are kept."""
 
 SMALL: dict[str, tuple[int, dict[str, Any]]] = {

@@ -6,7 +6,7 @@ from studies.brake_force.findings import SHORTFALLS, allocated_rows, driven_rows
 from studies.brake_force.running_tests import TESTS
 from studies.brake_force.statements import brake_force_statements
 from studies.core.cell import Task
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 
 
 def cells(
@@ -25,7 +25,7 @@ BRAKE_FORCE = Study(
     name="brake-force",
     question="what the RTRI report found of brake force per car, and whether a faulty car is found",
     default_events=20,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     judge=brake_force_statements,
     whole=True,
 )

@@ -7,7 +7,8 @@ import numpy as np
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from studies.claims.quantities import BELIEVED_SLOPE, draw, event_name
-from studies.scenario.loading import load_scenario
+from studies.files.units import stated
+from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 BASE = "wet-start"
@@ -29,19 +30,21 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     else:
         level = d["level"] / hyperbolic_speed_law(REFERENCE_SPEED, *SPEED_LAWS[d["speed_law"]])
     position = np.linspace(-1.0, 1.0, CARS)
+    loads = d["load_t"] * (1.0 + d["tilt"] * position)
+    noise = stated("_kmh", d["speed_noise_kmh"])
     patch = {
         "factor": d["patch_factor"],
         "start_m": d["patch_start_m"],
         "end_m": d["patch_start_m"] + d["patch_length_m"],
         "edge_m": 4.0,
     }
-    return load_scenario(BASE).changed(
+    return shipped_scenario(BASE).changed(
         name=event_name(seed, k),
         title=f"random event {k}",
         case=None,
         duration_s=duration,
         variation=None,  # drawn here
-        load_t=tuple((d["load_t"] * (1.0 + d["tilt"] * position)).tolist()),
+        load_t=tuple(stated("_t", load) for load in loads.tolist()),
         rail={
             "level": float(level),
             "speed_law": d["speed_law"],
@@ -53,7 +56,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         line={"sections": [{"start_m": -1000.0, "grade_permille": d["grade_permille"]}]},
         belief={"increments": _increments(BELIEVED_SLOPE)},
         onboard={
-            "sensors": {"speed_noise_kmh": d["speed_noise_kmh"], "load_error": d["load_error"]},
+            "sensors": {"speed_noise_kmh": noise, "load_error": d["load_error"]},
             "telegrams": {"jitter_s": 0.03, "loss": d["telegram_loss"]},
         },
     )

@@ -6,7 +6,7 @@ from studies.claims.quantities import EVENTS
 from studies.claims.statements import claim_statements
 from studies.core.drawn_events import complete
 from studies.core.job import Job
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 
 RULES = ("alone", "preset", "sharing", "greedy", "greedy-claim", "exact", "oracle")
 
@@ -21,7 +21,7 @@ CLAIMS = Study(
     name="claims",
     question="claims (a) to (e) of JP5484215 over random events, all rules paired",
     default_events=240,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: claim_statements(complete(table)),
 )

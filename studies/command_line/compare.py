@@ -7,15 +7,17 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    EVERYTHING,
     MOST_SEEDS,
     FilePath,
     Names,
     Whole,
+    Work,
     check_whole,
     process_count,
     split_names,
 )  # fmt: skip
-from studies.command_line.terminal import console, counted, progress
+from studies.command_line.terminal import console, counted, of_shard, progress
 from studies.files.writable import check_place
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ def compare(
     rules: Names = None,
     controllers: Names = None,
     seeds: Whole | None = None,
-    jobs: Whole | None = None,
+    work: Work = EVERYTHING,
     out: FilePath = Path("results"),
     line: str | None = None,
     train: str | None = None,
@@ -55,8 +57,6 @@ def compare(
     seeds
         Number of seeds: 3 runs the seeds 0, 1 and 2; 0 is the event as its file states it [default:
         5, but 1 where nothing is drawn].
-    jobs
-        Number of processes [default: one per core].
     out
         Folder for the table (parquet), recorded runs (netCDF) and figures.
     line
@@ -78,21 +78,23 @@ def compare(
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
     from studies.core.runner import run_cells
+    from studies.core.shard import read_shard
     from studies.core.store import Store
 
-    count = process_count(jobs)
+    count = process_count(work.jobs)
+    shard = read_shard(work.shard)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_place(out)
     chosen = _scenarios(split_names(scenario), line, train)
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
-    cells = grid.jobs()
+    cells = shard.of_cells(grid.jobs())
     store = Store(out)
     with progress() as on_row:
         table = run_cells(
             cells, store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
         )
-    lines = summarise(table)
+    lines = [] if work.shard else summarise(table)
     if as_json:
         about = {
             "table": str(store.path),
@@ -102,6 +104,7 @@ def compare(
             },
             "code": code_hash("studies.core.job"),
             "cores": process_count(None),
+            "shard": work.shard,
             **provenance(),
         }
         print(to_json(lines, about))
@@ -109,14 +112,14 @@ def compare(
         screen = console()
         for item in tables(lines, {s.name: s.title for s in chosen}, screen.width):
             screen.print(item)
-        screen.print(f"{counted(table, 'runs')}; table in {store.path}")
-    if figures:
+        screen.print(f"{counted(table, 'runs')}{of_shard(work)}; table in {store.path}")
+    if figures and not work.shard:
         from studies.core.gallery import gallery
 
         written = gallery().draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
-    return 0 if (table["status"] == "ok").any() else ALL_FAILED
+    return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED
 
 
 def _scenarios(names: list[str] | None, line: str | None, train: str | None) -> "list[Scenario]":

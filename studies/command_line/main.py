@@ -15,6 +15,7 @@ from studies.command_line.analyse import analyse
 from studies.command_line.compare import compare
 from studies.command_line.figures import figures
 from studies.command_line.list import list_names
+from studies.command_line.merge import merge
 from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
@@ -35,7 +36,7 @@ app = App(
     help_on_error=False,
     suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
 )
-for command in (compare, simulate, run_line, sweep, figures, analyse):
+for command in (compare, simulate, run_line, sweep, merge, figures, analyse):
     app.command(command)
 app.command(list_names, name="list")
 app.meta.suppress_keyboard_interrupt = False

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -34,8 +35,22 @@ Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 FilePath = Annotated[Path, Parameter(converter=_path, n_tokens=1)]
 """Option of a file or folder."""
 
-MOST_SEEDS, MOST_EVENTS, GREATEST_SEED = 1000, 100_000, 2**31 - 1
+MOST_SEEDS, MOST_EVENTS, GREATEST_SEED = 1000, 1_000_000, 2**31 - 1
 PROCESSES_PER_CORE = 16
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Work:
+    """How much of a study is done, and by how many processes."""
+
+    jobs: Whole | None = None
+    """Number of processes [default: one per core]."""
+    shard: str | None = None
+    """k/n: run share k of n of the events, for the k-th of n jobs; `readhesion merge` unites them."""
+
+
+EVERYTHING = Work()
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
 """Option of several names, one by one or with commas."""

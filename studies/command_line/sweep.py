@@ -8,14 +8,16 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    EVERYTHING,
     GREATEST_SEED,
     MOST_EVENTS,
     FilePath,
     Whole,
+    Work,
     check_whole,
     process_count,
 )  # fmt: skip
-from studies.command_line.terminal import console, counted, progress
+from studies.command_line.terminal import console, counted, of_shard, progress
 from studies.files.writable import check_place
 
 
@@ -23,7 +25,7 @@ def sweep(
     name: str,
     *,
     events: Whole | None = None,
-    jobs: Whole | None = None,
+    work: Work = EVERYTHING,
     out: FilePath = Path("results"),
     seed: Whole = 0,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
@@ -38,8 +40,6 @@ def sweep(
         Sweep; `readhesion list` names them.
     events
         Number of random events [default: the sweep's own]; more of them extend fewer.
-    jobs
-        Number of processes [default: one per core].
     out
         Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
     seed
@@ -48,26 +48,29 @@ def sweep(
         Print JSON instead of text.
     """
     from studies.core.collection import find_study, study_folder
+    from studies.core.shard import read_shard
     from studies.core.statement_report import about, printed
 
     chosen = find_study(name)
     count = chosen.default_events if events is None else events
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
-    processes = process_count(jobs)
+    processes = process_count(work.jobs)
+    shard = read_shard(work.shard)
     check_place(out)
     folder = study_folder(out, name)
     with progress() as on_row:
-        table = chosen.run(folder, count, seed, processes, on_row)
+        table = chosen.run(folder, count, seed, processes, on_row, shard=shard)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
-    found = [] if failed == len(table) else chosen.statements(table)
+    all_failed = failed == len(table) > 0
+    found = [] if all_failed or work.shard else chosen.statements(table)
     if as_json:
-        content = about(name, count, seed, folder, len(table), failed)
+        content = about(name, count, seed, folder, len(table), failed) | {"shard": work.shard}
         content["statements"] = [statement.content() for statement in found]
         print(json.dumps(content, indent=2, allow_nan=False))
     else:
         screen = console()
         for item in printed(found):
             screen.print(item)
-        screen.print(f"{counted(table, 'rows')}; tables in {folder}")
-    return ALL_FAILED if failed == len(table) else 0
+        screen.print(f"{counted(table, 'rows')}{of_shard(work)}; tables in {folder}")
+    return ALL_FAILED if all_failed else 0

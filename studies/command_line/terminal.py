@@ -10,6 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     import pandas as pd
 
+    from studies.command_line.options import Work
+
 PLAIN_WIDTH = 170
 """Width of tables that do not go to a terminal."""
 
@@ -33,6 +35,11 @@ def counted(table: "pd.DataFrame", what: str) -> str:
     counts = Counter(table.get("status", ()))
     bad = [f", [red]{n} {status}[/red]" for status, n in counts.items() if status != "ok"]
     return "".join([f"{len(table)} {what}", *bad])
+
+
+def of_shard(work: "Work") -> str:
+    """Which share of the events was run, and what makes a whole of them; nothing where it is the whole."""
+    return f" of shard {work.shard}; `readhesion merge` unites the shards" if work.shard else ""
 
 
 class progress:

@@ -83,7 +83,7 @@ def _missing(
     retry_failed: bool,
 ) -> list[Work]:
     """What is to be done; the slow cells first, so that no process is left alone with one at the end."""
-    succeeded = store.cells()
+    succeeded = store.cells(keys)
     work = []
     for cell, key in zip(cells, keys, strict=True):
         kept = any(fnmatchcase(key.label, pattern) for pattern in keep)

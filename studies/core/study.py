@@ -1,18 +1,21 @@
 """A study: one question, asked over many events; its cells make a table, and the table makes statements."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
 from studies.core.cell import Cell, OnRow, key_of
 from studies.core.runner import run_cells
+from studies.core.shard import ALL, Shard
 from studies.core.statement import Statement
 from studies.core.store import Store
 from studies.files.study_error import StudyError
 
+BLOCK = 5000
+"""Events whose cells are in memory at once, 15 kB each."""
 Cells = Callable[..., Sequence[Cell]]
 """Cells of a study: called with seed, number of events and the study's settings by name. More events, by the study's
 `step`, add cells and change none."""
@@ -48,19 +51,37 @@ class Study:
         seed: int = 0,
         jobs: int = 1,
         on_row: OnRow | None = None,
+        shard: Shard = ALL,
         **settings: object,
     ) -> pd.DataFrame:
         """The table of so many events drawn from `seed`; cells that `folder` holds are not run again.
 
+        `shard`: a share of the events, whose rows come as they are; stages that need the rows of all are left out.
         `settings` are the study's own, such as a shorter duration; their rows stand apart from those without.
         """
         store = Store(folder)
-        cells = self.cells(seed, events, **settings)
-        table = run_cells(cells, store, jobs, on_row=on_row)
+        tables: list[pd.DataFrame] = []
+        for cells, block in self._blocks(seed, events, shard, settings):
+            tables.append(run_cells(cells, store, jobs, on_row=_in_all(on_row, block)))
+        table = tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True)
+        if shard != ALL:
+            return table
         for stage in self.later:
             cells = [*cells, *stage(seed, events, table, **settings)]
             table = run_cells(cells, store, jobs, on_row=on_row)
         return table if self.finish is None else self.finish(table, seed, events)
+
+    def _blocks(
+        self, seed: int, events: int, shard: Shard, settings: Mapping[str, object]
+    ) -> Iterator[tuple[Sequence[Cell], "Block"]]:
+        """Cells of the first events, then of the next, for all would not fit into memory."""
+        if not isinstance(self.cells, EachEvent) or self.later:
+            yield shard.of_cells(self.cells(seed, events, **settings)), Block(0, 1, 1)
+            return
+        numbers = shard.of(range(events))
+        for start in range(0, max(len(numbers), 1), BLOCK):
+            some = numbers[start : start + BLOCK]
+            yield self.cells(seed, some, **settings), Block(start, max(len(some), 1), len(numbers))
 
     def statements(self, table: pd.DataFrame) -> list[Statement]:
         """What the table says; raises `StudyError` where it lacks what the statements need."""
@@ -79,38 +100,67 @@ class Study:
         """
         store = Store(folder)
         done = store.cells().keys()
-        first = self.cells(seed, self.step, **settings)
 
-        def holds(steps: int) -> bool:
+        def holds(cells: Sequence[Cell]) -> bool:
+            return bool(cells) and all(key_of(cell).digest in done for cell in cells)
+
+        if not done:
+            return 0
+        if isinstance(self.cells, EachEvent) and not self.later:
+            held = 0
+            while holds(self.cells(seed, range(held, held + 1), **settings)):
+                held += 1
+            return held - held % self.step
+        first = len(self.cells(seed, self.step, **settings))
+
+        def holds_steps(steps: int) -> bool:
             events = steps * self.step
             cells = self.cells(seed, events, **settings)
-            if steps > 1 and len(cells) == len(first):
+            if steps > 1 and len(cells) == first:
                 return False
-            for stage in (*self.later, None):
-                keys = [key_of(cell) for cell in cells]
-                if not done >= {key.digest for key in keys}:
+            for stage in self.later:
+                if not holds(cells):
                     return False
-                if stage is not None:
-                    cells = [*cells, *stage(seed, events, store.rows_of(keys), **settings)]
-            return True
+                keys = [key_of(cell) for cell in cells]
+                cells = [*cells, *stage(seed, events, store.rows_of(keys), **settings)]
+            return holds(cells)
 
-        if not done or not holds(1):
-            return 0
-        low, high = 1, 2
-        while holds(high):
+        low, high = 0, 1
+        while holds_steps(high):
             low, high = high, 2 * high
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if holds(middle) else (low, middle)
+            low, high = (middle, high) if holds_steps(middle) else (low, middle)
         return low * self.step
 
 
-def each_event(cells: Callable[..., Sequence[Cell]]) -> Cells:
-    """Cells of all events from a function that gives those of one, called with seed, number k and settings."""
-    return partial(_each_event, cells)
+class EachEvent:
+    """Cells of many events from a function that gives those of one, called with seed, number k and settings."""
+
+    def __init__(self, cells: Callable[..., Sequence[Cell]]) -> None:
+        self._cells = cells
+
+    def __call__(self, seed: int, events: int | Sequence[int], **settings: object) -> list[Cell]:
+        """Cells of the first so many events, or of those with these numbers."""
+        numbers = range(events) if isinstance(events, int) else events
+        return [cell for k in numbers for cell in self._cells(seed, k, **settings)]
 
 
-def _each_event(
-    cells: Callable[..., Sequence[Cell]], seed: int, events: int, **settings: object
-) -> list[Cell]:
-    return [cell for k in range(events) for cell in cells(seed, k, **settings)]
+class Block(NamedTuple):
+    """Some of many events, by their number: those before, these, and all."""
+
+    before: int
+    events: int
+    all: int
+
+
+def _in_all(on_row: OnRow | None, block: Block) -> OnRow | None:
+    """Progress in a block as progress in all, whose events are taken to have as many cells each."""
+    if on_row is None:
+        return None
+
+    def tell(label: str, done: int, cells: int) -> None:
+        before, every = (cells * events // block.events for events in (block.before, block.all))
+        on_row(label, before + done, every)
+
+    return tell

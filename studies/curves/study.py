@@ -9,7 +9,7 @@ from studies.claims.events import scenario as claim_event
 from studies.claims.measures import measure
 from studies.claims.quantities import draw, event_name
 from studies.core.job import Job
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 from studies.curves.statements import BASE, CURVES, INFORMED, RULES, curve_statements
 from studies.ladder.events import polach_level
 from studies.scenario.scenario import Scenario
@@ -71,7 +71,7 @@ CURVE_STUDY = Study(
     name="curves",
     question="whether the order of rules and of controllers stands under other adhesion curves",
     default_events=20,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     finish=meant,
     judge=lambda table: curve_statements(table[table["status"] == "ok"]),
 )

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import AllocationProblem
-from studies.scenario.loading import load_scenario
+from studies.files.units import stated
+from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 EXPECTED = 0.16
@@ -83,7 +84,7 @@ def _believed(g: Generator) -> dict[str, Any]:
 EVENTS: dict[str, Callable[[Generator], dict[str, Any]]] = {
     "plain": lambda g: {},
     "unequal masses": lambda g: {
-        "load_t": tuple(g.uniform(0.0, 12.0, 8).tolist()),
+        "load_t": tuple(stated("_t", load) for load in g.uniform(0.0, 12.0, 8).tolist()),
         "command": [{"time_s": 0.0, "acceleration_kmhs": 2.7}],
     },
     "caps not growing": lambda g: {"belief": _believed(g)},
@@ -103,7 +104,7 @@ def event(seed: int, kind: str, k: int) -> Scenario:
     """Event `k` of a kind, from `seed`, kind and `k` alone."""
     generator = np.random.default_rng([seed, k, 101 + list(KINDS).index(kind)])
     own = EVENTS[kind](generator)
-    base = load_scenario("wet-start")
+    base = shipped_scenario("wet-start")
     level = float(generator.uniform(0.128, 0.148))
     rail = base.rail.model_dump() | {"level": level, "scatter": 0.003}
     name = event_name(seed, kind, k)

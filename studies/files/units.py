@@ -60,6 +60,12 @@ ENDINGS: dict[str, str] = {
 """Ending of a key by the unit that `alloc.onboard.quantity` states."""
 
 
+def stated(key: str, size: float) -> float:
+    """A random draw as a file may state it: 0 where it happens to be smaller than the least size of its unit."""
+    least, _ = next(bounds for ending, bounds in RANGES.items() if key.endswith(ending))
+    return size if abs(size) >= least else 0.0
+
+
 def range_fault(key: str, value: Any) -> str | None:
     """What is wrong with a value, or with one of several, whose size no railway knows; None if nothing is."""
     least, most = next(bounds for ending, bounds in RANGES.items() if key.endswith(ending))

@@ -6,7 +6,7 @@ from studies.claims.events import DURATION, scenario
 from studies.claims.measures import measure
 from studies.claims.quantities import event_name
 from studies.core.job import Job
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 from studies.joint.statements import ARMS, OPTIMUM, joint_statements
 
 
@@ -26,7 +26,7 @@ JOINT = Study(
     name="joint",
     question="how near allocation rules, and the joint problem by telegrams, come to the joint optimum without delay",
     default_events=12,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     finish=numbered,
     judge=lambda table: joint_statements(table[table["status"] == "ok"]),
 )

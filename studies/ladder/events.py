@@ -4,7 +4,8 @@ from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
-from studies.scenario.loading import load_scenario
+from studies.files.units import stated
+from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
 DURATION = 12.0
@@ -84,7 +85,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         "fade_s": 0.1,
     }
     patch = {"factor": d["patch_factor"], "start_m": 10.0, "end_m": 40.0, "edge_m": 4.0}
-    return load_scenario(base).changed(
+    return shipped_scenario(base).changed(
         name=event_name(seed, k),
         title=f"random event {k} of the ladder",
         case=None,
@@ -99,6 +100,6 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         },
         line={"sections": [{"start_m": -1000.0, "grade_permille": d["grade_permille"]}]},
         belief={"curve": {"kind": "piecewise"}},
-        onboard={"sensors": {"speed_noise_kmh": d["speed_noise_kmh"]}},
+        onboard={"sensors": {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}},
         **changes,
     )

@@ -2,7 +2,7 @@
 
 from studies.core.drawn_events import complete
 from studies.core.job import Job
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 from studies.ladder.events import DURATION, EVENTS, scenario
 from studies.ladder.measures import measure
 from studies.ladder.statements import HOSTED_RUNG, LADDER, ladder_statements
@@ -29,7 +29,7 @@ LADDER_STUDY = Study(
     name="ladder",
     question="readhesion controllers from none to MPC: adhesion used, search time, fluctuation, slip, damage",
     default_events=30,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     finish=EVENTS.joined,
     judge=lambda table: ladder_statements(complete(table)),
 )

@@ -25,7 +25,7 @@ from alloc.metrics import METRICS
 from alloc.rules.qp_robust import PROBABILITY
 from alloc.simulation import simulate
 from studies.learning.arms import ARMS, believed_increments, first_learning
-from studies.scenario.loading import load_scenario
+from studies.scenario.loading import shipped_scenario
 
 Floats = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def station_event(series: Series, direction: str, station: int) -> tuple[Event, 
     )  # fmt: skip
     event_seed, level_seed = np.random.SeedSequence(numbers).generate_state(2)
     level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
-    base = load_scenario(BASE)
+    base = shipped_scenario(BASE)
     rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[series.rail]}
     changed = base.changed(
         rail=rail,

@@ -1,7 +1,7 @@
 """Running resistance (JP H07-322414): does compensation steady the train, do the weights converge, does the mass help?"""
 
 from studies.core.cell import Task
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 from studies.resistance.events import event_row
 from studies.resistance.statements import resistance_statements
 
@@ -15,7 +15,7 @@ RESISTANCE = Study(
     name="resistance",
     question="compensation and learning of running resistance by line position (JP H07-322414)",
     default_events=12,
-    cells=each_event(cells),
+    cells=EachEvent(cells),
     judge=resistance_statements,
     whole=True,
 )

@@ -1,6 +1,7 @@
 """Scenarios by name or path: those that ship, those of plug-ins, and files of one's own."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,12 @@ def default_scenarios() -> list[Scenario]:
     """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
     shipped = [load_scenario(name) for name in shipped_scenarios()]
     return [scenario for scenario in shipped if scenario.in_default_comparison]
+
+
+@cache
+def shipped_scenario(name: str) -> Scenario:
+    """A scenario that ships; read once, for random events are made from it by the million."""
+    return load_scenario(SHIPPED / f"{name}.toml")
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:

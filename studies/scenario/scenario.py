@@ -10,6 +10,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -147,6 +148,10 @@ class Scenario(Strict):
 
     def hash(self) -> str:
         """Hash of all that decides the event: equal content gives equal hashes, wherever the file lies."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> str:
         content = self.model_dump(mode="json", exclude=NOT_HASHED)
         if is_file(self.train):
             content["train"] = _digest(self.train)

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+import studies.core.parts
 import studies.core.runner
 from studies.core.cell import Task
 from studies.core.runner import run_cells
-from studies.core.store import SUMS, Store
+from studies.core.store import Store
 
 
 def square(k: int) -> dict[str, object]:
@@ -44,10 +45,10 @@ def begin(folder: Path, count: int) -> int:
 
 def damage(folder: Path, rng: np.random.Generator) -> str:
     """Truncate, empty, overwrite, delete or change one bit of a file of the study."""
-    names = [name for name in ("runs.parquet", SUMS) if (folder / name).exists()]
+    names = sorted(path.name for path in folder.glob("rows/*.parquet"))
     if not names:
         return "nothing"
-    path = folder / str(rng.choice(names))
+    path = folder / "rows" / str(rng.choice(names))
     content = bytearray(path.read_bytes())
     how = str(rng.choice(["truncated", "emptied", "overwritten", "deleted", "flipped"]))
     place = int(rng.integers(max(len(content), 1)))
@@ -72,6 +73,8 @@ def rows(folder: Path) -> int:
 def main(folder: Path, trials: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     studies.core.runner.FLUSH_INTERVAL = 0.01
+    studies.core.parts.FULL, studies.core.parts.MANY, studies.core.parts.LARGE = 16, 4, 64
+    studies.core.parts.AGE = -1.0
     kills = damages = 0
     started = time.monotonic()
     os.waitpid(begin(folder / "timed", 20), 0)
@@ -87,7 +90,7 @@ def main(folder: Path, trials: int, seed: int) -> None:
         if rng.random() < 0.3:
             damages += damage(folder, rng) != "nothing"
     table = compute(folder, 20 + trials)
-    broken = len(list(folder.glob("*.broken-*")))
+    broken = len(list(folder.glob("rows/*.broken-*")))
     columns = ["k", "square", "label", "status", "cell", "code_hash"]
     whole = compute(folder / "uninterrupted", 20 + trials)
     assert table[columns].equals(whole[columns]), "the table differs from an uninterrupted one"

@@ -15,6 +15,7 @@ from studies.claims.study import CLAIMS
 from studies.claims.study import RULES as CLAIM_RULES
 from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.job import Job, simulate_job
+from studies.core.shard import ALL
 from studies.core.statement import VERDICTS, Interval, Statement
 from studies.core.verdict import LEAST_EVENTS
 from studies.files.study_error import StudyError
@@ -102,6 +103,14 @@ def test_drawn_events_can_be_run(k):
     assert speed_law in ("none", "curtius-kniffler", "shinkansen")
 
 
+@pytest.mark.parametrize(("seed", "k"), [(1, 4), (1, 819)])
+def test_a_draw_smaller_than_a_file_may_state_is_none_at_all(seed, k):
+    assert (
+        min(scenario(seed, k).load_t) == 0.0
+        or scenario(seed, k).onboard.sensors.speed_noise_kmh == 0.0
+    )
+
+
 def test_measures_are_shares_of_what_there_is():
     run_ = simulate_job(Job(scenario(0, 0, 5.0), "greedy", "cut-and-ramp", 0))
     found = measure(run_)
@@ -139,7 +148,8 @@ def stub(monkeypatch):
     """A study that takes no time, in the place of `claims`; gives the calls that it met."""
     calls = []
 
-    def study_run(folder, events, seed, jobs, on_row=None):
+    def study_run(folder, events, seed, jobs, on_row, shard):
+        assert shard == ALL
         calls.append((folder, events, seed, jobs))
         return pd.DataFrame({"status": ["ok"] * events})
 

@@ -8,7 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 import alloc.rules.qp
@@ -53,7 +52,7 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tm
     assert "two slippery seconds" in out
     assert "10 runs" in out
     assert "less alone, paired over 5 seeds" in out
-    table = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    table = Store(tmp_path / "out").read()
     assert table["rule"].tolist() == ["alone"] * 5 + ["exact"] * 5
     assert set(METRICS) <= set(table.columns)
     for name in ("rule-comparison", "utilisation-damage"):
@@ -288,11 +287,10 @@ def waiting(short_file, tmp_path, monkeypatch):
         "--controllers", "none", "--seeds", 6, "--jobs", 2, "--no-figures", "--out", tmp_path / "out",
         start_new_session=True,
     )  # fmt: skip
-    table = tmp_path / "out" / "runs.parquet"
-    busy = tmp_path / "busy"
+    out, busy = tmp_path / "out", tmp_path / "busy"
     try:
         _wait_for(lambda: len(list(busy.iterdir())) == 2, running)
-        _wait_for(lambda: table.exists() and len(Store(table.parent).read()) == 2, running)
+        _wait_for(lambda: out.exists() and len(Store(out).read()) == 2, running)
         yield running, [int(path.name) for path in busy.iterdir()]
     finally:
         running.kill()
@@ -330,7 +328,8 @@ def test_two_processes_in_one_folder_both_finish(short_file, tmp_path):
         assert (running.returncode, err.strip()) == (0, "")
     store = Store(tmp_path)
     assert store.read()["status"].tolist() == 4 * ["ok"]
-    assert len(list(tmp_path.glob("runs/*/*.nc"))) == 4
+    kept = [path.name[:-20] for path in tmp_path.glob("runs/*/*.nc")]
+    assert len(set(kept)) == 4  # both may have recorded one at the same time
     assert not list(tmp_path.rglob("*.broken*"))
 
 

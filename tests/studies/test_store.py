@@ -5,23 +5,32 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 import xarray as xr
 
+from alloc.recording import load
 from studies.core.cell import Key
-from studies.core.store import SUMS, TABLE, Store, StoreWarning
+from studies.core.checked_file import StoreWarning, write_checked
+from studies.core.store import Store
 from studies.files.study_error import StudyError
 
+DAMAGES = (lambda whole: whole[: len(whole) // 2], lambda whole: b"", lambda whole: b"no table")
 RUN = xr.Dataset({"speed": ("time", np.arange(100.0))}, {"time": np.arange(100.0)})
 
 
 def row(seed: int, status: str = "ok", **values) -> dict:
     cell = {"cell": f"cell {seed}", "code_hash": "c0de", "seed": seed}
     return cell | {"status": status, "reason": ""} | values
+
+
+def files(store) -> list[Path]:
+    """Files of the table, in the order of their rows."""
+    return sorted(store.path.glob("*.parquet"))
 
 
 @pytest.fixture
@@ -56,20 +65,22 @@ def test_a_failed_row_is_kept_with_its_reason_but_is_not_done(store):
     assert store.read().loc[0, "reason"] == "the wheels came off"
 
 
-def test_an_interrupted_write_leaves_the_old_table_and_no_litter(store, monkeypatch):
+def test_an_interrupted_write_leaves_the_old_rows_and_no_litter(store, monkeypatch):
     store.add([row(0)])
 
-    def interrupted(self, path, **_):
-        with open(path, "w") as file:
-            file.write("half a tab")
+    def interrupted(table, path, **_):
+        path.write_text("half a tab")
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(pd.DataFrame, "to_parquet", interrupted)
+        patch.setattr("pyarrow.parquet.write_table", interrupted)
         with pytest.raises(KeyboardInterrupt):
             store.add([row(1)])
     assert store.cells().keys() == {"cell 0"}
-    assert {path.name for path in store.folder.iterdir()} == {TABLE, SUMS, ".lock"}
+    assert {path.name for path in store.folder.iterdir()} == {"rows"}
+    assert len(files(store)) == 1
+    store.add([row(2)])
+    assert store.cells().keys() == {"cell 0", "cell 2"}
 
 
 def test_writers_at_the_same_time_lose_nothing(store):
@@ -92,25 +103,32 @@ def test_rows_of_one_cell_stay_together_in_their_order_and_are_replaced_as_one(s
     assert store.rows_of(keys)["place"].tolist() == [0, 3]
 
 
-@pytest.mark.parametrize("listed", [True, False])
-@pytest.mark.parametrize(
-    "damage", [lambda whole: whole[: len(whole) // 2], lambda whole: b"", lambda whole: b"no table"]
-)
-def test_a_broken_table_is_set_aside_with_one_line(store, damage, listed):
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_broken_part_is_set_aside_with_one_line_and_the_others_stay(store, damage):
     store.add([row(0)])
-    whole = store.path.read_bytes()
-    store.path.write_bytes(damage(whole))
-    if not listed:
-        (store.folder / SUMS).unlink()
+    Store(store.folder).add([row(1)])
+    path = files(store)[0]
+    whole = path.read_bytes()
+    path.write_bytes(damage(whole))
     with pytest.warns(
-        StoreWarning, match=r"runs\.parquet' is broken \(.*; it is now 'runs\.parquet\.broken-1'"
+        StoreWarning,
+        match=rf"{path.name}' is broken \(it is not as .*; it is now '{path.name}\.broken-1'",
     ) as said:
-        assert store.read().empty
+        assert Store(store.folder).cells() == {"cell 1": True}
     assert len(said) == 1
     assert "\n" not in str(said[0].message)
-    assert (store.folder / "runs.parquet.broken-1").read_bytes() == damage(whole)
-    store.add([row(1)])
-    assert store.cells() == {"cell 1": True}
+    assert path.with_name(f"{path.name}.broken-1").read_bytes() == damage(whole)
+    Store(store.folder).add([row(2)])
+    assert Store(store.folder).cells().keys() == {"cell 1", "cell 2"}
+
+
+def test_damage_between_index_and_reading_is_noticed(store):
+    store.add([row(0), row(1)])
+    keys = [Key("event", f"cell {seed}", "c0de") for seed in range(2)]
+    assert store.cells(keys).keys() == {"cell 0", "cell 1"}
+    files(store)[0].write_bytes(b"no table")
+    with pytest.warns(StoreWarning, match="it is not as it was written"):
+        assert store.rows_of(keys).empty
 
 
 def test_a_file_that_another_writer_finishes_meanwhile_is_no_fault(store, monkeypatch):
@@ -121,64 +139,46 @@ def test_a_file_that_another_writer_finishes_meanwhile_is_no_fault(store, monkey
 
 def test_any_flipped_bit_is_noticed(store):
     store.add([row(0, damage=1.5)])
-    whole = store.path.read_bytes()
+    (path,) = files(store)
+    whole = path.read_bytes()
     for place in np.random.default_rng(0).choice(len(whole), 40, replace=False):
         broken = bytearray(whole)
         broken[place] ^= 1 << (place % 8)
-        store.path.write_bytes(broken)
+        path.write_bytes(broken)
         with pytest.warns(StoreWarning, match="it is not as it was written"):
-            assert store.read().empty
+            assert Store(store.folder).read().empty
 
 
-def test_a_crash_after_the_checksums_were_lost_loses_no_table(store, monkeypatch):
+def test_names_end_with_checksums_of_the_usual_tool(store):
     store.add([row(0)])
-    (store.folder / SUMS).unlink()
-
-    def killed(self, *_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            "os.replace",
-            lambda old, new: killed(old) if str(new).endswith(TABLE) else Path(old).rename(new),
-        )
-        with pytest.raises(KeyboardInterrupt):
-            store.add([row(1)])
-    assert store.cells() == {"cell 0": True}
+    run = store.save_run(Key("event/rule", "0123456789abcdef", "c0de"), RUN)
+    for path in (*files(store), run):
+        assert path.stem.endswith(f"-{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}")
 
 
-def test_checksums_are_those_of_the_usual_tool(store):
+def test_a_table_of_another_version_is_refused_and_left_alone(store):
     store.add([row(0)])
-    store.add([row(1)])
-    digest = hashlib.sha256(store.path.read_bytes()).hexdigest()
-    assert (store.folder / SUMS).read_text() == f"{digest}  runs.parquet\n"
-
-
-@pytest.mark.parametrize("column", ["scenario", "other version"])
-def test_a_table_of_another_version_is_refused_and_left_alone(store, column):
-    table = pd.DataFrame({"scenario": ["x"], "seed": [0]})
-    if column == "other version":
-        table = pd.DataFrame([row(0)])
-        table.attrs["schema"] = 99
-    table.to_parquet(store.path)
-    whole = store.path.read_bytes()
-    for use in (store.read, store.cells, lambda: store.add([row(1)])):
+    (path,) = files(store)
+    table = pq.read_table(path).replace_schema_metadata({"readhesion": "99"})
+    path.unlink()
+    path = write_checked(path.parent / ("0" * 20), ".parquet", partial(pq.write_table, table))
+    for use in (store.read, store.cells, lambda: store.rows_of([])):
         with pytest.raises(
             StudyError, match="one of another version of this program; move it away or choose"
         ):
             use()
-    assert store.path.read_bytes() == whole
+    assert path.exists()
 
 
 @pytest.mark.parametrize(
     "label", ["../../out/exact", "/etc/exact", "..", "a/../../b", "C:\\x/y", "né w/α", "x" * 300]
 )
 def test_no_label_leads_out_of_the_folder(store, label):
-    path = store.run_path(Key(label, "0123456789abcdef", "c0de"))
+    key = Key(label, "0123456789abcdef", "c0de")
+    path = store.save_run(key, RUN)
     assert path.resolve().is_relative_to((store.folder / "runs").resolve())
     assert len(path.relative_to(store.folder).parts) <= 3
-    store.save_run(Key(label, "0123456789abcdef", "c0de"), RUN)
-    assert store.has_run(Key(label, "0123456789abcdef", "c0de"))
+    assert store.run_path(key) == path
 
 
 def test_a_broken_run_does_not_count_as_kept(store):
@@ -200,7 +200,7 @@ def test_files_have_the_users_umask(store):
         run = store.save_run(Key("event/rule", "0123456789abcdef", "c0de"), RUN)
     finally:
         os.umask(before)
-    for path in (store.path, store.folder / SUMS, run):
+    for path in (*files(store), run):
         assert path.stat().st_mode & 0o777 == 0o640
 
 
@@ -212,6 +212,13 @@ def test_what_a_killed_writer_left_is_deleted_when_it_is_old(store):
     Store(store.folder)
     assert not left.exists()
     assert fresh.exists()
+
+
+def test_a_run_that_is_kept_is_not_written_again(store):
+    key = Key("event/rule", "0123456789abcdef", "c0de")
+    path = store.save_run(key, RUN)
+    assert store.save_run(key, 2.0 * RUN) == path
+    assert load(path).equals(RUN)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):

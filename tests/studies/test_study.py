@@ -6,7 +6,7 @@ import pytest
 from studies.core.cell import Task
 from studies.core.statement import HOLDS, Statement
 from studies.core.store import Store
-from studies.core.study import Study, each_event
+from studies.core.study import EachEvent, Study
 from studies.files.study_error import StudyError
 
 calls: list[tuple[int, int]] = []
@@ -35,7 +35,7 @@ def study(function=squares, **more):
     def judge(table):
         return [Statement("x", "all is well", HOLDS if (table["status"] == "ok").all() else "")]
 
-    return Study("tiny", "what is a square", 5, each_event(cells), judge, **more)
+    return Study("tiny", "what is a square", 5, EachEvent(cells), judge, **more)
 
 
 def second_stage(seed, events, table):

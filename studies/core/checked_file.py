@@ -1,0 +1,78 @@
+"""Files whose names end with their checksum: written whole, never changed, and set aside where they are broken.
+
+Writers on several machines need no lock and no list of checksums: equal names mean equal content.
+"""
+
+import errno
+import hashlib
+import os
+import uuid
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+from alloc.whole_file import ASIDE
+from studies.files.study_error import StudyError
+
+DIGITS = 16
+"""Digits of SHA-256 in a name."""
+
+
+class StoreWarning(UserWarning):
+    """A file of a store was broken or contradicts another one; the message says which and what follows."""
+
+
+class Gone(Exception):
+    """Another process has replaced or set aside the file meanwhile."""
+
+
+def write_checked(beginning: Path, suffix: str, write: Callable[[Path], object]) -> Path:
+    """Make the file `beginning` + "-" + checksum + `suffix` by `write(file to fill)`; returns its path.
+
+    It appears as a whole, and is on the disk by then. A `write` that raises leaves nothing behind.
+    """
+    aside = beginning.with_name(f".{uuid.uuid4().hex}{ASIDE}{suffix}")
+    try:
+        write(aside)
+        with open(aside, "rb+") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            os.fsync(file.fileno())
+        path = beginning.with_name(f"{beginning.name}-{digest[:DIGITS]}{suffix}")
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+def read_checked(path: Path) -> bytes:
+    """What a file holds; one that is not as it was written is set aside. Raises `Gone` where nothing is left to read."""
+    content = read_present(path)
+    if hashlib.sha256(content).hexdigest()[:DIGITS] != path.stem[-DIGITS:]:
+        set_aside(path, "it is not as it was written")
+        raise Gone
+    return content
+
+
+def read_present(path: Path) -> bytes:
+    """What a file holds; raises `Gone` where there is none."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        if error.errno in (errno.ENOENT, errno.ESTALE):  # the latter over a network
+            raise Gone from None
+        raise StudyError(f"file {str(path)!r} cannot be read: {error.strerror}") from None
+
+
+def set_aside(path: Path, reason: str) -> None:
+    """Rename a broken file and warn; where another process has done so nothing is left to do."""
+    places = (path.with_name(f"{path.name}.broken-{k}") for k in range(1, 10**6))
+    place = next(place for place in places if not place.exists())
+    try:
+        path.rename(place)
+    except FileNotFoundError:
+        return
+    warnings.warn(
+        f"{str(path)!r} is broken ({reason}); it is now {place.name!r}, its content is computed again",
+        StoreWarning,
+        stacklevel=2,
+    )

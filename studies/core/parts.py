@@ -1,0 +1,248 @@
+"""The rows of a table in parquet files that are added and never changed: processes and machines add at once, without locks.
+
+Each writer keeps its last rows in one file, which it replaces by a longer one at each `add` until it is full. Of the rows of
+a cell those added last count, wherever they stand: so rows may stand twice, and a crash at any instant does no harm.
+"""
+
+import math
+import os
+import re
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from studies.core.checked_file import DIGITS, Gone, read_checked, write_checked
+from studies.files.study_error import StudyError
+
+KEPT = ("cell", "code_hash", "status", "reason")
+"""Columns of every row: identity of its cell, the code, and what became of it."""
+ADDED = "added"
+"""Column of the files alone: when a row was added [ns]; later than all that its writer had seen, whatever its clock says."""
+SCHEMA = 2
+"""Version of the files, in their metadata."""
+FULL = 4096
+"""Rows of a file to which no more are added."""
+MANY, LARGE = 64, 32_768
+"""So many files that are not full are joined into files of about so many rows."""
+AGE = 600.0
+"""Files are joined that nobody has lengthened for so long [s]."""
+NAME = re.compile(rf"\d{{20}}-[0-9a-f]{{{DIGITS}}}\.parquet")
+TRIES = 20
+"""How often a folder is listed again whose list names files that are gone; a network file system may be late."""
+
+
+class Index(NamedTuple):
+    """The rows that count, in the order in which they were added."""
+
+    names: list[str]
+    """Files."""
+    cell: pa.ChunkedArray
+    failed: NDArray[np.bool_]
+    part: NDArray[np.int32]
+    """File of each row, by its number."""
+    row: NDArray[np.int32]
+    """Where it stands in the file."""
+
+
+Choice = Callable[[Index], NDArray[np.int64]]
+"""Which rows of an index are asked for, in their order."""
+
+
+class Parts:
+    """The parts of a table in `folder`, which is made when rows are added."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._known: dict[str, pa.Table] = {}
+        self._index = _indexed({})
+        self._newest = 0
+        self._tail: pa.Table | None = None
+        self._tail_path: Path | None = None
+
+    def add(self, rows: pa.Table, added: int | None = None) -> None:
+        """Add rows of whole cells [at the time `added`, now if nothing is said]."""
+        if added is None:
+            self._newest = added = max(time.time_ns(), self._newest + 1)
+        table = rows.append_column(ADDED, pa.repeat(added, len(rows)))
+        replaced = None
+        if self._tail is not None:
+            with suppress(pa.ArrowTypeError):  # columns of another type: a file of their own
+                table, replaced = _joined([self._tail, table]), self._tail_path
+        self._tail_path = self._write(table)
+        self._tail = table if table.num_rows < FULL else None
+        if replaced is not None:
+            replaced.unlink(missing_ok=True)
+
+    def index(self) -> Index:
+        """The rows that count, by what the folder holds now."""
+        for _ in range(TRIES):
+            names = self._listed()
+            new = sorted(names - self._known.keys())
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                columns = list(pool.map(self._columns, new))
+            read = {n: table for n, table in zip(new, columns, strict=True) if table is not None}
+            if read or not names >= self._known.keys():
+                kept = {name: table for name, table in self._known.items() if name in names}
+                self._known = dict(sorted((kept | read).items()))
+                self._index = _indexed(self._known)
+                pa.default_memory_pool().release_unused()  # half of what this took
+                self._newest = max([self._newest, *(int(name[:20]) for name in names)])
+            if len(read) == len(new):
+                break
+            time.sleep(0.02)
+        return self._index
+
+    def read(self, choose: Choice) -> pd.DataFrame:
+        """The rows that `choose` chooses from an index."""
+        while True:
+            index = self.index()
+            places = choose(index)
+            by_part = np.argsort(index.part[places], kind="stable")
+            with suppress(Gone):  # joined or set aside meanwhile
+                found = _frame(self._tables(index, places[by_part]))
+                if (np.diff(by_part) < 0).any():
+                    found = found.iloc[np.argsort(by_part)].reset_index(drop=True)
+                return found
+
+    def rows_of(self, cells: Sequence[str]) -> pd.DataFrame:
+        """Rows of these cells, in their order."""
+        asked = pa.array(cells, pa.string())
+
+        def choose(index: Index) -> NDArray[np.int64]:
+            order = pc.index_in(index.cell, asked).fill_null(len(cells)).to_numpy()
+            return np.argsort(order, kind="stable")[: np.count_nonzero(order < len(cells))]
+
+        return self.read(choose)
+
+    def gather(self) -> None:
+        """Join small files where they are many, also of other writers: one that still works writes its rows again."""
+        index = self.index()
+        small = [k for k, name in enumerate(index.names) if len(self._known[name]) < FULL]
+        if len(small) >= MANY:
+            small = [k for k in small if _time_of(self.folder / index.names[k]) < time.time() - AGE]
+        if len(small) < MANY:
+            return
+        sizes = np.cumsum([len(self._known[index.names[k]]) for k in small])
+        for batch in np.split(small, np.flatnonzero(np.diff(sizes // LARGE)) + 1):
+            places = np.flatnonzero(np.isin(index.part, batch))
+            places = places[np.argsort(index.part[places], kind="stable")]
+            with suppress(Gone, pa.ArrowTypeError):  # another process joins them; types differ
+                old = {self.folder / index.names[k] for k in batch}
+                if len(places):  # after a crash the whole may be there already, among the small
+                    old.discard(self._write(_joined(self._tables(index, places))))
+                for path in old:
+                    path.unlink(missing_ok=True)
+
+    def _write(self, table: pa.Table) -> Path:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        repeated = [name for name, kind in zip(table.column_names, table.schema.types, strict=True)
+                    if name != "cell" and not pa.types.is_floating(kind)]  # fmt: skip
+        table = table.replace_schema_metadata({"readhesion": str(SCHEMA)}).combine_chunks()
+        return write_checked(
+            self.folder / f"{pc.max(table[ADDED]).as_py():020d}", ".parquet",
+            lambda aside: pq.write_table(table, aside, use_dictionary=repeated, write_statistics=False),
+        )  # fmt: skip
+
+    def _listed(self) -> set[str]:
+        """Names of the parts. One list may miss a file that goes and what comes for it; two equal ones do not."""
+        names: set[str] | None = None
+        for _ in range(TRIES):
+            before, names = names, set(filter(NAME.fullmatch, _names_in(self.folder)))
+            if names == before:
+                break
+        return names or set()
+
+    def _columns(self, name: str) -> pa.Table | None:
+        """What the index needs of a part; None where it is gone."""
+        try:
+            file = pq.ParquetFile(pa.BufferReader(read_checked(self.folder / name)))
+        except Gone:
+            return None
+        if (file.schema_arrow.metadata or {}).get(b"readhesion") != str(SCHEMA).encode():
+            raise other_version(self.folder / name)
+        table = file.read(["cell", "status", ADDED], use_threads=False)
+        failed = pc.equal(table["status"], "failed")
+        return pa.table(
+            {"cell": table["cell"].cast(pa.string()), "failed": failed, ADDED: table[ADDED]}
+        )
+
+    def _tables(self, index: Index, places: NDArray[np.int64]) -> list[pa.Table]:
+        """The rows at `places`, which are in the order of their files, by file; raises `Gone` where one is gone."""
+        parts = index.part[places]
+        tables = []
+        for some in np.split(places, np.flatnonzero(np.diff(parts)) + 1) if len(places) else []:
+            content = read_checked(self.folder / index.names[index.part[some[0]]])
+            rows = index.row[some]
+            table = pq.read_table(pa.BufferReader(content))
+            whole = len(rows) == len(table) and (np.diff(rows) == 1).all()
+            tables.append(table if whole else table.take(rows))
+        return tables
+
+
+def other_version(path: Path) -> StudyError:
+    """Error for a table that is none of this program."""
+    return StudyError(
+        f"table {str(path)!r} is one of another version of this program; move it away or choose another --out"
+    )
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except FileNotFoundError:
+        return []
+
+
+def _time_of(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return math.inf
+
+
+def _joined(tables: Sequence[pa.Table]) -> pa.Table:
+    """One table of all; a column that is missing somewhere is empty there. Raises `pa.ArrowTypeError` where types clash."""
+    return pa.concat_tables(tables, promote_options="permissive")
+
+
+def _frame(tables: Sequence[pa.Table]) -> pd.DataFrame:
+    if not tables:
+        return pd.DataFrame(columns=list(KEPT))
+    tables = [table.drop_columns(ADDED) for table in tables]
+    try:
+        found: pd.DataFrame = _joined(tables).to_pandas()
+    except pa.ArrowTypeError:  # rows of older code, with other types under the same names
+        found = pd.concat([table.to_pandas() for table in tables], ignore_index=True)
+    return found
+
+
+def _indexed(known: dict[str, pa.Table]) -> Index:
+    names = list(known)
+    if not names:
+        nothing = np.empty(0, np.int32)
+        return Index(
+            [], pa.chunked_array([[]], pa.string()), nothing.astype(bool), nothing, nothing
+        )
+    every = pa.concat_tables(known.values())
+    cell = pc.dictionary_encode(every["cell"]).combine_chunks().indices.to_numpy()
+    added = every[ADDED].to_numpy()
+    sizes = [len(table) for table in known.values()]
+    part = np.repeat(np.arange(len(names), dtype=np.int32), sizes)
+    row = np.concatenate([np.arange(size, dtype=np.int32) for size in sizes])
+    order = np.lexsort((row, part, added))
+    last = np.empty(len(every), np.int32)
+    last[cell[order]] = order  # of equal cells the last one stays
+    last = last[cell]
+    order = order[((added == added[last]) & (part == part[last]))[order]]
+    failed = every["failed"].to_numpy()
+    return Index(names, every["cell"].take(order), failed[order], part[order], row[order])
