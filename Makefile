@@ -42,7 +42,7 @@ results-hash: setup  ## compare hashes of runs, tables and statements with the s
 bench: setup         ## run the benchmarks; fails where a ratio grew by a fifth
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only -p no:xdist
 
-bench-keep: setup    ## measure the ratios of docs/benchmarks.csv and add them there
+bench-keep: setup    ## measure the ratios of docs/benchmarks.md and add them there
 	READHESION_KEEP_BENCHMARKS=1 $(BIN)/python -m pytest tests/benchmarks/test_history.py --benchmark-enable -p no:xdist
 
 lint: setup          ## style

@@ -142,7 +142,7 @@ INLINED: Any = {
 }
 """Options of what is inlined where it is called.
 
-LLVM vectorises a loop over lanes only if no call is left in it, and would not inline the longer laws by itself.
+A law is a few instructions; a call would cost more than they do.
 """
 
 equation = register_jitable(**INLINED)

@@ -1,4 +1,4 @@
-"""Ratios of times that a change must not make worse, and their history in `docs/benchmarks.csv`.
+"""Ratios of times that a change must not make worse, and their history in `docs/benchmarks.md`.
 
 Every way is timed in turn with a yardstick, many short rounds, and the least of each counts: so both met the same machine,
 and its quietest moment. A ratio is compared with the last one of the same processor.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-PAGE = Path(__file__).parents[2] / "docs" / "benchmarks.csv"
+PAGE = Path(__file__).parents[2] / "docs" / "benchmarks.md"
 COLUMNS = ["date", "processor", "versions", "way", "microseconds", "ratio"]
 GROWTH = 1.2
 """A ratio may grow by this factor from one entry to the next."""
@@ -53,8 +53,10 @@ def entries(times: Mapping[str, float], yardstick: str) -> pd.DataFrame:
 
 
 def stored() -> pd.DataFrame:
-    """The page as it stands."""
-    return pd.read_csv(PAGE) if PAGE.exists() else pd.DataFrame(columns=COLUMNS)
+    """The table of the page as it stands."""
+    lines = [line for line in PAGE.read_text().splitlines() if line.startswith("|")][2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return pd.DataFrame(rows, columns=COLUMNS).astype({"microseconds": float, "ratio": float})
 
 
 def grown(now: pd.DataFrame, before: pd.DataFrame) -> list[str]:
@@ -69,5 +71,7 @@ def grown(now: pd.DataFrame, before: pd.DataFrame) -> list[str]:
 
 
 def keep(now: pd.DataFrame) -> None:
-    """Add rows to the page."""
-    pd.concat([stored(), now], ignore_index=True).to_csv(PAGE, index=False)
+    """Add rows to the end of the page."""
+    with PAGE.open("a") as page:
+        for row in now.to_numpy().tolist():
+            page.write(f"| {' | '.join(map(str, row))} |\n")

@@ -1,4 +1,4 @@
-"""`make bench` compares ratios with those of `docs/benchmarks.csv`; `make bench-keep` adds to it."""
+"""`make bench` compares ratios with those of `docs/benchmarks.md`; `make bench-keep` adds to it."""
 
 import os
 
@@ -108,3 +108,14 @@ def test_ways_are_timed_in_turn():
     least = history.least_times(ways, 3)
     assert calls == list("ab") * 4
     assert all(np.isfinite(least[name]) and least[name] >= 0.0 for name in "ab")
+
+
+def test_what_is_kept_is_read_again(tmp_path, monkeypatch):
+    page = tmp_path / "page.md"
+    page.write_text("# Title\n\n| a | b |\n|---|---|\n")
+    monkeypatch.setattr(history, "PAGE", page)
+    now = history.entries({"yardstick": 2.0, "way": 1.0}, "yardstick")
+    history.keep(now)
+    history.keep(now)
+    pd.testing.assert_frame_equal(history.stored(), pd.concat([now, now], ignore_index=True))
+    assert history.stored()["ratio"].tolist() == [1.0, 0.5, 1.0, 0.5]
