@@ -10,7 +10,7 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.recorded_physics import PlantRecord, physical_variables
 from alloc.recorded_variables import VARIABLES
-from alloc.recording import event_hash, load, save
+from alloc.recording import load, save
 from alloc.simulation import simulate
 
 
@@ -53,7 +53,7 @@ def test_provenance_is_recorded(run):
 
 def test_hash_tells_events_apart(make_event, dip):
     plain = make_event(0.13)
-    assert event_hash(plain) == event_hash(make_event(0.13))
+    assert plain.hash == make_event(0.13).hash
     others = [
         make_event(0.14),
         make_event(0.13, patches=[dip]),
@@ -61,7 +61,7 @@ def test_hash_tells_events_apart(make_event, dip):
         make_event(0.13, failures={1: 2.0}),
         make_event(0.13, seed=1, scatter=0.01),
     ]
-    assert len({event_hash(e) for e in [plain, *others]}) == 6
+    assert len({e.hash for e in [plain, *others]}) == 6
 
 
 def test_recorded_quantities_obey_their_definitions(run):
