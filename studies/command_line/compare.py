@@ -1,5 +1,6 @@
 """`readhesion compare`: rules and controllers over the same slip events."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,10 +8,12 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    EVERYTHING,
     MOST_SEEDS,
     FilePath,
     Names,
     Whole,
+    Work,
     check_whole,
     process_count,
     split_names,
@@ -28,7 +31,7 @@ def compare(
     rules: Names = None,
     controllers: Names = None,
     seeds: Whole | None = None,
-    jobs: Whole | None = None,
+    work: Work = EVERYTHING,
     out: FilePath = Path("results"),
     line: str | None = None,
     train: str | None = None,
@@ -55,8 +58,6 @@ def compare(
     seeds
         Number of seeds: 3 runs the seeds 0, 1 and 2; 0 is the event as its file states it [default:
         5, but 1 where nothing is drawn].
-    jobs
-        Number of processes [default: one per core].
     out
         Folder for the table (parquet), recorded runs (netCDF) and figures.
     line
@@ -77,21 +78,20 @@ def compare(
     from studies.comparison.defaults import KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
-    from studies.core.runner import run_cells
+    from studies.core.runner import check_rules, run_cells
     from studies.core.store import Store
 
-    count = process_count(jobs)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_place(out)
     chosen = _scenarios(split_names(scenario), line, train)
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
     cells = grid.jobs()
-    store = Store(out)
-    with progress() as on_row:
-        table = run_cells(
-            cells, store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
-        )
+    kept = KEPT_RUNS if keep is None else keep
+    check = partial(check_rules, grid.rules)
+    with work.workers() as workers, progress() as on_row:
+        store = Store(out)
+        table = run_cells(cells, store, workers, kept, retry_failed, on_row, check)
     lines = summarise(table)
     if as_json:
         about = {
@@ -111,9 +111,9 @@ def compare(
             screen.print(item)
         screen.print(f"{counted(table, 'runs')}; table in {store.path}")
     if figures:
-        from studies.core.gallery import gallery
+        from studies.core.gallery import draw_comparison
 
-        written = gallery().draw_comparison(table, store, store.folder / "figures")
+        written = draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if (table["status"] == "ok").any() else ALL_FAILED

@@ -8,12 +8,13 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    EVERYTHING,
     GREATEST_SEED,
     MOST_EVENTS,
     FilePath,
     Whole,
+    Work,
     check_whole,
-    process_count,
 )  # fmt: skip
 from studies.command_line.terminal import console, counted, progress
 from studies.files.writable import check_place
@@ -23,9 +24,9 @@ def sweep(
     name: str,
     *,
     events: Whole | None = None,
-    jobs: Whole | None = None,
     out: FilePath = Path("results"),
     seed: Whole = 0,
+    work: Work = EVERYTHING,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
@@ -38,8 +39,6 @@ def sweep(
         Sweep; `readhesion list` names them.
     events
         Number of random events [default: the sweep's own]; more of them extend fewer.
-    jobs
-        Number of processes [default: one per core].
     out
         Folder of results; the sweep's table (parquet) goes to sweeps/NAME in it.
     seed
@@ -54,11 +53,10 @@ def sweep(
     count = chosen.default_events if events is None else events
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
-    processes = process_count(jobs)
     check_place(out)
     folder = study_folder(out, name)
-    with progress() as on_row:
-        table = chosen.run(folder, count, seed, processes, on_row)
+    with work.workers() as workers, progress() as on_row:
+        table = chosen.run(folder, count, seed, workers, on_row)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
     found = [] if failed == len(table) else chosen.statements(table)
     if as_json:

@@ -11,6 +11,7 @@ from studies.core.cell import Cell, OnRow, key_of
 from studies.core.runner import run_cells
 from studies.core.statement import Statement
 from studies.core.store import Store
+from studies.core.workers import Jobs, workers
 from studies.files.study_error import StudyError
 
 Cells = Callable[..., Sequence[Cell]]
@@ -46,7 +47,7 @@ class Study:
         folder: str | Path,
         events: int,
         seed: int = 0,
-        jobs: int = 1,
+        jobs: Jobs = 1,
         on_row: OnRow | None = None,
         **settings: object,
     ) -> pd.DataFrame:
@@ -56,10 +57,11 @@ class Study:
         """
         store = Store(folder)
         cells = self.cells(seed, events, **settings)
-        table = run_cells(cells, store, jobs, on_row=on_row)
-        for stage in self.later:
-            cells = [*cells, *stage(seed, events, table, **settings)]
-            table = run_cells(cells, store, jobs, on_row=on_row)
+        with workers(jobs) as others:  # the same for all stages
+            table = run_cells(cells, store, others, on_row=on_row)
+            for stage in self.later:
+                cells = [*cells, *stage(seed, events, table, **settings)]
+                table = run_cells(cells, store, others, on_row=on_row)
         return table if self.finish is None else self.finish(table, seed, events)
 
     def statements(self, table: pd.DataFrame) -> list[Statement]:
