@@ -1,9 +1,12 @@
 """A slip event: what every rule and controller of a comparison meets alike."""
 
-from dataclasses import dataclass, field
+import hashlib
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 
+from alloc.canonical import canonical
 from alloc.errors import SimulationError
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import Floats, Model
@@ -81,6 +84,17 @@ class Event:
             self.record_period,
         )
         SimulationError.check_order("event", self, "record_period", "duration", equal=True)
+
+    @cached_property
+    def hash(self) -> str:
+        """Hash of everything that defines the event: equal events have equal hashes."""
+        model = self.model
+        given = (getattr(self, item.name) for item in fields(self) if item.name != "model")
+        parts = (*given, model.train, (model.rail,), model.line, model.span)
+        digest = hashlib.sha256(canonical(parts).encode())
+        digest.update(model.environment.failure_time.tobytes())
+        digest.update(model.environment.receptivity.tobytes())
+        return digest.hexdigest()[:16]
 
     def __repr__(self) -> str:
         return (

@@ -1,12 +1,15 @@
 """What follows from recorded states by the plant's own laws: forces, coefficients, accelerations of the cars."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import Floats, Layout, Model
+
+MOST_IN_PRODUCT = 8192
+"""Numbers of a matrix that meets a vector at once: BLAS starts threads for more, which cost more than they save."""
 
 
 class PlantRecord(NamedTuple):
@@ -28,10 +31,55 @@ class PlantRecord(NamedTuple):
         return PlantRecord(*(values[:records] for values in self))
 
 
+class _Chosen:
+    """`matrix @ values` and `matrix.T @ values` for a matrix that picks row `index[i]` (-1: none) into row i.
+
+    A product would wake the threads of BLAS: it takes no less time, and twice the processors'.
+    """
+
+    def __init__(self, index: NDArray[np.int64], count: int, back: bool = False) -> None:
+        self.index, self.count, self.back = index, count, back
+
+    @property
+    def T(self) -> "_Chosen":
+        """The transposed: sums the rows that were picked from the same one."""
+        return _Chosen(self.index, self.count, not self.back)
+
+    def __matmul__(self, values: Floats) -> Floats:
+        if not self.back:
+            if (self.index < 0).any():  # -1 picks the last row: zeros that are put there for it
+                values = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+            return np.take(values, self.index, axis=0)
+        total = np.zeros((self.count, *values.shape[1:]))
+        for i, row in enumerate(self.index):
+            if row >= 0:
+                total[row] += values[i]
+        return total
+
+
+def _arrays(model: Model) -> ArrayModel:
+    """The plant on whole arrays, without products of matrices."""
+    n, s = model.layout, model.structure
+    arrays: Any = ArrayModel.of(model)
+    arrays.body_of_axle = _Chosen(s.axle_body, n.bodies)
+    arrays.car_of_axle = _Chosen(s.axle_car, n.cars)
+    arrays.unit_of_axle = _Chosen(s.axle_unit, n.units)
+    arrays.group_of_axle = _Chosen(s.axle_group, n.groups)
+    arrays.body_of_car = _Chosen(s.car_body, n.bodies)
+    return cast(ArrayModel, arrays)
+
+
+def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
+    """Mean over the bodies of `values` (instants, bodies), weighted by `share`; in parts, see `MOST_IN_PRODUCT`."""
+    step = max(1, MOST_IN_PRODUCT // share.size)
+    parts = [values[k : k + step] @ share for k in range(0, len(values), step)]
+    return np.concatenate(parts)
+
+
 def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
     """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
-    arrays = ArrayModel.of(model)
+    arrays = _arrays(model)
     state, peak = record.state.T, record.peak.T
     slip, mu, force = arrays.forces(state, peak)
     speed = state[n.speed]
@@ -47,10 +95,10 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
     )
     return {
         "position": state[n.position][0],
-        "speed": share @ speed,
-        "acceleration": record.body_acceleration @ share,
+        "speed": _mean_of_bodies(share, speed.T),
+        "acceleration": _mean_of_bodies(share, record.body_acceleration),
         "car_speed": (arrays.body_of_car @ speed).T,
-        "car_acceleration": record.body_acceleration @ arrays.body_of_car.T,
+        "car_acceleration": np.take(record.body_acceleration, s.car_body, axis=1),
         "rim_speed": (s.radius[:, None] * state[n.omega]).T,
         "slip_velocity": slip.T,
         "coefficient": mu.T,

@@ -1,10 +1,9 @@
-"""A recorded run as an `xarray.Dataset`: made from what the loop wrote, hashed, saved and loaded."""
+"""A recorded run as an `xarray.Dataset`: made from what the loop wrote, saved and loaded."""
 
-import hashlib
 import json
 import platform
 import subprocess
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +13,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.canonical import canonical
 from alloc.event import Event
 from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
 from alloc.plant.model import Floats, Layout, Model
@@ -70,7 +68,7 @@ def to_dataset(
     values |= {"slide_reference": record.slide_reference, "valve": record.valve}
     attributes: dict[str, Any] = {
         "event": event.name,
-        "event_hash": event_hash(event),
+        "event_hash": event.hash,
         "seed": event.seed,
         "rule": rule,
         "controller": controller,
@@ -128,17 +126,6 @@ def _dataset(
     }
     coordinates = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
-
-
-def event_hash(event: Event) -> str:
-    """Hash of everything that defines an event: equal events have equal hashes."""
-    model = event.model
-    given = (getattr(event, item.name) for item in fields(event) if item.name != "model")
-    parts = (*given, model.train, (model.rail,), model.line, model.span)
-    digest = hashlib.sha256(canonical(parts).encode())
-    digest.update(model.environment.failure_time.tobytes())
-    digest.update(model.environment.receptivity.tobytes())
-    return digest.hexdigest()[:16]
 
 
 @lru_cache(maxsize=1)

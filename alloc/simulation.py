@@ -3,9 +3,10 @@
 import hashlib
 import math
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -186,7 +187,22 @@ def inputs_hash(event: Event) -> str:
         model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
         given.fate < telegrams.loss, event.command, event.initial_speed, event.initial_position,
     )  # fmt: skip
-    return hashlib.sha256(canonical(parts).encode()).hexdigest()[:16]
+    digest = hashlib.sha256()
+    for part in _single(parts):
+        if isinstance(part, np.ndarray):
+            digest.update(f"{part.dtype} {part.shape} ".encode() + part.tobytes())
+        else:
+            digest.update(canonical(part).encode())
+    return digest.hexdigest()[:16]
+
+
+def _single(parts: tuple[Any, ...]) -> Iterator[Any]:
+    """What records hold, one by one."""
+    for part in parts:
+        if isinstance(part, tuple):
+            yield from _single(part)
+        else:
+            yield part
 
 
 __all__ = ["CONTROLLERS", "DriverCommand", "Event", "SimulationError", "inputs_hash", "simulate"]

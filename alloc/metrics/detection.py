@@ -1,13 +1,20 @@
 """How well slip was detected and adhesion estimated, against the plant's truth."""
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.metrics.registry import SLIP_FACTOR, mean_or_nan, metric, record_period, under_demand
+from alloc.metrics.registry import (
+    SLIP_FACTOR,
+    mean_or_nan,
+    metric,
+    once_per_run,
+    record_period,
+    series,
+    under_demand,
+)
 from alloc.spans import spans
 
 BEFORE, AFTER = 0.1, 0.3
@@ -33,41 +40,48 @@ def estimate_error(run: xr.Dataset) -> float:
     """Mean over the foremost unit's detections of estimate minus true adhesion coefficient (mean of its axles)."""
     if run.sizes["unit"] == 0:
         return float("nan")
-    onset = _rising(run["slipping"].values[:, 0].astype(bool))
+    onset = _rising(series(run, "slipping")[:, 0].astype(bool))
     if onset.size == 0:
         return float("nan")
-    axles = run["axle_unit"].values == 0
-    truth = run["adhesion_limit"].values[:, axles].mean(axis=1)
-    return float((run["coefficient_estimate"].values[onset, 0] - truth[onset]).mean())
+    axles = series(run, "axle_unit") == 0
+    truth = series(run, "adhesion_limit")[:, axles].mean(axis=1)
+    return float((series(run, "coefficient_estimate")[onset, 0] - truth[onset]).mean())
 
 
-def slips(run: xr.Dataset) -> Iterator[Slip]:
+@once_per_run
+def slips(run: xr.Dataset) -> list[Slip]:
     """The slips of all units: those in which an axle exceeds `SLIP_FACTOR` times the slip velocity of the peak."""
-    relative = np.abs(run["slip_velocity"].values) / run["peak_slip"].values
+    found = []
+    relative = np.abs(series(run, "slip_velocity")) / series(run, "peak_slip")
     relative = np.where(under_demand(run)[:, None], relative, 0.0)
-    unit_of_axle = run["axle_unit"].values
+    unit_of_axle = series(run, "axle_unit")
     for unit in range(run.sizes["unit"]):
         worst = relative[:, unit_of_axle == unit].max(axis=1)
         for start, stop in spans(worst > 1.0).tolist():
             if worst[start:stop].max() > SLIP_FACTOR:
-                yield Slip(unit, start, stop)
+                found.append(Slip(unit, start, stop))
+    return found
 
 
-def _onsets(run: xr.Dataset, unit: int) -> NDArray[np.int64]:
-    return _rising(run["slipping"].values[:, unit].astype(bool) & under_demand(run))
+@once_per_run
+def _onsets(run: xr.Dataset) -> list[NDArray[np.int64]]:
+    """First instants of each unit's signals of slip under demand."""
+    slipping, demand = series(run, "slipping").astype(bool), under_demand(run)
+    return [_rising(signal & demand) for signal in slipping.T]
 
 
 def _rising(signal: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.asarray(np.flatnonzero(signal[1:] & ~signal[:-1]) + 1)
 
 
+@once_per_run
 def _delays(run: xr.Dataset) -> list[float]:
     """Time from each slip's start to its detection [s]; nan where it was missed."""
     period = record_period(run)
     before, after = round(BEFORE / period), round(AFTER / period)
     delays = []
     for slip in slips(run):
-        onsets = _onsets(run, slip.unit)
+        onsets = _onsets(run)[slip.unit]
         own = onsets[(onsets >= slip.start - before) & (onsets < slip.stop + after)]
         delays.append(float((own[0] - slip.start) * period) if own.size else float("nan"))
     return delays
@@ -93,11 +107,11 @@ def false_alarms(run: xr.Dataset) -> float:
     """Number of detections that belong to no axle past the peak."""
     period = record_period(run)
     before, after = round(BEFORE / period), round(AFTER / period)
-    past = np.abs(run["slip_velocity"].values) > run["peak_slip"].values
-    unit_of_axle = run["axle_unit"].values
+    past = np.abs(series(run, "slip_velocity")) > series(run, "peak_slip")
+    unit_of_axle = series(run, "axle_unit")
     alarms = 0
     for unit in range(run.sizes["unit"]):
         slipping = past[:, unit_of_axle == unit].any(axis=1)
-        for onset in _onsets(run, unit):
+        for onset in _onsets(run)[unit]:
             alarms += not slipping[max(onset - after, 0) : onset + before + 1].any()
     return float(alarms)

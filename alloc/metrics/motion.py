@@ -1,9 +1,10 @@
 """Effort, adhesion used, slip, damage, ride and energy of a run."""
 
+from functools import lru_cache
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from alloc.metrics.registry import (
     SLIP_FACTOR,
@@ -12,7 +13,9 @@ from alloc.metrics.registry import (
     direction,
     mean_or_nan,
     metric,
+    once_per_run,
     record_period,
+    series,
     under_demand,
 )
 
@@ -28,7 +31,7 @@ STANDSTILL = 0.01
 @metric("acceleration", "m/s2", "mean acceleration under demand, in its direction", +1)
 def acceleration(run: xr.Dataset) -> float:
     """Mean acceleration of the train under demand [m/s2]."""
-    return mean_or_nan((direction(run) * run["acceleration"].values)[under_demand(run)])
+    return mean_or_nan((direction(run) * series(run, "acceleration"))[under_demand(run)])
 
 
 @metric("acceleration_ratio", "1", "acceleration reached, relative to the plan", +1)
@@ -38,8 +41,8 @@ def acceleration_ratio(run: xr.Dataset) -> float:
     Running resistance and gradients count as loss here; `effort_ratio` leaves them out.
     """
     demand = under_demand(run)
-    asked = np.abs(run["driver_command"].values[demand]).sum()
-    reached = (direction(run) * run["acceleration"].values)[demand].sum()
+    asked = np.abs(series(run, "driver_command")[demand]).sum()
+    reached = (direction(run) * series(run, "acceleration"))[demand].sum()
     return float(reached / asked) if asked else float("nan")
 
 
@@ -52,9 +55,9 @@ def effort_ratio(run: xr.Dataset) -> float:
     """
     demand = under_demand(run)
     force = (
-        direction(run) * np.where(acting_axles(run), run["rail_force"].values, 0.0).sum(axis=1)
+        direction(run) * np.where(acting_axles(run), series(run, "rail_force"), 0.0).sum(axis=1)
     )[demand]
-    planned = np.abs(run["driver_command"].values)[demand] * run.attrs["train_mass"]
+    planned = np.abs(series(run, "driver_command"))[demand] * run.attrs["train_mass"]
     return float(force.sum() / planned.sum()) if planned.sum() else float("nan")
 
 
@@ -69,31 +72,31 @@ def utilisation(run: xr.Dataset) -> float:
 @metric("utilisation_slipping", "1", "adhesion used by units while their detector signals slip", +1)
 def utilisation_slipping(run: xr.Dataset) -> float:
     """Utilisation over the instants and units in which the unit's detector signals slip; nan where none does."""
-    unit = run["axle_unit"].values
+    unit = series(run, "axle_unit")
     if run.sizes["unit"] == 0:
         return float("nan")
-    slipping = run["slipping"].values.astype(bool)[:, unit] & (unit >= 0)
+    slipping = series(run, "slipping").astype(bool)[:, unit] & (unit >= 0)
     return adhesion_used(run, slipping & under_demand(run)[:, None])
 
 
 @metric("slip_time", "s", "time spent slipping, summed over axles", -1)
 def slip_time(run: xr.Dataset) -> float:
     """Axle-seconds beyond `SLIP_FACTOR` times the slip velocity of the curve's peak."""
-    slip = np.abs(run["slip_velocity"].values)
-    slipping = slip > SLIP_FACTOR * run["peak_slip"].values
+    slip = np.abs(series(run, "slip_velocity"))
+    slipping = slip > SLIP_FACTOR * series(run, "peak_slip")
     return float(slipping.sum() * record_period(run))
 
 
 @metric("slip_peak", "m/s", "largest slip velocity of any axle", -1)
 def slip_peak(run: xr.Dataset) -> float:
     """Largest magnitude of the slip velocity [m/s]."""
-    return float(np.abs(run["slip_velocity"].values).max())
+    return float(np.abs(series(run, "slip_velocity")).max())
 
 
 @metric("damage", "kJ", "wheel damage Q: work dissipated between wheels and rail", -1)
 def damage(run: xr.Dataset) -> float:
     """Wheel damage Q of JP4209318 (28), for driving too [kJ]; integrated with the plant's own step."""
-    work = run["friction_work"].values
+    work = series(run, "friction_work")
     return float((work[-1] - work[0]).sum() / 1e3)
 
 
@@ -106,7 +109,7 @@ def distance(run: xr.Dataset) -> float:
     end = _target_index(run)
     if end < 0:
         return float("nan")
-    position = run["position"].values
+    position = series(run, "position")
     return float(position[end] - position[0])
 
 
@@ -116,13 +119,13 @@ def time_to_speed(run: xr.Dataset) -> float:
     demand, end = under_demand(run), _target_index(run)
     if end < 0 or not np.isfinite(run.attrs["target_speed"]) or not demand.any():
         return float("nan")
-    time = run["time"].values
+    time = series(run, "time")
     return float(time[end] - time[int(np.argmax(demand))])
 
 
 def _target_index(run: xr.Dataset) -> int:
     target = run.attrs["target_speed"]
-    speed = run["speed"].values
+    speed = series(run, "speed")
     if not np.isfinite(target):
         return int(speed.size - 1)
     if speed[0] > STANDSTILL:
@@ -131,15 +134,25 @@ def _target_index(run: xr.Dataset) -> int:
     return int(np.argmax(reached)) if reached.any() else -1
 
 
+@lru_cache(maxsize=16)
+def _low_pass(cut_off: float) -> NDArray[np.float64]:
+    """Second-order sections of the low-pass; `cut_off` as a share of the Nyquist frequency."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(2, cut_off, output="sos"))
+
+
+@once_per_run
 def jerk(run: xr.Dataset) -> NDArray[np.float64]:
     """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`."""
     period = record_period(run)
-    values = run["car_acceleration"].values
+    values = series(run, "car_acceleration")
     nyquist = 0.5 / period
     if nyquist > JERK_CUT_OFF and values.shape[0] > 30:
-        sections = butter(2, JERK_CUT_OFF / nyquist, output="sos")
+        from scipy.signal import sosfiltfilt  # slow to import, and needed by a run alone
+
         # mirrored at its ends: an odd extension would turn what vibrates there into a step
-        values = sosfiltfilt(sections, values, axis=0, padtype="even")
+        values = sosfiltfilt(_low_pass(JERK_CUT_OFF / nyquist), values, axis=0, padtype="even")
     return np.asarray(np.gradient(values, period, axis=0))
 
 
@@ -160,12 +173,12 @@ def jerk_peak(run: xr.Dataset) -> float:
 @metric("coupler_peak", "kN", "largest coupler force", -1)
 def coupler_peak(run: xr.Dataset) -> float:
     """Largest magnitude of any coupler force [kN]; nan for a rigid train."""
-    force = run["coupler_force"].values
+    force = series(run, "coupler_force")
     return float(np.abs(force).max() / 1e3) if force.size else float("nan")
 
 
 @metric("energy", "MJ", "work of the motors at the wheels", 0)
 def energy(run: xr.Dataset) -> float:
     """Work of the motors [MJ]."""
-    work = run["motor_work"].values
+    work = series(run, "motor_work")
     return float((work[-1] - work[0]) / 1e6)

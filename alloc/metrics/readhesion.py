@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import find_peaks
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -61,6 +60,8 @@ def rise_starts(torque: Floats, plan: float) -> NDArray[np.int64]:
 
     Where the torque rests at its minimum, the last instant of the rest.
     """
+    from scipy.signal import find_peaks  # slow to import
+
     _, found = find_peaks(-torque, prominence=PROMINENCE * plan, plateau_size=1)
     return np.asarray(found["right_edges"], dtype=np.int64)
 

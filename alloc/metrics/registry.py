@@ -4,14 +4,18 @@
 apply to the run (no coupler, target speed not reached).
 """
 
+import threading
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import wraps
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.registry import Registry
+
+Found = TypeVar("Found")
 
 SLIP_FACTOR = 2.0
 """An axle counts as slipping where its slip velocity exceeds this multiple of the curve's peak slip velocity."""
@@ -45,32 +49,81 @@ def metric(
     return register
 
 
+class _Known(threading.local):
+    """What functions with `once_per_run` found of the run that this thread evaluates; `run` is None while it does not."""
+
+    def __init__(self) -> None:
+        self.run: xr.Dataset | None = None
+        self.found: dict[Callable[..., Any], Any] = {}
+
+
+_KNOWN = _Known()
+
+
 def evaluate(run: xr.Dataset) -> dict[str, float]:
     """All metrics of a run, by name."""
-    return {name: float(metric.function(run)) for name, metric in METRICS.items()}
+    _KNOWN.run, _KNOWN.found = run, {}
+    try:
+        return {name: float(metric.function(run)) for name, metric in METRICS.items()}
+    finally:
+        _KNOWN.run = None
 
 
+def once_per_run(function: Callable[[xr.Dataset], Found]) -> Callable[[xr.Dataset], Found]:
+    """Decorator of what several metrics need of a run: `evaluate` computes it once. Leave the result as it is."""
+
+    @wraps(function)
+    def find(run: xr.Dataset) -> Found:
+        if _KNOWN.run is not run:
+            return function(run)
+        if function not in _KNOWN.found:
+            _KNOWN.found[function] = function(run)
+        return cast(Found, _KNOWN.found[function])
+
+    return find
+
+
+def series(run: xr.Dataset, name: str) -> NDArray[Any]:
+    """What was recorded of a variable; `run[name].values` is the same, and takes twenty times as long to look up."""
+    return np.asarray(run.variables[name].values)
+
+
+@once_per_run
 def under_demand(run: xr.Dataset) -> NDArray[np.bool_]:
     """Whether the driver asks for effort, (time,)."""
-    return np.asarray(run["driver_command"].values != 0.0)
+    return np.asarray(series(run, "driver_command") != 0.0)
 
 
+@once_per_run
 def direction(run: xr.Dataset) -> NDArray[np.float64]:
     """Sign of what the driver asks for, (time,)."""
-    return np.sign(run["driver_command"].values)
+    return np.sign(series(run, "driver_command"))
 
 
+@once_per_run
 def acting_axles(run: xr.Dataset) -> NDArray[np.bool_]:
     """Axles that pull or brake, (time, axle): the driven ones, and every axle while the train brakes with air too."""
-    driven = run["axle_unit"].values >= 0
+    driven = series(run, "axle_unit") >= 0
     all_brake = (direction(run) < 0.0) & bool(run.attrs["blended_brakes"])
     return np.asarray(driven[None, :] | all_brake[:, None])
 
 
+@once_per_run
+def force_along(run: xr.Dataset) -> NDArray[np.float64]:
+    """Rail force in the direction of the demand [N], (time, axle)."""
+    return np.asarray(direction(run)[:, None] * series(run, "rail_force"))
+
+
+@once_per_run
+def force_available(run: xr.Dataset) -> NDArray[np.float64]:
+    """Largest rail force that the rail offers [N], (time, axle)."""
+    return np.asarray(series(run, "adhesion_limit") * series(run, "axle_load"))
+
+
 def adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
     """Rail force over available force where `counted` (time, axle)."""
-    used = (direction(run)[:, None] * run["rail_force"].values)[counted].sum()
-    available = (run["adhesion_limit"].values * run["axle_load"].values)[counted].sum()
+    used = force_along(run)[counted].sum()
+    available = force_available(run)[counted].sum()
     return float(used / available) if available else float("nan")
 
 
@@ -79,7 +132,8 @@ def mean_or_nan(values: NDArray[np.float64]) -> float:
     return float(values.mean()) if values.size else float("nan")
 
 
+@once_per_run
 def record_period(run: xr.Dataset) -> float:
     """Time between two recorded instants [s]."""
-    time = run["time"].values
+    time = series(run, "time")
     return float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else float("nan")

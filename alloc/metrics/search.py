@@ -12,9 +12,17 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
-from alloc.metrics.registry import adhesion_used, direction, metric, record_period, under_demand
+from alloc.metrics.registry import (
+    adhesion_used,
+    direction,
+    force_along,
+    metric,
+    once_per_run,
+    record_period,
+    series,
+    under_demand,
+)
 from alloc.spans import bridged_spans
 
 FOUND = 0.9
@@ -50,12 +58,13 @@ class Search(NamedTuple):
     finished: bool
 
 
+@once_per_run
 def unit_shares(run: xr.Dataset) -> tuple[Floats, Floats, Floats]:
     """Coefficients of the units, (time, unit) each: asked for by the target, used, and available by the weakest axle."""
-    unit_of_axle = run["axle_unit"].values
+    unit_of_axle = series(run, "axle_unit")
     sign = direction(run)
-    load, limit = run["axle_load"].values, run["adhesion_limit"].values
-    force = sign[:, None] * run["rail_force"].values
+    load, limit = series(run, "axle_load"), series(run, "adhesion_limit")
+    force = force_along(run)
     units = run.sizes["unit"]
     used, available = np.empty((sign.size, units)), np.empty((sign.size, units))
     for unit in range(units):
@@ -63,11 +72,14 @@ def unit_shares(run: xr.Dataset) -> tuple[Floats, Floats, Floats]:
         used[:, unit] = force[:, own].sum(axis=1) / load[:, own].sum(axis=1)
         available[:, unit] = limit[:, own].min(axis=1)
     axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)
-    at_rim = np.abs(run["torque_target"].values) * (run["unit_gear"] / run["unit_radius"]).values
-    asked = (at_rim + run["air_brake_force"].values) * axles / run["unit_static_load"].values
+    at_rim = np.abs(series(run, "torque_target")) * (
+        series(run, "unit_gear") / series(run, "unit_radius")
+    )
+    asked = (at_rim + series(run, "air_brake_force")) * axles / series(run, "unit_static_load")
     return asked, used, available
 
 
+@once_per_run
 def shortage(run: xr.Dataset) -> Flags:
     """Whether a unit's target asks for more than its rail offers, (time, unit); false without demand."""
     asked, _, available = unit_shares(run)
@@ -90,6 +102,7 @@ def episodes(run: xr.Dataset) -> Iterator[Episode]:
                     yield Episode(unit, first, end)
 
 
+@once_per_run
 def searches(run: xr.Dataset) -> list[Search]:
     """One search per episode."""
     period = record_period(run)
@@ -134,7 +147,7 @@ def unfinished_searches(run: xr.Dataset) -> float:
 @metric("utilisation_short", "1", "adhesion used by units whose target asks for more of it", +1)
 def utilisation_short(run: xr.Dataset) -> float:
     """Rail force over what all axles of the short units could carry, summed over time; nan without shortage."""
-    unit = run["axle_unit"].values
+    unit = series(run, "axle_unit")
     if run.sizes["unit"] == 0:
         return float("nan")
     return adhesion_used(run, shortage(run)[:, unit] & (unit >= 0))
@@ -148,17 +161,19 @@ def torque_fluctuation(run: xr.Dataset) -> float:
 
     Relative to the torque that the plan's coefficient asks of the unit; nan without demand.
     """
+    from scipy.ndimage import uniform_filter1d  # slow to import, and needed by a run alone
+
     demand = under_demand(run)
     if not demand.any() or run.sizes["unit"] == 0:
         return float("nan")
     window = max(1, round(MEAN_TIME / record_period(run)))
     units = run.sizes["unit"]
-    unit_of_axle = run["axle_unit"].values
+    unit_of_axle = series(run, "axle_unit")
     axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)
     load, radius, gear = (
-        run[name].values for name in ("unit_static_load", "unit_radius", "unit_gear")
+        series(run, name) for name in ("unit_static_load", "unit_radius", "unit_gear")
     )
-    planned = run["expected"].values[demand].mean() * (load * radius / (gear * axles))
-    command = run["torque_command"].values[demand] / planned
+    planned = series(run, "expected")[demand].mean() * (load * radius / (gear * axles))
+    command = series(run, "torque_command")[demand] / planned
     deviation = command - uniform_filter1d(command, window, axis=0, mode="nearest")
     return float(np.sqrt((deviation**2).mean()))

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from alloc.metrics.registry import metric, record_period
+from alloc.metrics.registry import metric, record_period, series
 
 LOCK_SPEED = 5.0 / 3.6
 """Train speed [m/s] above which a standing wheel counts as locked; slide protection rests below it."""
@@ -18,8 +18,8 @@ ATMOSPHERE = 101325.0
 @metric("locked_time", "s", "time that wheels stood above 5 km/h, summed over axles", -1)
 def locked_time(run: xr.Dataset) -> float:
     """Axle-seconds in which a wheel stands while its train runs faster than `LOCK_SPEED`."""
-    standing = np.abs(run["rim_speed"].values) < STANDING_SPEED
-    running = np.abs(run["speed"].values) > LOCK_SPEED
+    standing = np.abs(series(run, "rim_speed")) < STANDING_SPEED
+    running = np.abs(series(run, "speed")) > LOCK_SPEED
     return float((standing & running[:, None]).sum() * record_period(run))
 
 
@@ -29,8 +29,8 @@ def air_consumption(run: xr.Dataset) -> float:
 
     Isothermal; the first application of the brakes counts too. nan for a train without air brakes.
     """
-    pressure = run["cylinder_pressure"].values
+    pressure = series(run, "cylinder_pressure")
     if pressure.shape[1] == 0:
         return float("nan")
     rises = np.maximum(np.diff(pressure, axis=0), 0.0).sum(axis=0)
-    return float(1e3 * (run["group_volume"].values * rises).sum() / ATMOSPHERE)
+    return float(1e3 * (series(run, "group_volume") * rises).sum() / ATMOSPHERE)

@@ -1,5 +1,6 @@
 """`readhesion compare`: rules and controllers over the same slip events."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -77,11 +78,10 @@ def compare(
     from studies.comparison.defaults import KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
-    from studies.core.runner import run_cells
+    from studies.core.runner import check_rules, run_cells
     from studies.core.shard import read_shard
     from studies.core.store import Store
 
-    count = process_count(work.jobs)
     shard = read_shard(work.shard)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
@@ -89,11 +89,11 @@ def compare(
     chosen = _scenarios(split_names(scenario), line, train)
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
     cells = shard.of_cells(grid.jobs())
-    store = Store(out)
-    with progress() as on_row:
-        table = run_cells(
-            cells, store, count, KEPT_RUNS if keep is None else keep, retry_failed, on_row
-        )
+    kept = KEPT_RUNS if keep is None else keep
+    check = partial(check_rules, grid.rules)
+    with work.workers() as workers, progress() as on_row:
+        store = Store(out)
+        table = run_cells(cells, store, workers, kept, retry_failed, on_row, check)
     lines = [] if work.shard else summarise(table)
     if as_json:
         about = {
@@ -114,9 +114,9 @@ def compare(
             screen.print(item)
         screen.print(f"{counted(table, 'runs')}{of_shard(work)}; table in {store.path}")
     if figures and not work.shard:
-        from studies.core.gallery import gallery
+        from studies.core.gallery import draw_comparison
 
-        written = gallery().draw_comparison(table, store, store.folder / "figures")
+        written = draw_comparison(table, store, store.folder / "figures")
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED

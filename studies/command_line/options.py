@@ -2,13 +2,17 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter, Token
 
 from studies.files.study_error import StudyError
+
+if TYPE_CHECKING:
+    from studies.core.workers import Workers
 
 
 def _whole(_: type, tokens: Sequence[Token]) -> int:
@@ -39,19 +43,6 @@ MOST_SEEDS, MOST_EVENTS, GREATEST_SEED = 1000, 1_000_000, 2**31 - 1
 PROCESSES_PER_CORE = 16
 
 
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Work:
-    """How much of a study is done, and by how many processes."""
-
-    jobs: Whole | None = None
-    """Number of processes [default: one per core]."""
-    shard: str | None = None
-    """k/n: run share k of n of the events, for the k-th of n jobs; `readhesion merge` unites them."""
-
-
-EVERYTHING = Work()
-
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
 """Option of several names, one by one or with commas."""
 
@@ -81,3 +72,33 @@ def process_count(jobs: int | None) -> int:
         return cores
     check_whole("--jobs", jobs, 1, PROCESSES_PER_CORE * cores)
     return jobs
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Work:
+    """How much of a study is done, and by whom."""
+
+    jobs: Whole | None = None
+    """Number of processes [default: one per core]."""
+    shard: str | None = None
+    """k/n: run share k of n of the events, for the k-th of n jobs; `readhesion merge` unites them."""
+    executor: Literal["local", "dask"] = "local"
+    """Who does it: processes of this machine, or the workers of a Dask cluster."""
+    scheduler: str | None = None
+    """Address of its scheduler, such as tcp://node7:8786, or the file that the scheduler wrote."""
+
+    def workers(self) -> "AbstractContextManager[Workers | None]":
+        """The workers, for the whole command; raises `StudyError` where there are none or the options do not fit."""
+        from studies.core.workers import cluster, workers
+
+        if self.executor == "local":
+            if self.scheduler is not None:
+                raise StudyError("--scheduler is for --executor dask")
+            return workers(process_count(self.jobs))
+        if self.scheduler is None or self.jobs is not None:
+            raise StudyError("--executor dask: give the --scheduler, and no --jobs: it has workers")
+        return cluster(self.scheduler)
+
+
+EVERYTHING = Work()

@@ -49,11 +49,13 @@ def simulate(
     from alloc.recording import save
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
+    from studies.core.runner import check_rules
     from studies.logs.export import train_beside, write_log
     from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])
+    check_rules([rule])
     check_whole("--seed", seed, 0, GREATEST_SEED)
     beside = None if log is None else train_beside(log)
     for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):

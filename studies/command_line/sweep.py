@@ -15,7 +15,6 @@ from studies.command_line.options import (
     Whole,
     Work,
     check_whole,
-    process_count,
 )  # fmt: skip
 from studies.command_line.terminal import console, counted, of_shard, progress
 from studies.files.writable import check_place
@@ -25,9 +24,9 @@ def sweep(
     name: str,
     *,
     events: Whole | None = None,
-    work: Work = EVERYTHING,
     out: FilePath = Path("results"),
     seed: Whole = 0,
+    work: Work = EVERYTHING,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
@@ -55,12 +54,11 @@ def sweep(
     count = chosen.default_events if events is None else events
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
-    processes = process_count(work.jobs)
     shard = read_shard(work.shard)
     check_place(out)
     folder = study_folder(out, name)
-    with progress() as on_row:
-        table = chosen.run(folder, count, seed, processes, on_row, shard=shard)
+    with work.workers() as workers, progress() as on_row:
+        table = chosen.run(folder, count, seed, workers, on_row, shard=shard)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
     all_failed = failed == len(table) > 0
     found = [] if all_failed or work.shard else chosen.statements(table)

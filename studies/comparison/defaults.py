@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
 from studies.core.controllers import check_controller
-from studies.core.runner import check_rules
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
 from studies.scenario.scenario import Scenario
@@ -35,11 +34,10 @@ def default_rules() -> tuple[str, ...]:
 
 
 def check_names(rules: Sequence[str], controllers: Sequence[str]) -> None:
-    """Raise `StudyError` for an unknown rule or controller, or one whose solver is missing."""
+    """Raise `StudyError` for an unknown rule or controller, or a controller that needs what is not installed."""
     for rule in rules:
         if rule not in RULES:
             raise unknown("rule", rule, RULES)
-    check_rules(rules)
     for controller in controllers:
         check_controller(controller)
 

@@ -5,7 +5,7 @@ import inspect
 import json
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -23,6 +23,8 @@ INNERMOST = 3
 """Lines of a traceback that a reason keeps."""
 
 Row = dict[str, Any]
+Shared = dict[str, Any]
+"""What the cells of a group keep for those after them."""
 OnRow = Callable[[str, int, int], None]
 """What is told of progress: label of the finished cell, cells finished, cells in all."""
 
@@ -42,8 +44,16 @@ class Cell(Protocol):
     def sources(self) -> tuple[str, ...]:
         """Modules that decide the rows, with all that they import."""
 
-    def work(self) -> "Yield":
-        """Do it."""
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Modules whose compiled code the work runs, in alphabetical order."""
+
+    @property
+    def group(self) -> Hashable:
+        """Cells of the same group, unless it is None, share what they prepare; one worker does them."""
+
+    def work(self, shared: "Shared") -> "Yield":
+        """Do it. `shared` is what cells of this group have put there before."""
 
 
 class Yield(NamedTuple):
@@ -90,7 +100,17 @@ class Task:
         module = self.function.__module__
         return (inspect.getfile(self.function) if module == "__main__" else module,)
 
-    def work(self) -> Yield:
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Those of the sources."""
+        return self.sources
+
+    @property
+    def group(self) -> None:
+        """A task prepares nothing for another."""
+        return None
+
+    def work(self, shared: Shared) -> Yield:
         """Call the function."""
         found = self.function(*self.arguments)
         rows = [found] if isinstance(found, Mapping) else found
@@ -119,7 +139,7 @@ def _short(file: str) -> str:
     return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
 
 
-def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
+def run_cell(cell: Cell, key: Key, keep: bool = False, shared: Shared | None = None) -> Outcome:
     """Do a cell's work. Whatever goes wrong in it becomes a row with status "failed" and the reason.
 
     Work that ends well but does not count may say so: its rows then have a status of their own, see `run_status`.
@@ -135,7 +155,7 @@ def run_cell(cell: Cell, key: Key, keep: bool = False) -> Outcome:
     try:
         if code_hash(*cell.sources) != key.code:
             raise StudyError("the sources changed while the study ran; run it again")
-        found, run = cell.work()
+        found, run = cell.work({} if shared is None else shared)
         rows = [kept | row | {"status": row.get("status", "ok")} for row in found]
     except Exception as error:  # a study of a hundred cells goes on without this one
         known = {name: value for name, value in cell.identity.items() if name != "arguments"}

@@ -1,10 +1,14 @@
 """Figures as the commands know them: what draws stands above this package and comes in by an entry point."""
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from alloc.sources import code_hash
+from alloc.whole_file import write_whole
+from studies.core.plugins import plugin_modules
 from studies.files.study_error import StudyError
 
 if TYPE_CHECKING:
@@ -14,8 +18,10 @@ if TYPE_CHECKING:
     from studies.core.cell import OnRow
     from studies.core.store import Store
 
-GROUP = "readhesion.gallery"
-"""Entry points of what draws; figures of further packages stand in the group `readhesion.figures`."""
+GROUP, FURTHER = "readhesion.gallery", "readhesion.figures"
+"""Entry points of what draws, and of further packages' figures."""
+MARK = ".drawn"
+"""File beside the figures of a comparison: which rows they show, by which code, and their names."""
 
 
 class Gallery(Protocol):
@@ -49,6 +55,30 @@ class Gallery(Protocol):
 
 def gallery() -> Gallery:
     """What is installed to draw figures; raises `StudyError` if nothing is."""
+    return cast(Gallery, _entry().load())
+
+
+def draw_comparison(table: "pd.DataFrame", store: "Store", out: Path) -> list[str]:
+    """Draw the figures of a comparison into `out`, unless those of the same rows by the same code are there; their names."""
+    mark = out / MARK
+    parts = [
+        _entry().module,
+        *(entry.module for entry in entry_points(group=FURTHER)),
+        *plugin_modules(),
+    ]
+    rows = " ".join(table["cell"] + table["status"])
+    digest = hashlib.sha256(
+        f"{code_hash(*parts)} {version('matplotlib')} {rows}".encode()
+    ).hexdigest()
+    of, *names = mark.read_text().split() if mark.exists() else [""]
+    if of != digest or not all((out / f"{name}.pdf").exists() for name in names):
+        names = gallery().draw_comparison(table, store, out)
+        if names:
+            write_whole(mark, lambda path: path.write_text(" ".join([digest, *names])))
+    return names
+
+
+def _entry() -> EntryPoint:
     for found in entry_points(group=GROUP):
-        return cast(Gallery, found.load())
+        return found
     raise StudyError("nothing is installed that draws figures; run `make setup`")

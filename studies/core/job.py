@@ -1,6 +1,6 @@
 """The cell that most studies are made of: a slip event under a rule and a readhesion controller."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,8 +8,9 @@ import xarray as xr
 
 from alloc.metrics import METRICS, evaluate
 from alloc.rules import RULES
-from alloc.simulation import CONTROLLERS, simulate
-from studies.core.cell import Yield
+from alloc.simulation import CONTROLLERS, Event, simulate
+from studies.core.cell import Shared, Yield
+from studies.core.controllers import is_hosted
 from studies.core.run_status import run_status
 from studies.scenario.scenario import Scenario
 
@@ -51,9 +52,22 @@ class Job:
         metrics = {METRICS.origin(name) for name in METRICS}
         return (__name__, *parts, *self.scenario.sources, *sorted(metrics), *measures)
 
-    def work(self) -> Yield:
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """The loop, in which rules and controllers are compiled, and what those that live in Python compile."""
+        parts = {RULES.origin(self.rule), CONTROLLERS.origin(self.controller)}
+        return ("alloc.loop", *sorted(parts))
+
+    @property
+    def group(self) -> Hashable:
+        """Its event, which all rules meet; None under a controller in Python, which takes so long that this is nothing."""
+        return None if is_hosted(self.controller) else (self.scenario.hash(), self.seed)
+
+    def work(self, shared: Shared) -> Yield:
         """Simulate and evaluate."""
-        run = simulate_job(self)
+        if "event" not in shared:
+            shared["event"] = self.scenario.event(self.seed)
+        run = _run(self, shared["event"])
         row = dict(self.identity) | {"messages": str(run.attrs["messages"])}
         row |= {"duration": float(run["time"].values[-1] - run["time"].values[0])}
         row |= evaluate(run)
@@ -63,5 +77,9 @@ class Job:
 
 def simulate_job(job: Job) -> xr.Dataset:
     """The recorded run of a job; errors are raised."""
-    run = simulate(job.scenario.event(job.seed), job.rule, job.controller)
+    return _run(job, job.scenario.event(job.seed))
+
+
+def _run(job: Job, event: Event) -> xr.Dataset:
+    run = simulate(event, job.rule, job.controller)
     return run.assign_attrs(scenario=job.scenario.name, scenario_hash=job.scenario.hash())

@@ -24,8 +24,7 @@ def use_plugins(files: Iterable[str | Path]) -> None:
     """Load plug-in files, here and in every process that is started from here; raises `StudyError` where one is faulty."""
     paths = [str(Path(file).resolve()) for file in files]
     before = os.environ.get(VARIABLE, "")
-    known = [path for path in before.split(os.pathsep) if path]
-    os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys([*known, *paths]))
+    os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys([*_files(), *paths]))
     try:
         load_plugins()
     except StudyError:
@@ -35,9 +34,18 @@ def use_plugins(files: Iterable[str | Path]) -> None:
 
 def load_plugins() -> None:
     """Load the files of the environment that are not loaded yet."""
-    for file in os.environ.get(VARIABLE, "").split(os.pathsep):
-        if file and module_name(file) not in sys.modules:
+    for file in _files():
+        if module_name(file) not in sys.modules:
             _load(file)
+
+
+def plugin_modules() -> list[str]:
+    """Names of the modules that the files of the environment become."""
+    return [module_name(file) for file in _files()]
+
+
+def _files() -> list[str]:
+    return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 
 
 def module_name(file: str) -> str:

@@ -1,54 +1,62 @@
 """Run the cells that a store lacks, in parallel, and keep every row as it comes."""
 
+import os
 import time
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing
 from fnmatch import fnmatchcase
+from itertools import islice
 from queue import Empty, SimpleQueue
 
 import numpy as np
 import pandas as pd
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from alloc.rules import AllocationProblem, find_rule
 from studies.core import interruption
-from studies.core.cell import Cell, Key, OnRow, Outcome, Row, Task, key_of, run_cell
-from studies.core.controllers import is_hosted, rehearse, rehearse_plant
-from studies.core.job import Job
-from studies.core.processes import processes
+from studies.core.cell import Cell, Key, OnRow, Outcome, Row, Shared, key_of, run_cell
+from studies.core.first_work import alone_at_first
+from studies.core.plugins import VARIABLE
 from studies.core.store import Store
+from studies.core.workers import Jobs, Workers, workers
 from studies.files.study_error import StudyError
 
 FLUSH_INTERVAL = 2.0
 """Rows are written at least this often [s] while cells finish."""
+TASKS_EACH = 4
+"""Tasks that each worker should get at least: it may get longer ones than another."""
+AHEAD = 2
+"""Tasks per worker that are handed out at once: nobody waits for the next. The processes' own queue holds so many, and is
+quiet about them when it is killed."""
 
 
 def run_cells(
     cells: Sequence[Cell],
     store: Store,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     keep: Sequence[str] = (),
     retry_failed: bool = False,
     on_row: OnRow | None = None,
+    check: Callable[[], None] | None = None,
 ) -> pd.DataFrame:
     """Run the cells that `store` does not hold yet; returns the rows of all, in their order.
 
-    `jobs`: processes. `keep`: patterns of labels, such as ``wet-*/exact/*/0``, whose runs are recorded as netCDF. Cells
-    that failed are kept with their reason and not run again unless `retry_failed`. On an interrupt what is computed is kept.
+    `jobs`: processes, or workers that the caller has. `keep`: patterns of labels, such as ``wet-*/exact/*/0``, whose runs
+    are recorded as netCDF. Cells that failed are kept with their reason and not run again unless `retry_failed`. On an
+    interrupt what is computed is kept. `check` is called first if anything is to be run. Raises `StudyError` where a worker
+    is lost.
     """
     keys = [key_of(cell) for cell in cells]
     missing = _missing(cells, keys, store, keep, retry_failed)
+    if missing and check is not None:
+        check()
     done = len(cells) - len(missing)
     if on_row is not None:
         on_row("preparing (compiles on first use)" if missing else "", done, len(cells))
-    if len(missing) > 1 and jobs > 1:
-        warm_up([cell for cell, _, _ in missing])
     pending: list[Row] = []
     flushed = time.monotonic()
-    outcomes = _outcomes(missing, jobs)
     try:
-        with closing(outcomes):
+        with workers(jobs) as others, closing(_outcomes(missing, others)) as outcomes:
             for outcome in outcomes:
                 if outcome is not None:
                     pending += outcome.rows
@@ -61,11 +69,6 @@ def run_cells(
                     store.add(pending)
                     pending, flushed = [], time.monotonic()
                 interruption.check()
-    except TerminatedWorkerError as error:
-        raise StudyError(
-            f"a worker process ended unexpectedly ({str(error).splitlines()[0]}); what was computed is "
-            f"kept in {str(store.path)!r}; run again, with fewer --jobs if memory was short"
-        ) from None
     finally:
         store.add(pending)
     return store.rows_of(keys)
@@ -82,7 +85,7 @@ def _missing(
     keep: Sequence[str],
     retry_failed: bool,
 ) -> list[Work]:
-    """What is to be done; the slow cells first, so that no process is left alone with one at the end."""
+    """What is to be done: the first cell, for it compiles; then the slow ones, lest one of them is left to the end."""
     succeeded = store.cells(keys)
     work = []
     for cell, key in zip(cells, keys, strict=True):
@@ -91,48 +94,101 @@ def _missing(
         again = kept and not store.has_run(key) if done else done is None or retry_failed
         if again:
             work.append((cell, key, kept))
-    return sorted(
-        work, key=lambda one: not (isinstance(one[0], Job) and is_hosted(one[0].controller))
+    return work[:1] + sorted(work[1:], key=lambda one: one[0].group is not None)
+
+
+def _tasks(work: Sequence[Work], count: int, together: int = 1) -> list[list[Work]]:
+    """The work in parts for `count` workers: the cells of a group in one, or in several where there were too few parts.
+
+    A part takes groups until it has `together` cells. A cell without a group is a part of its own.
+    """
+    groups: dict[Hashable, list[Work]] = {}
+    for k, one in enumerate(work):
+        group = one[0].group
+        groups.setdefault(k if group is None else group, []).append(one)
+    longest = max(1, len(work) // max(1, count * TASKS_EACH))
+    tasks: list[list[Work]] = []
+    full = True
+    for some in groups.values():
+        single = some[0][0].group is None
+        full = full or single or len(tasks[-1]) >= together
+        for one in some:
+            if full or len(tasks[-1]) >= longest:
+                tasks.append([])
+            tasks[-1].append(one)
+            full = single
+    return tasks
+
+
+def _outcomes(work: Sequence[Work], others: Workers | None) -> Generator[Outcome | None]:
+    """What becomes of the cells, as they finish; None where nothing did for a while."""
+    if others is None or len(work) <= 1:
+        for task in _tasks(work, 0):
+            yield from _do(task)
+    else:
+        yield from _elsewhere(iter(_tasks(work, others.count, others.together)), others)
+
+
+def _elsewhere(tasks: Iterator[list[Work]], others: Workers) -> Generator[Outcome | None]:
+    finished: SimpleQueue[Future[list[Outcome]]] = SimpleQueue()
+    lost: list[Exception] = []
+    """What cells raise are rows; other errors say that a worker or its work was lost."""
+
+    def submit(some: Iterable[list[Work]]) -> int:
+        count = 0
+        try:
+            for task in some:
+                future = others.submit(do_task, task, os.environ.get(VARIABLE, ""))
+                future.add_done_callback(finished.put)
+                count += 1
+        except Exception as error:
+            lost.append(error)
+        return count
+
+    running = submit(islice(tasks, others.count * AHEAD))
+    while running:
+        try:
+            future = finished.get(timeout=FLUSH_INTERVAL)
+        except Empty:
+            yield None
+            continue
+        running -= 1
+        try:
+            outcomes = future.result()
+        except Exception as error:
+            lost.append(error)
+            continue
+        yield from outcomes
+        running += submit(islice(tasks, 0 if lost else 1))
+    if lost:
+        raise _lost(lost[0])
+
+
+def _lost(error: Exception) -> StudyError:
+    if isinstance(error, StudyError):
+        return error
+    reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+    return StudyError(
+        f"a worker or its work was lost ({reason}); what was computed is kept; run again, with fewer "
+        "--jobs if memory was short"
     )
 
 
-def _outcomes(work: Sequence[Work], jobs: int) -> Generator[Outcome | None]:
-    """What becomes of the cells, as they finish; None where nothing did for a while."""
-    if jobs == 1 or len(work) <= 1:
-        for one in work:
-            yield run_cell(*one)
-        return
-    first, followers = _followers(work)
-    finished: SimpleQueue[Future[Outcome]] = SimpleQueue()
-    with processes(min(jobs, len(work))) as executor:
-
-        def submit(some: Sequence[Work]) -> None:
-            for one in some:
-                executor.submit(run_cell, *one).add_done_callback(finished.put)
-
-        submit(first)
-        left = len(work)
-        while left:
-            try:
-                outcome = finished.get(timeout=FLUSH_INTERVAL).result()
-            except Empty:
-                yield None
-                continue
-            left -= 1
-            submit(followers.get(outcome.key.digest, ()))
-            yield outcome
+def do_task(task: Sequence[Work], plugins: str) -> list[Outcome]:
+    """Do the cells of a task, in a worker; `plugins`: the caller's files, see `studies.core.plugins.VARIABLE`."""
+    os.environ[VARIABLE] = plugins
+    return list(_do(task))
 
 
-def _followers(work: Sequence[Work]) -> tuple[list[Work], dict[str, list[Work]]]:
-    """What can begin, and what waits for the cell of a digest: the first task of a function compiles for the others."""
-    leaders: dict[object, str] = {}
-    first: list[Work] = []
-    followers: dict[str, list[Work]] = {}
-    for one in work:
-        cell, key, _ = one
-        leader = leaders.setdefault(cell.function, key.digest) if isinstance(cell, Task) else ""
-        (followers.setdefault(leader, []) if leader not in ("", key.digest) else first).append(one)
-    return first, followers
+def _do(task: Sequence[Work]) -> Iterator[Outcome]:
+    shared: Shared = {}
+    group = None
+    for cell, key, keep in task:
+        if cell.group != group:
+            group, shared = cell.group, {}
+        with alone_at_first(cell.programs):
+            outcome = run_cell(cell, key, keep, shared)
+        yield outcome
 
 
 def check_rules(rules: Iterable[str]) -> None:
@@ -143,26 +199,3 @@ def check_rules(rules: Iterable[str]) -> None:
             find_rule(rule)(problem)
         except (ValueError, ImportError) as error:
             raise StudyError(" ".join(str(error).split())) from None
-
-
-def warm_up(cells: Sequence[Cell]) -> None:
-    """Compile once what the workers will need, so that they load it from the cache.
-
-    All compiled rules and controllers are one program, compiled here. Another process meanwhile compiles the plant, which
-    that program takes from the cache when it gets to it, and then what hosted controllers need.
-    """
-    jobs = [cell for cell in cells if isinstance(cell, Job)]
-    if not jobs:
-        return
-    hosted = [name for name in dict.fromkeys(job.controller for job in jobs) if is_hosted(name)]
-    first = jobs[0]
-    short = first.scenario.changed(duration_s=0.2)
-    with processes(1) as executor:
-        elsewhere = [executor.submit(rehearse_plant, short)]
-        elsewhere += [executor.submit(rehearse, name) for name in hosted]
-        check_rules(dict.fromkeys(job.rule for job in jobs))
-        # a cell that fails here fails again as a row of its own, with its reason
-        built_in = Job(short, first.rule, "none", first.seed)
-        run_cell(built_in, key_of(built_in))
-        for future in elsewhere:
-            future.exception()

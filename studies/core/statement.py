@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import pandas as pd
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit  # scipy.stats, which calls them, takes a second to import
 
 HOLDS = "holds"
 CONDITIONS = "holds with conditions"
@@ -86,9 +85,13 @@ def mean_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
     mean = float(known.mean())
     if n == 1:
         return Interval(mean, math.nan, math.nan, 1)
-    half = float(student.ppf(0.5 + 0.5 * confidence, n - 1)) * float(known.std(ddof=1))
-    half /= math.sqrt(n)
+    half = half_width(float(known.std(ddof=1)), n, confidence)
     return Interval(mean, mean - half, mean + half, n)
+
+
+def half_width(deviation: float, count: int, confidence: float = CONFIDENCE) -> float:
+    """Half-width of the interval of a mean by Student's t, from the standard deviation of `count` > 1 events."""
+    return float(stdtrit(count - 1, 0.5 + 0.5 * confidence)) * deviation / math.sqrt(count)
 
 
 def share_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
@@ -97,7 +100,7 @@ def share_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0)
     p = float(values.mean())
-    z = float(norm.ppf(0.5 + 0.5 * confidence))
+    z = float(ndtri(0.5 + 0.5 * confidence))
     centre = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     # at the ends one limit is the share itself; rounding must not miss it

@@ -12,6 +12,7 @@ from studies.core.runner import run_cells
 from studies.core.shard import ALL, Shard
 from studies.core.statement import Statement
 from studies.core.store import Store
+from studies.core.workers import Jobs, workers
 from studies.files.study_error import StudyError
 
 BLOCK = 5000
@@ -49,7 +50,7 @@ class Study:
         folder: str | Path,
         events: int,
         seed: int = 0,
-        jobs: int = 1,
+        jobs: Jobs = 1,
         on_row: OnRow | None = None,
         shard: Shard = ALL,
         **settings: object,
@@ -61,14 +62,15 @@ class Study:
         """
         store = Store(folder)
         tables: list[pd.DataFrame] = []
-        for cells, block in self._blocks(seed, events, shard, settings):
-            tables.append(run_cells(cells, store, jobs, on_row=_in_all(on_row, block)))
-        table = tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True)
-        if shard != ALL:
-            return table
-        for stage in self.later:
-            cells = [*cells, *stage(seed, events, table, **settings)]
-            table = run_cells(cells, store, jobs, on_row=on_row)
+        with workers(jobs) as others:  # the same for all blocks and stages
+            for cells, block in self._blocks(seed, events, shard, settings):
+                tables.append(run_cells(cells, store, others, on_row=_in_all(on_row, block)))
+            table = tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True)
+            if shard != ALL:
+                return table
+            for stage in self.later:
+                cells = [*cells, *stage(seed, events, table, **settings)]
+                table = run_cells(cells, store, others, on_row=on_row)
         return table if self.finish is None else self.finish(table, seed, events)
 
     def _blocks(

@@ -5,7 +5,6 @@ import pandas as pd
 from studies.claims.measures import measure
 from studies.core.cell import Cell, Task
 from studies.core.job import Job
-from studies.core.runner import check_rules
 from studies.core.study import Study
 from studies.differences.answers import RULES, problem_rows
 from studies.differences.kinds import EVENTS, KINDS, event, event_name
@@ -17,7 +16,6 @@ PROBLEMS_PER_EVENT = 50
 
 def cells(seed: int, problems: int, duration: float | None = None) -> list[Cell]:
     """`problems` of each kind, and closed-loop events of each kind; `duration` [s] shortens the events."""
-    check_rules(RULES)
     changed = {} if duration is None else {"duration_s": duration}
     size = PROBLEMS_PER_EVENT
     blocks = [(first, min(first + size, problems)) for first in range(0, problems, size)]

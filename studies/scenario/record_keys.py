@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from dataclasses import Field as RecordField
 from functools import cache, partial
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, Field, create_model
 
@@ -12,6 +12,21 @@ from studies.files.strict import Strict
 from studies.files.units import ENDINGS, si
 
 Parameters = TypeVar("Parameters")
+
+
+class _Keys(Strict):
+    """Keys of a record. They travel to other processes by it, for their class has no name in a module."""
+
+    record: ClassVar[Any]
+
+    def __reduce__(self) -> Any:
+        kind: Any = type(self)
+        return _blank, (self.record if keys_of(self.record) is kind else kind,), self.__getstate__()
+
+
+def _blank(kind: Any) -> Any:
+    model = kind if issubclass(kind, _Keys) else keys_of(kind)
+    return model.__new__(model)
 
 
 @cache
@@ -23,7 +38,9 @@ def keys_of(record: type) -> Any:
     """
     keys: Any = dict(_key(item) for item in fields(record) if _in_files(item))
     summary = (record.__doc__ or "").strip().splitlines()[0]
-    return create_model(f"{record.__name__}Keys", __base__=Strict, __doc__=summary, **keys)
+    model = create_model(f"{record.__name__}Keys", __base__=_Keys, __doc__=summary, **keys)
+    model.record = record
+    return model
 
 
 def built(keys: BaseModel, record: type[Parameters], **given: Any) -> Parameters:

@@ -148,17 +148,24 @@ class Scenario(Strict):
 
     def hash(self) -> str:
         """Hash of all that decides the event: equal content gives equal hashes, wherever the file lies."""
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> str:
-        content = self.model_dump(mode="json", exclude=NOT_HASHED)
+        if not is_file(self.train) and self.line.file is None:
+            return self.hash_of_keys
+        content = json.loads(self.keys_as_text)
         if is_file(self.train):
             content["train"] = _digest(self.train)
         if self.line.file is not None:
             content["line"]["file"] = _digest(self.line.file)
-        text = json.dumps(content, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return _short_hash(json.dumps(content, sort_keys=True))
+
+    @cached_property
+    def keys_as_text(self) -> str:
+        """The keys that decide the event, as JSON."""
+        return json.dumps(self.model_dump(mode="json", exclude=NOT_HASHED), sort_keys=True)
+
+    @cached_property
+    def hash_of_keys(self) -> str:
+        """Hash of the keys alone, without the files that they name."""
+        return _short_hash(self.keys_as_text)
 
     def draws(self) -> bool:
         """Whether anything that happens depends on the seed."""
@@ -175,6 +182,10 @@ class Scenario(Strict):
 def safe_name(text: str) -> str:
     """`text` as part of a scenario's name, which is part of file names: without blanks and the like."""
     return re.sub(r"[^\w.+-]", "-", text)
+
+
+def _short_hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _digest(path: str) -> str:

@@ -53,7 +53,7 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tm
     assert "10 runs" in out
     assert "less alone, paired over 5 seeds" in out
     table = Store(tmp_path / "out").read()
-    assert table["rule"].tolist() == ["alone"] * 5 + ["exact"] * 5
+    assert sorted(table["rule"]) == ["alone"] * 5 + ["exact"] * 5
     assert set(METRICS) <= set(table.columns)
     for name in ("rule-comparison", "utilisation-damage"):
         stem = tmp_path / "out" / "figures" / name

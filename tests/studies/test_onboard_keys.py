@@ -1,5 +1,7 @@
 """Keys of the equipment on board arrive in SI; what is not given keeps its default."""
 
+import pickle
+
 import pytest
 
 from alloc.onboard.parameters import Braking, Onboard, Sensors
@@ -11,6 +13,7 @@ from alloc.onboard.slide_protection.parameters import (
 )
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
+from studies.scenario.onboard_keys import OnboardKeys
 
 HEAD = """
 title = "keys"
@@ -122,3 +125,15 @@ def test_believed_loads_are_tonnes_per_car(tmp_path):
     found = onboard(tmp_path, "[belief]\nloads_t = [1.5, 2, 0, 0, 0, 0, 0, 0]")
     assert found.belief.loads == (1500.0, 2000.0, *(0.0,) * 6)
     assert onboard(tmp_path, "").belief.loads is None
+
+
+@pytest.mark.parametrize("name", ["scattered-rail", "freight-start", "wet-stop"])
+def test_a_scenario_travels_to_other_processes_by_names_alone(name):
+    # what travels by value, as classes without a name would, is large, and a new class at every arrival
+    scenario = load_scenario(name)
+    arrived = pickle.loads(pickle.dumps(scenario))
+    assert arrived == scenario
+    assert type(arrived.onboard) is OnboardKeys
+    assert type(arrived.onboard.sensors) is type(scenario.onboard.sensors)
+    assert arrived.hash() == scenario.hash()
+    assert arrived.changed(duration_s=1.0) == scenario.changed(duration_s=1.0)
