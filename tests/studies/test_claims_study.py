@@ -161,7 +161,7 @@ def stub(monkeypatch):
         ("on rails",),
     )
     study = SimpleNamespace(default_events=7, run=study_run, statements=lambda _: [statement])
-    monkeypatch.setitem(all_studies(), "claims", study)
+    monkeypatch.setattr("studies.core.collection.find_study", {"claims": study}.__getitem__)
     return calls
 
 
