@@ -170,7 +170,7 @@ def test_the_command_prints_statements(call, stub, tmp_path):
     assert code == 0
     assert "water is wet: holds" in out
     assert "on rails" in out
-    assert stub == [(tmp_path / "sweeps" / "claims", 7, 0, 1)]
+    assert stub == [(tmp_path / "sweeps" / "claims", 7, 0, None)], "one process is this one"
 
 
 def test_the_command_prints_json(call, stub, tmp_path):
