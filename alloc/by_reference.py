@@ -6,6 +6,7 @@ block that holds the numbers and where the arrays begin; it reads fields as thos
 """
 
 import hashlib
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ class ByReference:
     def __init__(self, value: Any) -> None:
         self._value = value
         words: list[int] = []
-        self.kind = _lay_out(value, words)
+        self.kind = _record(_lay_out(value, words))
         self._block = np.array(words, dtype=np.uint64)
         self.address = self._block.ctypes.data
 
@@ -66,37 +67,60 @@ class ByReference:
         return getattr(self._value, name)
 
 
-def _lay_out(value: Any, words: list[int]) -> Record:
+Kind = tuple[str, tuple[tuple[str, Any, int], ...]]
+"""A record in plain values: its class, and of every field its name, what it is, and its first word."""
+
+_NUMBERS = {
+    float: (np.float64, types.float64),
+    bool: (np.int64, types.boolean),
+    int: (np.int64, types.int64),
+}
+
+
+def _lay_out(value: Any, words: list[int]) -> Kind:
     """Append the words of `value`; an array takes its address and shape, a number one word."""
     fields, start = [], len(words)
     for name, item in zip(value._fields, value, strict=True):
         word = len(words) - start
-        if isinstance(item, ByReference):
-            item = item._value
-        if isinstance(item, tuple) and hasattr(item, "_fields"):
-            kind: types.Type = _lay_out(item, words)
-        elif isinstance(item, np.ndarray):
+        if isinstance(item, np.ndarray):
             if not item.flags.c_contiguous:
                 raise TypeError(f"{type(value).__name__}.{name}: the array is not contiguous")
-            kind = types.Array(from_dtype(item.dtype), item.ndim, "C")
-            words += [item.ctypes.data, *item.shape]
-        elif isinstance(item, bool | np.bool_):
-            kind = types.boolean
-            words.append(int(item))
-        elif isinstance(item, int | np.integer):
-            kind = types.int64
-            words.append(int(np.int64(item).view(np.uint64)))
-        elif isinstance(item, float):
-            kind = types.float64
-            words.append(int(np.float64(item).view(np.uint64)))
+            words += [item.__array_interface__["data"][0], *item.shape]
+            what: Any = (item.dtype, item.ndim)
+        elif hasattr(item, "_fields"):
+            what = _lay_out(item._value if isinstance(item, ByReference) else item, words)
         elif item is None:
-            kind = types.none
+            what = None
         else:
-            raise TypeError(
-                f"{type(value).__name__}.{name}: {type(item).__name__} is neither number, array nor record"
-            )
-        fields.append((name, Field(kind, word)))
-    return Record(type(value).__name__, tuple(fields))
+            what = _number(f"{type(value).__name__}.{name}", item, words)
+        fields.append((name, what, word))
+    return type(value).__name__, tuple(fields)
+
+
+def _number(name: str, item: Any, words: list[int]) -> type:
+    """Append the word of a number; returns which of `_NUMBERS` it is."""
+    plain = item.item() if isinstance(item, np.generic) else item
+    if type(plain) not in _NUMBERS:
+        raise TypeError(f"{name}: {type(item).__name__} is neither number, array nor record")
+    words.append(int(_NUMBERS[type(plain)][0](plain).view(np.uint64)))
+    return type(plain)
+
+
+@lru_cache(maxsize=256)
+def _record(kind: Kind) -> Record:
+    """Numba's type of a record."""
+    name, fields = kind
+    return Record(name, tuple((field, Field(_type(what), word)) for field, what, word in fields))
+
+
+def _type(what: Any) -> types.Type:
+    if what is None:
+        return types.none
+    if isinstance(what, type):
+        return _NUMBERS[what][1]
+    if isinstance(what[0], str):
+        return _record(what)
+    return types.Array(from_dtype(what[0]), what[1], "C")
 
 
 @register_model(Record)
