@@ -30,6 +30,9 @@ from alloc.sources import path_of, syntax_hash
 FASTMATH = {"contract", "nsz"}
 
 
+WAITING: list[Callable[[], None]] = []
+"""Called, each once, when something must be compiled: who waits for it may be told."""
+
 KEPT_DAYS = 30.0
 """Kernels that were not used for so long are deleted when new ones are made."""
 
@@ -70,10 +73,13 @@ class _Cache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         self._impl.ensure_cache_path()
         try:
-            return super().load_overload(sig, target_context)
+            found = super().load_overload(sig, target_context)
         except Exception:  # whatever a damaged file makes `pickle` do
             self.flush()
-            return None
+            found = None
+        while found is None and WAITING:
+            WAITING.pop()()
+        return found
 
 
 @lru_cache(maxsize=1024)

@@ -1,6 +1,8 @@
 """`readhesion simulate`: one slip event under one rule and one controller."""
 
 import json
+import sys
+from functools import partial
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -45,6 +47,7 @@ def simulate(
     """
     from rich.table import Table
 
+    from alloc import compilation
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
     from studies.comparison.defaults import check_names
@@ -60,6 +63,8 @@ def simulate(
     beside = None if log is None else train_beside(log)
     for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):
         check_file(path, endings)
+    tell = partial(print, "compiling; the next run loads what is compiled", file=sys.stderr)
+    compilation.WAITING.append(tell)
     run = simulate_job(Job(chosen, rule, controller, seed))
     values = evaluate(run)
     if out is not None:
