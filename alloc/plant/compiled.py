@@ -83,7 +83,9 @@ def _delay_pneumatics(w, target, valve):
     slots = c.delay_target.shape[1]
     now = c.clock[0] % slots
     for g in range(w.size.groups):
-        then = (c.clock[0] - c.delay_steps[g]) % slots
+        then = now - c.delay_steps[g]
+        if then < 0:
+            then += slots  # a remainder would cost more than the rest of this
         started = c.clock[0] >= c.delay_steps[g]
         c.delay_target[g, now] = target[g]
         c.delay_valve[g, now] = valve[g]
