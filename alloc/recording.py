@@ -116,10 +116,11 @@ def _dataset(
     if unknown := values.keys() - VARIABLES.keys():
         raise KeyError(f"recorded, but not in VARIABLES: {', '.join(sorted(unknown))}")
     data = {
-        name: (
+        name: xr.Variable(
             v.dims,
             values[name] if v.kind is None else values[name].astype(v.kind),
             {"units": v.units, "long_name": v.long_name},
+            fastpath=True,  # these are arrays of numbers: to look for dates in them takes half of this function
         )
         for name, v in VARIABLES.items()
         if name in values
