@@ -10,7 +10,8 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,19 @@ from alloc.sources import path_of, syntax_hash
 FASTMATH = {"contract", "nsz"}
 
 
-WAITING: list[Callable[[], None]] = []
-"""Called, each once, when something must be compiled: who waits for it may be told."""
+_WAITING: list[Callable[[], None]] = []
+
+
+@contextmanager
+def telling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call `tell` if something must be compiled inside, once: whoever waits for it may want to know."""
+    _WAITING.append(tell)
+    try:
+        yield
+    finally:
+        if tell in _WAITING:
+            _WAITING.remove(tell)
+
 
 KEPT_DAYS = 30.0
 """Kernels that were not used for so long are deleted when new ones are made."""
@@ -77,8 +89,8 @@ class _Cache(FunctionCache):
         except Exception:  # whatever a damaged file makes `pickle` do
             self.flush()
             found = None
-        while found is None and WAITING:
-            WAITING.pop()()
+        while found is None and _WAITING:
+            _WAITING.pop()()
         return found
 
 

@@ -128,14 +128,16 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable) == (7.0, False)
 
 
-def test_who_waits_is_told_once_and_only_where_something_is_compiled(kernel, monkeypatch):
+def test_who_waits_is_told_once_and_only_where_something_is_compiled(kernel):
     told = []
-    monkeypatch.setattr(compilation, "WAITING", [lambda: told.append("compiling")])
-    kernel()
-    assert told == ["compiling"]
-    compilation.WAITING.append(lambda: told.append("again"))
-    assert kernel() == (7.0, False)
-    assert told == ["compiling"]
+    with compilation.telling(lambda: told.append("first")):
+        kernel()
+        kernel(law=[("*", "+")])
+    assert told == ["first"]
+    with compilation.telling(lambda: told.append("loaded")):
+        assert kernel() == (7.0, False)
+    kernel(law=[("*", "-")])
+    assert told == ["first"], "nobody waits any more"
 
 
 def test_a_library_of_another_version_compiles_again(kernel, monkeypatch):

@@ -47,7 +47,7 @@ def simulate(
     """
     from rich.table import Table
 
-    from alloc import compilation
+    from alloc.compilation import telling
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
     from studies.comparison.defaults import check_names
@@ -64,8 +64,8 @@ def simulate(
     for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):
         check_file(path, endings)
     tell = partial(print, "compiling; the next run loads what is compiled", file=sys.stderr)
-    compilation.WAITING.append(tell)
-    run = simulate_job(Job(chosen, rule, controller, seed))
+    with telling(tell):
+        run = simulate_job(Job(chosen, rule, controller, seed))
     values = evaluate(run)
     if out is not None:
         save(run, out)
