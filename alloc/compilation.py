@@ -145,8 +145,8 @@ def jit(function: Any) -> Any:
 def inlined_jit(function: Any) -> Any:
     """Decorator of a part of a compiled loop that is called from one or two places.
 
-    A call hands over every array of its records, field by field; that costs more than the work on a short train. It has no
-    wrapper for calls from Python: unpacking its records would take longer to compile than the part itself.
+    The compiler then sees the whole of a step, and keeps in registers what its parts share. No wrapper for calls from Python
+    is made, for nobody makes any.
     """
     return compiled(function, **_COMPILED, forceinline=True, no_cpython_wrapper=True)
 

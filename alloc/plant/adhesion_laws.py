@@ -48,7 +48,7 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
     On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
     """
     narrowest = narrowest_parabola(micro_slope, macro_slope, residual_ratio)
-    curvature = maximum(top_curvature, narrowest / peak)
+    curvature = parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
     # divisions are what this law costs: of those by the curvature one of each pair is by a constant
     breadth = minimum(1.0 / top_curvature, peak * (1.0 / narrowest))
     magnitude = absolute(slip)

@@ -41,12 +41,19 @@ def _note(w):
 
 
 @inlined_jit
+def _place_in_cells(w, i):
+    """Where axle `i` stands, in lengths of the rail's cells."""
+    axle, state = w.axle, w.scratch.state
+    return (state[axle.position_row[i]] + axle.offset[i]) / w.rail.cleaning_spacing
+
+
+@inlined_jit
 def _read_cleaning(w):
     """Cleaning of the rail under each axle, left by the wheels ahead."""
-    axle, c = w.axle, w.scratch
+    c = w.scratch
     cells = c.cleaned.size
     for i in range(w.size.axles):
-        x = (c.state[axle.position_row[i]] + axle.offset[i]) / w.rail.cleaning_spacing
+        x = _place_in_cells(w, i)
         base = int(np.floor(x))
         # the axle's own cell and those ahead hold what the wheels ahead left
         here, ahead = c.cleaned[base % cells], c.cleaned[(base + 1) % cells]
@@ -59,7 +66,7 @@ def _leave_cleaning(w):
     axle, c = w.axle, w.scratch
     cells = c.cleaned.size
     for i in range(w.size.axles):
-        x = (c.state[axle.position_row[i]] + axle.offset[i]) / w.rail.cleaning_spacing
+        x = _place_in_cells(w, i)
         now = int(np.floor(x))
         if c.cell[i] < now - cells or c.cell[i] > now:
             c.cell[i] = now

@@ -65,15 +65,12 @@ floor = _emitted(np.floor, "floor", 1, simd.of_llvm("floor"))
 
 def _write_exponent(builder: Any, k: Any) -> Any:
     word: ir.Type = ir.IntType(64)
-    if k.type != ir.DoubleType():
+    if isinstance(k.type, ir.VectorType):
         word = ir.VectorType(word, simd.WIDTH)
-
-    def words(number: int) -> ir.Constant:
-        return ir.Constant(word, number if k.type == ir.DoubleType() else [number] * simd.WIDTH)
-
     # 1.5 * 2**52 + k holds k in its last bits; a conversion to integers is no vector code before AVX-512
-    shifted = builder.bitcast(builder.fadd(k, simd.constant(k, 6755399441055744.0)), word)
-    return builder.bitcast(builder.shl(builder.add(shifted, words(1023)), words(52)), k.type)
+    bits = builder.bitcast(builder.fadd(k, simd.constant(k, 6755399441055744.0)), word)
+    biased = builder.add(bits, simd.constant(bits, 1023))
+    return builder.bitcast(builder.shl(biased, simd.constant(bits, 52)), k.type)
 
 
 _power_of_two = _emitted(np.exp2, "exp2", 1, _write_exponent)

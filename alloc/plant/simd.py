@@ -56,15 +56,18 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.VectorType(ir.IntType(1), WIDTH))
 
 
-def _constant(kind: ir.VectorType, value: int) -> ir.Constant:
-    return ir.Constant(kind, [value] * WIDTH)
+def constant(value: Any, number: float) -> ir.Constant:
+    """`number` of the type of the operand `value`: as it is, or `WIDTH` times."""
+    several = isinstance(value.type, ir.VectorType)
+    return ir.Constant(value.type, [number] * WIDTH if several else number)
 
 
 def _repeat(builder: Any, kind: ir.VectorType, value: Any) -> Any:
     """A vector of `value`, `WIDTH` times."""
     empty = ir.Constant(kind, ir.Undefined)
     first = builder.insert_element(empty, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, empty, _constant(ir.VectorType(ir.IntType(32), WIDTH), 0))
+    picked = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(first, empty, picked)
 
 
 @lower_cast(types.Float, Vector)
@@ -113,11 +116,6 @@ def of_llvm(name: str) -> Callable[..., Any]:
         return builder.call(function, [value])
 
     return emit
-
-
-def constant(value: Any, number: float) -> ir.Constant:
-    """`number` of the type of the operand `value`."""
-    return ir.Constant(value.type, number if value.type == ir.DoubleType() else [number] * WIDTH)
 
 
 def _compare(sign: str) -> Callable[..., Any]:
@@ -176,7 +174,7 @@ def is_nonzero(typingctx, values):
     """Whether any of the `WIDTH` numbers is not 0, or no number."""
 
     def generate(context, builder, sig, args):
-        differs = builder.fcmp_unordered("!=", args[0], ir.Constant(_FLOATS, [0.0] * WIDTH))
+        differs = builder.fcmp_unordered("!=", args[0], constant(args[0], 0.0))
         bits = builder.bitcast(differs, ir.IntType(WIDTH))
         return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(WIDTH), 0))
 
@@ -210,16 +208,15 @@ def _pick(builder: Any, base: Any, index: Any) -> Any:
     """Numbers at `base` [`index`]; LLVM knows on which processors one instruction for it is worth while."""
     address = _repeat(builder, _WORDS, builder.ptrtoint(base, _INDEX))
     pointers = ir.VectorType(ir.DoubleType().as_pointer(), WIDTH)
-    bytes_ = builder.shl(index, _constant(_WORDS, 3))
+    bytes_ = builder.shl(index, constant(index, 3))
     places = builder.inttoptr(builder.add(address, bytes_), pointers)
     masks = ir.VectorType(ir.IntType(1), WIDTH)
     kind = ir.FunctionType(_FLOATS, [pointers, ir.IntType(32), masks, _FLOATS])
     name = f"llvm.masked.gather.v{WIDTH}f64.v{WIDTH}p0"
     function = cgutils.get_or_insert_function(builder.module, kind, name)
     empty = ir.Constant(_FLOATS, ir.Undefined)
-    return builder.call(
-        function, [places, ir.Constant(ir.IntType(32), 8), _constant(masks, 1), empty]
-    )
+    every = ir.Constant(masks, [1] * WIDTH)
+    return builder.call(function, [places, ir.Constant(ir.IntType(32), 8), every, empty])
 
 
 @_intrinsic
@@ -243,8 +240,9 @@ def look_up(typingctx, table, x):
     def generate(context, builder, sig, args):
         base = context.make_array(sig.args[0])(context, builder, value=args[0]).data
         # what is no number must not become an index; the share below stays none
-        known = builder.fcmp_ordered(">=", args[1], constant(args[1], 0.0))
-        below = builder.fptosi(builder.select(known, args[1], constant(args[1], 0.0)), _WORDS)
+        nought = constant(args[1], 0.0)
+        known = builder.fcmp_ordered(">=", args[1], nought)
+        below = builder.fptosi(builder.select(known, args[1], nought), _WORDS)
         share = builder.fsub(args[1], builder.sitofp(below, _FLOATS))
         before = _pick(builder, base, below)
         after = _pick(builder, builder.gep(base, [ir.Constant(_INDEX, 1)]), below)

@@ -118,7 +118,7 @@ class Scratch(NamedTuple):
     active: Floats  # (patches, 5) those that touch the train now: factor, start, end, edge, weight in time
     decline: Floats  # (bodies,) of the speed law
     peak: Floats  # (axles,)
-    mu: Floats  # and then rail force
+    mu: Floats  # (axles,) tangential force coefficient
     load: Floats  # (2, axles) of a car's force and unloading, then zeros
     car_force: Floats
     grip: Floats  # (cars,) shoe friction
