@@ -159,6 +159,9 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         if progress.phase[0] == SENSE:
             for j in range(units):
                 m.in_service[j] = time < plant.workspace.unit.failure_time[j] + REPORT_DELAY
+            if st.reference.given:
+                for b in range(rows.bodies):
+                    m.reference[b] = plant.state[rows.bodies + b]
             first = 2 * rows.bodies
             torque = first + rows.axles
             sense(

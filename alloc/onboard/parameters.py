@@ -143,13 +143,16 @@ class ReferenceSpeed:
 
     `bound` "command": as far as a train can accelerate under the driver's command; "forces": under the rail forces that the
     units' observers estimate, which know how little a slippery rail gives (not in the patent). `margin` [m/s2]: what
-    gradient and resistance may add to either, 0.3 and 0.1 if nothing is said.
+    gradient and resistance may add to either, 0.3 and 0.1 if nothing is said. `source` "truth": the computers are given the
+    train's true speed instead, which no train has; for comparisons.
     """
 
     bound: Literal["command", "forces"] = "command"
     margin: float | None = quantity(None, "km/h/s")
+    source: Literal["estimate", "truth"] = "estimate"
 
     def __post_init__(self) -> None:
+        OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
         OnboardError.check_choice("reference speed", "bound", self.bound, ("command", "forces"))
         if self.margin is None:
             object.__setattr__(self, "margin", 0.3 if self.bound == "command" else 0.1)

@@ -103,6 +103,8 @@ def _compare_with_reference(eq, st, m, sign, commanded):
     for body in range(m.reference.size):
         if np.isinf(m.candidate[body]):  # no axle is left: the driver's command is all there is
             m.candidate[body] = sign * (m.reference[body] + commanded * st.period)
+        if st.reference.given:
+            continue
         # bounds from memory: as constants of the loop their products would be rounded apart, and runs change in the last bit
         m.reference[body] = follow_reference(
             m.reference[body],

@@ -78,6 +78,7 @@ class SensorSettings(NamedTuple):
 class ReferenceSettings(NamedTuple):
     """As `ReferenceSpeed`."""
 
+    given: bool  # the true speed stands in place of the estimate
     by_forces: bool
     margin: float
 
@@ -144,7 +145,10 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
             dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
         ),
         reference=filled(
-            ReferenceSettings, onboard.reference, by_forces=onboard.reference.bound == "forces"
+            ReferenceSettings,
+            onboard.reference,
+            given=onboard.reference.source == "truth",
+            by_forces=onboard.reference.bound == "forces",
         ),
         brakes=filled(BrakeSettings, braking, inertia=braking.inertia_in_estimate),
         slide=slide_settings(braking.slide_protection, period),

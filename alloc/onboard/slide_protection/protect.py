@@ -13,7 +13,7 @@ STANDING_SPEED = 0.1
 
 
 @inlined_jit
-def _follow_cars(eq, p, m):
+def _follow_cars(eq, p, m, given):
     """Reference speed of every car: its fastest axle, as far as a car can have slowed down.
 
     No wheel runs ahead of a train that brakes (JP4209318 (20)), so a faster axle is always believed at once.
@@ -27,7 +27,7 @@ def _follow_cars(eq, p, m):
             k.candidate[c] = max(k.candidate[c], eq.axle_radius[i] * m.axle_omega[i])
     for i in range(m.axle_omega.size):
         c = eq.axle_car[i]
-        if not p.of_car or k.candidate[c] < 0.0:
+        if given or not p.of_car or k.candidate[c] < 0.0:
             k.candidate[c] = m.reference[eq.axle_body[i]]
             k.reference[c] = k.candidate[c]
     for c in range(k.reference.size):
@@ -104,7 +104,7 @@ def protect(eq, st, m, tick, braking, valve):
         for g in range(k.action.size):
             k.action[g] = k.away[g] = k.refill[g] = k.lost[eq.group.car[g]] = 0.0
     elif tick % p.every == 0:
-        _follow_cars(eq, p, m)
+        _follow_cars(eq, p, m, st.reference.given)
         _ask_axles(eq, p, m)
         for g in range(k.action.size):
             _decide(eq, p, m, g)
