@@ -125,7 +125,7 @@ def _record_computers(plant, eq, m, commanded, k, record):
     for g in range(plant.rows.groups):
         record.valve[k, g] = plant.inputs.valve[g]
     for c in range(plant.rows.cars):
-        record.slide_reference[k, c] = m.slide.reference[c]
+        record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
 
 
 @equation
@@ -164,9 +164,11 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                     m.reference[b] = plant.state[rows.bodies + b]
             first = 2 * rows.bodies
             torque = first + rows.axles
+            pressure = torque + units
             sense(
                 eq, st, m, time, a,
-                plant.state[first : first + rows.axles], plant.state[torque : torque + units],
+                plant.state[first : first + rows.axles], plant.state[torque:pressure],
+                plant.state[pressure : pressure + rows.groups],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
             needed = prepare_allocation(eq, st, m, time, tick, a)
@@ -195,7 +197,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             if st.hosted:
                 return CONTROL
         for j in range(units):
-            plant.inputs.torque_command[j] = m.unit.torque_command[j]
+            plant.inputs.torque_command[j] = m.estimate.sounding.share[j] * m.unit.torque_command[j]
         brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0

@@ -20,6 +20,10 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "acceleration": ("m s-2", "mean acceleration of the train"),
         "driver_command": ("m s-2", "acceleration asked for on level track"),
         "expected": ("1", "coefficient that the plan needs of every unit"),
+        "reference_deviation": (
+            "m s-1",
+            "standard deviation of the reference speed by its estimate",
+        ),
         "reference_speed": (
             "m s-1",
             "reference speed of the foremost traction unit; the train's if it has none",

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
         Dropout,
         Observer,
         Onboard,
-        ReferenceSpeed,
         Sensors,
         Telegrams,
     )
+    from alloc.onboard.reference_speed.parameters import ReferenceSpeed
     from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection, Threshold
 else:
     __getattr__ = names_of(
@@ -34,8 +34,8 @@ else:
             "controllers.pi_creep": "CreepControl",
             "controllers.steepest_gradient": "SteepestGradient",
             "controllers.torque_table": "TorqueTable",
-            "parameters": "Belief Braking Detector Dropout Observer Onboard ReferenceSpeed "
-            "Sensors Telegrams",
+            "parameters": "Belief Braking Detector Dropout Observer Onboard Sensors Telegrams",
+            "reference_speed.parameters": "ReferenceSpeed",
             "slide_protection.parameters": "Fuzzy SlideProtection Threshold",
         },
     )

@@ -76,7 +76,7 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
     protect(eq, st, m, tick, braking, valve)
     for g in range(eq.group.unit.size):
         if not braking:
-            pressure[g] = 0.0
+            pressure[g] = m.estimate.full[g] = 0.0
             continue
         reference = max(m.reference[eq.group.body[g]], LOWEST_SPEED)
         unit = eq.group.unit[g]
@@ -88,3 +88,4 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
         numerator, offset, constant = eq.group.friction[g]
         friction = hyperbolic_speed_law(reference, numerator, offset, constant)
         pressure[g] = min(force / (eq.group.gain[g] * friction), eq.group.pressure[g])
+        m.estimate.full[g] = pressure[g]

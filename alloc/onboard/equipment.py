@@ -1,5 +1,6 @@
 """What the train's computers know of their train: believed values, never the plant's state."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,18 @@ class BrakeGroups(NamedTuple):
     gain: Floats  # force at the rim per axle and pascal
     friction: Floats  # (groups, 3)
     pressure: Floats  # highest pressure [Pa]
+
+
+class Chain(NamedTuple):
+    """The train as its computers believe it to move: bodies with draft gears between them."""
+
+    mass: Floats  # (bodies,) without what turns [kg]
+    train_mass: float
+    resistance: Floats  # (bodies, 3)
+    coupler: Floats  # (bodies - 1, 4)
+    steps: int  # into which a control period is divided
+    turning: Floats  # (axles,) mass that would resist like the turning wheelset [kg]
+    load: Floats  # (axles,) [N]
 
 
 class Equipment(NamedTuple):
@@ -56,6 +69,7 @@ class Equipment(NamedTuple):
     brake_inertia: Floats  # as own_inertia, braking
     brake_share: float  # as planned_share, braking
     group: BrakeGroups
+    chain: Chain
 
 
 class _Weights(NamedTuple):
@@ -65,6 +79,7 @@ class _Weights(NamedTuple):
     load: Floats
     loaded: Floats
     turning: Floats  # mass that would resist like the turning wheelset
+    cars: Floats  # (cars,) with load
     train: float
 
 
@@ -96,6 +111,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         deviation=_of_units(onboard.belief.unit_deviation, np.zeros(n.units)),
         **plan,
         group=_brake_groups(model, onboard, weights, plan["brake_share"]),
+        chain=_chain(model, onboard, weights),
     )
 
 
@@ -150,8 +166,8 @@ def _weights(model: Model, onboard: Onboard) -> _Weights:
     share = s.static_load / np.array([car.mass for car in cars])[s.axle_car] / GRAVITY
     empty = np.array([car.empty_mass for car in cars])[s.axle_car] * share
     load = np.maximum(signal, 0.0)[s.axle_car] * share
-    train = sum(car.empty_mass for car in cars) + float(np.maximum(signal, 0.0).sum())
-    return _Weights(empty, load, empty + load, s.inertia / s.radius**2, train)
+    own = np.array([car.empty_mass for car in cars]) + np.maximum(signal, 0.0)
+    return _Weights(empty, load, empty + load, s.inertia / s.radius**2, own, float(own.sum()))
 
 
 def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> dict[str, Any]:
@@ -181,6 +197,27 @@ def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> 
         "brake_inertia": own / (GRAVITY * brake_share),
         "moved_mass": moved(braked),
     }
+
+
+STABLE_ANGLE = 0.3
+"""Angle [rad] by which the fastest mode of the believed draft gears may turn per step."""
+
+
+def _chain(model: Model, onboard: Onboard, weights: _Weights) -> Chain:
+    s, belief = model.structure, onboard.belief
+    bodies = s.body_mass.size
+    mass = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
+    resistance = np.stack([np.bincount(s.car_body, one, bodies) for one in s.car_resistance.T])
+    coupler = s.coupler * np.array([belief.coupler_factor, belief.coupler_factor, 1.0, 1.0])
+    steps = 1
+    if bodies > 1:
+        between = 1.0 / mass[:-1] + 1.0 / mass[1:]
+        fastest = float(np.sqrt(2.0 * coupler[:, 0] * between).max())
+        steps = max(1, math.ceil(onboard.period * fastest / STABLE_ANGLE))
+    return Chain(
+        mass, float(mass.sum()), belief.resistance_factor * resistance.T.copy(), coupler, steps,
+        weights.turning, weights.loaded * GRAVITY,
+    )  # fmt: skip
 
 
 def _brake_groups(

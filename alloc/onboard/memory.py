@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
+from alloc.onboard.reference_speed.state import ReferenceMemory, reference_memory
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 from alloc.plant.model import Floats
 
@@ -37,6 +38,7 @@ class TrainMemory(NamedTuple):
     driver_command: Floats
     expected: Floats
     reference_speed: Floats
+    reference_deviation: Floats
     case: Floats
     level: Floats
 
@@ -49,9 +51,6 @@ class LeadMemory(NamedTuple):
     detected: Floats  # time of that
     slipped: Floats  # time of the last slip of any unit
     allocate: NDArray[np.bool_]  # whether something changed that needs a new allocation
-    acceleration: Floats  # that the train must have under the estimated rail forces [m/s2]
-    least: Floats  # bounds of the acceleration that the train may have now [m/s2]
-    greatest: Floats
     brake_rise: Floats  # share of the plan that the trailers' brakes have risen to
 
 
@@ -79,9 +78,9 @@ class Memory(NamedTuple):
     lead: LeadMemory
     counter: Counters
     slide: SlideMemory
+    estimate: ReferenceMemory
     law: LawMemory
     reference: Floats  # (bodies,) reference speed
-    candidate: Floats  # (bodies,) speed of its slowest axle driving, fastest braking, in the direction of the demand
     axle_omega: Floats  # (axles,) as measured
     axle_seen: NDArray[np.bool_]  # (axles,)
     mean_speed: Floats  # mean rim speed of the unit's axles as read
@@ -138,10 +137,10 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         train_block=train_block,
         lead=lead,
         counter=_singles(Counters),
-        slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group.unit.size, speed),
+        slide=slide_memory(eq.axle_car.size, eq.group.unit.size),
+        estimate=reference_memory(bodies, eq.axle_car.size, n, eq.group.unit.size),
         law=law_memory(n),
         reference=np.full(bodies, speed),
-        candidate=np.zeros(bodies),
         axle_omega=speed / eq.axle_radius,
         axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
         mean_speed=np.full(n, speed),

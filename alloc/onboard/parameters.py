@@ -3,11 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
 from alloc.onboard.quantity import NOT_IN_FILES, quantity
+from alloc.onboard.reference_speed.parameters import ReferenceSpeed
 from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
@@ -138,28 +139,6 @@ class Braking:
 
 
 @dataclass(frozen=True)
-class ReferenceSpeed:
-    """How far the reference speed may follow the axles, which all slip at times.
-
-    `bound` "command": as far as a train can accelerate under the driver's command; "forces": under the rail forces that the
-    units' observers estimate, which know how little a slippery rail gives (not in the patent). `margin` [m/s2]: what
-    gradient and resistance may add to either, 0.3 and 0.1 if nothing is said. `source` "truth": the computers are given the
-    train's true speed instead, which no train has; for comparisons.
-    """
-
-    bound: Literal["command", "forces"] = "command"
-    margin: float | None = quantity(None, "km/h/s")
-    source: Literal["estimate", "truth"] = "estimate"
-
-    def __post_init__(self) -> None:
-        OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
-        OnboardError.check_choice("reference speed", "bound", self.bound, ("command", "forces"))
-        if self.margin is None:
-            object.__setattr__(self, "margin", 0.3 if self.bound == "command" else 0.1)
-        OnboardError.check("reference speed", self, nonnegative=("margin",))
-
-
-@dataclass(frozen=True)
 class Belief:
     """What the train takes for true: growth of adhesion per axle from the front, and the adhesion curve.
 
@@ -167,6 +146,8 @@ class Belief:
     over the foremost one, as learnt; stands in place of `increments`, from which it is otherwise the mean over the
     unit's axles. `unit_deviation`: standard deviation of each unit's cap about the truth, for rules that know risk.
     `loads`: pay load of each car [kg] in place of the load sensors, as learnt from the train's motion (JP H07-322414).
+    `mass_factor`, `resistance_factor`, `coupler_factor`: believed over true empty mass, running resistance, and stiffness of
+    the draft gear, as the reference speed's estimate takes them.
     """
 
     increments: tuple[float, ...] | None = None
@@ -174,8 +155,14 @@ class Belief:
     unit_deviation: tuple[float, ...] | None = None
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     loads: tuple[float, ...] | None = None
+    mass_factor: float = 1.0
+    resistance_factor: float = 1.0
+    coupler_factor: float = 1.0
 
     def __post_init__(self) -> None:
+        OnboardError.check(
+            "belief", self, ("mass_factor", "coupler_factor"), nonnegative=("resistance_factor",)
+        )
         if self.loads is not None and not all(math.isfinite(x) and x >= 0.0 for x in self.loads):
             raise OnboardError(
                 f"belief: loads = {self.loads} must be finite, 0 or greater, one per car in kg"

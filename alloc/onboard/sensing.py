@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from alloc.compilation import equation, inlined_jit
+from alloc.compilation import inlined_jit
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
+from alloc.onboard.reference_speed.kalman_filter import estimate_speed
+from alloc.onboard.reference_speed.sounding import sound
 
 
 @inlined_jit
@@ -67,52 +69,9 @@ def _read_speeds(eq, st, m, omega, noise):
             m.axle_omega[i] = m.reference[eq.axle_body[i]] / eq.axle_radius[i]
 
 
-@equation
-def acceleration_from_command(commanded, margin):
-    """Least and greatest acceleration [m/s2] that a train may have under a command, `margin` for gradients."""
-    return min(commanded, 0.0) - margin, max(commanded, 0.0) + margin
-
-
-@equation
-def follow_reference(reference, candidate, least, greatest, period):
-    """New reference speed [m/s]: the candidate, as far as a train could have got in one `period` [s].
-
-    `candidate` is the slowest axle when driving and the fastest when braking; where all axles slip it runs away, and the
-    bounds `least` and `greatest` [m/s2] on the train's acceleration keep the reference near its speed.
-    """
-    return min(max(candidate, reference + least * period), reference + greatest * period)
-
-
 @inlined_jit
-def _compare_with_reference(eq, st, m, sign, commanded):
-    """Reference speeds, and how far the worst axle of each unit is from them."""
-    for body in range(m.candidate.size):
-        m.candidate[body] = np.inf
-    for i in range(m.axle_omega.size):
-        rim = eq.axle_radius[i] * m.axle_omega[i]
-        body = eq.axle_body[i]
-        if m.axle_seen[i]:
-            m.candidate[body] = min(m.candidate[body], sign * rim)
-    if st.reference.by_forces:
-        moved, margin = m.lead.acceleration[0], st.reference.margin
-        m.lead.least[0], m.lead.greatest[0] = moved - margin, moved + margin
-    else:
-        m.lead.least[0], m.lead.greatest[0] = acceleration_from_command(
-            commanded, st.reference.margin
-        )
-    for body in range(m.reference.size):
-        if np.isinf(m.candidate[body]):  # no axle is left: the driver's command is all there is
-            m.candidate[body] = sign * (m.reference[body] + commanded * st.period)
-        if st.reference.given:
-            continue
-        # bounds from memory: as constants of the loop their products would be rounded apart, and runs change in the last bit
-        m.reference[body] = follow_reference(
-            m.reference[body],
-            sign * m.candidate[body],
-            m.lead.least[0],
-            m.lead.greatest[0],
-            st.period,
-        )
+def _compare_with_reference(eq, m, sign):
+    """How far the worst axle of each unit is from the reference speed."""
     for j in range(m.worst_slip.size):
         m.worst_slip[j] = -np.inf
     for i in range(m.axle_omega.size):
@@ -120,23 +79,6 @@ def _compare_with_reference(eq, st, m, sign, commanded):
         j = eq.axle_unit[i]
         if j >= 0:
             m.worst_slip[j] = max(m.worst_slip[j], sign * slip)
-
-
-@inlined_jit
-def _move_by_forces(eq, m, sign, blended):
-    """Acceleration [m/s2] that the train must have under the rail forces that its units estimate.
-
-    Of axles without motor only the plan is known. Resistance and gradient are not.
-    """
-    force = 0.0
-    for j in range(eq.axles.size):
-        force += sign * m.unit.coefficient_estimate[j] * eq.axle_load[j] * eq.axles[j]
-    if blended:
-        for g in range(eq.group.unit.size):
-            if eq.group.unit[g] < 0:
-                planned = m.train.expected[0] * m.lead.brake_rise[0] * eq.group.weight[g]
-                force += sign * planned * eq.group.axles[g]
-    m.lead.acceleration[0] = force / eq.moved_mass
 
 
 @inlined_jit
@@ -173,6 +115,8 @@ def _detect(st, m, j, sign, time, commanded):
     """Slip signal of unit `j`; the foremost unit's detection calls for an allocation."""
     d = st.detector
     was = m.unit.slipping[j] > 0.0
+    if m.estimate.sounding.share[j] < 1.0:
+        return  # its wheels change their speed because they are told to
     slipping = slip_signal(
         was, sign * m.unit.computed_acceleration[j], m.worst_slip[j], d.on, d.off, d.speed_on
     )
@@ -202,11 +146,11 @@ def _limits(eq, m, j, sign, blended):
 
 
 @inlined_jit
-def sense(eq, st, m, time, commanded, omega, torque, noise):
+def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
     """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note the foremost unit's detection.
 
     `omega` (axles,) true angular speeds as the sensors see them, `noise` (axles,) [m/s at the rim], `torque` (units,)
-    motor torque known to the inverters.
+    motor torque known to the inverters, `pressure` (groups,) of the brake cylinders [Pa].
     """
     units = eq.axles.size
     sign = 1.0 if commanded >= 0.0 else -1.0
@@ -214,7 +158,9 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
     if st.sensors.dropout.axle.size:
         _lose_signals(eq, st.sensors.dropout, m, time)
     _read_speeds(eq, st, m, omega, noise)
-    _compare_with_reference(eq, st, m, sign, commanded)
+    if not st.reference.given:
+        sound(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
+    _compare_with_reference(eq, m, sign)
     first = 0
     while first < units - 1 and not m.in_service[first]:
         first += 1
@@ -229,5 +175,3 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
         _estimate(eq, st, m, j, torque[j], sign, blended)
         _detect(st, m, j, sign, time, commanded)
         _limits(eq, m, j, sign, blended)
-    if st.reference.by_forces:
-        _move_by_forces(eq, m, sign, blended)

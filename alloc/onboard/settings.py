@@ -10,6 +10,7 @@ from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
+from alloc.onboard.reference_speed.state import ReferenceSettings, reference_settings
 from alloc.onboard.slide_protection.state import SlideSettings, slide_settings
 from alloc.plant.model import Floats
 
@@ -75,14 +76,6 @@ class SensorSettings(NamedTuple):
     dropout: DropoutSettings
 
 
-class ReferenceSettings(NamedTuple):
-    """As `ReferenceSpeed`."""
-
-    given: bool  # the true speed stands in place of the estimate
-    by_forces: bool
-    margin: float
-
-
 class BrakeSettings(NamedTuple):
     """As `Braking`; `inertia` 1: the estimate (18) counts the wheelsets' deceleration, 0: as printed."""
 
@@ -144,12 +137,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
             pole=sensors.sensorless_pole or 0.0,
             dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
         ),
-        reference=filled(
-            ReferenceSettings,
-            onboard.reference,
-            given=onboard.reference.source == "truth",
-            by_forces=onboard.reference.bound == "forces",
-        ),
+        reference=reference_settings(onboard),
         brakes=filled(BrakeSettings, braking, inertia=braking.inertia_in_estimate),
         slide=slide_settings(braking.slide_protection, period),
     )

@@ -14,7 +14,7 @@ import pandas as pd
 
 from alloc.event import DriverCommand, Event
 from alloc.metrics import motion
-from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed
+from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car
@@ -87,7 +87,6 @@ def electric_event(undisclosed: Undisclosed, group: InverterGroup = "1C4M") -> E
         onboard=Onboard(
             rise_time=RISE_TIME,
             belief=Belief(curve=rail.curve),
-            reference=ReferenceSpeed("forces", REFERENCE_MARGIN),
         ),
         duration=DURATION,
         initial_speed=INITIAL_SPEED,

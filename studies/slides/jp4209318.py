@@ -178,7 +178,7 @@ def brake_event(
 
 def slide_protection(**law: Any) -> SlideProtection:
     """The slide protection of this law, every 20 ms, each car by itself."""
-    return SlideProtection(period=CYCLE, reference="car", deceleration=CAR_DECELERATION, **law)
+    return SlideProtection(period=CYCLE, **law)
 
 
 def brake(event: Event) -> xr.Dataset:

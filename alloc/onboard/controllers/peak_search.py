@@ -32,6 +32,9 @@ def interval_is_over(st, m, p, k, j):
     """Add what unit `j` senses to its means; whether an interval is over. Only while the controller limits the torque."""
     if math.isnan(k.allowed[j]):
         k.reference[j] = st.law.creep.reference
+    if m.estimate.sounding.share[j] < 1.0:
+        _start_interval(k, j)
+        return False
     if m.unit.torque_factor[j] >= LIMITING:  # adhesion suffices: nothing to be learnt of the peak
         _start_interval(k, j)
         k.last_coefficient[j] = math.nan

@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from alloc.compilation import equation
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.built_in import BuiltInController, direction
+from alloc.onboard.controllers.built_in import (
+    BuiltInController,
+    direction,
+    share_of_target,
+)
 from alloc.onboard.detector import differentiate, differentiator_gain
 from alloc.onboard.quantity import filled, quantity
 from alloc.plant.operations import maximum, minimum, where
@@ -51,6 +55,8 @@ def table_unit(eq, st, m, p, k, j, commanded):
         k.speed[j], k.torque[j] = m.speed[j], sign * m.unit.torque_command[j]
     k.speed[j], acceleration = differentiate(k.speed[j], m.speed[j], p.pole, p.gain)
     factor = torque_factor(sign * acceleration - abs(commanded), p.margin, p.width)
+    if m.estimate.sounding.share[j] < 1.0:
+        return share_of_target(m, j)
     k.torque[j] = asymmetric_lag(
         k.torque[j], factor * sign * m.unit.torque_target[j], p.rise_share, p.fall_share
     )

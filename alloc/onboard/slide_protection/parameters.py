@@ -59,10 +59,7 @@ class SlideProtection:
 
     `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods.
 
-    `reference`: the speed that slip is measured from: the "train"'s, which rigid trains know from all their axles, or each
-    "car"'s own from its own axles alone, which falls by at most `deceleration` [m/s2] while all of them slide. Once they
-    have for `sounding` [s], the car's rearmost bogie is released until one of its axles tells the speed again: all four
-    sliding slowly would pass for braking (assumed, as usual).
+    Slip is measured from the train's reference speed, whose estimate may ask for a bogie to be released for a moment.
 
     Below `cut_out_speed` [m/s] the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s],
     whatever the law says: sliding wheels must not cost a train its brakes for good (assumed, as usual). An axle that stands
@@ -73,9 +70,6 @@ class SlideProtection:
     threshold: Threshold = field(default_factory=Threshold)
     fuzzy: Fuzzy = field(default_factory=Fuzzy)
     period: float = quantity(0.01, "s")
-    reference: Literal["train", "car"] = "train"
-    deceleration: float = quantity(1.5, "km/h/s")
-    sounding: float = quantity(1.0, "s")
     cut_out_speed: float = quantity(5.0 / 3.6, "km/h")
     time_out: float = quantity(10.0, "s")
     refill: float = quantity(0.5, "s")
@@ -84,8 +78,7 @@ class SlideProtection:
         OnboardError.check(
             "slide protection",
             self,
-            ("period", "deceleration", "sounding", "time_out", "refill"),
+            ("period", "time_out", "refill"),
             ("cut_out_speed",),
         )
         OnboardError.check_choice("slide protection", "law", self.law, LAWS)
-        OnboardError.check_choice("slide protection", "reference", self.reference, ("train", "car"))

@@ -1,4 +1,4 @@
-"""The decisions of the cars' slide protection: reference speeds, the law on every axle, safeguards, the valves."""
+"""The decisions of the cars' slide protection: the law on every axle, safeguards, the valves."""
 
 from alloc.compilation import inlined_jit
 from alloc.onboard import slide_protection
@@ -10,30 +10,6 @@ LOWEST_SPEED = 1.0
 
 STANDING_SPEED = 0.1
 """Rim speed [m/s] below which an axle counts as standing; sensors see no less."""
-
-
-@inlined_jit
-def _follow_cars(eq, p, m, given):
-    """Reference speed of every car: its fastest axle, as far as a car can have slowed down.
-
-    No wheel runs ahead of a train that brakes (JP4209318 (20)), so a faster axle is always believed at once.
-    """
-    k = m.slide
-    for c in range(k.reference.size):
-        k.candidate[c] = -1.0
-    for i in range(m.axle_omega.size):
-        if m.axle_seen[i]:
-            c = eq.axle_car[i]
-            k.candidate[c] = max(k.candidate[c], eq.axle_radius[i] * m.axle_omega[i])
-    for i in range(m.axle_omega.size):
-        c = eq.axle_car[i]
-        if given or not p.of_car or k.candidate[c] < 0.0:
-            k.candidate[c] = m.reference[eq.axle_body[i]]
-            k.reference[c] = k.candidate[c]
-    for c in range(k.reference.size):
-        least = k.reference[c] - p.deceleration * p.period
-        k.lost[c] = 0.0 if k.candidate[c] >= least else k.lost[c] + p.period
-        k.reference[c] = max(k.candidate[c], least)
 
 
 @inlined_jit
@@ -58,7 +34,7 @@ def _ask_axles(eq, p, m):
         g = eq.axle_group[i]
         if g < 0:
             continue
-        reference = k.reference[eq.axle_car[i]]
+        reference = m.reference[eq.axle_body[i]]
         rim = eq.axle_radius[i] * m.axle_omega[i]
         slip = max(reference - rim, 0.0)
         k.filtered[i], rate = differentiate(k.filtered[i], slip, p.fuzzy.pole, p.fuzzy.gain)
@@ -75,12 +51,11 @@ def _ask_axles(eq, p, m):
 @inlined_jit
 def _decide(eq, p, m, g):
     """Action of the valves of group `g` until the next decision."""
-    k, car = m.slide, eq.group.car[g]
+    k = m.slide
     action = valve_action(k.severity[g])
-    rearmost = g + 1 == k.action.size or eq.group.car[g + 1] != car
-    if rearmost and k.lost[car] > p.sounding and p.law != slide_protection.NONE:
+    if m.estimate.sounding.group[0] == g and p.law != slide_protection.NONE:
         action = RELEASE
-    if k.reference[car] < p.cut_out_speed:
+    if m.reference[eq.group.body[g]] < p.cut_out_speed:
         action = SUPPLY
     k.away[g] = 0.0 if action == SUPPLY else k.away[g] + p.period
     if k.away[g] > p.time_out:
@@ -99,12 +74,10 @@ def protect(eq, st, m, tick, braking, valve):
     p, k = st.slide, m.slide
     if not braking:
         for i in range(k.filtered.size):
-            k.reference[eq.axle_car[i]] = m.reference[eq.axle_body[i]]
             k.filtered[i], k.locked[i] = 0.0, False
         for g in range(k.action.size):
-            k.action[g] = k.away[g] = k.refill[g] = k.lost[eq.group.car[g]] = 0.0
+            k.action[g] = k.away[g] = k.refill[g] = 0.0
     elif tick % p.every == 0:
-        _follow_cars(eq, p, m, st.reference.given)
         _ask_axles(eq, p, m)
         for g in range(k.action.size):
             _decide(eq, p, m, g)

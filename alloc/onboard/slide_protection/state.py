@@ -35,9 +35,6 @@ class SlideSettings(NamedTuple):
     law: int
     every: int  # control periods between two decisions
     period: float  # between two decisions [s]
-    of_car: bool  # whether slip is measured from the car's own reference
-    deceleration: float
-    sounding: float
     cut_out_speed: float
     time_out: float
     refill: float
@@ -48,9 +45,6 @@ class SlideSettings(NamedTuple):
 class SlideMemory(NamedTuple):
     """What the cars' computers remember."""
 
-    reference: Floats  # (cars,) reference speed
-    candidate: Floats  # (cars,) speed of the car's fastest axle
-    lost: Floats  # (cars,) time since an axle last told the reference [s]
     filtered: Floats  # (axles,) slip behind the differentiator's filter [m/s]
     locked: NDArray[np.bool_]  # (axles,) stands while its car runs
     severity: Floats  # (groups,) action that the worst axle asks for, before it is rounded
@@ -69,7 +63,6 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
         law=slide_protection.LAWS[protection.law],
         every=every,
         period=every * period,
-        of_car=protection.reference == "car",
         threshold=filled(ThresholdSettings, protection.threshold),
         fuzzy=filled(
             FuzzySettings,
@@ -81,10 +74,9 @@ def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
     )
 
 
-def slide_memory(cars: int, axles: int, groups: int, speed: float) -> SlideMemory:
-    """Memory of a train that rolls at `speed` [m/s]."""
+def slide_memory(axles: int, groups: int) -> SlideMemory:
+    """Memory at the start of a run."""
     return SlideMemory(
-        np.full(cars, speed), np.full(cars, speed), np.zeros(cars),
         np.zeros(axles), np.zeros(axles, dtype=np.bool_),
         *(np.zeros(groups) for _ in range(4)),
     )  # fmt: skip

@@ -1,0 +1,295 @@
+"""Train speed from all wheel speeds and all applied forces: an extended Kalman filter of four states.
+
+State x = (v, d, c, q): speed of the train, unknown specific force (gradient, error of resistance and of shoe friction),
+micro-slip per coefficient, relative error of the inverse mass. Axle i: rim speed y_i, force F_i that motor and shoes
+apply at the rim, turning mass m_i = J / r^2, load N_i. The prediction is the momentum balance of train and wheelsets,
+in which no force has to be differentiated:
+
+    M dv = (1 + q) (sum F_i dt - sum m_i dy_i) - R(v) dt + M d dt,    dd = walk,    dc = dq = 0
+
+Coupled cars are a believed chain of bodies with springs and dampers; the filter corrects its common speed. Let s be the
+direction of the demand, mu_i = F_i / N_i, and e the slip ratio of a rolling wheel at the full adhesion. Measurements:
+
+    free axle                        y_i = v + n,                n ~ noise^2
+    at ease, light, or sounded       y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
+    any                              s (y_i - v) >= 0: who violates it in the mean of 0.1 s tells v
+
+An axle is at ease while nobody limits its force and it does not run away; it is light while its force is a small share of
+what it carried lately and it does not return any more. Others may slide and tell nothing from above. No matrix is
+inverted: axles are taken one by one. Joseph's form is not needed at four states in double precision; the covariance
+is kept symmetric by construction.
+"""
+
+import math
+
+from alloc.compilation import inlined_jit
+from alloc.plant.equations import (
+    coupler_damper_force,
+    coupler_spring_force,
+    coupler_stretch,
+    hyperbolic_speed_law,
+    running_resistance,
+)
+
+SPEED, FORCE, SLIP, MASS = range(4)
+"""States."""
+
+OBSERVER_POLE = 12.0
+"""Pole [1/s] of the filter behind which rail forces and rim accelerations are compared."""
+
+MEAN_TIME = 0.1
+"""Time [s] over which an axle's lead is averaged."""
+
+STANDING = 0.1
+"""Rim speed [m/s] below which a braked wheel counts as standing."""
+
+LEAST_COEFFICIENT = 3e-3
+"""Applied coefficient below which a wheel counts as free: no rail is that slippery."""
+
+
+@inlined_jit
+def _update(f, p, slip, innovation, variance):
+    """Kalman update with a measurement of v + `slip` c."""
+    row = (
+        p[0, 0] + slip * p[0, 2], p[1, 0] + slip * p[1, 2],
+        p[2, 0] + slip * p[2, 2], p[3, 0] + slip * p[3, 2],
+    )  # fmt: skip
+    inverse = 1.0 / (row[0] + slip * row[2] + variance)
+    for i in range(4):
+        f[i] += row[i] * inverse * innovation
+        for k in range(4):
+            p[i, k] -= row[i] * inverse * row[k]
+
+
+@inlined_jit
+def _start(eq, o, m, k):
+    """Begin with the reference speed that the computers have."""
+    k.ready[0] = 1
+    k.state[SPEED], k.state[FORCE], k.state[SLIP], k.state[MASS] = m.reference[0], 0.0, o.slip, 0.0
+    for i in range(4):
+        for j in range(4):
+            k.covariance[i, j] = 0.0
+    k.covariance[SPEED, SPEED] = o.noise**2
+    k.covariance[FORCE, FORCE] = o.unknown_force**2
+    k.covariance[SLIP, SLIP] = o.slip_deviation**2
+    k.covariance[MASS, MASS] = o.mass_error**2
+    k.smooth_speed[0] = m.reference[0]
+    for i in range(k.rim.size):
+        y = eq.axle_radius[i] * m.axle_omega[i]
+        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = y
+
+
+@inlined_jit
+def _apply_forces(eq, st, m, k, sign, torque, pressure):
+    """Forces of motors and shoes on every axle and body; returns the specific force of all, and of the shoes."""
+    total, of_shoes = 0.0, 0.0
+    for b in range(k.force.size):
+        k.force[b] = 0.0
+    for i in range(k.rim.size):
+        r, j, g, b = eq.axle_radius[i], eq.axle_unit[i], eq.axle_group[i], eq.axle_body[i]
+        y = r * m.axle_omega[i]
+        force, shoe = 0.0, 0.0
+        if j >= 0:
+            force = eq.gear[j] * 0.5 * (torque[j] + m.torque[j]) / r
+        if g >= 0:
+            f = eq.group.friction[g]
+            friction = hyperbolic_speed_law(m.reference[b], f[0], f[1], f[2])
+            shoe = eq.group.gain[g] * pressure[g] * friction
+            if y < STANDING and m.reference[b] > STANDING:
+                shoe = min(shoe, k.carried[i])  # a standing wheel's shoe gives what the rail does
+            force -= shoe
+        k.applied[i] = sign * force
+        acting = force - eq.chain.turning[i] * (y - k.rim[i]) / st.period
+        k.force[b] += acting
+        total += acting
+        of_shoes += shoe
+        k.rim_before[i], k.rim[i] = k.rim[i], y
+    mass = eq.chain.train_mass
+    return total / mass, of_shoes / mass
+
+
+@inlined_jit
+def _move(eq, st, m, k):
+    """Move the believed bodies through one period under `k.force`; the unknown force acts on all."""
+    chain, n = eq.chain, k.force.size
+    h = st.period / chain.steps
+    f = k.state
+    for _ in range(chain.steps):
+        pull = 0.0  # of the coupler ahead
+        for b in range(n):
+            v = m.reference[b]
+            a, linear, quadratic = chain.resistance[b]
+            net = (1.0 + f[MASS]) * k.force[b] - running_resistance(v, a, linear, quadratic, 1.0)
+            net += pull
+            if b + 1 < n:
+                q = chain.coupler[b]
+                stretch = coupler_stretch(k.place[b] - k.place[b + 1], q[3])
+                tension = coupler_spring_force(stretch, q[0], q[1])
+                tension += coupler_damper_force(stretch, v - m.reference[b + 1], q[2])
+                net -= tension
+                pull = tension
+            # speeds are all of the beginning: those behind are read before they are moved
+            m.reference[b] = v + h * (net / chain.mass[b] + f[FORCE])
+        for b in range(n):
+            k.place[b] += h * m.reference[b]
+
+
+@inlined_jit
+def _predict(st, k, acting, of_shoes, known):
+    """Covariance one period later; `acting` specific force of all axles, `of_shoes` of the shoes [m/s2]."""
+    o, p, period = st.reference, k.covariance, st.period
+    for j in range(4):  # P <- F P F' + Q
+        p[0, j] += period * (p[1, j] + acting * p[3, j])
+    for i in range(4):
+        p[i, 0] += period * (p[i, 1] + acting * p[i, 3])
+    p[0, 0] += o.speed_walk**2 * period
+    walk = o.shoe_walk * of_shoes
+    p[1, 1] += (o.force_walk**2 + walk**2) * period
+    if of_shoes > k.shoe_decel[0]:  # as the brakes are applied their unknown share grows
+        p[1, 1] += o.shoe_error**2 * (of_shoes**2 - k.shoe_decel[0] ** 2)
+        k.shoe_decel[0] = of_shoes
+    elif of_shoes == 0.0:
+        k.shoe_decel[0] = 0.0
+
+
+@inlined_jit
+def _follow_rims(eq, st, m, k, sign, i, share):
+    """Rail force and acceleration of axle `i` against the train's [m/s2], both behind one filter."""
+    o, y = st.reference, k.rim[i]
+    rate = OBSERVER_POLE * (y - k.smooth_rim[i])
+    k.smooth_rim[i] += share * (y - k.smooth_rim[i])
+    k.smooth_applied[i] += share * (k.applied[i] - k.smooth_applied[i])
+    relative = sign * (rate - OBSERVER_POLE * (k.state[SPEED] - k.smooth_speed[0]))
+    rail = k.smooth_applied[i] - sign * eq.chain.turning[i] * rate
+    slides = relative < -o.returning or relative > 3.0 * o.returning
+    forget = o.slid_time if slides else o.carried_time
+    standing = sign < 0.0 and y < STANDING
+    k.carried[i] = max(k.carried[i] * math.exp(-st.period / forget), 0.0 if standing else rail)
+    return relative, standing
+
+
+@inlined_jit
+def _at_ease(eq, st, m, k, i):
+    """Time for which nobody has limited the force of axle `i`."""
+    j, g = eq.axle_unit[i], eq.axle_group[i]
+    free = True
+    if j >= 0 and (m.unit.torque_factor[j] < 0.99 or k.sounding.share[j] < 1.0):
+        free = False
+    if g >= 0 and (m.slide.action[g] > 0.0 or k.pressure[g] < 0.95 * k.full[g]):
+        free = False
+    k.ease[i] = k.ease[i] + st.period if free else 0.0
+    return k.ease[i]
+
+
+@inlined_jit
+def _believe(o, k, slip, innovation, variance, trusted):
+    """Take a reading; where it is odd and `trusted`, gradient and speed are learnt anew. Returns whether it was taken."""
+    p = k.covariance
+    if innovation**2 > 9.0 * (p[0, 0] + variance):
+        if not trusted:
+            return False
+        p[1, 1] += (0.5 * o.unknown_force) ** 2
+        p[0, 0] += innovation**2
+    _update(k.state, p, slip, innovation, variance)
+    return True
+
+
+@inlined_jit
+def _measure(eq, st, m, k, sign):
+    """Take what the axles tell; returns whether one of them rolls as it pleases."""
+    o, f, p = st.reference, k.state, k.covariance
+    share = 1.0 - math.exp(-OBSERVER_POLE * st.period)
+    white = 2.0 * o.noise**2
+    lead, lightest, anyone = 1e9, -1, False
+    before = f[SPEED]
+    for i in range(k.rim.size):
+        if not m.axle_seen[i]:
+            continue
+        relative, standing = _follow_rims(eq, st, m, k, sign, i, share)
+        ease = _at_ease(eq, st, m, k, i)
+        j = eq.axle_unit[i]
+        y, applied = k.rim[i], max(k.applied[i], 0.0)
+        body = (
+            m.reference[eq.axle_body[i]] + f[SPEED] - before
+        )  # with what the axles ahead have told
+        mu = sign * applied / eq.chain.load[i]
+        innovation = y - body - f[SLIP] * mu
+        k.ahead[i] += st.period / MEAN_TIME * (sign * (y - body) - k.ahead[i])
+        used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
+        creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(used, 1.5)
+        settled = relative > -o.returning and not standing
+        sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
+        # a sliding wheel would return by more than `returning` under so little force, or slide on
+        would = o.light * k.carried[i] - eq.chain.turning[i] * o.returning
+        light = applied < max(would, LEAST_COEFFICIENT * eq.chain.load[i])
+        light = light and relative < o.returning
+        k.telling[i] = k.telling[i] + st.period if light and settled else 0.0
+        bound = o.gate * math.sqrt(p[0, 0] + creep**2 + white)
+        if eq.axle_unit[i] < 0 and eq.axle_group[i] < 0:
+            _believe(o, k, 0.0, innovation, white, True)
+            anyone = True
+        elif sounded:
+            if sign * (y - k.rim_before[i]) > -0.03 * st.period / 0.01:
+                _believe(o, k, mu, innovation, white + o.sounded_repeat * creep**2, True)
+        elif light:
+            if settled and k.ahead[i] < lead:
+                lead, lightest = k.ahead[i], i
+        elif (
+            settled
+            and ease > o.ease_time
+            and relative < o.away + 2.0 * math.sqrt(p[1, 1])
+            and k.ahead[i] - sign * f[SLIP] * mu < bound
+        ):
+            _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
+            anyone = True
+        if k.ahead[i] < -o.noise and not (light and settled):
+            _update(f, p, 0.0, sign * (k.ahead[i] + o.noise), 20.0 * o.noise**2)
+    if lightest >= 0:
+        _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
+        anyone = True
+    return anyone
+
+
+@inlined_jit
+def _take_light(eq, st, m, k, sign, i, moved):
+    """Take what the foremost of the light axles tells: others may still be on their way."""
+    o, f = st.reference, k.state
+    applied = max(k.applied[i], 0.0)
+    mu = sign * applied / eq.chain.load[i]
+    used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
+    creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(used, 1.5)
+    innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
+    variance = 2.0 * o.noise**2 + o.light_repeat * creep**2
+    braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
+    trusted = k.telling[i] > (o.persist if braked_by_air else 0.1)
+    _believe(o, k, mu, innovation, variance, trusted)
+
+
+@inlined_jit
+def estimate_speed(eq, st, m, sign, torque, pressure):
+    """One control period: fills `m.reference` (bodies,) [m/s]; returns whether an axle told the speed.
+
+    `sign` of the demand, `torque` (units,) of the motors [N m], `pressure` (groups,) of the cylinders [Pa].
+    """
+    k, f = m.estimate, m.estimate.state
+    if k.ready[0] == 0:
+        _start(eq, st.reference, m, k)
+    for g in range(pressure.size):
+        k.pressure[g] = pressure[g]
+    acting, of_shoes = _apply_forces(eq, st, m, k, sign, torque, pressure)
+    _move(eq, st, m, k)
+    f[SPEED] = m.reference[0]
+    _predict(st, k, acting, of_shoes, True)
+    anyone = _measure(eq, st, m, k, sign)
+    most = st.reference.slip + 2.0 * st.reference.slip_deviation
+    f[SLIP] = min(max(f[SLIP], 0.0), most)
+    if sign < 0.0:
+        f[SPEED] = max(f[SPEED], 0.0)
+    k.smooth_speed[0] += (1.0 - math.exp(-OBSERVER_POLE * st.period)) * (
+        f[SPEED] - k.smooth_speed[0]
+    )
+    change = f[SPEED] - m.reference[0]
+    for b in range(m.reference.size):
+        m.reference[b] += change
+    m.train.reference_deviation[0] = math.sqrt(max(k.covariance[0, 0], 0.0))
+    return anyone

@@ -1,0 +1,117 @@
+"""What the reference speed's estimate is told of train and sensors, and what it remembers."""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from alloc.onboard.quantity import filled
+from alloc.plant.model import Floats, Ints
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+class SoundingSettings(NamedTuple):
+    """As `Sounding`."""
+
+    doubt: float
+    doubt_ratio: float
+    ease: float
+    share: float
+    time: float
+    return_time: float
+    pause: float
+    air_doubt: float
+    air_known: float
+    patience: float
+
+
+class ReferenceSettings(NamedTuple):
+    """As `ReferenceSpeed`."""
+
+    given: bool  # the true speed stands in place of the estimate
+    noise: float  # deviation of a speed reading [m/s]
+    speed_walk: float
+    force_walk: float
+    unknown_force: float
+    shoe_error: float
+    shoe_walk: float
+    mass_error: float
+    slip: float
+    slip_deviation: float
+    creep: float
+    creep_speed: float
+    repeat: float
+    light_repeat: float
+    sounded_repeat: float
+    ease_time: float
+    light: float
+    carried_time: float
+    slid_time: float
+    away: float
+    returning: float
+    gate: float
+    persist: float
+    sounding: SoundingSettings
+
+
+class SoundingMemory(NamedTuple):
+    """Which wheels are relieved for the sake of the estimate."""
+
+    unit: Ints  # (1,) that is sounded, -1: none
+    group: Ints  # (1,) brake group that is released, -1: none
+    last: Ints  # (1,) unit that was sounded last
+    clock: Floats  # (1,) time since a sounding of a unit began or ended [s]
+    share: Floats  # (units,) of the torque command that is left to each
+
+
+class ReferenceMemory(NamedTuple):
+    """What the filter remembers."""
+
+    ready: Ints  # (1,)
+    state: Floats  # (4,) speed, unknown specific force, micro-slip per coefficient, error of the inverse mass
+    covariance: Floats  # (4, 4)
+    place: Floats  # (bodies,) of the believed bodies [m]
+    force: Floats  # (bodies,) on them
+    smooth_speed: Floats  # (1,) speed behind a filter
+    shoe_decel: (
+        Floats  # (1,) greatest specific force of the shoes since the brakes were applied [m/s2]
+    )
+    rim: Floats  # (axles,) rim speed at the last period
+    rim_before: Floats  # (axles,) and at the one before
+    smooth_rim: Floats  # (axles,) behind a filter
+    applied: Floats  # (axles,) force that motor and shoe apply, in the direction of the demand [N]
+    smooth_applied: Floats  # (axles,) behind the same filter
+    carried: Floats  # (axles,) greatest force lately [N]
+    ease: Floats  # (axles,) time for which nobody has limited its force [s]
+    telling: Floats  # (axles,) time for which it has been light and rolled [s]
+    ahead: Floats  # (axles,) mean over 0.1 s of what it runs ahead, in the direction of the demand [m/s]
+    full: Floats  # (groups,) pressure that is asked for
+    pressure: Floats  # (groups,) that is there
+    sounding: SoundingMemory
+
+
+def reference_settings(onboard: "Onboard") -> ReferenceSettings:
+    """Settings of a run; a reading is as uncertain as its noise and its quantum make it."""
+    given, sensors = onboard.reference, onboard.sensors
+    noise = math.sqrt(given.sensor**2 + sensors.speed_noise**2 + sensors.speed_quantum**2 / 12.0)
+    return filled(
+        ReferenceSettings,
+        given,
+        given=given.source == "truth",
+        noise=noise,
+        sounding=filled(SoundingSettings, given.sounding),
+    )
+
+
+def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:
+    """Memory of a train whose computers have not sensed yet."""
+    single = [np.full(1, value, dtype=np.int64) for value in (-1, -1, -1)]
+    return ReferenceMemory(
+        np.zeros(1, dtype=np.int64),
+        np.zeros(4), np.zeros((4, 4)), np.zeros(bodies), np.zeros(bodies), np.zeros(1), np.zeros(1),
+        *(np.zeros(axles) for _ in range(9)),
+        np.zeros(groups), np.zeros(groups),
+        SoundingMemory(*single, np.zeros(1), np.ones(units)),
+    )  # fmt: skip
