@@ -1,6 +1,5 @@
 """What a stop is judged by: adhesion used, locked axles, wheel damage, air, distance."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,10 @@ from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED, air_consumption, loc
 from alloc.simulation import simulate
 from studies.wsp_acceptance.perfect_stop import adhesion_share, perfect_stop
 
-FIRST_SHARE = 0.4
-"""Share of an event's duration within which a train that uses three quarters of the adhesion stands."""
-
 
 def stopped_run(event: Event) -> xr.Dataset:
-    """The recorded run, about as long as the stop; there are no motors, so rule and controller have nothing to do."""
-    run = simulate(replace(event, duration=FIRST_SHARE * event.duration), "alone", "none")
-    return run if stands(run).any() else simulate(event, "alone", "none")
+    """The recorded run until the train stands; there are no motors, so rule and controller have nothing to do."""
+    return simulate(event, "alone", "none", until_speed=STANDSTILL)
 
 
 def stands(run: xr.Dataset) -> NDArray[np.bool_]:
