@@ -18,7 +18,7 @@ from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Car, Train
 from studies.files.study_error import StudyError
 from studies.slides.jp4209318 import CYCLE, FULL_BRAKE, slide_protection
-from studies.wsp_acceptance.perfect_stop import perfect_stop, rest_friction
+from studies.wsp_acceptance.perfect_stop import LONGEST_STOP, perfect_stop, rest_friction
 
 CURVES: dict[str, AdhesionCurve] = {
     "piecewise": PiecewiseCurve(),
@@ -94,7 +94,7 @@ def stop_event(
     Raises `StudyError` where the train has no air brake.
     """
     braked, rail, line = air_braked(train), rail_of(curve, mu), Line(grades=(grade,))
-    best = perfect_stop(build(braked, rail, line, span=(0.0, LONGEST_STOP)), speed)
+    best = perfect_stop(build(braked, rail, line, span=(0.0, float(LONGEST_STOP))), speed)
     if duration is None:
         endless = math.isinf(best.time)
         duration = ENDLESS if endless else APPLICATION + best.time / USED_LEAST
@@ -114,10 +114,6 @@ def stop_event(
         record_period=CYCLE,
         target_speed=0.0,
     )
-
-
-LONGEST_STOP = 30e3
-"""Distance [m] within which a train stops, if ever."""
 
 
 def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:

@@ -1,6 +1,7 @@
 """The shortest stop that a rail allows: every axle uses all the adhesion of its place until the train stands."""
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +12,10 @@ from alloc.plant.model import Floats, Model
 
 REFERENCE_SPEED = 15.0
 """Speed [m/s] at which a rail of any curve offers the level that it is named after."""
-STEP = 0.05
-"""Step [s] of the perfect stop."""
-LONGEST = 3600.0
-"""Time [s] after which a train that still runs does not stop."""
+LONGEST_STOP = 20_000
+"""Distance [m] within which a train stops, if ever."""
+BLOCK = 500
+"""Metres of rail that are looked up at once."""
 
 
 class PerfectStop(NamedTuple):
@@ -24,19 +25,20 @@ class PerfectStop(NamedTuple):
     time: float
 
 
-def rest_friction(curve: AdhesionCurve, adhesion: float, speed: float = REFERENCE_SPEED) -> float:
-    """Level of a rail whose `curve` has its maximum at `adhesion` at this speed [m/s]."""
+@lru_cache(maxsize=256)
+def rest_friction(curve: AdhesionCurve, adhesion: float) -> float:
+    """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`."""
     level = adhesion
     for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
-        level *= adhesion / float(curve.limit(level, speed)[0])
+        level *= adhesion / float(curve.limit(level, REFERENCE_SPEED)[0])
     return level
 
 
 def adhesion_offered(model: Model, front: Floats) -> Floats:
     """Mean adhesion coefficient over the axles, weighted with their loads, at positions of the train's `front` [m].
 
-    It is the maximum of the rail's curve at `REFERENCE_SPEED`, with patches as if their edges were sharp: over the whole of
-    a patch that is the same.
+    It is the maximum of the rail's curve at `REFERENCE_SPEED`. Edges of patches count as sharp: over the whole of a patch
+    that is the same. Rails with a speed law or scatter have no such level.
     """
     rail, s = model.rail, model.structure
     place = np.asarray(front)[:, None] + s.axle_offset
@@ -63,30 +65,31 @@ def perfect_stop(model: Model, speed: float) -> PerfectStop:
     """
     train, mass = model.train, model.train.mass
     a, b, c = train.resistance
-    places = np.arange(model.span[0], model.span[1] + 1.0)
-    offered, grade = adhesion_offered(model, places), grade_met(model, places)
     carried = float(model.structure.static_load.sum())
-    forces = offered * carried + gradient_force(mass, grade)
-    x, v, t = 0.0, speed, 0.0
-    while v > 0.0:
-        held = float(np.interp(x, places, forces)) + a + b * v + c * v * v
-        new = v - STEP * held / mass
-        if t > LONGEST or x > places[-1]:
-            return PerfectStop(math.inf, math.inf)
-        share = 1.0 if new >= 0.0 else v / (v - new)
-        x += share * STEP * 0.5 * (v + max(new, 0.0))
-        t += share * STEP
-        v = new
-    return PerfectStop(x, t)
+    energy, time = 0.5 * speed * speed, 0.0  # kinetic energy per mass; a metre at a time
+    for start in range(0, LONGEST_STOP, BLOCK):
+        middles = start + 0.5 + np.arange(BLOCK)
+        forces = adhesion_offered(model, middles) * carried
+        forces += gradient_force(mass, grade_met(model, middles))
+        for k, force in enumerate(forces.tolist()):
+            v = math.sqrt(2.0 * energy)
+            rest = energy - (force + a + b * v + c * v * v) / mass
+            share = 1.0 if rest > 0.0 else energy / (energy - rest)
+            time += 2.0 * share / (v + math.sqrt(2.0 * max(rest, 0.0)))
+            if rest <= 0.0:
+                return PerfectStop(start + k + share, time)
+            energy = rest
+    return PerfectStop(math.inf, math.inf)
 
 
 def adhesion_share(model: Model, speed: float, distance: float, end_speed: float = 0.0) -> float:
     """Adhesion used over a stop: kinetic and potential energy taken over `distance` [m], over what the rail offered there.
 
-    On level rail of one adhesion mu it is (v0^2 / 2 s) / (mu g), with the running resistance counted as used.
+    On level rail of one adhesion mu it is (v0^2 / 2 s) / (mu g). So running resistance counts as used, and rotating masses
+    count for nothing: each wheelset's own brake stops it.
     """
-    places = np.linspace(0.0, distance, max(int(distance), 2) + 1)
-    offered = float(np.trapezoid(adhesion_offered(model, places), places))
-    climbed = float(np.trapezoid(grade_met(model, places), places))
-    kinetic = 0.5 * (speed**2 - end_speed**2)
-    return (kinetic / GRAVITY - climbed) / offered if offered > 0.0 else math.nan
+    metres = max(round(distance), 1)
+    middles = (np.arange(metres) + 0.5) * (distance / metres)
+    offered, climbed = adhesion_offered(model, middles), grade_met(model, middles)
+    kinetic = 0.5 * (speed**2 - end_speed**2) / GRAVITY
+    return (kinetic / distance - float(climbed.mean())) / float(offered.mean())
