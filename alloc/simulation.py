@@ -117,7 +117,8 @@ def simulate(
 
     `controller`: a name in `CONTROLLERS`, or a hosted controller itself. `on_progress` is
     told the share done, 0 to 1. `until_speed` [m/s]: the run may end early, once the train is no faster. On a train without
-    motors, which brakes with air alone, rule and controller have nothing to do. Raises `SimulationError`, `AllocationError` or `OnboardError` for what cannot be run. Several threads may simulate
+    motors, which brakes with air alone, rule and controller have nothing to do. Raises `SimulationError`,
+    `AllocationError` or `OnboardError` for what cannot be run. Several threads may simulate
     at once, also the same event: each run is that of a call alone. A plug-in's rule and `on_progress` must allow it too.
     """
     try:
