@@ -45,6 +45,9 @@ NOTHING, ALLOCATION, CONTROL, DRIVER = range(4)
 SENSE, DISTRIBUTE, ADVANCE = range(3)
 """Phases of a control period."""
 
+CHUNKS = 100
+"""Parts of a run after each of which it can be watched, or ended."""
+
 Part = Callable[[int], bool]
 """Something in Python that answers the loop at a tick; False ends the run with this tick."""
 
@@ -274,12 +277,14 @@ class ClosedLoop:
         go: Callable[[int], int],
         parts: Mapping[int, Part],
         on_progress: Callable[[float], None] | None = None,
+        until_speed: float | None = None,
     ) -> None:
         """Run to the end: `go(stop)` runs to tick `stop`, or returns what one of `parts` must answer.
 
-        `on_progress` is told the share done, 0 to 1.
+        `on_progress` is told the share done, 0 to 1. `until_speed` [m/s]: end before where no body is faster, or soon after.
         """
-        chunk = self.ticks if on_progress is None else max(1, self.ticks // 50)
+        watched = on_progress is not None or until_speed is not None
+        chunk = max(1, self.ticks // CHUNKS) if watched else self.ticks
         tick, stop = self.progress.tick, 0
         while stop < self._end:
             stop = min(self._end, stop + chunk)
@@ -288,3 +293,8 @@ class ClosedLoop:
                     stop = self._end = int(tick[0]) + 1
             if on_progress is not None:
                 on_progress(stop / self.ticks)
+            if (
+                until_speed is not None
+                and self.plant.state[self.plant.rows.speed].max() <= until_speed
+            ):
+                self._end = stop

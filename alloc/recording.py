@@ -40,6 +40,10 @@ class Record(NamedTuple):
             np.zeros((records, n.cars)),
         )
 
+    def until(self, records: int) -> "Record":
+        """The first instants of the record."""
+        return Record(self.plant.until(records), *(values[:records] for values in self[1:]))
+
 
 @dataclass
 class Tally:

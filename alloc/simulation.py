@@ -111,12 +111,14 @@ def simulate(
     rule: str | Rule = "greedy",
     controller: str | HostedController = "cut-and-ramp",
     on_progress: Callable[[float], None] | None = None,
+    until_speed: float | None = None,
 ) -> xr.Dataset:
     """Run `event` under a rule and a readhesion controller; returns the recorded run (see `alloc.recording`).
 
     `controller`: a name in `CONTROLLERS`, or a hosted controller itself. `on_progress` is
-    told the share done, 0 to 1. On a train without motors, which brakes with air alone, rule and controller have nothing
-    to do. Raises `SimulationError`, `AllocationError` or `OnboardError` for what cannot be run. Several threads may simulate
+    told the share done, 0 to 1. `until_speed` [m/s]: the run may end early, once the train is no faster. On a train without
+    motors, which brakes with air alone, rule and controller have nothing to do. Raises `SimulationError`,
+    `AllocationError` or `OnboardError` for what cannot be run. Several threads may simulate
     at once, also the same event: each run is that of a call alone. A plug-in's rule and `on_progress` must allow it too.
     """
     try:
@@ -156,9 +158,11 @@ def simulate(
     parts_of_run = (loop.plant, computers, loop.timing, given, loop.progress, record)
     go = partial(run_with_computers, *map(ByReference, parts_of_run))
     started = clock.perf_counter()
-    loop.run(go, parts, on_progress)
+    loop.run(go, parts, on_progress, until_speed)
     tally.wall_time = clock.perf_counter() - started
-    return to_dataset(event, chosen.name, found.name, record, computers.memory.counter, tally)
+    return to_dataset(
+        event, chosen.name, found.name, record.until(loop.records), computers.memory.counter, tally
+    )
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:

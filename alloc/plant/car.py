@@ -86,7 +86,7 @@ class Motors:
 class AirBrake:
     """Friction brake of a car; one pair of valves per bogie.
 
-    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V), friction(V) =
+    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V) x `friction_factor`, friction(V) =
     numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
     """
 
@@ -102,12 +102,15 @@ class AirBrake:
     cut_out: tuple[int, ...] = ()
     """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
     computers do not know of it."""
+    friction_factor: float = 1.0
+    """Shoe friction over that of the design. The train's computers do not know of it either."""
 
     def __post_init__(self) -> None:
+        times = ("fill_time", "release_time")
         PlantError.check(
             "air brake",
             self,
-            positive=("maximum_pressure", "fill_time", "release_time", "cylinder_volume"),
+            positive=("maximum_pressure", *times, "cylinder_volume", "friction_factor"),
             nonnegative=("force_per_pascal", "dead_time"),
         )
         numerator, offset, constant = triple("air brake", "friction", self.friction)

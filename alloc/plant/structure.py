@@ -123,7 +123,7 @@ def _axles(car: Car, number: int, front: float, unit: int, group: int) -> list[_
                 -1 if brake is None else group + bogie,
                 -(front + position),
                 motors.gear_ratio if motors is not None and i in unit_of_axle else 0.0,
-                brake.force_per_pascal if brake is not None and works else 0.0,
+                brake.force_per_pascal * brake.friction_factor if brake and works else 0.0,
                 (0.0, 1.0, 0.0) if brake is None else brake.friction,
             )
         )

@@ -43,12 +43,18 @@ class AirBrakeKeys(Strict):
     force_kn: float
     lag_s: float = 1.2
     dead_time_s: float = 0.05
+    friction_factor: float = 1.0
 
     def air_brake(self) -> AirBrake:
         """The plant's brake."""
         pressure = 1e3 * self.pressure_kpa
         return AirBrake(
-            pressure, 1e3 * self.force_kn / pressure, self.lag_s, self.lag_s, self.dead_time_s
+            pressure,
+            1e3 * self.force_kn / pressure,
+            self.lag_s,
+            self.lag_s,
+            self.dead_time_s,
+            friction_factor=self.friction_factor,
         )
 
 

@@ -1,0 +1,124 @@
+"""Full brake applications on rails of very low adhesion: train, curve, levels along the rail, gradient."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from alloc.event import DriverCommand, Event
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
+from alloc.onboard.slide_protection.parameters import SlideProtection
+from alloc.plant.adhesion import (
+    POLACH_WET,
+    AdhesionCurve,
+    PiecewiseCurve,
+    SlipRatioCurve,
+)
+from alloc.plant.model import build
+from alloc.plant.rail import Line, Patch, Rail
+from alloc.plant.train import Car, Train
+from studies.files.study_error import StudyError
+from studies.slides.jp4209318 import CYCLE, FULL_BRAKE, slide_protection
+from studies.wsp_acceptance.perfect_stop import LONGEST_STOP, perfect_stop, rest_friction
+
+CURVES: dict[str, AdhesionCurve] = {
+    "piecewise": PiecewiseCurve(),
+    "polach": POLACH_WET,
+    "slip-ratio": SlipRatioCurve(),
+}
+"""The curves by name, each with its default parameters."""
+PROTECTION = slide_protection(law="fuzzy")
+"""The one setting that all stops are made with: medium sensitivity, every 20 ms."""
+APPLICATION = 10.0
+"""Time [s] that a stop may take beyond the perfect one: cylinders fill, and a first slide is caught."""
+USED_LEAST = 0.3
+"""Adhesion used with which a train still stops within the run."""
+ENDLESS = 90.0
+"""Time [s] of a run where the rail stops nobody."""
+
+Levels = float | Sequence[tuple[float, float]]
+"""Adhesion of the rail: one number, or from each position [m] on another; the first counts from ever before."""
+
+
+def air_braked(train: Train) -> Train:
+    """The same train without its motors: it brakes with air alone. Raises `StudyError` where it has no air brake."""
+    if not train.brake_groups:
+        raise StudyError(f"train {train.name!r} has no air brake; slide protection acts on one")
+    return replace(train, cars=tuple(_without_motors(car) for car in train.cars))
+
+
+def _without_motors(car: Car) -> Car:
+    return replace(car, motors=None, driven=(False,) * len(car.driven))
+
+
+def gripping(train: Train, factor: float) -> Train:
+    """The same train with this share of its shoe friction; its computers do not know."""
+    return replace(
+        train,
+        cars=tuple(
+            replace(car, air_brake=replace(car.air_brake, friction_factor=factor))
+            if car.air_brake
+            else car
+            for car in train.cars
+        ),
+    )
+
+
+def rail_of(curve: str, levels: Levels) -> Rail:
+    """Rail of a curve, named in `CURVES`, whose maximum at 15 m/s is the level."""
+    law = CURVES[curve]
+    steps = [(-math.inf, levels)] if isinstance(levels, (int, float)) else list(levels)
+    friction = [rest_friction(law, adhesion) for _, adhesion in steps]
+    ends = [start for start, _ in steps[1:]] + [1e6]
+    patches = tuple(
+        Patch(factor / friction[0], start, end)
+        for (start, _), end, factor in zip(steps, ends, friction, strict=True)
+        if factor != friction[0]
+    )
+    return Rail(friction[0], patches=patches, curve=law)
+
+
+def stop_event(
+    train: Train,
+    curve: str,
+    mu: Levels,
+    speed: float,
+    grade: float = 0.0,
+    protection: SlideProtection = PROTECTION,
+    reference: ReferenceSpeed | None = None,
+    duration: float | None = None,
+) -> Event:
+    """Full braking with air alone from `speed` [m/s] to a stand on a rail of adhesion `mu`.
+
+    `grade`: rise per run. `reference`: of the train's computers; `ReferenceSpeed(source="truth")` gives them the true
+    speed. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the adhesion.
+    Raises `StudyError` where the train has no air brake.
+    """
+    braked, rail, line = air_braked(train), rail_of(curve, mu), Line(grades=(grade,))
+    best = perfect_stop(build(braked, rail, line, span=(0.0, float(LONGEST_STOP))), speed)
+    if duration is None:
+        endless = math.isinf(best.time)
+        duration = ENDLESS if endless else APPLICATION + best.time / USED_LEAST
+    return Event(
+        name=event_name(curve, mu, grade),
+        model=build(braked, rail, line, span=(0.0, speed * duration)),
+        command=DriverCommand((0.0,), (FULL_BRAKE,)),
+        # what is asked for is applied at once: the cylinders' dead time and lag are all the delay
+        onboard=Onboard(
+            period=CYCLE,
+            rise_time=CYCLE,
+            braking=Braking(slide_protection=protection, release_speed=0.0),
+            reference=ReferenceSpeed() if reference is None else reference,
+        ),
+        duration=duration,
+        initial_speed=speed,
+        record_period=CYCLE,
+        target_speed=0.0,
+    )
+
+
+def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:
+    """Name of a stop, such as "polach 0.08 > 0.03 -30 per mille"."""
+    steps = [mu] if isinstance(mu, (int, float)) else [level for _, level in mu]
+    shown = " > ".join(f"{level:g}" for level in (steps if len(steps) < 4 else (*steps[:2], "...")))
+    slope = f" {1e3 * grade:+g} per mille" if grade else ""
+    return f"{curve} {shown}{slope}"

@@ -1,0 +1,95 @@
+"""The shortest stop that a rail allows: every axle uses all the adhesion of its place until the train stands."""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.equations import GRAVITY, gradient_force
+from alloc.plant.model import Floats, Model
+
+REFERENCE_SPEED = 15.0
+"""Speed [m/s] at which a rail of any curve offers the level that it is named after."""
+LONGEST_STOP = 20_000
+"""Distance [m] within which a train stops, if ever."""
+BLOCK = 500
+"""Metres of rail that are looked up at once."""
+
+
+class PerfectStop(NamedTuple):
+    """Distance [m] and time [s]; infinite where the train does not stop."""
+
+    distance: float
+    time: float
+
+
+@lru_cache(maxsize=256)
+def rest_friction(curve: AdhesionCurve, adhesion: float) -> float:
+    """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`."""
+    level = adhesion
+    for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
+        level *= adhesion / float(curve.limit(level, REFERENCE_SPEED)[0])
+    return level
+
+
+def adhesion_offered(model: Model, front: Floats) -> Floats:
+    """Mean adhesion coefficient over the axles, weighted with their loads, at positions of the train's `front` [m].
+
+    It is the maximum of the rail's curve at `REFERENCE_SPEED`. Edges of patches count as sharp: over the whole of a patch
+    that is the same. Rails with a speed law or scatter have no such level.
+    """
+    rail, s = model.rail, model.structure
+    place = np.asarray(front)[:, None] + s.axle_offset
+    factor = np.ones(place.shape)
+    for patch in rail.patches:
+        factor *= np.where((place >= patch.start) & (place < patch.end), patch.factor, 1.0)
+    kinds, which = np.unique(factor, return_inverse=True)
+    limit, _ = rail.curve.limit(rail.level * kinds, REFERENCE_SPEED)
+    return np.asarray(limit[which.reshape(factor.shape)] @ s.static_load / s.static_load.sum())
+
+
+def grade_met(model: Model, front: Floats) -> Floats:
+    """Mean rise per run over the cars, weighted with their masses, at positions of the train's `front` [m]."""
+    s, e = model.structure, model.environment
+    place = np.asarray(front)[:, None] + s.car_offset
+    x = e.line_origin + e.line_spacing * np.arange(e.line.shape[1])
+    return np.asarray(np.interp(place, x, e.line[0]) @ s.car_mass / s.car_mass.sum())
+
+
+def perfect_stop(model: Model, speed: float) -> PerfectStop:
+    """The stop from `speed` [m/s] with the front at 0, by adhesion, gradient and running resistance.
+
+    Wheelsets are stopped by their own brakes: their inertia neither lengthens nor shortens it.
+    """
+    train, mass = model.train, model.train.mass
+    a, b, c = train.resistance
+    carried = float(model.structure.static_load.sum())
+    energy, time = 0.5 * speed * speed, 0.0  # kinetic energy per mass; a metre at a time
+    for start in range(0, LONGEST_STOP, BLOCK):
+        middles = start + 0.5 + np.arange(BLOCK)
+        forces = adhesion_offered(model, middles) * carried
+        forces += gradient_force(mass, grade_met(model, middles))
+        for k, force in enumerate(forces.tolist()):
+            v = math.sqrt(2.0 * energy)
+            rest = energy - (force + a + b * v + c * v * v) / mass
+            share = 1.0 if rest > 0.0 else energy / (energy - rest)
+            time += 2.0 * share / (v + math.sqrt(2.0 * max(rest, 0.0)))
+            if rest <= 0.0:
+                return PerfectStop(start + k + share, time)
+            energy = rest
+    return PerfectStop(math.inf, math.inf)
+
+
+def adhesion_share(model: Model, speed: float, distance: float, end_speed: float = 0.0) -> float:
+    """Adhesion used over a stop: kinetic and potential energy taken over `distance` [m], over what the rail offered there.
+
+    On level rail of one adhesion mu it is (v0^2 / 2 s) / (mu g). So running resistance counts as used, and rotating masses
+    count for nothing: each wheelset's own brake stops it.
+    """
+    metres = max(round(distance), 1)
+    middles = (np.arange(metres) + 0.5) * (distance / metres)
+    offered, climbed = adhesion_offered(model, middles), grade_met(model, middles)
+    kinetic = 0.5 * (speed**2 - end_speed**2) / GRAVITY
+    return (kinetic / distance - float(climbed.mean())) / float(offered.mean())
