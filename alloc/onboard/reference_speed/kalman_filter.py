@@ -43,8 +43,12 @@ MEAN_TIME = 0.1
 STANDING = 0.1
 """Rim speed [m/s] below which a braked wheel counts as standing."""
 
-LEAST_COEFFICIENT = 3e-3
+LEAST_COEFFICIENT = 8e-3
 """Applied coefficient below which a wheel counts as free: no rail is that slippery."""
+
+
+COMMON_ERROR = 0.7
+"""Correlation of the errors of speed and unknown force where the force has changed unnoticed."""
 
 
 @inlined_jit
@@ -182,14 +186,24 @@ def _at_ease(eq, st, m, k, i):
 
 
 @inlined_jit
+def _forget(o, p, innovation):
+    """The force was another than believed for some time, a gradient for one: speed and force are both wrong by it."""
+    p[0, 0] = max(p[0, 0], innovation**2)
+    p[1, 1] = max(p[1, 1], o.unknown_force**2)
+    p[0, 1] = p[1, 0] = COMMON_ERROR * math.sqrt(p[0, 0] * p[1, 1])
+    for i in range(2):
+        for j in range(2, 4):
+            p[i, j] = p[j, i] = 0.0
+
+
+@inlined_jit
 def _believe(o, k, slip, innovation, variance, trusted):
     """Take a reading; where it is odd and `trusted`, gradient and speed are learnt anew. Returns whether it was taken."""
     p = k.covariance
     if innovation**2 > 9.0 * (p[0, 0] + variance):
         if not trusted:
             return False
-        p[1, 1] += (0.5 * o.unknown_force) ** 2
-        p[0, 0] += innovation**2
+        _forget(o, p, innovation)
     _update(k.state, p, slip, innovation, variance)
     return True
 
@@ -243,7 +257,7 @@ def _measure(eq, st, m, k, sign):
             _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
             anyone = True
         if k.ahead[i] < -o.noise and not (light and settled):
-            _update(f, p, 0.0, sign * (k.ahead[i] + o.noise), 20.0 * o.noise**2)
+            _update(f, p, 0.0, sign * (k.ahead[i] + o.noise), 20.0 * o.noise**2 + creep**2)
     if lightest >= 0:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
         anyone = True
@@ -261,8 +275,9 @@ def _take_light(eq, st, m, k, sign, i, moved):
     innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
     variance = 2.0 * o.noise**2 + o.light_repeat * creep**2
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
-    trusted = k.telling[i] > (o.persist if braked_by_air else 0.1)
-    _believe(o, k, mu, innovation, variance, trusted)
+    if k.telling[i] > (0.5 * o.persist if braked_by_air else 0.1):
+        trusted = k.telling[i] > o.persist or not braked_by_air
+        _believe(o, k, mu, innovation, variance, trusted)
 
 
 @inlined_jit
@@ -283,6 +298,8 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     anyone = _measure(eq, st, m, k, sign)
     most = st.reference.slip + 2.0 * st.reference.slip_deviation
     f[SLIP] = min(max(f[SLIP], 0.0), most)
+    bound = 2.0 * st.reference.unknown_force + st.reference.shoe_error * of_shoes
+    f[FORCE] = min(max(f[FORCE], -bound), bound)
     if sign < 0.0:
         f[SPEED] = max(f[SPEED], 0.0)
     k.smooth_speed[0] += (1.0 - math.exp(-OBSERVER_POLE * st.period)) * (

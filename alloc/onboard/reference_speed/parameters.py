@@ -24,8 +24,8 @@ class Sounding:
     time: float = quantity(0.08, "s")
     return_time: float = quantity(0.1, "s")
     pause: float = quantity(0.3, "s")
-    air_doubt: float = quantity(0.012, "1")
-    air_known: float = quantity(0.006, "1")
+    air_doubt: float = quantity(0.04, "1")
+    air_known: float = quantity(0.02, "1")
     patience: float = quantity(5.0, "1")
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class ReferenceSpeed:
     force_walk: float = quantity(5e-3, "1")
     unknown_force: float = quantity(0.2, "1")
     shoe_error: float = quantity(0.15, "1")
-    shoe_walk: float = quantity(0.05, "1")
+    shoe_walk: float = quantity(0.02, "1")
     mass_error: float = quantity(0.05, "1")
     slip: float = quantity(0.25, "1")
     slip_deviation: float = quantity(0.2, "1")
@@ -81,7 +81,7 @@ class ReferenceSpeed:
     light_repeat: float = quantity(16.0, "1")
     sounded_repeat: float = quantity(0.3, "1")
     ease_time: float = quantity(0.3, "s")
-    light: float = quantity(0.5, "1")
+    light: float = quantity(0.85, "1")
     carried_time: float = quantity(5.0, "s")
     slid_time: float = quantity(1.0, "s")
     away: float = quantity(0.2, "1")
