@@ -48,7 +48,8 @@ class Equipment(NamedTuple):
     axle_body: Numbers  # (axles,) body whose speed an axle tells: its car, or the whole rigid train
     axle_car: Numbers  # (axles,)
     axle_group: Numbers  # (axles,) air brake group, -1: none
-    axle_radius: Floats  # (axles,)
+    axle_radius: Floats  # (axles,) as believed
+    axle_sensed: NDArray[np.bool_]  # (axles,) whether it has a speed sensor
     unit_body: Numbers
     axles: Floats
     radius: Floats
@@ -87,6 +88,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     """What the computers of `model`'s train believe; raises `OnboardError` where belief and train do not fit."""
     s, n = model.structure, model.layout
     _check(model, onboard)
+    radius = s.radius * (1.0 + _radius_errors(onboard, n.axles))
     weights = _weights(model, onboard)
     axles = np.bincount(s.axle_unit[s.axle_unit >= 0], minlength=n.units).astype(float)
     empty, load = _unit_means(model, weights.empty), _unit_means(model, weights.load)
@@ -95,12 +97,13 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
     return filled(
         Equipment,
         s,
-        axle_radius=s.radius,
+        axle_radius=radius,
+        axle_sensed=np.array([car.speed_sensors for car in model.train.cars])[s.axle_car],
         unit_body=np.array(
             [s.axle_body[s.axle_unit == j][0] for j in range(n.units)], dtype=np.int64
         ),
         axles=axles,
-        radius=_unit_means(model, s.radius),
+        radius=_unit_means(model, radius),
         inertia=_unit_means(model, s.inertia),
         gear=s.unit_gear,
         empty_axle_mass=empty,
@@ -113,6 +116,12 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         group=_brake_groups(model, onboard, weights, plan["brake_share"]),
         chain=_chain(model, onboard, weights),
     )
+
+
+def _radius_errors(onboard: Onboard, axles: int) -> Floats:
+    """Relative errors of the wheel radii that the computers believe in."""
+    generator = np.random.default_rng([onboard.sensors.seed, 3])
+    return onboard.sensors.radius_error * generator.uniform(-1.0, 1.0, axles)
 
 
 def _check(model: Model, onboard: Onboard) -> None:

@@ -142,7 +142,7 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         law=law_memory(n),
         reference=np.full(bodies, speed),
         axle_omega=speed / eq.axle_radius,
-        axle_seen=np.ones(eq.axle_unit.size, dtype=np.bool_),
+        axle_seen=eq.axle_sensed.copy(),
         mean_speed=np.full(n, speed),
         speed=np.full(n, speed),
         differentiator=np.full(n, speed),

@@ -85,7 +85,8 @@ class Sensors:
     """Axle speed sensors and load signals.
 
     `speed_noise` [m/s at the rim], standard deviation per sample; `speed_quantum` [m/s at the rim], 0: none; `load_error`:
-    standard deviation of the relative error of the load signals, drawn once per run. `seed` draws all of them.
+    standard deviation of the relative error of the load signals, drawn once per run. `radius_error`: greatest relative error
+    of the wheel radii that the computers believe in, as wear leaves it, drawn evenly. `seed` draws all of them.
     `sensorless_pole` [1/s]: motor speeds are estimated without sensors, known per unit as the mean of its axles through a
     low-pass filter of this pole; None: every axle has a sensor. Axles without motor keep theirs.
     `dropouts`: signals lost for a time. A unit goes on with the axles that it still sees; one that sees none takes the
@@ -95,6 +96,7 @@ class Sensors:
     speed_noise: float = quantity(0.0, "km/h")
     speed_quantum: float = quantity(0.0, "km/h")
     load_error: float = quantity(0.0, "1")
+    radius_error: float = quantity(0.0, "1")
     seed: int = field(default=0, metadata=NOT_IN_FILES)
     sensorless_pole: float | None = quantity(None, "1/s")
     dropouts: tuple[Dropout, ...] = ()
@@ -102,7 +104,9 @@ class Sensors:
 
     def __post_init__(self) -> None:
         OnboardError.check(
-            "sensors", self, nonnegative=("speed_noise", "speed_quantum", "load_error")
+            "sensors",
+            self,
+            nonnegative=("speed_noise", "speed_quantum", "load_error", "radius_error"),
         )
         if self.sensorless_pole is not None:
             OnboardError.check("sensors", self, positive=("sensorless_pole",))

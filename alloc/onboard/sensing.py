@@ -23,7 +23,7 @@ def _lose_signals(eq, dropout, m, time):
     A unit that sees more or fewer axles than before starts its filters anew: its mean speed jumps, which is no acceleration.
     """
     for i in range(m.axle_seen.size):
-        m.axle_seen[i] = True
+        m.axle_seen[i] = eq.axle_sensed[i]
     for k in range(dropout.axle.size):
         if dropout.begin[k] <= time < dropout.until[k]:
             m.axle_seen[dropout.axle[k]] = False

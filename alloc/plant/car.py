@@ -146,6 +146,8 @@ class Car:
     air_brake: AirBrake | None = None
     centre_of_mass_height: float = 1.6
     pivot_height: float = 0.5
+    speed_sensors: bool = True
+    """Whether the train's computers know the speed of its axles; those of a freight wagon have no sensors."""
     axle_load_share: tuple[float, ...] | None = None
     """Share of the car's weight on each axle; equal if None. A sum below 1 leaves the rest of the weight to axles that
     are not modelled (a single axle with its part of a train)."""
@@ -178,6 +180,8 @@ class Car:
             yield f"bogie_of_axle = {bogies} must count 0, 1, ... from the front"
         if any(self.driven) and self.motors is None:
             yield "has driven axles but no motors"
+        if any(self.driven) and not self.speed_sensors:
+            yield "has driven axles but no speed_sensors; motors need them"
         cut_out = () if self.air_brake is None else self.air_brake.cut_out
         if any(bogie > bogies[-1] for bogie in cut_out):
             yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"

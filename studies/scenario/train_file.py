@@ -71,6 +71,7 @@ class CarKeys(Strict):
     driven: tuple[bool, ...] | None = None
     motors: MotorKeys | None = None
     air_brake: AirBrakeKeys | None = None
+    speed_sensors: bool = True
 
     def car(self, name: str) -> Car:
         """The plant's car; every axle is driven where there are motors and nothing is said."""
@@ -87,6 +88,7 @@ class CarKeys(Strict):
             driven=self.driven or (self.motors is not None,) * axles,
             motors=None if self.motors is None else self.motors.motors(),
             air_brake=None if self.air_brake is None else self.air_brake.air_brake(),
+            speed_sensors=self.speed_sensors,
         )
 
 

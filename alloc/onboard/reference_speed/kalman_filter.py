@@ -233,13 +233,13 @@ def _measure(eq, st, m, k, sign):
         creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(used, 1.5)
         settled = relative > -o.returning and not standing
         sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
-        # a sliding wheel would return by more than `returning` under so little force, or slide on
-        would = o.light * k.carried[i] - eq.chain.turning[i] * o.returning
+        # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
+        would = 0.0 if j >= 0 else o.light * k.carried[i] - eq.chain.turning[i] * o.returning
         light = applied < max(would, LEAST_COEFFICIENT * eq.chain.load[i])
         light = light and relative < o.returning
         k.telling[i] = k.telling[i] + st.period if light and settled else 0.0
         bound = o.gate * math.sqrt(p[0, 0] + creep**2 + white)
-        if eq.axle_unit[i] < 0 and eq.axle_group[i] < 0:
+        if j < 0 and applied == 0.0 and settled:
             _believe(o, k, 0.0, innovation, white, True)
             anyone = True
         elif sounded:

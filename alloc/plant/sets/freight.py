@@ -103,6 +103,7 @@ def _wagon(number: int) -> Car:
         driven=(False,) * 4,
         air_brake=_brake(empty + load, 4, 19.6 + 20.4 * (number - 1)),
         pivot_height=0.7,
+        speed_sensors=False,
     )
 
 
