@@ -40,6 +40,9 @@ OBSERVER_POLE = 12.0
 MEAN_TIME = 0.1
 """Time [s] over which an axle's lead is averaged."""
 
+BOUND_SHARE = 0.2
+"""Share of its violation by which the bound of an axle moves the estimate per period."""
+
 STANDING = 0.1
 """Rim speed [m/s] below which a braked wheel counts as standing."""
 
@@ -214,7 +217,7 @@ def _measure(eq, st, m, k, sign):
     o, f, p = st.reference, k.state, k.covariance
     share = 1.0 - math.exp(-OBSERVER_POLE * st.period)
     white = 2.0 * o.noise**2
-    lead, lightest, anyone = 1e9, -1, False
+    lead, lightest, least, anyone = 1e9, -1, 0.0, False
     before = f[SPEED]
     for i in range(k.rim.size):
         if not m.axle_seen[i]:
@@ -256,12 +259,20 @@ def _measure(eq, st, m, k, sign):
         ):
             _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
             anyone = True
-        if k.ahead[i] < -o.noise and not (light and settled):
-            _update(f, p, 0.0, sign * (k.ahead[i] + o.noise), 20.0 * o.noise**2 + creep**2)
+        if not (light and settled):
+            least = min(least, k.ahead[i] + sign * (before - f[SPEED]))
     if lightest >= 0:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
         anyone = True
+    _project(f, p, sign * min(least + o.noise, 0.0) * BOUND_SHARE)
     return anyone
+
+
+@inlined_jit
+def _project(f, p, change):
+    """Move the speed by `change` and the other states with it; a bound tells no more than that, so P stays."""
+    for i in range(4):
+        f[i] += p[i, 0] / p[0, 0] * change
 
 
 @inlined_jit
