@@ -242,6 +242,8 @@ def _measure(eq, st, m, k, sign):
         light = light and relative < o.returning
         k.telling[i] = k.telling[i] + st.period if light and settled else 0.0
         bound = o.gate * math.sqrt(p[0, 0] + creep**2 + white)
+        # brakes may press all wheels into one slow slide, which looks like a steeper climb; motors do not for long
+        doubt = -2.0 if eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0 else 2.0
         if j < 0 and applied == 0.0 and settled:
             _believe(o, k, 0.0, innovation, white, True)
             anyone = True
@@ -254,7 +256,7 @@ def _measure(eq, st, m, k, sign):
         elif (
             settled
             and ease > o.ease_time
-            and relative < o.away + 2.0 * math.sqrt(p[1, 1])
+            and relative < o.away + doubt * math.sqrt(p[1, 1])
             and k.ahead[i] - sign * f[SLIP] * mu < bound
         ):
             _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
