@@ -50,6 +50,9 @@ LEAST_COEFFICIENT = 8e-3
 """Applied coefficient below which a wheel counts as free: no rail is that slippery."""
 
 
+LEAST_SHARE = 0.1
+"""Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
+
 COMMON_ERROR = 0.7
 """Correlation of the errors of speed and unknown force where the force has changed unnoticed."""
 
@@ -233,7 +236,7 @@ def _measure(eq, st, m, k, sign):
         innovation = y - body - f[SLIP] * mu
         k.ahead[i] += st.period / MEAN_TIME * (sign * (y - body) - k.ahead[i])
         used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
-        creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(used, 1.5)
+        creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(max(used, LEAST_SHARE), 1.5)
         settled = relative > -o.returning and not standing
         sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
         # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
@@ -245,7 +248,7 @@ def _measure(eq, st, m, k, sign):
         # brakes may press all wheels into one slow slide, which looks like a steeper climb; motors do not for long
         doubt = -2.0 if eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0 else 2.0
         if j < 0 and applied == 0.0 and settled:
-            _believe(o, k, 0.0, innovation, white, True)
+            _believe(o, k, 0.0, innovation, white + o.light_repeat * creep**2, True)
             anyone = True
         elif sounded:
             if sign * (y - k.rim_before[i]) > -0.03 * st.period / 0.01:
@@ -284,7 +287,7 @@ def _take_light(eq, st, m, k, sign, i, moved):
     applied = max(k.applied[i], 0.0)
     mu = sign * applied / eq.chain.load[i]
     used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
-    creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(used, 1.5)
+    creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(max(used, LEAST_SHARE), 1.5)
     innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
     variance = 2.0 * o.noise**2 + o.light_repeat * creep**2
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
