@@ -70,7 +70,7 @@ class ReferenceSpeed:
     speed_walk: float = quantity(1e-3, "1")
     force_walk: float = quantity(5e-3, "1")
     unknown_force: float = quantity(0.2, "1")
-    shoe_error: float = quantity(0.15, "1")
+    shoe_error: float = quantity(0.1, "1")
     shoe_walk: float = quantity(0.02, "1")
     mass_error: float = quantity(0.05, "1")
     slip: float = quantity(0.25, "1")
