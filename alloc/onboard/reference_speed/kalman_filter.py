@@ -53,6 +53,9 @@ LEAST_COEFFICIENT = 8e-3
 LEAST_SHARE = 0.1
 """Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
 
+FALLING = 3.0
+"""Rim acceleration [m/s2] of a sounded wheel that is still on its way back."""
+
 COMMON_ERROR = 0.7
 """Correlation of the errors of speed and unknown force where the force has changed unnoticed."""
 
@@ -145,7 +148,7 @@ def _move(eq, st, m, k):
 
 
 @inlined_jit
-def _predict(st, k, acting, of_shoes, known):
+def _predict(st, k, acting, of_shoes):
     """Covariance one period later; `acting` specific force of all axles, `of_shoes` of the shoes [m/s2]."""
     o, p, period = st.reference, k.covariance, st.period
     for j in range(4):  # P <- F P F' + Q
@@ -204,14 +207,22 @@ def _forget(o, p, innovation):
 
 @inlined_jit
 def _believe(o, k, slip, innovation, variance, trusted):
-    """Take a reading; where it is odd and `trusted`, gradient and speed are learnt anew. Returns whether it was taken."""
+    """Take a reading; where it is odd and `trusted`, gradient and speed are learnt anew, else it is left."""
     p = k.covariance
-    if innovation**2 > 9.0 * (p[0, 0] + variance):
-        if not trusted:
-            return False
+    odd = innovation**2 > 9.0 * (p[0, 0] + variance)
+    if odd and trusted:
         _forget(o, p, innovation)
-    _update(k.state, p, slip, innovation, variance)
-    return True
+    if trusted or not odd:
+        _update(k.state, p, slip, innovation, variance)
+
+
+@inlined_jit
+def _adhesion(eq, o, k, i, sign):
+    """Coefficient that axle `i` asks for, and the deviation of its micro-slip [m/s]."""
+    applied = max(k.applied[i], 0.0)
+    used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
+    scale = o.creep * max(abs(k.state[SPEED]), o.creep_speed)
+    return sign * applied / eq.chain.load[i], scale * min(max(used, LEAST_SHARE), 1.5)
 
 
 @inlined_jit
@@ -229,14 +240,11 @@ def _measure(eq, st, m, k, sign):
         ease = _at_ease(eq, st, m, k, i)
         j = eq.axle_unit[i]
         y, applied = k.rim[i], max(k.applied[i], 0.0)
-        body = (
-            m.reference[eq.axle_body[i]] + f[SPEED] - before
-        )  # with what the axles ahead have told
-        mu = sign * applied / eq.chain.load[i]
+        # of its body, with what the axles before it have told
+        body = m.reference[eq.axle_body[i]] + f[SPEED] - before
+        mu, creep = _adhesion(eq, o, k, i, sign)
         innovation = y - body - f[SLIP] * mu
         k.ahead[i] += st.period / MEAN_TIME * (sign * (y - body) - k.ahead[i])
-        used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
-        creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(max(used, LEAST_SHARE), 1.5)
         settled = relative > -o.returning and not standing
         sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
         # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
@@ -251,7 +259,7 @@ def _measure(eq, st, m, k, sign):
             _believe(o, k, 0.0, innovation, white + o.light_repeat * creep**2, True)
             anyone = True
         elif sounded:
-            if sign * (y - k.rim_before[i]) > -0.03 * st.period / 0.01:
+            if sign * (y - k.rim_before[i]) > -FALLING * st.period:
                 _believe(o, k, mu, innovation, white + o.sounded_repeat * creep**2, True)
         elif light:
             if settled and k.ahead[i] < lead:
@@ -284,10 +292,7 @@ def _project(f, p, change):
 def _take_light(eq, st, m, k, sign, i, moved):
     """Take what the foremost of the light axles tells: others may still be on their way."""
     o, f = st.reference, k.state
-    applied = max(k.applied[i], 0.0)
-    mu = sign * applied / eq.chain.load[i]
-    used = applied / max(k.carried[i], LEAST_COEFFICIENT * eq.chain.load[i])
-    creep = o.creep * max(abs(f[SPEED]), o.creep_speed) * min(max(used, LEAST_SHARE), 1.5)
+    mu, creep = _adhesion(eq, o, k, i, sign)
     innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
     variance = 2.0 * o.noise**2 + o.light_repeat * creep**2
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
@@ -310,7 +315,7 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     acting, of_shoes = _apply_forces(eq, st, m, k, sign, torque, pressure)
     _move(eq, st, m, k)
     f[SPEED] = m.reference[0]
-    _predict(st, k, acting, of_shoes, True)
+    _predict(st, k, acting, of_shoes)
     anyone = _measure(eq, st, m, k, sign)
     most = st.reference.slip + 2.0 * st.reference.slip_deviation
     f[SLIP] = min(max(f[SLIP], 0.0), most)

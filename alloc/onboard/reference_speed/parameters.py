@@ -21,26 +21,16 @@ class Sounding:
     doubt_ratio: float = quantity(0.004, "1")
     ease: float = quantity(2.4, "1")
     share: float = quantity(0.4, "1")
-    time: float = quantity(0.08, "s")
-    return_time: float = quantity(0.1, "s")
+    time: float = quantity(0.06, "s")
+    return_time: float = quantity(0.06, "s")
     pause: float = quantity(0.3, "s")
     air_doubt: float = quantity(0.04, "1")
     air_known: float = quantity(0.02, "1")
     patience: float = quantity(5.0, "1")
 
     def __post_init__(self) -> None:
-        names = (
-            "doubt",
-            "doubt_ratio",
-            "ease",
-            "time",
-            "return_time",
-            "pause",
-            "air_doubt",
-            "air_known",
-            "patience",
-        )
-        OnboardError.check("sounding", self, names, ("share",))
+        numbers = set(self.__dataclass_fields__) - {"share"}
+        OnboardError.check("sounding", self, sorted(numbers), ("share",))
         OnboardError.check_order("sounding", self, "air_known", "air_doubt")
 
 
@@ -92,5 +82,6 @@ class ReferenceSpeed:
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
-        names = [name for name in self.__dataclass_fields__ if name not in ("source", "sounding")]
-        OnboardError.check("reference speed", self, nonnegative=names)
+        positive = ("sensor", "speed_walk", "unknown_force", "creep", "carried_time", "slid_time")
+        others = set(self.__dataclass_fields__) - {"source", "sounding", *positive}
+        OnboardError.check("reference speed", self, positive, nonnegative=sorted(others))

@@ -1,7 +1,7 @@
 """What the reference speed's estimate is told of train and sensors, and what it remembers."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -107,11 +107,31 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
 
 def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:
     """Memory of a train whose computers have not sensed yet."""
-    single = [np.full(1, value, dtype=np.int64) for value in (-1, -1, -1)]
+    nobody = np.full((3, 1), -1, dtype=np.int64)
+    of_axles = (
+        "rim",
+        "rim_before",
+        "smooth_rim",
+        "applied",
+        "smooth_applied",
+        "carried",
+        "ease",
+        "telling",
+        "ahead",
+    )
+    zeros: Any = {name: np.zeros(axles) for name in of_axles}
     return ReferenceMemory(
-        np.zeros(1, dtype=np.int64),
-        np.zeros(4), np.zeros((4, 4)), np.zeros(bodies), np.zeros(bodies), np.zeros(1), np.zeros(1),
-        *(np.zeros(axles) for _ in range(9)),
-        np.zeros(groups), np.zeros(groups),
-        SoundingMemory(*single, np.zeros(1), np.ones(units)),
-    )  # fmt: skip
+        ready=np.zeros(1, dtype=np.int64),
+        state=np.zeros(4),
+        covariance=np.zeros((4, 4)),
+        place=np.zeros(bodies),
+        force=np.zeros(bodies),
+        smooth_speed=np.zeros(1),
+        shoe_decel=np.zeros(1),
+        **zeros,
+        full=np.zeros(groups),
+        pressure=np.zeros(groups),
+        sounding=SoundingMemory(
+            unit=nobody[0], group=nobody[1], last=nobody[2], clock=np.zeros(1), share=np.ones(units)
+        ),
+    )
