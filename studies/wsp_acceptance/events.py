@@ -119,6 +119,6 @@ def stop_event(
 def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:
     """Name of a stop, such as "polach 0.08 > 0.03 -30 per mille"."""
     steps = [mu] if isinstance(mu, (int, float)) else [level for _, level in mu]
-    shown = " > ".join(f"{level:g}" for level in (steps if len(steps) < 4 else (*steps[:2], "...")))
+    shown = " > ".join(f"{level:g}" for level in steps[:3]) + (" > ..." if len(steps) > 3 else "")
     slope = f" {1e3 * grade:+g} per mille" if grade else ""
     return f"{curve} {shown}{slope}"

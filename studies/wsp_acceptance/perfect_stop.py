@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.equations import GRAVITY, gradient_force
@@ -34,7 +35,7 @@ def rest_friction(curve: AdhesionCurve, adhesion: float) -> float:
     return level
 
 
-def adhesion_offered(model: Model, front: Floats) -> Floats:
+def adhesion_offered(model: Model, front: ArrayLike) -> Floats:
     """Mean adhesion coefficient over the axles, weighted with their loads, at positions of the train's `front` [m].
 
     It is the maximum of the rail's curve at `REFERENCE_SPEED`. Edges of patches count as sharp: over the whole of a patch
@@ -50,7 +51,7 @@ def adhesion_offered(model: Model, front: Floats) -> Floats:
     return np.asarray(limit[which.reshape(factor.shape)] @ s.static_load / s.static_load.sum())
 
 
-def grade_met(model: Model, front: Floats) -> Floats:
+def grade_met(model: Model, front: ArrayLike) -> Floats:
     """Mean rise per run over the cars, weighted with their masses, at positions of the train's `front` [m]."""
     s, e = model.structure, model.environment
     place = np.asarray(front)[:, None] + s.car_offset
