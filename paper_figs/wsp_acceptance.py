@@ -1,9 +1,9 @@
 """Slide protection on every level and curve: the table of the sweep `wsp-acceptance` as a figure."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from paper_figs.palette import BLUE, DARK, VERMILION
+from paper_figs.palette import DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import bare_rows, name_rows, new_panels
@@ -28,14 +28,19 @@ from studies.wsp_acceptance.stop_cases import (
     UNIFORM,
 )
 
-SHADES = LinearSegmentedColormap.from_list("light", ["white", mpl.colors.to_rgba(BLUE, 0.45)])
+SHADES = LinearSegmentedColormap.from_list("light", ["#ffffff", "#8cc1e0"])
 """From good to bad; light enough for black numbers."""
 NAMES = {"piecewise": "piecewise", "polach": "Polach, wet", "slip-ratio": "slip ratio"}
 
 Rows = Callable[[pd.DataFrame], "pd.Series[bool]"]
+
+
+def _of_cars(cars: int, table: pd.DataFrame) -> "pd.Series[bool]":
+    return (table["part"] == UNIFORM) & (table["cars"] == cars)
+
+
 AROUND: dict[str, Rows] = {
-    **{f"{cars} car{'s' * (cars > 1)}": lambda t, n=cars: (t["part"] == UNIFORM) & (t["cars"] == n)
-       for cars in (1, 2, 5, 8)},
+    **{f"{cars} car{'s' * (cars > 1)}": partial(_of_cars, cars) for cars in (1, 2, 5, 8)},
     "shoes": lambda t: t["part"] == SHOES,
     "30 ‰ up": lambda t: (t["part"] == GRADIENT) & (t["grade_permille"] > 0.0),
     "30 ‰ down": lambda t: (t["part"] == GRADIENT) & (t["grade_permille"] < 0.0),
