@@ -53,7 +53,9 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def shown_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> Table:
-    """These columns of every row, each under its heading."""
+    """These columns of every row, each under its heading; and why, where one is not ok."""
+    if (table["status"] != "ok").any():
+        columns = {**columns, "reason": "reason"}
     shown = Table(box=None, padding=(0, 1))
     for heading in columns.values():
         shown.add_column(escape(heading), overflow="fold")

@@ -89,8 +89,17 @@ def adhesion_share(model: Model, speed: float, distance: float, end_speed: float
     On level rail of one adhesion mu it is (v0^2 / 2 s) / (mu g). So running resistance counts as used, and rotating masses
     count for nothing: each wheelset's own brake stops it.
     """
+    climbed = distance * float(grade_met(model, _middles(distance)).mean())
+    taken = 0.5 * (speed**2 - end_speed**2) - GRAVITY * climbed
+    return taken / energy_offered(model, distance)
+
+
+def energy_offered(model: Model, distance: float) -> float:
+    """Energy per mass [m2/s2] that the rail's adhesion could take over `distance` [m]."""
+    return GRAVITY * distance * float(adhesion_offered(model, _middles(distance)).mean())
+
+
+def _middles(distance: float) -> Floats:
+    """Middles of pieces of about a metre."""
     metres = max(round(distance), 1)
-    middles = (np.arange(metres) + 0.5) * (distance / metres)
-    offered, climbed = adhesion_offered(model, middles), grade_met(model, middles)
-    kinetic = 0.5 * (speed**2 - end_speed**2) / GRAVITY
-    return (kinetic / distance - float(climbed.mean())) / float(offered.mean())
+    return np.asarray((np.arange(metres) + 0.5) * (distance / metres))

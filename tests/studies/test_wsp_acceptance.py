@@ -148,9 +148,27 @@ def test_a_stop_is_measured_from_the_command_to_the_stand(stop):
     assert found["over_perfect"] == pytest.approx(found["distance_m"] / best.distance)
     assert found["damage_kj"] > 0.0
     assert found["air_nl"] > 0.0
-    # energy: what the brakes and the rail took is what the train had
-    kinetic = 0.5 * SPEED**2 * event.model.train.mass
-    assert kinetic > 1e3 * found["damage_kj"]
+    # no running resistance: it is all the rail's
+    assert found["adhesion_used_at_rail"] == pytest.approx(found["adhesion_used"], rel=1e-9)
+
+
+def test_what_running_resistance_takes_the_rail_does_not():
+    train = replace(TRAIN, resistance=(3000.0, 0.0, 0.0))
+    event = stop_event(train, "slip-ratio", 0.05, 8.0, reference=ReferenceSpeed(source="truth"))
+    run = stopped_run(event)
+    found = measured(run, event)
+    share = 3000.0 / (0.05 * GRAVITY * train.mass)
+    less = found["adhesion_used"] - found["adhesion_used_at_rail"]
+    assert less == pytest.approx(share, rel=5e-3)
+    carried = -run["rail_force"].sum("axle").values * run["speed"].values
+    work = float(np.trapezoid(carried, run["time"].values)) / train.mass
+    offered = 0.05 * GRAVITY * found["distance_m"]
+    assert found["adhesion_used_at_rail"] == pytest.approx(work / offered, rel=5e-3)
+
+
+def test_a_stop_that_would_be_too_long_a_run_is_cut_off():
+    event = stop_event(find_set("high-speed-16car"), "polach", 0.02, 80.0)
+    assert event.duration > perfect_stop(event.model, 80.0).time
 
 
 def test_a_run_ends_soon_after_its_train_stands_and_is_the_beginning_of_the_whole(stop):
