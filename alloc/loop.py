@@ -293,8 +293,8 @@ class ClosedLoop:
                     stop = self._end = int(tick[0]) + 1
             if on_progress is not None:
                 on_progress(stop / self.ticks)
-            if (
-                until_speed is not None
-                and self.plant.state[self.plant.rows.speed].max() <= until_speed
-            ):
-                self._end = stop
+            speed = self.plant.state[self.plant.rows.speed]
+            if until_speed is not None and speed.max() <= until_speed:
+                # so far that this speed is recorded
+                self._end = min(self._end, stop + self.timing.record_ticks)
+                until_speed = None

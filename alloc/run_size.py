@@ -9,6 +9,13 @@ MOST_AXLE_RECORDS = 5e6
 """Recorded instants times axles: about 2 GB while the record is evaluated."""
 
 
+def longest_duration(model: Model, step: float, record_period: float) -> float:
+    """Longest run [s] of `model` that `check_size` allows, a little less."""
+    steps = max(1.0 / step, model.stiffness() / STABLE_STEP)
+    axles = model.layout.axles
+    return 0.999 * min(MOST_AXLE_STEPS / steps, MOST_AXLE_RECORDS * record_period) / axles
+
+
 def check_size(
     owner: str, model: Model, duration: float, period: float, step: float, record_period: float
 ) -> None:

@@ -134,11 +134,25 @@ class Rail:
     def greatest_peak(self) -> float:
         """Estimate from above of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
         # an axle's law lies between the two
-        base = max(max(a / b, 0.0) + c for a, b, c in self._laws())
-        for patch in self.patches:
-            base *= max(patch.factor, 1.0)
+        base = max(max(a / b, 0.0) + c for a, b, c in self._laws()) * self._greatest_factor()
         growth = max(self.increments or (0.0,))
         return (base + max(growth, 0.0) + 4.0 * self.scatter) * (1.0 + self.conditioning)
+
+    def _greatest_factor(self) -> float:
+        """Largest product of the factors of patches that overlap, estimated from above: in space, and in time."""
+        raised = [patch for patch in self.patches if patch.factor > 1.0]
+        if not raised:
+            return 1.0
+        factor = np.array([patch.factor for patch in raised])
+        products = []
+        for start, end, edge in (("start", "end", "edge"), ("begin", "until", "fade")):
+            half = 0.5 * np.array([getattr(patch, edge) for patch in raised])
+            first = np.array([getattr(patch, start) for patch in raised]) - half
+            last = np.array([getattr(patch, end) for patch in raised]) + half
+            # most overlap where one of them begins
+            meets = (first <= first[:, None]) & (first[:, None] <= last)
+            products.append(float(np.where(meets, factor, 1.0).prod(axis=1).max()))
+        return min(products)
 
     def noise_table(self) -> NDArray[np.float64]:
         """Scatter at its knots, (NOISE_KNOTS,); its standard deviation along the rail is `scatter`."""

@@ -12,6 +12,7 @@ from cyclopts import Parameter, Token
 from studies.files.study_error import StudyError
 
 if TYPE_CHECKING:
+    from studies.core.study import Study
     from studies.core.workers import Workers
 
 
@@ -55,6 +56,17 @@ def split_names(values: Sequence[str] | None) -> list[str] | None:
     if not any(names):
         raise StudyError("an option for names was given without one; `readhesion list` has them")
     return names
+
+
+def split_numbers(option: str, values: Sequence[str]) -> list[float]:
+    """Numbers given one by one, with commas or with spaces."""
+    parts = " ".join(values).replace(",", " ").split()
+    if not parts:
+        raise StudyError(f"{option} was given without a number")
+    try:
+        return [float(part) for part in parts]
+    except ValueError:
+        raise StudyError(f"{option} {' '.join(values)}: give numbers, such as 0.05") from None
 
 
 def check_whole(option: str, value: int, least: int, most: int) -> None:
@@ -102,3 +114,36 @@ class Work:
 
 
 EVERYTHING = Work()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class StudyOptions:
+    """What a sweep is made of, where it says so: settings of the studies whose `options` name them."""
+
+    adhesion: Names = None
+    """wsp-acceptance: adhesion coefficients of uniform rail, one by one or with commas [default: the sweep's table]."""
+    curve: Names = None
+    """wsp-acceptance: adhesion curves, of piecewise, polach and slip-ratio [default: all]."""
+    speed_kmh: float | None = None
+    """wsp-acceptance: speed from which the train brakes [default: 100]."""
+    train: str | None = None
+    """wsp-acceptance: name of a train or path of its file; motors rest [default: that of JP4209318, 1 to 8 cars]."""
+    law: str | None = None
+    """wsp-acceptance: law of the slide protection [default: fuzzy]."""
+
+    def settings(self, study: "Study") -> dict[str, object]:
+        """What was given, by name; raises `StudyError` where `study` has no such option, or a value is none."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        for name in given.keys() - set(study.options):
+            option = name.replace("_", "-")
+            raise StudyError(f"--{option} is no option of the sweep {study.name!r}")
+        values: dict[str, object] = {**given}
+        if self.curve is not None:
+            values["curve"] = split_names(self.curve)
+        if self.adhesion is not None:
+            values["adhesion"] = split_numbers("--adhesion", self.adhesion)
+        return values
+
+
+AS_IT_IS = StudyOptions()

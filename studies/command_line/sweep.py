@@ -8,10 +8,12 @@ from cyclopts import Parameter
 
 from studies.command_line.options import (
     ALL_FAILED,
+    AS_IT_IS,
     EVERYTHING,
     GREATEST_SEED,
     MOST_EVENTS,
     FilePath,
+    StudyOptions,
     Whole,
     Work,
     check_whole,
@@ -27,6 +29,7 @@ def sweep(
     out: FilePath = Path("results"),
     seed: Whole = 0,
     work: Work = EVERYTHING,
+    own: StudyOptions = AS_IT_IS,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
     """Ask one question over many random events, and state what the answer is.
@@ -48,26 +51,31 @@ def sweep(
     """
     from studies.core.collection import find_study, study_folder
     from studies.core.shard import read_shard
-    from studies.core.statement_report import about, printed
+    from studies.core.statement_report import about, printed, rows_of, shown_rows
 
     chosen = find_study(name)
     count = chosen.default_events if events is None else events
     check_whole("--events", count, 1, MOST_EVENTS)
     check_whole("--seed", seed, 0, GREATEST_SEED)
+    settings = own.settings(chosen)
     shard = read_shard(work.shard)
     check_place(out)
     folder = study_folder(out, name)
     with work.workers() as workers, progress() as on_row:
-        table = chosen.run(folder, count, seed, workers, on_row, shard=shard)
+        table = chosen.run(folder, count, seed, workers, on_row, shard=shard, **settings)
     failed = int((table["status"] != "ok").sum()) if "status" in table else 0
     all_failed = failed == len(table) > 0
     found = [] if all_failed or work.shard else chosen.statements(table)
     if as_json:
         content = about(name, count, seed, folder, len(table), failed) | {"shard": work.shard}
         content["statements"] = [statement.content() for statement in found]
+        if chosen.shown:
+            content["rows"] = rows_of(table)
         print(json.dumps(content, indent=2, allow_nan=False))
     else:
         screen = console()
+        if chosen.shown:
+            screen.print(shown_rows(table, chosen.shown))
         for item in printed(found):
             screen.print(item)
         screen.print(f"{counted(table, 'rows')}{of_shard(work)}; tables in {folder}")

@@ -1,9 +1,11 @@
 """Statements of a sweep for people, and what a sweep was for machines."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
@@ -35,6 +37,37 @@ def about(
         "code": code_hash("studies.core.job"),
         **provenance(),
     }
+
+
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table for JSON, without what the store keeps of them; what is no number becomes None."""
+    return [
+        {
+            str(name): None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in row.items()
+        }
+        for row in table.drop(columns=["cell", "code_hash", "wall_time"], errors="ignore").to_dict(
+            "records"
+        )
+    ]
+
+
+def shown_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> Table:
+    """These columns of every row, each under its heading; and why, where one is not ok."""
+    if (table["status"] != "ok").any():
+        columns = {**columns, "reason": "reason"}
+    shown = Table(box=None, padding=(0, 1))
+    for heading in columns.values():
+        shown.add_column(escape(heading), overflow="fold")
+    for row in rows_of(table):
+        values = (row.get(name) for name in columns)
+        shown.add_row(
+            *(
+                "–" if v is None else f"{v:.4g}" if isinstance(v, float) else escape(str(v))
+                for v in values
+            )
+        )
+    return shown
 
 
 def _block(statement: Statement) -> Group:

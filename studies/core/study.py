@@ -1,7 +1,8 @@
 """A study: one question, asked over many events; its cells make a table, and the table makes statements."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,6 +45,10 @@ class Study:
     """Whether statements need every row, and each one ok."""
     step: int = 1
     """Events in the least number that adds cells to those of fewer and changes none."""
+    options: tuple[str, ...] = ()
+    """Settings that the command line may give, by the names that `studies.command_line.options` has for them."""
+    shown: Mapping[str, str] = field(default_factory=dict)
+    """Columns that `readhesion sweep` prints of every row, each with its heading. With `--json` it gives all of them."""
 
     def run(
         self,
@@ -60,10 +65,12 @@ class Study:
         `shard`: a share of the events, whose rows come as they are; stages that need the rows of all are left out.
         `settings` are the study's own, such as a shorter duration; their rows stand apart from those without.
         """
+        blocks = self._blocks(seed, events, shard, settings)
+        blocks = chain([next(blocks)], blocks)  # what cannot be asked for leaves no folder behind
         store = Store(folder)
         tables: list[pd.DataFrame] = []
         with workers(jobs) as others:  # the same for all blocks and stages
-            for cells, block in self._blocks(seed, events, shard, settings):
+            for cells, block in blocks:
                 tables.append(run_cells(cells, store, others, on_row=_in_all(on_row, block)))
             table = tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True)
             if shard != ALL:

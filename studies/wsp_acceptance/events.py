@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from alloc.event import DriverCommand, Event
+from alloc.event import STEP, DriverCommand, Event
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
 from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import (
@@ -16,6 +16,7 @@ from alloc.plant.adhesion import (
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Car, Train
+from alloc.run_size import longest_duration
 from studies.files.study_error import StudyError
 from studies.slides.jp4209318 import CYCLE, FULL_BRAKE, slide_protection
 from studies.wsp_acceptance.perfect_stop import LONGEST_STOP, perfect_stop, rest_friction
@@ -90,14 +91,16 @@ def stop_event(
     """Full braking with air alone from `speed` [m/s] to a stand on a rail of adhesion `mu`.
 
     `grade`: rise per run. `reference`: of the train's computers; `ReferenceSpeed(source="truth")` gives them the true
-    speed. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the adhesion.
+    speed. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the adhesion, or as long
+    as a run may be.
     Raises `StudyError` where the train has no air brake.
     """
     braked, rail, line = air_braked(train), rail_of(curve, mu), Line(grades=(grade,))
-    best = perfect_stop(build(braked, rail, line, span=(0.0, float(LONGEST_STOP))), speed)
     if duration is None:
-        endless = math.isinf(best.time)
-        duration = ENDLESS if endless else APPLICATION + best.time / USED_LEAST
+        model = build(braked, rail, line, span=(0.0, float(LONGEST_STOP)))
+        best = perfect_stop(model, speed)
+        wanted = ENDLESS if math.isinf(best.time) else APPLICATION + best.time / USED_LEAST
+        duration = min(wanted, longest_duration(model, STEP, CYCLE))
     return Event(
         name=event_name(curve, mu, grade),
         model=build(braked, rail, line, span=(0.0, speed * duration)),
@@ -119,6 +122,6 @@ def stop_event(
 def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:
     """Name of a stop, such as "polach 0.08 > 0.03 -30 per mille"."""
     steps = [mu] if isinstance(mu, (int, float)) else [level for _, level in mu]
-    shown = " > ".join(f"{level:g}" for level in (steps if len(steps) < 4 else (*steps[:2], "...")))
+    shown = " > ".join(f"{level:g}" for level in steps[:3]) + (" > ..." if len(steps) > 3 else "")
     slope = f" {1e3 * grade:+g} per mille" if grade else ""
     return f"{curve} {shown}{slope}"

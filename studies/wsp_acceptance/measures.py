@@ -11,7 +11,7 @@ from alloc.metrics.motion import damage
 from alloc.metrics.registry import record_period, series
 from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED, air_consumption, locked_time
 from alloc.simulation import simulate
-from studies.wsp_acceptance.perfect_stop import adhesion_share, perfect_stop
+from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered, perfect_stop
 
 STANDSTILL = 0.05
 """Speed [m/s] from which on a train stands. Down a slope it creeps, slower than this; on level rail it has 6 mm to go."""
@@ -41,7 +41,7 @@ def longest_lock(run: xr.Dataset) -> float:
 def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
     """Measures of the stop that `event` asked for, from its command to the stand, or to the end if it never stood.
 
-    Distances over a perfect stop and the time of one are infinite where the rail stops nobody.
+    `adhesion_used` is as type tests have it; `adhesion_used_at_rail` leaves out what running resistance takes.
     """
     speed, standing = series(run, "speed"), stands(run)
     end = int(np.argmax(standing)) if standing.any() else speed.size - 1
@@ -49,10 +49,14 @@ def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
     position = series(stop, "position")
     distance = float(position[-1] - position[0])
     left = 0.0 if standing.any() else float(speed[-1])
-    best = perfect_stop(event.model, event.initial_speed)
+    model, start = event.model, event.initial_speed
+    best = perfect_stop(model, start)
+    against = series(stop, "resistance_work")  # and against the gradient
+    by_rail = 0.5 * (start**2 - left**2) - float(against[-1] - against[0]) / model.train.mass
     return {
         "stopped": bool(standing.any()),
-        "adhesion_used": adhesion_share(event.model, event.initial_speed, distance, left),
+        "adhesion_used": adhesion_share(model, start, distance, left),
+        "adhesion_used_at_rail": by_rail / energy_offered(model, distance),
         "locked_axle_s": locked_time(stop),
         "longest_lock_s": longest_lock(stop),
         "damage_kj": damage(stop),

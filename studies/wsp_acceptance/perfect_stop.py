@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.equations import GRAVITY, gradient_force
@@ -34,7 +35,7 @@ def rest_friction(curve: AdhesionCurve, adhesion: float) -> float:
     return level
 
 
-def adhesion_offered(model: Model, front: Floats) -> Floats:
+def adhesion_offered(model: Model, front: ArrayLike) -> Floats:
     """Mean adhesion coefficient over the axles, weighted with their loads, at positions of the train's `front` [m].
 
     It is the maximum of the rail's curve at `REFERENCE_SPEED`. Edges of patches count as sharp: over the whole of a patch
@@ -50,7 +51,7 @@ def adhesion_offered(model: Model, front: Floats) -> Floats:
     return np.asarray(limit[which.reshape(factor.shape)] @ s.static_load / s.static_load.sum())
 
 
-def grade_met(model: Model, front: Floats) -> Floats:
+def grade_met(model: Model, front: ArrayLike) -> Floats:
     """Mean rise per run over the cars, weighted with their masses, at positions of the train's `front` [m]."""
     s, e = model.structure, model.environment
     place = np.asarray(front)[:, None] + s.car_offset
@@ -88,8 +89,17 @@ def adhesion_share(model: Model, speed: float, distance: float, end_speed: float
     On level rail of one adhesion mu it is (v0^2 / 2 s) / (mu g). So running resistance counts as used, and rotating masses
     count for nothing: each wheelset's own brake stops it.
     """
+    climbed = distance * float(grade_met(model, _middles(distance)).mean())
+    taken = 0.5 * (speed**2 - end_speed**2) - GRAVITY * climbed
+    return taken / energy_offered(model, distance)
+
+
+def energy_offered(model: Model, distance: float) -> float:
+    """Energy per mass [m2/s2] that the rail's adhesion could take over `distance` [m]."""
+    return GRAVITY * distance * float(adhesion_offered(model, _middles(distance)).mean())
+
+
+def _middles(distance: float) -> Floats:
+    """Middles of pieces of about a metre."""
     metres = max(round(distance), 1)
-    middles = (np.arange(metres) + 0.5) * (distance / metres)
-    offered, climbed = adhesion_offered(model, middles), grade_met(model, middles)
-    kinetic = 0.5 * (speed**2 - end_speed**2) / GRAVITY
-    return (kinetic / distance - float(climbed.mean())) / float(offered.mean())
+    return np.asarray((np.arange(metres) + 0.5) * (distance / metres))

@@ -63,6 +63,7 @@ from paper_figs.slides import (
     slide_tables,
 )
 from paper_figs.style import CONTROLLER_FILL, STYLE_FILE, rule_colour
+from paper_figs.wsp_acceptance import wsp_acceptance
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
@@ -80,6 +81,7 @@ from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
+from tests.studies.acceptance_tables import acceptance_table
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
@@ -92,7 +94,7 @@ CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
-    "cars", "sensitivity",
+    "cars", "sensitivity", "adhesion curve", "kind of stop, the worst of each",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -198,6 +200,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slide-tables": slide_tables(slide_table()),
         "slide-pareto": slide_pareto(slide_table()),
         "slide-electric": slide_electric(slide_table()),
+        "wsp-acceptance": wsp_acceptance(acceptance_table()),
     }
 
 

@@ -59,6 +59,16 @@ def test_the_greatest_peak_bounds_every_axle(speed, axles, swapped):
     assert np.all(hyperbolic_speed_law(speed, *laws) <= rail.greatest_peak() * (1.0 + 1e-12))
 
 
+def test_patches_raise_the_greatest_peak_together_only_where_they_overlap():
+    def greatest(*patches):
+        return Rail(0.1, patches=patches).greatest_peak()
+
+    assert greatest(Patch(2.0, 0.0, 10.0), Patch(3.0, 30.0, 40.0), Patch(0.5)) == pytest.approx(0.3)
+    assert greatest(Patch(2.0, 0.0, 10.0), Patch(3.0, 12.0, 40.0)) == pytest.approx(0.6)  # edges
+    assert greatest(Patch(2.0, begin=1.0, until=2.0), Patch(3.0, begin=4.0)) == pytest.approx(0.3)
+    assert greatest(Patch(2.0, 0.0, 10.0), Patch(3.0, begin=4.0)) == pytest.approx(0.6)
+
+
 def test_a_rear_law_like_the_fronts_changes_nothing(train):
     one, other = Rail(0.9, FRONT), Rail(0.9, FRONT, rear_speed_law=FRONT)
     np.testing.assert_array_equal(_peak(train("TM"), one), _peak(train("TM"), other))

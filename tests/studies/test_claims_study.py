@@ -160,7 +160,9 @@ def stub(monkeypatch):
         {"wetness [-]": Interval(1.0, 0.9, float("nan"), 3)},
         ("on rails",),
     )
-    study = SimpleNamespace(default_events=7, run=study_run, statements=lambda _: [statement])
+    study = SimpleNamespace(
+        default_events=7, run=study_run, statements=lambda _: [statement], options=(), shown={}
+    )
     monkeypatch.setattr("studies.core.collection.find_study", {"claims": study}.__getitem__)
     return calls
 

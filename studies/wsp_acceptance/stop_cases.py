@@ -1,0 +1,210 @@
+"""Which stops the study makes: the table of levels and curves and what surrounds it, drawn stops, and stops asked for."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from typing import Any
+
+from alloc.event import Event
+from alloc.onboard.parameters import ReferenceSpeed
+from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.model import build
+from alloc.plant.sets import jp4209318_3car
+from alloc.plant.sets.freight import FRICTION
+from alloc.plant.train import Car, Train
+from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.files.study_error import StudyError, unknown
+from studies.scenario.train_keys import build_train
+from studies.slides.jp4209318 import slide_protection
+from studies.wsp_acceptance.events import CURVES, Levels, air_braked, gripping, rail_of, stop_event
+from studies.wsp_acceptance.perfect_stop import REFERENCE_SPEED, perfect_stop
+
+LEVELS = (0.02, 0.03, 0.05, 0.08)
+ABOVE = (0.12,)
+"""Further levels of the three-car train, on which a protection tuned to less may brake too little."""
+CARS = (1, 2, 3, 5, 8)
+SPEED_KMH = 100.0
+GRADE = 0.03
+"""Rise per run of the gradients."""
+FRICTION_ERROR = 0.15
+"""Share by which shoe friction is above or below what the computers believe."""
+JUMP_AT = 0.3
+"""Share of the perfect stop's distance on the first level after which another one begins."""
+PATCH_LEVELS = {0.08: 0.02, 0.05: 0.02, 0.03: 0.08, 0.02: 0.05}
+"""Level of the rail and that of its patches."""
+PATCHES, PATCH_LENGTH = 8, 30.0
+"""Patches over the distance of a perfect stop without them, and the length of each [m]."""
+LAWS = ("fuzzy", "threshold", "none")
+FASTEST_KMH = 400.0
+UNIFORM, SHOES, GRADIENT, JUMP, PATCHED, BELIEF, DRAWN = (
+    "uniform", "shoes", "gradient", "jump", "patches", "belief", "drawn"
+)  # fmt: skip
+"""Parts of the table."""
+
+
+@dataclass(frozen=True)
+class StopCase:
+    """A stop, with the estimated reference speed and, if `compared`, with the true one."""
+
+    part: str
+    train: Train
+    curve: str
+    levels: Levels
+    speed: float = SPEED_KMH / 3.6
+    grade: float = 0.0
+    friction_factor: float = 1.0
+    """True shoe friction over what the computers believe."""
+    law: str = "fuzzy"
+    compared: bool = True
+
+    @property
+    def adhesion(self) -> float:
+        """Level at the begin of the stop."""
+        return self.levels if isinstance(self.levels, (int, float)) else self.levels[0][1]
+
+    def event(self, reference: ReferenceSpeed | None = None) -> Event:
+        """The stop under a reference speed; estimated where none is given."""
+        return stop_event(
+            gripping(self.train, self.friction_factor), self.curve, self.levels, self.speed, self.grade,
+            slide_protection(law=self.law), reference,
+        )  # fmt: skip
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What tells the row from others."""
+        return {
+            "part": self.part,
+            "train": self.train.name,
+            "cars": len(self.train.cars),
+            "curve": self.curve,
+            "adhesion": self.adhesion,
+            "speed_kmh": round(3.6 * self.speed, 6),
+            "grade_permille": 1e3 * self.grade,
+            "friction_factor": self.friction_factor,
+            "law": self.law,
+        }
+
+
+def discs(cars: int) -> Train:
+    """The train of JP4209318, whose brakes have the same friction at all speeds."""
+    return jp4209318_3car.train(cars)
+
+
+def shoes(cars: int) -> Train:
+    """The same with brake shoes whose friction falls with the speed; at `REFERENCE_SPEED` they brake as hard."""
+    plain = discs(cars)
+    return replace(
+        plain,
+        name=f"{plain.name}-shoes",
+        cars=tuple(_with_shoes(car) for car in plain.cars),
+    )
+
+
+def _with_shoes(car: Car) -> Car:
+    brake = car.air_brake
+    assert brake is not None
+    force = brake.force_per_pascal / float(hyperbolic_speed_law(REFERENCE_SPEED, *FRICTION))
+    return replace(car, air_brake=replace(brake, friction=FRICTION, force_per_pascal=force))
+
+
+def table_cases(law: str = "fuzzy") -> Iterator[StopCase]:
+    """The table, and what surrounds it, from 100 km/h."""
+    for curve in CURVES:
+        three = StopCase(UNIFORM, discs(3), curve, LEVELS[0], law=law)
+        for level in LEVELS:
+            yield from (replace(three, train=discs(cars), levels=level) for cars in CARS)
+            yield replace(three, part=SHOES, train=shoes(3), levels=level)
+            for grade in (GRADE, -GRADE):
+                if level + grade > 0.0:  # else the rail stops nobody
+                    yield replace(three, part=GRADIENT, levels=level, grade=grade)
+            for factor, grade in product(
+                (1.0 - FRICTION_ERROR, 1.0, 1.0 + FRICTION_ERROR), (-GRADE, 0.0, GRADE)
+            ):
+                yield replace(
+                    three, part=BELIEF, levels=level, grade=grade, friction_factor=factor, compared=False
+                )  # fmt: skip
+        yield from (replace(three, levels=level) for level in ABOVE)
+        for first, then in permutations(LEVELS, 2):
+            yield replace(three, part=JUMP, levels=jump(curve, first, then))
+        for level, other in PATCH_LEVELS.items():
+            yield replace(three, part=PATCHED, levels=patches(curve, level, other))
+
+
+def jump(curve: str, first: float, then: float) -> tuple[tuple[float, float], ...]:
+    """Rail of one level and, from `JUMP_AT` of the way on, another."""
+    return (-math.inf, first), (JUMP_AT * _way(curve, first), then)
+
+
+def patches(curve: str, level: float, other: float) -> tuple[tuple[float, float], ...]:
+    """Rail of one level with `PATCHES` patches of another."""
+    way = _way(curve, level) / PATCHES
+    places = [(k + 0.5) * way for k in range(PATCHES)]
+    return (
+        (-math.inf, level),
+        *(step for x in places for step in ((x, other), (x + PATCH_LENGTH, level))),
+    )
+
+
+def _way(curve: str, level: float) -> float:
+    """Distance of a perfect stop [m]."""
+    return perfect_stop(build(discs(3), rail_of(curve, level)), SPEED_KMH / 3.6).distance
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "cars": Quantity("1 ... 8", "as in the table", lambda g, _: int(g.integers(1, 9))),
+    "brake": Quantity(
+        "discs or shoes", "as in the table", lambda g, _: ("discs", "shoes")[int(g.integers(2))]
+    ),
+    "curve": Quantity(
+        "each in its turn", "as in the table", lambda _, d: list(CURVES)[d["number"] % len(CURVES)]
+    ),
+    "level": Quantity(
+        "0.02 ... 0.1, uniform in its logarithm", "between the table's levels",
+        lambda g, _: round(0.02 * 5.0 ** float(g.uniform()), 4),
+    ),
+    "speed_kmh": uniform(60.0, 160.0, " km/h", "slower and faster than the table's stops"),
+    "grade_share": sometimes(
+        0.5, -0.6, 0.6, " of the level", 0.0, "up or down, at most 30 per mille; the train stops"
+    ),
+    "friction_factor": uniform(
+        1.0 - FRICTION_ERROR, 1.0 + FRICTION_ERROR, "", "shoe friction other than believed"
+    ),
+}  # fmt: skip
+"""Every drawn quantity in the order of drawing."""
+EVENTS = DrawnEvents("stop", QUANTITIES, stream=(13,), numbered=True)
+
+
+def drawn_case(seed: int, k: int, law: str = "fuzzy") -> StopCase:
+    """The drawn stop of number `k`."""
+    d = EVENTS.draw(seed, k)
+    make = {"discs": discs, "shoes": shoes}[d["brake"]]
+    grade = round(max(-GRADE, min(GRADE, d["grade_share"] * d["level"])), 4)
+    return StopCase(
+        DRAWN, make(d["cars"]), d["curve"], d["level"], d["speed_kmh"] / 3.6, grade, d["friction_factor"], law
+    )  # fmt: skip
+
+
+def chosen_cases(
+    adhesion: Sequence[float] | None,
+    curve: Sequence[str] | None,
+    speed_kmh: float | None,
+    train: str | None,
+    law: str = "fuzzy",
+) -> list[StopCase]:
+    """Stops on uniform level rail as asked for; what is None is as in the table. Raises `StudyError` for what cannot be."""
+    for level in adhesion or ():
+        if not 0.0 < level <= 1.0:
+            raise StudyError(f"--adhesion {level:g}: give coefficients above 0, 1 at most")
+    for name in curve or ():
+        if name not in CURVES:
+            raise unknown("curve", name, CURVES)
+    kmh = SPEED_KMH if speed_kmh is None else speed_kmh
+    if not 5.0 < kmh <= FASTEST_KMH:
+        raise StudyError(f"--speed-kmh {kmh:g}: give a speed above 5, {FASTEST_KMH:g} at most")
+    chosen = discs(3) if train is None else build_train(train, None, None, None, reverse=False)
+    return [
+        StopCase(UNIFORM, air_braked(chosen), name, level, kmh / 3.6, law=law)
+        for name in dict.fromkeys(curve or CURVES)
+        for level in dict.fromkeys(adhesion or LEVELS)
+    ]
