@@ -216,9 +216,7 @@ def _chain(model: Model, onboard: Onboard, weights: _Weights) -> Chain:
     s, belief = model.structure, onboard.belief
     bodies = s.body_mass.size
     mass: Floats = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
-    resistance: Floats = np.stack(
-        [np.bincount(s.car_body, one, bodies) for one in s.car_resistance.T]
-    )
+    resistance: Any = np.stack([np.bincount(s.car_body, x, bodies) for x in s.car_resistance.T])
     coupler: Floats = s.coupler * np.array([belief.coupler_factor, belief.coupler_factor, 1.0, 1.0])
     steps = 1
     if bodies > 1:

@@ -13,6 +13,7 @@ from alloc.plant.adhesion import (
     PiecewiseCurve,
     SlipRatioCurve,
 )
+from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Car, Train
@@ -33,6 +34,8 @@ APPLICATION = 10.0
 """Time [s] that a stop may take beyond the perfect one: cylinders fill, and a first slide is caught."""
 USED_LEAST = 0.3
 """Adhesion used with which a train still stops within the run."""
+ROLLING = 3.0
+"""Time [s] for which the train rolls before it brakes. Its computers then know the gradient, as after any run."""
 ENDLESS = 90.0
 """Time [s] of a run where the rail stops nobody."""
 
@@ -87,12 +90,13 @@ def stop_event(
     protection: SlideProtection = PROTECTION,
     reference: ReferenceSpeed | None = None,
     duration: float | None = None,
+    rolling: float = ROLLING,
 ) -> Event:
     """Full braking with air alone from `speed` [m/s] to a stand on a rail of adhesion `mu`.
 
     `grade`: rise per run. `reference`: of the train's computers; `ReferenceSpeed(source="truth")` gives them the true
     speed. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the adhesion, or as long
-    as a run may be.
+    as a run may be. The train rolls for `rolling` [s], and brakes from position 0 on.
     Raises `StudyError` where the train has no air brake.
     """
     braked, rail, line = air_braked(train), rail_of(curve, mu), Line(grades=(grade,))
@@ -100,11 +104,13 @@ def stop_event(
         model = build(braked, rail, line, span=(0.0, float(LONGEST_STOP)))
         best = perfect_stop(model, speed)
         wanted = ENDLESS if math.isinf(best.time) else APPLICATION + best.time / USED_LEAST
-        duration = min(wanted, longest_duration(model, STEP, CYCLE))
+        duration = min(wanted, longest_duration(model, STEP, CYCLE) - rolling)
+    fall = GRAVITY * grade / math.sqrt(1.0 + grade**2)
+    start, way = speed + fall * rolling, (speed + 0.5 * fall * rolling) * rolling
     return Event(
         name=event_name(curve, mu, grade),
-        model=build(braked, rail, line, span=(0.0, speed * duration)),
-        command=DriverCommand((0.0,), (FULL_BRAKE,)),
+        model=build(braked, rail, line, span=(-way, start * duration)),
+        command=DriverCommand((rolling,), (FULL_BRAKE,)),
         # what is asked for is applied at once: the cylinders' dead time and lag are all the delay
         onboard=Onboard(
             period=CYCLE,
@@ -112,8 +118,9 @@ def stop_event(
             braking=Braking(slide_protection=protection, release_speed=0.0),
             reference=ReferenceSpeed() if reference is None else reference,
         ),
-        duration=duration,
-        initial_speed=speed,
+        duration=rolling + duration,
+        initial_speed=start,
+        initial_position=-way,
         record_period=CYCLE,
         target_speed=0.0,
     )

@@ -41,15 +41,18 @@ def longest_lock(run: xr.Dataset) -> float:
 def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
     """Measures of the stop that `event` asked for, from its command to the stand, or to the end if it never stood.
 
+    The train rolls before its command.
+
     `adhesion_used` is as type tests have it; `adhesion_used_at_rail` leaves out what running resistance takes.
     """
+    run = run.isel(time=slice(int(np.argmax(series(run, "driver_command") < 0.0)), None))
     speed, standing = series(run, "speed"), stands(run)
     end = int(np.argmax(standing)) if standing.any() else speed.size - 1
     stop = run.isel(time=slice(0, end + 1))
     position = series(stop, "position")
     distance = float(position[-1] - position[0])
     left = 0.0 if standing.any() else float(speed[-1])
-    model, start = event.model, event.initial_speed
+    model, start = event.model, float(speed[0])
     best = perfect_stop(model, start)
     against = series(stop, "resistance_work")  # and against the gradient
     by_rail = 0.5 * (start**2 - left**2) - float(against[-1] - against[0]) / model.train.mass
@@ -63,5 +66,5 @@ def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
         "air_nl": air_consumption(stop),
         "distance_m": distance,
         "over_perfect": distance / best.distance if standing.any() else float("nan"),
-        "time_s": float(series(stop, "time")[-1]),
+        "time_s": float(series(stop, "time")[-1] - series(stop, "time")[0]),
     }

@@ -17,7 +17,15 @@ from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.train_keys import build_train
 from studies.slides.jp4209318 import slide_protection
-from studies.wsp_acceptance.events import CURVES, Levels, air_braked, gripping, rail_of, stop_event
+from studies.wsp_acceptance.events import (
+    CURVES,
+    ROLLING,
+    Levels,
+    air_braked,
+    gripping,
+    rail_of,
+    stop_event,
+)  # fmt: skip
 from studies.wsp_acceptance.perfect_stop import REFERENCE_SPEED, perfect_stop
 
 LEVELS = (0.02, 0.03, 0.05, 0.08)
@@ -68,6 +76,8 @@ class StopCase:
         return stop_event(
             gripping(self.train, self.friction_factor), self.curve, self.levels, self.speed, self.grade,
             slide_protection(law=self.law), reference,
+            # where beliefs are wrong the gradient begins with the brakes: nobody could have learnt it
+            rolling=0.0 if self.part == BELIEF else ROLLING,
         )  # fmt: skip
 
     @property
