@@ -215,7 +215,7 @@ STABLE_ANGLE = 0.3
 def _chain(model: Model, onboard: Onboard, weights: _Weights) -> Chain:
     s, belief = model.structure, onboard.belief
     bodies = s.body_mass.size
-    mass: Floats = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
+    mass: Any = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
     resistance: Any = np.stack([np.bincount(s.car_body, x, bodies) for x in s.car_resistance.T])
     coupler: Floats = s.coupler * np.array([belief.coupler_factor, belief.coupler_factor, 1.0, 1.0])
     steps = 1
