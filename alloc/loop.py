@@ -161,9 +161,11 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 m.in_service[j] = time < plant.workspace.unit.failure_time[j] + REPORT_DELAY
             first = 2 * rows.bodies
             torque = first + rows.axles
+            pressure = torque + units
             sense(
                 eq, st, m, time, a,
                 plant.state[first : first + rows.axles], plant.state[torque : torque + units],
+                plant.state[pressure : pressure + rows.groups],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
             needed = prepare_allocation(eq, st, m, time, tick, a)

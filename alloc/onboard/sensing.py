@@ -5,6 +5,7 @@ import numpy as np
 from alloc.compilation import equation, inlined_jit
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
+from alloc.plant.equations import hyperbolic_speed_law
 
 
 @inlined_jit
@@ -138,10 +139,26 @@ def _move_by_forces(eq, m, sign, blended):
 
 
 @inlined_jit
+def _read_air_forces(eq, st, m, pressure, blended):
+    """Air brake force of each unit per axle at its rim: of its cylinders' pressure, or as commanded."""
+    by_pressure = blended and st.brakes.by_pressure
+    for j in range(eq.axles.size):
+        m.air_force[j] = 0.0 if by_pressure else m.unit.air_brake_force[j]
+    if by_pressure:
+        for i in range(eq.axle_unit.size):
+            j, g = eq.axle_unit[i], eq.axle_group[i]
+            if j >= 0 and g >= 0:
+                numerator, offset, constant = eq.group.friction[g]
+                speed = m.reference[eq.axle_body[i]]
+                friction = hyperbolic_speed_law(speed, numerator, offset, constant)
+                m.air_force[j] += eq.group.gain[g] * pressure[g] * friction / eq.axles[j]
+
+
+@inlined_jit
 def _estimate(eq, st, m, j, torque, sign, blended):
     """Coefficient of unit `j`: by (4) from motor torque and speed; under blended brakes (18).
 
-    That is electric force as known, air brake force as commanded, and what the wheelsets' own deceleration takes of them.
+    To what (4) finds of the electric brake (18) adds the air brake's force; as printed it takes the electric force as it is.
     """
     o = st.observer
     angular = m.speed[j] / eq.radius[j]
@@ -159,11 +176,9 @@ def _estimate(eq, st, m, j, torque, sign, blended):
     )
     m.torque[j] = torque
     if blended:
-        electric = -torque * eq.gear[j] / eq.radius[j]
-        acceleration = m.unit.computed_acceleration[j]
-        turning = st.brakes.inertia * eq.inertia[j] / eq.radius[j] ** 2 * acceleration
-        force = electric + m.unit.air_brake_force[j] + turning
-        m.unit.coefficient_estimate[j] = force / axle_load
+        if not st.brakes.inertia_in_estimate:
+            m.unit.coefficient_estimate[j] = -wheel_torque / (axle_load * eq.radius[j])
+        m.unit.coefficient_estimate[j] += m.air_force[j] / axle_load
 
 
 @inlined_jit
@@ -200,11 +215,11 @@ def _limits(eq, m, j, sign, blended):
 
 
 @inlined_jit
-def sense(eq, st, m, time, commanded, omega, torque, noise):
+def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
     """Read the sensors: speeds, accelerations, slip signals, coefficient estimates; note the foremost unit's detection.
 
     `omega` (axles,) true angular speeds as the sensors see them, `noise` (axles,) [m/s at the rim], `torque` (units,)
-    motor torque known to the inverters.
+    motor torque known to the inverters, `pressure` (groups,) [Pa] of the brake cylinders.
     """
     units = eq.axles.size
     sign = 1.0 if commanded >= 0.0 else -1.0
@@ -213,6 +228,7 @@ def sense(eq, st, m, time, commanded, omega, torque, noise):
         _lose_signals(eq, st.sensors.dropout, m, time)
     _read_speeds(eq, st, m, omega, noise)
     _compare_with_reference(eq, st, m, sign, commanded)
+    _read_air_forces(eq, st, m, pressure, blended)
     first = 0
     while first < units - 1 and not m.in_service[first]:
         first += 1
