@@ -15,6 +15,7 @@ from alloc.plant.equations import (
     car_drag,
     car_rail_force,
     coupler_forces,
+    curving_resistance,
     cylinder_pressure_rate,
     hyperbolic_speed_law,
     motor_torque_rate,
@@ -36,6 +37,7 @@ class Local(NamedTuple):
     drive_limit: Array  # (units,) motor torque [N m]
     brake_limit: Array  # (units,)
     health: Array  # (units,) 1, or 0 for failed motors
+    curving: Array = 0.0  # (cars,) resistance of the curve per weight
 
 
 def _matrix(index: NDArray[np.int64], count: int) -> NDArray[np.float64]:
@@ -97,7 +99,7 @@ class ArrayModel:
         omega = state[n.omega]
         radius = self._column(s.radius, omega)
         a, o, c = (self._column(s.shoe_friction[:, k], omega) for k in range(3))
-        grip = hyperbolic_speed_law(self.body_of_axle @ state[n.speed], a, o, c)
+        grip = hyperbolic_speed_law(radius * omega, a, o, c)
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
         inertia = self._column(s.inertia, omega)
@@ -124,7 +126,8 @@ class ArrayModel:
         car_speed = self.body_of_car @ speed
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
         mass = column(s.car_mass, car_speed)
-        drag = car_drag(car_speed, r0, r1, r2, local.air_factor, mass, local.grade)
+        constant = r0 + curving_resistance(mass, local.curving)
+        drag = car_drag(car_speed, constant, r1, r2, local.air_factor, mass, local.grade)
         tension, damper = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force

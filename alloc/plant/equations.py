@@ -95,6 +95,12 @@ def running_resistance(speed, constant, linear, quadratic, air_factor):
 
 
 @equation
+def curving_resistance(mass, specific):
+    """Resistance of a curve [N], part of the running resistance that does not depend on speed; `specific` per weight."""
+    return mass * GRAVITY * specific
+
+
+@equation
 def gradient_force(mass, grade):
     """Downhill component of the weight [N] against the motion; `grade` is the rise per run, JP H07-322414."""
     return mass * GRAVITY * grade / sqrt(1.0 + grade * grade)

@@ -46,7 +46,9 @@ class Axles(NamedTuple):
     gear: Floats
     static_load: Floats
     unloading: Floats
-    shoe_gain: Floats  # torque [N m] per pascal and shoe friction
+    shoe_gain: Floats  # torque [N m] per pascal and shoe friction; per pascal alone where no friction fades
+    shoe_friction: Floats  # (3, axles)
+    friction_fades: bool  # whether any shoe's friction depends on its wheel's speed
     law: Floats  # (2, axles) numerator and constant of the speed law
     increment: Floats
     body: Ints
@@ -66,7 +68,6 @@ class Cars(NamedTuple):
     offset: Floats
     mass: Floats
     resistance: Floats  # (3, cars)
-    shoe_friction: Floats  # (3, cars)
     body_mass: Floats
     coupler: Floats  # (4, bodies)
 
@@ -102,9 +103,11 @@ class Rail(NamedTuple):
     cleaning_spacing: float
     grade: Floats
     air_factor: Floats
+    curving: Floats
+    curved: bool
     line_origin: float
     line_spacing: float
-    uniform: bool  # everywhere the same grade and air
+    uniform: bool  # everywhere the same grade, air and curve
     receptivity: Floats
 
 
@@ -121,7 +124,6 @@ class Scratch(NamedTuple):
     mu: Floats  # (axles,) tangential force coefficient
     load: Floats  # (2, axles) of a car's force and unloading, then zeros
     car_force: Floats
-    grip: Floats  # (cars,) shoe friction
     net: Floats  # (bodies,) force without couplers
     tension: Floats  # (bodies,) behind a block of zeros
     command: Floats  # (units,)
@@ -171,6 +173,7 @@ def _rows(n: Layout) -> Rows:
 
 def _axles(model: Model, row: Rows) -> Axles:
     s, e, absent = model.structure, model.environment, row.nothing
+    fades = bool(s.shoe_friction[:, 0].any())
     return Axles(
         offset=filled(s.axle_offset),
         radius=filled(s.radius),
@@ -179,7 +182,9 @@ def _axles(model: Model, row: Rows) -> Axles:
         gear=filled(s.gear),
         static_load=filled(s.static_load),
         unloading=filled(s.unloading),
-        shoe_gain=filled(s.shoe_gain * s.radius),
+        shoe_gain=filled(s.shoe_gain * s.radius * (1.0 if fades else s.shoe_friction[:, 2])),
+        shoe_friction=filled(s.shoe_friction.T, 1.0),
+        friction_fades=fades,
         law=filled(e.law[::2]),
         increment=filled(e.increment),
         body=indices(s.axle_body, 0),
@@ -193,15 +198,13 @@ def _axles(model: Model, row: Rows) -> Axles:
 
 def _cars(model: Model, row: Rows) -> Cars:
     s, n = model.structure, model.layout
-    of_car = members(s.axle_car, n.cars, padded(n.axles))
     return Cars(
-        members=of_car,
+        members=members(s.axle_car, n.cars, padded(n.axles)),
         position_row=indices(row.position + s.car_body, row.nothing),
         speed_row=indices(row.speed + s.car_body, row.nothing),
         offset=filled(s.car_offset),
         mass=filled(s.car_mass),
         resistance=filled(s.car_resistance.T),
-        shoe_friction=filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
         body_mass=filled(s.body_mass, 1.0),
         # none behind the last body
         coupler=filled(np.append(s.coupler, np.zeros((1, 4)), axis=0).T),
@@ -235,6 +238,8 @@ def _rail(model: Model) -> Rail:
         law_offset=float(e.law[1, 0]),
         grade=e.line[0],
         air_factor=e.line[1],
+        curving=e.line[2],
+        curved=bool(e.line[2].any()),
         uniform=bool(np.all(e.line == e.line[:, :1])),
     )
 
@@ -258,7 +263,6 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         mu=np.zeros(axles),
         load=np.zeros((2, axles + WIDTH)),
         car_force=np.zeros(cars),
-        grip=np.zeros(cars),
         net=np.zeros(cars),
         tension=np.zeros(WIDTH + cars),
         command=np.zeros(padded(n.units)),

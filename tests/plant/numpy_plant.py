@@ -79,6 +79,7 @@ def environment_at(
         drive_limit=_table(s.drive_table, rim),
         brake_limit=_table(s.brake_table, rim) * receptivity,
         health=(time < e.failure_time).astype(float),
+        curving=_table(e.line[2], place),
     )
 
 

@@ -19,7 +19,10 @@ CURVES = {
     "polach-wet": POLACH_WET,
     "slip-ratio": SlipRatioCurve(0.04, 0.7),
 }
-LINE = Line((0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6)
+LINE = Line(
+    (0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6,
+    curves=((150.0, 310.0, 250.0), (330.0, 400.0, 600.0)), curve_law="roeckl",
+)  # fmt: skip
 
 
 def _model(name: str, curve: str, law: str) -> Model:
@@ -90,7 +93,7 @@ def _casadi_function(model: Model) -> casadi.Function:
     """Derivative as an SX function of state, inputs and environment."""
     n = model.layout
     state = casadi.SX.sym("state", n.rows)
-    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3)
+    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3, n.cars)
     arguments = [casadi.SX.sym(f"a{k}", size) for k, size in enumerate(sizes)]
     slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:3]), Local(*arguments[3:]))
     return casadi.Function("derivative", [state, *arguments], [slope])

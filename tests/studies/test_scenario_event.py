@@ -59,6 +59,9 @@ begin_s = 1.0
 until_s = 3.0
 fade_s = 0.4
 
+[line]
+curve_law = "roeckl"
+
 [[line.sections]]
 start_m = 0.0
 grade_permille = -5.0
@@ -66,6 +69,11 @@ grade_permille = -5.0
 [[line.sections]]
 start_m = 200.0
 grade_permille = 20.0
+
+[[line.curves]]
+start_m = 150.0
+end_m = 260.0
+radius_m = 350.0
 
 [[line.tunnels]]
 start_m = 300.0
@@ -157,6 +165,7 @@ def test_the_line_is_as_the_file_says(event):
     assert line.stations == (0.0, 200.0)
     assert line.grades == pytest.approx((-0.005, 0.020))
     assert line.tunnels == ((300.0, 400.0),)
+    assert (line.curves, line.curve_law) == (((150.0, 260.0, 350.0),), "roeckl")
 
 
 def test_what_is_believed_is_kept_apart_from_what_is_true(event):
