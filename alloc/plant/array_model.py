@@ -15,8 +15,10 @@ from alloc.plant.equations import (
     car_drag,
     car_rail_force,
     coupler_forces,
+    coupler_stretch,
     curving_resistance,
     cylinder_pressure_rate,
+    friction_draft_gear,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -107,14 +109,24 @@ class ArrayModel:
         shoe, rate = wheelset(motor, force, radius, omega, limit, inertia, inverse)
         return shoe, rate
 
-    def coupler_forces(self, state: Array) -> tuple[Array, Array]:
-        """Tension of every coupler and the part of it that damps [N], (bodies - 1,)."""
-        n = self.layout
+    def coupler_forces(self, state: Array) -> tuple[Array, Array, Array]:
+        """Tension of every coupler [N], power lost in it [W], and rate of its wedges' travel [m/s], (bodies - 1,).
+
+        Without friction draft gears the rates are those of no coupler, (0,).
+        """
+        n, s = self.layout, self.structure
         speed = state[n.speed]
-        gear = (self._column(self.structure.coupler[:, k], speed) for k in range(4))
-        elongation = self.stretch_of_body @ state[n.position]
-        tension, damper = coupler_forces(elongation, self.stretch_of_body @ speed, *gear)
-        return tension, damper
+        spring = [self._column(s.coupler[:, k], speed) for k in range(4)]
+        elongation, rate = (self.stretch_of_body @ state[part] for part in (n.position, n.speed))
+        tension, damper = coupler_forces(elongation, rate, *spring)
+        if not n.draft_gears:
+            return tension, damper * rate, state[n.gear_travel]
+        *gear, fluidity, damping = (self._column(s.draft_gear[:, k], speed) for k in range(8))
+        stretch = coupler_stretch(elongation, spring[3])
+        friction, creep, lost = friction_draft_gear(
+            stretch, rate, state[n.gear_travel], tuple(gear), fluidity, damping
+        )
+        return tension + friction, damper * rate + lost, creep
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
         """Derivative of the state, (rows,) or (rows, instants); rows as in `Layout`."""
@@ -128,7 +140,7 @@ class ArrayModel:
         mass = column(s.car_mass, car_speed)
         constant = r0 + curving_resistance(mass, local.curving)
         drag = car_drag(car_speed, constant, r1, r2, local.air_factor, mass, local.grade)
-        tension, damper = self.coupler_forces(state)
+        tension, lost, creep = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force
             - self.body_of_car.T @ drag
@@ -153,10 +165,10 @@ class ArrayModel:
             self.motor_torques(state) * omega,
             shoe * omega,
             drag * car_speed,
-            damper * (self.stretch_of_body @ speed),
+            lost,
         )
         acceleration = body_force / column(s.body_mass, speed)
-        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, force * slip]
+        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, creep, force * slip]
         if isinstance(state, np.ndarray):
             return np.concatenate([*parts, *(power.sum(axis=0, keepdims=True) for power in works)])
         import casadi

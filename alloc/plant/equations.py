@@ -140,6 +140,55 @@ def coupler_forces(elongation, rate, stiffness, stiffening, damping, slack):
 
 
 @equation
+def wedge_creep(force, travel, gear, fluidity):
+    """Rate at which the wedges of a draft gear slide [m/s] under `force` [N], at `travel` >= 0 [m].
+
+    Loading they slide from T0 + k1 p on, unloading from t0 + k2 p down. At either end of the travel they stop.
+    """
+    structure, loading, unloading, preload, restoring, longest = gear
+    excess = maximum(0.0, force - (preload + loading * travel))
+    lack = maximum(0.0, restoring + unloading * travel - force)
+    loaded = minimum(structure * maximum(0.0, longest - travel), excess)
+    return fluidity * (loaded - minimum(structure * travel, lack))
+
+
+@equation
+def structure_forces(compression, rate, structure, damping):
+    """Elastic force of a structure [N], damping where it touches [N s/m], and both together; it does not pull."""
+    elastic = structure * maximum(0.0, compression)
+    damper = damping * minimum(maximum(0.0, compression) * 1e3, 1.0)
+    return elastic, damper, maximum(0.0, elastic + damper * rate)
+
+
+@equation
+def friction_draft_gear(stretch, rate, travel, gear, fluidity, damping):
+    """Tension of a friction draft gear [N], rate of its wedges' travel [m/s], and power lost in it [W].
+
+    A damped structure of stiffness ck in series with wedges, which stick between their two lines, see `wedge_creep`.
+    `travel` p [m] is positive in draft, negative in buff. Beyond a line the wedges slide at `fluidity` [m/N s] times the
+    excess. Elastic are the structure and the mean of the two lines; all other power of the tension is lost, and never less
+    than nothing.
+    """
+    structure, loading, unloading, preload, restoring, _ = gear
+    drawn, pressed = maximum(0.0, travel), maximum(0.0, -travel)
+    pull, pull_damper, drawing = structure_forces(stretch - drawn, rate, structure, damping)
+    push, push_damper, pressing = structure_forces(-stretch - pressed, -rate, structure, damping)
+    # wedges that slide relieve the damper: its force at rest would overstate what drives them
+    drawn_rate = wedge_creep(drawing, drawn, gear, fluidity / (1.0 + pull_damper * fluidity))
+    pressed_rate = wedge_creep(pressing, pressed, gear, fluidity / (1.0 + push_damper * fluidity))
+    creep = drawn_rate - pressed_rate
+    # and do not where they still come back from the other side
+    tension = maximum(0.0, drawing - where(travel < 0.0, 0.0, pull_damper * drawn_rate))
+    tension = tension - maximum(
+        0.0, pressing - where(travel > 0.0, 0.0, push_damper * pressed_rate)
+    )
+    mean = 0.5 * (preload + restoring + (loading + unloading) * absolute(travel))
+    draft, buff = (pull - mean) * creep, (mean - push) * creep
+    wedges = where(travel > 0.0, draft, where(travel < 0.0, buff, where(creep > 0.0, draft, buff)))
+    return tension, creep, (tension - pull + push) * rate + wedges
+
+
+@equation
 def car_rail_force(static_force, unloading):
     """Rail force of a car whose axles are unloaded by that very force.
 

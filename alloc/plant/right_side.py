@@ -11,8 +11,10 @@ from alloc.plant.equations import (
     car_drag,
     car_rail_force,
     coupler_forces,
+    coupler_stretch,
     curving_resistance,
     cylinder_pressure_rate,
+    friction_draft_gear,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -158,6 +160,19 @@ def _coupled_bodies(w, y, slope):
             elongation, rate,
             load(coupler[0], k), load(coupler[1], k), load(coupler[2], k), load(coupler[3], k),
         )  # fmt: skip
+        if w.car.rubs:
+            gear = w.car.draft_gear
+            friction, creep, power = friction_draft_gear(
+                coupler_stretch(elongation, load(coupler[3], k)), rate, load(y, row.gear + k),
+                (
+                    load(gear[0], k), load(gear[1], k), load(gear[2], k),
+                    load(gear[3], k), load(gear[4], k), load(gear[5], k),
+                ),
+                load(gear[6], k), load(gear[7], k),
+            )  # fmt: skip
+            tension = tension + friction
+            lost = lost + power
+            store(slope, row.gear + k, creep)
         store(c.tension, WIDTH + k, tension)
         lost = lost + damper * rate
         # the coupler ahead is the one of the car before

@@ -12,7 +12,7 @@ from alloc.by_reference import ByReference
 from alloc.plant.blocks import filled, indices, members, packed
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
-from alloc.plant.structure import Floats, Ints, Layout
+from alloc.plant.structure import NO_WEDGES, Floats, Ints, Layout
 
 RUNGE_KUTTA = np.array(
     [[0.0, 0.5, 1.0 / 6.0], [0.5, 0.5, 1.0 / 3.0], [0.5, 1.0, 1.0 / 3.0], [1.0, 0.0, 1.0 / 6.0]]
@@ -29,6 +29,7 @@ class Rows(NamedTuple):
     omega: int
     torque: int
     pressure: int
+    gear: int
     friction: int
     work: int
     nothing: int
@@ -70,6 +71,8 @@ class Cars(NamedTuple):
     resistance: Floats  # (3, cars)
     body_mass: Floats
     coupler: Floats  # (4, bodies)
+    draft_gear: Floats  # (8, bodies)
+    rubs: bool  # whether there are friction draft gears
 
 
 class Units(NamedTuple):
@@ -163,11 +166,13 @@ class Workspace(NamedTuple):
 
 def _sizes(n: Layout) -> tuple[int, ...]:
     """Rows of the parts of the state, in its order."""
-    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 4)
+    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 4)
 
 
 def _rows(n: Layout) -> Rows:
-    ends = np.cumsum([padded(size) for size in (*_sizes(n), 1)])
+    # couplers are taken by the bodies before them, of which there is one more
+    room = _sizes(n._replace(draft_gears=n.draft_gears + 1))
+    ends = np.cumsum([padded(size) for size in (*room, 1)])
     return Rows(0, *(int(end) for end in ends))
 
 
@@ -208,6 +213,8 @@ def _cars(model: Model, row: Rows) -> Cars:
         body_mass=filled(s.body_mass, 1.0),
         # none behind the last body
         coupler=filled(np.append(s.coupler, np.zeros((1, 4)), axis=0).T),
+        draft_gear=filled(np.append(s.draft_gear, [NO_WEDGES], axis=0).T),
+        rubs=n.draft_gears > 0,
     )
 
 

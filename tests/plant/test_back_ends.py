@@ -57,6 +57,7 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
     state[n.omega] = (rolling + slip) * (rng.random(rolling.shape) > 0.1)
     state[n.torque] = rng.uniform(-2000.0, 2000.0, n.units)
     state[n.pressure] = rng.uniform(0.0, 4e5, n.groups)
+    state[n.gear_travel] = rng.uniform(-0.02, 0.02, n.draft_gears)
     inputs = Inputs(
         rng.uniform(-4000.0, 4000.0, n.units),
         rng.uniform(0.0, 4e5, n.groups),
@@ -68,7 +69,19 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
 def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
     # a rate is a difference of larger terms: the scale is the largest of its kind
     first = 0
-    for size in (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 1, 1, 1, 1):
+    for size in (
+        n.bodies,
+        n.bodies,
+        n.axles,
+        n.units,
+        n.groups,
+        n.draft_gears,
+        n.axles,
+        1,
+        1,
+        1,
+        1,
+    ):
         part = slice(first, first + size)
         scale = np.abs(expected[part]).max(initial=0.0)
         np.testing.assert_allclose(actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale)

@@ -536,7 +536,7 @@ def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) 
 
 NEEDED = {
     "factor": 0.5, "stiffness_n_per_m": 2e7, "unit": 1, "start_m": 0.0, "end_m": 100.0, "axle": 0,
-    "grade_permille": 5.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
+    "grade_permille": 5.0, "radius_m": 300.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
 }  # fmt: skip
 KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
 """Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""
