@@ -13,6 +13,9 @@ GRAVITY = 9.80665
 LOCK_TIME = 2e-3
 """Time constant [s] with which shoe friction brings the last bit of rotation of a locking wheel to rest."""
 
+DAMPED_DEPTH = 2e-3
+"""Compression [m] of a draft gear's structure at which all its damping acts; smooth, or impacts would need shorter steps."""
+
 STANDSTILL_SPEED = 0.05
 """Speed scale [m/s] on which running resistance changes sign at standstill."""
 
@@ -155,8 +158,9 @@ def wedge_creep(force, travel, gear, fluidity):
 @equation
 def structure_forces(compression, rate, structure, damping):
     """Elastic force of a structure [N], damping where it touches [N s/m], and both together; it does not pull."""
-    elastic = structure * maximum(0.0, compression)
-    damper = damping * minimum(maximum(0.0, compression) * 1e3, 1.0)
+    depth = maximum(0.0, compression)
+    elastic, share = structure * depth, minimum(depth * (1.0 / DAMPED_DEPTH), 1.0)
+    damper = damping * share * share * (3.0 - 2.0 * share)
     return elastic, damper, maximum(0.0, elastic + damper * rate)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alloc.plant.train import DraftGear
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
@@ -227,3 +228,13 @@ def test_a_changed_copy_is_checked_anew(short):
 def test_a_name_without_ending_is_a_shipped_scenario():
     with pytest.raises(StudyError, match="did you mean 'wet-start'"):
         load_scenario("wet-strat")
+
+
+def test_friction_draft_gears_come_from_the_file():
+    scenario = load_scenario("freight-start").changed(
+        coupler=None, draft_gear={"preload_kn": 120.0, "slack_mm": 30.0, "stroke_mm": 80.0}
+    )
+    couplers = scenario.event().model.train.couplers
+    assert set(couplers) == {DraftGear(preload=120e3, slack=0.03, stroke=0.08)}
+    with pytest.raises(StudyError, match="either coupler or draft_gear"):
+        scenario.changed(coupler={"stiffness_n_per_m": 1e7})
