@@ -177,11 +177,11 @@ def _forces(axes: Axes, run: xr.Dataset, unit: int, title: str) -> None:
     time = run["time"].values
     to_rim = float(run["unit_gear"][unit] / run["unit_radius"][unit]) / 1e3
     electric = np.maximum(-run["motor_torque"].values[:, unit], 0.0) * to_rim
-    air = run["air_brake_force"].values[:, unit] / 1e3
+    air = run["brake_force"].values[:, run["axle_unit"].values == unit].mean(axis=1) / 1e3
     load = float(run["unit_static_load"][unit]) / int((run["axle_unit"] == unit).sum()) / 1e3
     axes.stackplot(
         time, electric, air, colors=(BLUE, ORANGE), alpha=0.75,
-        labels=("electric brake", "air brake, commanded"),
+        labels=("electric brake", "air brake"),
     )  # fmt: skip
     limit, plan = run["limit"].values[:, unit] * load, run["expected"].values * load
     axes.plot(time, limit, color="black", label="limit, at the rail")

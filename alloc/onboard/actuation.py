@@ -1,8 +1,9 @@
 """From the units' limits to their torque targets and the brakes' cylinder pressures.
 
 Driving and without blended brakes: limits (6) and (6') of JP5484215, load compensation, the motor's limit. Blended braking,
-embodiment 3: the electric brake first, the air brake fills what it falls short of. While a unit receives limits it holds
-its air brake, which is too slow for readhesion, and controls the motors to what the limit leaves beside it.
+embodiment 3: the electric brake first, the air brake fills what the line does not take. A unit that receives limits
+fills up to its limit in the same way. Its motors do not follow the pattern then (par. 0078): they brake with the limit
+less the air brake's force, and so make up at once for what the cylinders lag.
 """
 
 import numpy as np
@@ -42,20 +43,17 @@ def set_brake_targets(eq, st, m):
         step = expected * to_torque * st.period / st.rise_time
         m.rise[j] = min(m.unit.limit[j] * to_torque, m.rise[j] + step)
         pattern = m.rise[j]
-        if np.isfinite(m.received[j]):  # limits arrive: the unit no longer follows its own pattern
-            air[j] = min(air[j], pattern * at_rim)
-            pattern = max(pattern - air[j] / at_rim, 0.0)
-        else:
-            electric = max(-m.torque[j], 0.0)
-            # what the line does not take; what the unit's own readhesion control takes away is not to be filled
-            lacking = max(-m.unit.torque_command[j] - electric, 0.0)
-            # beyond what the air brake leaves the motors take over slowly, for cylinders empty slowly
-            slow = expected * to_torque * st.period / st.brakes.blend_time
-            wanted = min(pattern, m.brake_limit[j])
-            wanted = min(wanted, max(pattern - air[j] / at_rim, electric + slow))
-            air[j] = (pattern - wanted + min(lacking, wanted)) * at_rim
-            pattern = wanted
-        m.unit.torque_target[j] = -min(pattern, m.brake_limit[j])
+        electric = max(-m.torque[j], 0.0)
+        # beyond what the air brake leaves the motors take over slowly, for cylinders empty slowly
+        slow = expected * to_torque * st.period / st.brakes.blend_time
+        motors = min(pattern, m.brake_limit[j])
+        motors = min(motors, max(pattern - air[j] / at_rim, electric + slow))
+        # what the line does not take; what the unit's own readhesion control takes away is not to be filled
+        lacking = max(min(-m.unit.torque_command[j], motors) - electric, 0.0)
+        air[j] = (pattern - motors + lacking) * at_rim
+        if np.isfinite(m.received[j]):
+            motors = max(pattern - m.air_force[j] / at_rim, 0.0)
+        m.unit.torque_target[j] = -min(motors, m.brake_limit[j])
     m.lead.brake_rise[0] = min(m.lead.brake_rise[0] + st.period / st.rise_time, 1.0)
 
 

@@ -90,6 +90,7 @@ class Memory(NamedTuple):
     observer: Floats
     observer_input: Floats
     torque: Floats  # as the inverters know it
+    air_force: Floats  # of the air brake per axle at the rim, as the unit knows it [N]
     drive_limit: Floats
     brake_limit: Floats
     limit_max: Floats

@@ -125,8 +125,10 @@ class Braking:
     is never blended; one without motors brakes with air alone.
 
     `blend_time` [s]: time in which the motors take over a full brake from the air (assumed: a few times the cylinders' lag).
-    `inertia_in_estimate`: (18) counts what decelerates the wheelsets; as printed it does not, and finds more adhesion than
-    there is in wheels that are just being braked to a slide.
+    `inertia_in_estimate`: (18) counts what decelerates the wheelsets, as the observer does; as printed it does not, and
+    finds more adhesion than there is in wheels that are just being braked to a slide.
+    `air_force`: the air brake's force in (18) and beside a limit is that of the cylinders' "pressure", or the "command" as
+    printed, which the cylinders lag.
     `slide_protection`: what the valves of the air brakes do while wheels slide, which the patent does not describe and
     without which a trailer's wheels would lock; a plain threshold if nothing is said. `release_speed` [m/s]: reference speed
     below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and beyond.
@@ -135,11 +137,13 @@ class Braking:
     blended: bool = True
     blend_time: float = quantity(4.0, "s")
     inertia_in_estimate: bool = True
+    air_force: Literal["pressure", "command"] = "pressure"
     slide_protection: SlideProtection = field(default_factory=SlideProtection)
     release_speed: float = quantity(0.5, "km/h")
 
     def __post_init__(self) -> None:
         OnboardError.check("braking", self, ("blend_time",), ("release_speed",))
+        OnboardError.check_choice("braking", "air_force", self.air_force, ("pressure", "command"))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.sounding import sound
+from alloc.plant.equations import hyperbolic_speed_law
 
 
 @inlined_jit
@@ -82,10 +83,26 @@ def _compare_with_reference(eq, m, sign):
 
 
 @inlined_jit
+def _read_air_forces(eq, st, m, pressure, blended):
+    """Air brake force of each unit per axle at its rim: of its cylinders' pressure, or as commanded."""
+    by_pressure = blended and st.brakes.by_pressure
+    for j in range(eq.axles.size):
+        m.air_force[j] = 0.0 if by_pressure else m.unit.air_brake_force[j]
+    if by_pressure:
+        for i in range(eq.axle_unit.size):
+            j, g = eq.axle_unit[i], eq.axle_group[i]
+            if j >= 0 and g >= 0:
+                numerator, offset, constant = eq.group.friction[g]
+                speed = m.reference[eq.axle_body[i]]
+                friction = hyperbolic_speed_law(speed, numerator, offset, constant)
+                m.air_force[j] += eq.group.gain[g] * pressure[g] * friction / eq.axles[j]
+
+
+@inlined_jit
 def _estimate(eq, st, m, j, torque, sign, blended):
     """Coefficient of unit `j`: by (4) from motor torque and speed; under blended brakes (18).
 
-    That is electric force as known, air brake force as commanded, and what the wheelsets' own deceleration takes of them.
+    To what (4) finds of the electric brake (18) adds the air brake's force; as printed it takes the electric force as it is.
     """
     o = st.observer
     angular = m.speed[j] / eq.radius[j]
@@ -103,11 +120,9 @@ def _estimate(eq, st, m, j, torque, sign, blended):
     )
     m.torque[j] = torque
     if blended:
-        electric = -torque * eq.gear[j] / eq.radius[j]
-        acceleration = m.unit.computed_acceleration[j]
-        turning = st.brakes.inertia * eq.inertia[j] / eq.radius[j] ** 2 * acceleration
-        force = electric + m.unit.air_brake_force[j] + turning
-        m.unit.coefficient_estimate[j] = force / axle_load
+        if not st.brakes.inertia_in_estimate:
+            m.unit.coefficient_estimate[j] = -wheel_torque / (axle_load * eq.radius[j])
+        m.unit.coefficient_estimate[j] += m.air_force[j] / axle_load
 
 
 @inlined_jit
@@ -161,6 +176,7 @@ def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
     if not st.reference.given:
         sound(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
     _compare_with_reference(eq, m, sign)
+    _read_air_forces(eq, st, m, pressure, blended)
     first = 0
     while first < units - 1 and not m.in_service[first]:
         first += 1

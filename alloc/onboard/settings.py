@@ -77,9 +77,10 @@ class SensorSettings(NamedTuple):
 
 
 class BrakeSettings(NamedTuple):
-    """As `Braking`; `inertia` 1: the estimate (18) counts the wheelsets' deceleration, 0: as printed."""
+    """As `Braking`; `by_pressure`: whether the air brake's force is that of the cylinders' pressure."""
 
-    inertia: float
+    inertia_in_estimate: bool
+    by_pressure: bool
     blend_time: float
     release_speed: float
 
@@ -138,6 +139,6 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
             dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
         ),
         reference=reference_settings(onboard),
-        brakes=filled(BrakeSettings, braking, inertia=braking.inertia_in_estimate),
+        brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
         slide=slide_settings(braking.slide_protection, period),
     )

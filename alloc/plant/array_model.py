@@ -15,7 +15,10 @@ from alloc.plant.equations import (
     car_drag,
     car_rail_force,
     coupler_forces,
+    coupler_stretch,
+    curving_resistance,
     cylinder_pressure_rate,
+    friction_draft_gear,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -36,6 +39,7 @@ class Local(NamedTuple):
     drive_limit: Array  # (units,) motor torque [N m]
     brake_limit: Array  # (units,)
     health: Array  # (units,) 1, or 0 for failed motors
+    curving: Array = 0.0  # (cars,) resistance of the curve per weight
 
 
 def _matrix(index: NDArray[np.int64], count: int) -> NDArray[np.float64]:
@@ -97,7 +101,7 @@ class ArrayModel:
         omega = state[n.omega]
         radius = self._column(s.radius, omega)
         a, o, c = (self._column(s.shoe_friction[:, k], omega) for k in range(3))
-        grip = hyperbolic_speed_law(self.body_of_axle @ state[n.speed], a, o, c)
+        grip = hyperbolic_speed_law(radius * omega, a, o, c)
         cylinder = self.group_of_axle @ state[n.pressure]
         limit = self._column(s.shoe_gain, omega) * radius * cylinder * grip
         inertia = self._column(s.inertia, omega)
@@ -105,14 +109,24 @@ class ArrayModel:
         shoe, rate = wheelset(motor, force, radius, omega, limit, inertia, inverse)
         return shoe, rate
 
-    def coupler_forces(self, state: Array) -> tuple[Array, Array]:
-        """Tension of every coupler and the part of it that damps [N], (bodies - 1,)."""
-        n = self.layout
+    def coupler_forces(self, state: Array) -> tuple[Array, Array, Array]:
+        """Tension of every coupler [N], power lost in it [W], and rate of its wedges' travel [m/s], (bodies - 1,).
+
+        Without friction draft gears the rates are those of no coupler, (0,).
+        """
+        n, s = self.layout, self.structure
         speed = state[n.speed]
-        gear = (self._column(self.structure.coupler[:, k], speed) for k in range(4))
-        elongation = self.stretch_of_body @ state[n.position]
-        tension, damper = coupler_forces(elongation, self.stretch_of_body @ speed, *gear)
-        return tension, damper
+        spring = [self._column(s.coupler[:, k], speed) for k in range(4)]
+        elongation, rate = (self.stretch_of_body @ state[part] for part in (n.position, n.speed))
+        tension, damper = coupler_forces(elongation, rate, *spring)
+        if not n.draft_gears:
+            return tension, damper * rate, state[n.gear_travel]
+        *gear, fluidity, damping = (self._column(s.draft_gear[:, k], speed) for k in range(8))
+        stretch = coupler_stretch(elongation, spring[3])
+        friction, creep, lost = friction_draft_gear(
+            stretch, rate, state[n.gear_travel], tuple(gear), fluidity, damping
+        )
+        return tension + friction, damper * rate + lost, creep
 
     def derivative(self, state: Array, inputs: Inputs, local: Local) -> Array:
         """Derivative of the state, (rows,) or (rows, instants); rows as in `Layout`."""
@@ -124,8 +138,9 @@ class ArrayModel:
         car_speed = self.body_of_car @ speed
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
         mass = column(s.car_mass, car_speed)
-        drag = car_drag(car_speed, r0, r1, r2, local.air_factor, mass, local.grade)
-        tension, damper = self.coupler_forces(state)
+        constant = r0 + curving_resistance(mass, local.curving)
+        drag = car_drag(car_speed, constant, r1, r2, local.air_factor, mass, local.grade)
+        tension, lost, creep = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force
             - self.body_of_car.T @ drag
@@ -150,10 +165,10 @@ class ArrayModel:
             self.motor_torques(state) * omega,
             shoe * omega,
             drag * car_speed,
-            damper * (self.stretch_of_body @ speed),
+            lost,
         )
         acceleration = body_force / column(s.body_mass, speed)
-        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, force * slip]
+        parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, creep, force * slip]
         if isinstance(state, np.ndarray):
             return np.concatenate([*parts, *(power.sum(axis=0, keepdims=True) for power in works)])
         import casadi

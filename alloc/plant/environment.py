@@ -29,7 +29,7 @@ class Environment(NamedTuple):
     cleaning_spacing: float
     line_origin: float
     line_spacing: float
-    line: Floats  # (2, points): grade, air factor
+    line: Floats  # (3, points): grade, air factor, resistance of curves per weight
     receptivity: Floats  # (4,): mean, amplitude, period, phase
     failure_time: Floats  # (units,) [s]; inf: never
 

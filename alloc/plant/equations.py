@@ -13,6 +13,9 @@ GRAVITY = 9.80665
 LOCK_TIME = 2e-3
 """Time constant [s] with which shoe friction brings the last bit of rotation of a locking wheel to rest."""
 
+DAMPED_DEPTH = 2e-3
+"""Compression [m] of a draft gear's structure at which all its damping acts; smooth, or impacts would need shorter steps."""
+
 STANDSTILL_SPEED = 0.05
 """Speed scale [m/s] on which running resistance changes sign at standstill."""
 
@@ -95,6 +98,12 @@ def running_resistance(speed, constant, linear, quadratic, air_factor):
 
 
 @equation
+def curving_resistance(mass, specific):
+    """Resistance of a curve [N], part of the running resistance that does not depend on speed; `specific` per weight."""
+    return mass * GRAVITY * specific
+
+
+@equation
 def gradient_force(mass, grade):
     """Downhill component of the weight [N] against the motion; `grade` is the rise per run, JP H07-322414."""
     return mass * GRAVITY * grade / sqrt(1.0 + grade * grade)
@@ -131,6 +140,56 @@ def coupler_forces(elongation, rate, stiffness, stiffening, damping, slack):
     stretch = coupler_stretch(elongation, slack)
     damper = coupler_damper_force(stretch, rate, damping)
     return coupler_spring_force(stretch, stiffness, stiffening) + damper, damper
+
+
+@equation
+def wedge_creep(force, travel, gear, fluidity):
+    """Rate at which the wedges of a draft gear slide [m/s] under `force` [N], at `travel` >= 0 [m].
+
+    Loading they slide from T0 + k1 p on, unloading from t0 + k2 p down. At either end of the travel they stop.
+    """
+    structure, loading, unloading, preload, restoring, longest = gear
+    excess = maximum(0.0, force - (preload + loading * travel))
+    lack = maximum(0.0, restoring + unloading * travel - force)
+    loaded = minimum(structure * maximum(0.0, longest - travel), excess)
+    return fluidity * (loaded - minimum(structure * travel, lack))
+
+
+@equation
+def structure_forces(compression, rate, structure, damping):
+    """Elastic force of a structure [N], damping where it touches [N s/m], and both together; it does not pull."""
+    depth = maximum(0.0, compression)
+    elastic, share = structure * depth, minimum(depth * (1.0 / DAMPED_DEPTH), 1.0)
+    damper = damping * share * share * (3.0 - 2.0 * share)
+    return elastic, damper, maximum(0.0, elastic + damper * rate)
+
+
+@equation
+def friction_draft_gear(stretch, rate, travel, gear, fluidity, damping):
+    """Tension of a friction draft gear [N], rate of its wedges' travel [m/s], and power lost in it [W].
+
+    A damped structure of stiffness ck in series with wedges, which stick between their two lines, see `wedge_creep`.
+    `travel` p [m] is positive in draft, negative in buff. Beyond a line the wedges slide at `fluidity` [m/N s] times the
+    excess. Elastic are the structure and the mean of the two lines; all other power of the tension is lost, and never less
+    than nothing.
+    """
+    structure, loading, unloading, preload, restoring, _ = gear
+    drawn, pressed = maximum(0.0, travel), maximum(0.0, -travel)
+    pull, pull_damper, drawing = structure_forces(stretch - drawn, rate, structure, damping)
+    push, push_damper, pressing = structure_forces(-stretch - pressed, -rate, structure, damping)
+    # wedges that slide relieve the damper: its force at rest would overstate what drives them
+    drawn_rate = wedge_creep(drawing, drawn, gear, fluidity / (1.0 + pull_damper * fluidity))
+    pressed_rate = wedge_creep(pressing, pressed, gear, fluidity / (1.0 + push_damper * fluidity))
+    creep = drawn_rate - pressed_rate
+    # and do not where they still come back from the other side
+    tension = maximum(0.0, drawing - where(travel < 0.0, 0.0, pull_damper * drawn_rate))
+    tension = tension - maximum(
+        0.0, pressing - where(travel > 0.0, 0.0, push_damper * pressed_rate)
+    )
+    mean = 0.5 * (preload + restoring + (loading + unloading) * absolute(travel))
+    draft, buff = (pull - mean) * creep, (mean - push) * creep
+    wedges = where(travel > 0.0, draft, where(travel < 0.0, buff, where(creep > 0.0, draft, buff)))
+    return tension, creep, (tension - pull + push) * rate + wedges
 
 
 @equation

@@ -77,9 +77,13 @@ class Model:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
         if s.coupler.size:
             inverse = float((1.0 / s.body_mass[:-1] + 1.0 / s.body_mass[1:]).max())
-            tangent = s.coupler[:, 0] + 3.0 * s.coupler[:, 1] * DRAFT_GEAR_TRAVEL**2
-            rates.append(2.0 * float(s.coupler[:, 2].max()) * inverse)
-            rates.append(math.sqrt(2.0 * float(tangent.max()) * inverse))
+            structure, loading, fluidity, damping = s.draft_gear[:, (0, 1, 6, 7)].T
+            tangent = s.coupler[:, 0] + 3.0 * s.coupler[:, 1] * DRAFT_GEAR_TRAVEL**2 + structure
+            damped = 2.0 * float((s.coupler[:, 2] + damping).max()) * inverse
+            oscillation = math.sqrt(2.0 * float(tangent.max()) * inverse)
+            # of wedges that slide, which the cars' motion hastens
+            sliding = float(((structure + loading) * fluidity).max())
+            rates += [damped, oscillation, sliding + damped + oscillation if sliding else 0.0]
         return max(rates)
 
     def substeps(self, step: float) -> int:

@@ -1,4 +1,4 @@
-"""The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients and tunnels."""
+"""The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients, tunnels, curves."""
 
 import math
 from collections.abc import Iterator
@@ -17,6 +17,16 @@ SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "curtius-kniffler": (7.5, 44.0, 0.161),  # Curtius and Kniffler, 1950
 }
 """Named laws a / (V + b) + c with V in km/h; `none` is 1 at every speed."""
+
+CURVE_LAWS: dict[str, tuple[tuple[float, float, float], ...]] = {
+    "600/R": ((0.0, 600.0, 0.0),),  # kgf/t, as in England and on Japanese lines
+    "800/R": ((0.0, 800.0, 0.0),),  # kgf/t: JR's conventional lines
+    "roeckl": (
+        (0.0, 500.0, 30.0),
+        (300.0, 650.0, 55.0),
+    ),  # Roeckl, standard gauge; the step at 300 m is his
+}
+"""Named laws of the resistance of curves, a / (R - b) per mille of the weight, R in m: least radius of each piece, a, b."""
 
 NOISE_KNOTS = 1024
 """Knots of the scatter's table; the scatter repeats after this many correlation lengths."""
@@ -164,17 +174,20 @@ class Rail:
 
 @dataclass(frozen=True)
 class Line:
-    """Gradient and tunnels by position [m]; gradient as rise per run (0.020 = 20 per mille).
+    """Gradient, tunnels and curves by position [m]; gradient as rise per run (0.020 = 20 per mille).
 
     `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the
     nearest holds. Changes are spread over one `spacing`. In a tunnel the air resistance is multiplied
-    by `tunnel_factor`.
+    by `tunnel_factor`. `curves` are start, end and radius [m]; each car is held back where it is by `curve_law`, a name in
+    `CURVE_LAWS`. Where curves overlap the sharpest counts.
     """
 
     stations: tuple[float, ...] = (0.0,)
     grades: tuple[float, ...] = (0.0,)
     tunnels: tuple[tuple[float, float], ...] = ()
     tunnel_factor: float = 1.0
+    curves: tuple[tuple[float, float, float], ...] = ()
+    curve_law: str = "600/R"
     spacing: float = 5.0
 
     def __post_init__(self) -> None:
@@ -189,9 +202,28 @@ class Line:
         for start, end in self.tunnels:
             if not start < end:
                 raise PlantError(f"line: tunnel from {start} to {end} m must end beyond its start")
+        if self.curve_law not in CURVE_LAWS:
+            raise PlantError(
+                f"line: curve_law = {self.curve_law!r} is unknown; choose from {', '.join(CURVE_LAWS)}"
+            )
+        for start, end, radius in self.curves:
+            if not start < end:
+                raise PlantError(f"line: curve from {start} to {end} m must end beyond its start")
+            least = CURVE_LAWS[self.curve_law][0][2]
+            if not least < radius < math.inf:
+                raise PlantError(
+                    f"line: curve from {start} to {end} m: radius = {radius!r} must exceed {least:g} m, and be finite"
+                )
+
+    def curving(self, radius: float) -> float:
+        """Resistance of a curve of `radius` [m], as a share of the weight."""
+        _, numerator, offset = max(
+            piece for piece in CURVE_LAWS[self.curve_law] if piece[0] <= radius
+        )
+        return 1e-3 * numerator / (radius - offset)
 
     def tabulate(self, first: float, last: float) -> tuple[float, NDArray[np.float64]]:
-        """Origin [m] and table (2, points) of grade and air factor every `spacing` metres."""
+        """Origin [m] and table (3, points) of grade, air factor and curves' resistance every `spacing` metres."""
         origin = math.floor(first / self.spacing) * self.spacing
         points = max(2, math.ceil((last - origin) / self.spacing) + 2)
         x = origin + self.spacing * np.arange(points)
@@ -200,7 +232,11 @@ class Line:
         inside = np.zeros(points, dtype=bool)
         for start, end in self.tunnels:
             inside |= (x >= start) & (x < end)
-        return origin, np.stack([grade, np.where(inside, self.tunnel_factor, 1.0)])
+        curving = np.zeros(points)
+        for start, end, radius in self.curves:
+            here = (x >= start) & (x < end)
+            curving[here] = np.maximum(curving[here], self.curving(radius))
+        return origin, np.stack([grade, np.where(inside, self.tunnel_factor, 1.0), curving])
 
 
 @dataclass(frozen=True)

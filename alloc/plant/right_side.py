@@ -11,7 +11,10 @@ from alloc.plant.equations import (
     car_drag,
     car_rail_force,
     coupler_forces,
+    coupler_stretch,
+    curving_resistance,
     cylinder_pressure_rate,
+    friction_draft_gear,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -113,21 +116,25 @@ def _cars(w, y, slope):
         force = car_rail_force(static, unloading)
         v = _of_bodies(w, y, w.row.speed, car.speed_row, k)
         grade, air = spread(w.rail.grade[0]), spread(w.rail.air_factor[0])
+        curving = spread(w.rail.curving[0])
         if not w.rail.uniform:
             x = _of_bodies(w, y, w.row.position, car.position_row, k) + load(car.offset, k)
             knot = minimum(
                 maximum((x - w.rail.line_origin) * (1.0 / w.rail.line_spacing), 0.0), end
             )
             grade, air = look_up(w.rail.grade, knot), look_up(w.rail.air_factor, knot)
+            if w.rail.curved:
+                curving = look_up(w.rail.curving, knot)
+        constant = load(car.resistance[0], k)
+        if w.rail.curved:
+            constant = constant + curving_resistance(load(car.mass, k), curving)
         drag = car_drag(
-            v, load(car.resistance[0], k), load(car.resistance[1], k), load(car.resistance[2], k),
-            air, load(car.mass, k), grade,
+            v, constant, load(car.resistance[1], k), load(car.resistance[2], k), air,
+            load(car.mass, k), grade,
         )  # fmt: skip
         store(c.car_force, k, force)
         store(c.net, k, force - drag)
         lost = lost + drag * v
-        a, o, constant = car.shoe_friction[0], car.shoe_friction[1], car.shoe_friction[2]
-        store(c.grip, k, hyperbolic_speed_law(v, load(a, k), load(o, k), load(constant, k)))
     slope[w.row.work + 2] = total(lost)
 
 
@@ -153,6 +160,19 @@ def _coupled_bodies(w, y, slope):
             elongation, rate,
             load(coupler[0], k), load(coupler[1], k), load(coupler[2], k), load(coupler[3], k),
         )  # fmt: skip
+        if w.car.rubs:
+            gear = w.car.draft_gear
+            friction, creep, power = friction_draft_gear(
+                coupler_stretch(elongation, load(coupler[3], k)), rate, load(y, row.gear + k),
+                (
+                    load(gear[0], k), load(gear[1], k), load(gear[2], k),
+                    load(gear[3], k), load(gear[4], k), load(gear[5], k),
+                ),
+                load(gear[6], k), load(gear[7], k),
+            )  # fmt: skip
+            tension = tension + friction
+            lost = lost + power
+            store(slope, row.gear + k, creep)
         store(c.tension, WIDTH + k, tension)
         lost = lost + damper * rate
         # the coupler ahead is the one of the car before
@@ -197,11 +217,17 @@ def _wheels(w, y, slope):
             load(axle.static_load, i), load(axle.unloading, i), carried
         )
         motor = load(axle.gear, i) * gather(y, axle.torque_row, i)
+        r, omega = load(axle.radius, i), load(y, row.omega + i)
         limit = spread(0.0)
         if w.size.groups > 0:
-            grip = gather(c.grip, axle.car, i)
-            limit = load(axle.shoe_gain, i) * gather(y, axle.pressure_row, i) * grip
-        r, omega = load(axle.radius, i), load(y, row.omega + i)
+            limit = load(axle.shoe_gain, i) * gather(y, axle.pressure_row, i)
+            if axle.friction_fades:
+                a, o, constant = (
+                    load(axle.shoe_friction[0], i),
+                    load(axle.shoe_friction[1], i),
+                    load(axle.shoe_friction[2], i),
+                )
+                limit = limit * hyperbolic_speed_law(r * omega, a, o, constant)
         shoe, acceleration = wheelset(
             motor, force, r, omega, limit, load(axle.inertia, i), load(axle.inverse_inertia, i)
         )

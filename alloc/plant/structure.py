@@ -6,10 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.plant.train import Car, Train
+from alloc.plant.train import Car, DraftGear, Train
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+NO_WEDGES = (0.0,) * 8
+"""`DraftGear.wedges` of a coupler without friction."""
 
 
 class Structure(NamedTuple):
@@ -31,6 +35,7 @@ class Structure(NamedTuple):
     car_resistance: Floats  # (cars, 3)
     body_mass: Floats
     coupler: Floats  # (bodies - 1, 4): stiffness, stiffening, damping, slack
+    draft_gear: Floats  # (bodies - 1, 8): `DraftGear.wedges`
     unit_axles: Floats  # number of axles of each unit
     unit_lag: Floats
     unit_gear: Floats
@@ -50,6 +55,8 @@ class Layout(NamedTuple):
     cars: int
     units: int
     groups: int
+    draft_gears: int
+    """Couplers between the bodies where any of them has friction, else 0."""
 
     @property
     def position(self) -> slice:
@@ -80,9 +87,15 @@ class Layout(NamedTuple):
         return slice(start, start + self.groups)
 
     @property
+    def gear_travel(self) -> slice:
+        """Travel of the wedges of each draft gear [m], positive in draft."""
+        start = self.pressure.stop
+        return slice(start, start + self.draft_gears)
+
+    @property
     def friction_work(self) -> slice:
         """Work dissipated between wheel and rail by each axle [J]: JP4209318 (28), for driving too."""
-        start = self.pressure.stop
+        start = self.gear_travel.stop
         return slice(start, start + self.axles)
 
     @property
@@ -133,6 +146,7 @@ def _axles(car: Car, number: int, front: float, unit: int, group: int) -> list[_
 def structure_of(train: Train) -> tuple[Structure, Layout]:
     """Arrays of the train, and the rows of its state."""
     cars, brakes, rigid = train.cars, train.brake_groups, train.couplers is None
+    couplers = train.couplers or ()
     axles: list[_Axle] = []
     units = [(car, len(members)) for car in cars for members in car.units()]
     front, unit, group = 0.0, 0, 0
@@ -168,7 +182,15 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
             axis=1,
         ),
         body_mass=np.array([mass.sum()]) if rigid else mass,
-        coupler=np.array([astuple(coupler) for coupler in train.couplers or ()]).reshape(-1, 4),
+        coupler=np.array(
+            [
+                (0.0, 0.0, 0.0, one.slack) if isinstance(one, DraftGear) else astuple(one)
+                for one in couplers
+            ]
+        ).reshape(-1, 4),
+        draft_gear=np.array(
+            [one.wedges() if isinstance(one, DraftGear) else NO_WEDGES for one in couplers]
+        ).reshape(-1, len(NO_WEDGES)),
         unit_axles=np.array([float(count) for _, count in units]),
         unit_lag=np.array([motor.torque_lag for motor, _ in motors]),
         unit_gear=np.array([motor.gear_ratio for motor, _ in motors]),
@@ -180,4 +202,5 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         shoe_friction=axle["shoe_friction"],
     )
     sizes = (structure.body_mass.size, len(axles), len(cars), len(units), len(brakes))
-    return structure, Layout(*sizes)
+    rubs = any(isinstance(one, DraftGear) for one in couplers)
+    return structure, Layout(*sizes, draft_gears=len(couplers) if rubs else 0)

@@ -33,6 +33,72 @@ class Coupler:
         )
 
 
+@dataclass(frozen=True)
+class DraftGear:
+    """Friction draft gears between two cars, one at either car's end, with a slack between them.
+
+    Each follows T0 + c1 (s - T0 / ck) when loaded, t0 + c2 s when unloaded, and the slope ck from one line to the other:
+    `loading` c1, `unloading` c2, `structure` ck [N/m], `preload` T0, `restoring` t0 [N]. Beyond the `stroke` [m] only the
+    structure yields. `slack` [m] between the two. Defaults: a published set (c1 2.57e7, c2 2.85e6, ck 2.5e8, T0 240 kN, t0
+    50 kN, lambda 0.09 m, delta 0.05 m), in which lambda is read as a gear's stroke, delta as the slack between two cars.
+
+    Assumed: `viscosity` [N s/m] of a gear's sliding wedges, which makes friction a function of the rate; `damping` [N s/m]
+    of its structure, about critical for two wagons of 85 t, without which a train swings for minutes on gears that
+    stick; `in_series`: gears of a connection.
+    """
+
+    loading: float = 2.57e7
+    unloading: float = 2.85e6
+    structure: float = 2.5e8
+    preload: float = 240e3
+    restoring: float = 50e3
+    stroke: float = 0.09
+    slack: float = 0.05
+    viscosity: float = 2.0e5
+    damping: float = 1.0e7
+    in_series: int = 2
+
+    def __post_init__(self) -> None:
+        positive = (
+            "loading",
+            "unloading",
+            "structure",
+            "preload",
+            "stroke",
+            "viscosity",
+            "in_series",
+        )
+        PlantError.check("draft gear", self, positive, ("restoring", "slack", "damping"))
+        for low, high in (
+            ("unloading", "loading"), ("loading", "structure"), ("restoring", "preload"),
+        ):  # fmt: skip
+            if not getattr(self, low) < getattr(self, high):
+                raise PlantError(
+                    f"draft gear: {low} = {getattr(self, low)!r} must be below {high} = {getattr(self, high)!r}"
+                )
+        if not self.stroke > self.preload / self.structure:
+            raise PlantError(
+                f"draft gear: stroke = {self.stroke!r} must exceed the structure's stretch under the preload, "
+                f"{self.preload / self.structure:g} m"
+            )
+
+    def wedges(self) -> tuple[float, ...]:
+        """Parameters of `alloc.plant.equations.friction_draft_gear` for the gears in series; 1 / viscosity and damping last.
+
+        The lines over the wedges' travel p = s - T / ck instead of the stretch s.
+        """
+        share = 1.0 - self.unloading / self.structure
+        loading = self.loading / (1.0 - self.loading / self.structure)
+        longest = self.stroke - self.preload / self.structure
+        longest *= 1.0 - self.loading / self.structure
+        each = (self.structure, loading, self.unloading / share)
+        return (
+            *(value / self.in_series for value in each), self.preload, self.restoring / share,
+            longest * self.in_series, self.in_series / self.viscosity,
+            self.damping / self.in_series,
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, repr=False)
 class Train:
     """A train in its running order, foremost car first.
@@ -44,7 +110,7 @@ class Train:
     name: str
     cars: tuple[Car, ...]
     resistance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    couplers: tuple[Coupler, ...] | None = None
+    couplers: tuple[Coupler | DraftGear, ...] | None = None
     load_transfer: bool = False
     planned_acceleration: float = 0.0
     """Acceleration [m/s2] that the plan asks for on level track."""
@@ -118,7 +184,7 @@ class Train:
             cars=tuple(replace(car, load=load) for car, load in zip(self.cars, loads, strict=True)),
         )
 
-    def coupled(self, coupler: Coupler) -> "Train":
+    def coupled(self, coupler: Coupler | DraftGear) -> "Train":
         """The same train with this draft gear between all cars."""
         return replace(self, couplers=(coupler,) * (len(self.cars) - 1))
 
@@ -129,6 +195,7 @@ __all__ = [
     "AirBrake",
     "Car",
     "Coupler",
+    "DraftGear",
     "InverterGroup",
     "Motors",
     "TorqueLimit",

@@ -12,7 +12,7 @@ from alloc.by_reference import ByReference
 from alloc.plant.blocks import filled, indices, members, packed
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
-from alloc.plant.structure import Floats, Ints, Layout
+from alloc.plant.structure import NO_WEDGES, Floats, Ints, Layout
 
 RUNGE_KUTTA = np.array(
     [[0.0, 0.5, 1.0 / 6.0], [0.5, 0.5, 1.0 / 3.0], [0.5, 1.0, 1.0 / 3.0], [1.0, 0.0, 1.0 / 6.0]]
@@ -29,6 +29,7 @@ class Rows(NamedTuple):
     omega: int
     torque: int
     pressure: int
+    gear: int
     friction: int
     work: int
     nothing: int
@@ -46,7 +47,9 @@ class Axles(NamedTuple):
     gear: Floats
     static_load: Floats
     unloading: Floats
-    shoe_gain: Floats  # torque [N m] per pascal and shoe friction
+    shoe_gain: Floats  # torque [N m] per pascal and shoe friction; per pascal alone where no friction fades
+    shoe_friction: Floats  # (3, axles)
+    friction_fades: bool  # whether any shoe's friction depends on its wheel's speed
     law: Floats  # (2, axles) numerator and constant of the speed law
     increment: Floats
     body: Ints
@@ -66,9 +69,10 @@ class Cars(NamedTuple):
     offset: Floats
     mass: Floats
     resistance: Floats  # (3, cars)
-    shoe_friction: Floats  # (3, cars)
     body_mass: Floats
     coupler: Floats  # (4, bodies)
+    draft_gear: Floats  # (8, bodies)
+    rubs: bool  # whether there are friction draft gears
 
 
 class Units(NamedTuple):
@@ -102,9 +106,11 @@ class Rail(NamedTuple):
     cleaning_spacing: float
     grade: Floats
     air_factor: Floats
+    curving: Floats
+    curved: bool
     line_origin: float
     line_spacing: float
-    uniform: bool  # everywhere the same grade and air
+    uniform: bool  # everywhere the same grade, air and curve
     receptivity: Floats
 
 
@@ -121,7 +127,6 @@ class Scratch(NamedTuple):
     mu: Floats  # (axles,) tangential force coefficient
     load: Floats  # (2, axles) of a car's force and unloading, then zeros
     car_force: Floats
-    grip: Floats  # (cars,) shoe friction
     net: Floats  # (bodies,) force without couplers
     tension: Floats  # (bodies,) behind a block of zeros
     command: Floats  # (units,)
@@ -161,16 +166,19 @@ class Workspace(NamedTuple):
 
 def _sizes(n: Layout) -> tuple[int, ...]:
     """Rows of the parts of the state, in its order."""
-    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 4)
+    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 4)
 
 
 def _rows(n: Layout) -> Rows:
-    ends = np.cumsum([padded(size) for size in (*_sizes(n), 1)])
+    # couplers are taken by the bodies before them, of which there is one more
+    room = _sizes(n._replace(draft_gears=n.draft_gears + 1))
+    ends = np.cumsum([padded(size) for size in (*room, 1)])
     return Rows(0, *(int(end) for end in ends))
 
 
 def _axles(model: Model, row: Rows) -> Axles:
     s, e, absent = model.structure, model.environment, row.nothing
+    fades = bool(s.shoe_friction[:, 0].any())
     return Axles(
         offset=filled(s.axle_offset),
         radius=filled(s.radius),
@@ -179,7 +187,9 @@ def _axles(model: Model, row: Rows) -> Axles:
         gear=filled(s.gear),
         static_load=filled(s.static_load),
         unloading=filled(s.unloading),
-        shoe_gain=filled(s.shoe_gain * s.radius),
+        shoe_gain=filled(s.shoe_gain * s.radius * (1.0 if fades else s.shoe_friction[:, 2])),
+        shoe_friction=filled(s.shoe_friction.T, 1.0),
+        friction_fades=fades,
         law=filled(e.law[::2]),
         increment=filled(e.increment),
         body=indices(s.axle_body, 0),
@@ -193,18 +203,18 @@ def _axles(model: Model, row: Rows) -> Axles:
 
 def _cars(model: Model, row: Rows) -> Cars:
     s, n = model.structure, model.layout
-    of_car = members(s.axle_car, n.cars, padded(n.axles))
     return Cars(
-        members=of_car,
+        members=members(s.axle_car, n.cars, padded(n.axles)),
         position_row=indices(row.position + s.car_body, row.nothing),
         speed_row=indices(row.speed + s.car_body, row.nothing),
         offset=filled(s.car_offset),
         mass=filled(s.car_mass),
         resistance=filled(s.car_resistance.T),
-        shoe_friction=filled(s.shoe_friction[of_car[0, : n.cars]].T, 1.0),
         body_mass=filled(s.body_mass, 1.0),
         # none behind the last body
         coupler=filled(np.append(s.coupler, np.zeros((1, 4)), axis=0).T),
+        draft_gear=filled(np.append(s.draft_gear, [NO_WEDGES], axis=0).T),
+        rubs=n.draft_gears > 0,
     )
 
 
@@ -235,6 +245,8 @@ def _rail(model: Model) -> Rail:
         law_offset=float(e.law[1, 0]),
         grade=e.line[0],
         air_factor=e.line[1],
+        curving=e.line[2],
+        curved=bool(e.line[2].any()),
         uniform=bool(np.all(e.line == e.line[:, :1])),
     )
 
@@ -258,7 +270,6 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         mu=np.zeros(axles),
         load=np.zeros((2, axles + WIDTH)),
         car_force=np.zeros(cars),
-        grip=np.zeros(cars),
         net=np.zeros(cars),
         tension=np.zeros(WIDTH + cars),
         command=np.zeros(padded(n.units)),

@@ -17,6 +17,7 @@ SUFFIXES: dict[str, float] = {
     "_permille": 1e-3,
     "_kmhs": 1.0 / 3.6,
     "_kmh": 1.0 / 3.6,
+    "_kn": 1e3,
     "_mm": 1e-3,
     "_m": 1.0,
     "_t": 1e3,

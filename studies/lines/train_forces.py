@@ -6,6 +6,7 @@ import numpy as np
 
 from alloc.plant.equations import (
     STANDSTILL_SPEED,
+    curving_resistance,
     gradient_force,
     hyperbolic_speed_law,
     running_resistance,
@@ -28,14 +29,16 @@ class TrainForces:
         self.peak_torque: Floats = s.drive_table.max(axis=1)
         """Greatest torque of each unit's motors [N m], (units,)."""
         self._shoe_gain, self._friction = s.shoe_gain, s.shoe_friction.T
-        self._constant, self._linear = s.car_resistance[:, 0].sum(), s.car_resistance[:, 1].sum()
-        # gradient and tunnels by position of the front, each car where it stands
+        self._linear = s.car_resistance[:, 1].sum()
+        # gradient, tunnels and curves by position of the front, each car where it stands
         self._places = np.arange(model.span[0], model.span[1] + e.line_spacing, e.line_spacing)
         under = (self._places[:, None] + s.car_offset - e.line_origin) / e.line_spacing
         knots = np.arange(e.line.shape[1])
-        grade, air = (np.interp(under, knots, row) for row in e.line)
+        grade, air, curving = (np.interp(under, knots, row) for row in e.line)
         self._climbing = gradient_force(s.car_mass, grade).sum(axis=1)
         self._quadratic = air @ s.car_resistance[:, 2]
+        curves = curving_resistance(s.car_mass, curving).sum(axis=1)
+        self._constant = s.car_resistance[:, 0].sum() + curves
 
     def effort(self, speed: float) -> float:
         """Greatest tractive effort at the rims [N] at `speed` [m/s]."""
@@ -51,7 +54,8 @@ class TrainForces:
     def resistance(self, position: float, speed: float) -> float:
         """Running resistance and gradient force [N] at `position` [m] of the front and `speed` [m/s]."""
         quadratic = np.interp(position, self._places, self._quadratic)
-        running = running_resistance(speed, self._constant, self._linear, quadratic, 1.0)
+        constant = np.interp(position, self._places, self._constant)
+        running = running_resistance(speed, constant, self._linear, quadratic, 1.0)
         return float(running + np.interp(position, self._places, self._climbing))
 
     def forward_resistance(self, position: float, speed: float) -> float:

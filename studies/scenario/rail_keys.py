@@ -1,6 +1,6 @@
 """What a scenario file says about rail and line."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -125,13 +125,26 @@ class TunnelKeys(Strict):
     end_m: float
 
 
+class LineCurveKeys(Strict):
+    """A curve of the line, straight on either side: `[[line.curves]]`."""
+
+    start_m: float
+    end_m: float
+    radius_m: float
+
+
 class LineKeys(Strict):
-    """The line: sections and tunnels, or a railtoolkit running path in `file`: `[line]`."""
+    """The line: sections, tunnels and curves, or a railtoolkit running path in `file` in place of the sections: `[line]`.
+
+    `curve_law`, the curves' resistance, is a name in `alloc.plant.rail.CURVE_LAWS`.
+    """
 
     file: str | None = None
     sections: tuple[SectionKeys, ...] = Field(default=(), max_length=50_000)
     tunnels: tuple[TunnelKeys, ...] = Field(default=(), max_length=1000)
     tunnel_factor: float = 1.0
+    curves: tuple[LineCurveKeys, ...] = Field(default=(), max_length=50_000)
+    curve_law: str = "600/R"
 
     @model_validator(mode="after")
     def _fits(self) -> "LineKeys":
@@ -143,17 +156,18 @@ class LineKeys(Strict):
         """The plant's line."""
         from studies.railtoolkit.reading import read_path
 
-        tunnels = tuple((t.start_m, t.end_m) for t in self.tunnels)
+        line = Line()
         if self.file is not None:
-            return read_path(self.file).line(tunnels, self.tunnel_factor)
-        if not self.sections:
-            return Line(tunnels=tunnels, tunnel_factor=self.tunnel_factor)
-        sections = [si(section) for section in self.sections]
-        return Line(
-            stations=tuple(s["start"] for s in sections),
-            grades=tuple(s["grade"] for s in sections),
-            tunnels=tunnels,
+            line = read_path(self.file).line()
+        elif self.sections:
+            sections = [si(section) for section in self.sections]
+            line = Line(tuple(s["start"] for s in sections), tuple(s["grade"] for s in sections))
+        return replace(
+            line,
+            tunnels=tuple((t.start_m, t.end_m) for t in self.tunnels),
             tunnel_factor=self.tunnel_factor,
+            curves=tuple((c.start_m, c.end_m, c.radius_m) for c in self.curves),
+            curve_law=self.curve_law,
         )
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from alloc.errors import OnboardError, PlantError
 from alloc.onboard.equipment import equipment
@@ -28,7 +28,13 @@ from studies.files.strict import Strict, explain
 from studies.files.study_error import StudyError
 from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
-from studies.scenario.train_keys import CouplerKeys, FailureKeys, build_train, is_file
+from studies.scenario.train_keys import (
+    CouplerKeys,
+    DraftGearKeys,
+    FailureKeys,
+    build_train,
+    is_file,
+)
 from studies.scenario.variation_keys import Day, VariationKeys
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
@@ -62,6 +68,7 @@ class Scenario(Strict):
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
     coupler: CouplerKeys | None = None
+    draft_gear: DraftGearKeys | None = None
     failures: tuple[FailureKeys, ...] = Field(default=(), max_length=1000)
     rail: RailKeys
     line: LineKeys = LineKeys()
@@ -78,6 +85,12 @@ class Scenario(Strict):
     step_s: float | None = Field(default=None, gt=0.0)
     record_period_s: float = Field(default=0.01, gt=0.0)
 
+    @model_validator(mode="after")
+    def _fits(self) -> "Scenario":
+        if self.coupler is not None and self.draft_gear is not None:
+            raise ValueError("give either coupler or draft_gear, not both")
+        return self
+
     def event(self, seed: int = 0) -> Event:
         """What the simulation runs; `seed` >= 0 gives all random draws. Raises `StudyError` where it cannot exist."""
         if seed < 0:
@@ -92,7 +105,7 @@ class Scenario(Strict):
         train = build_train(
             self.train,
             self.load_t,
-            self.coupler,
+            self.coupler or self.draft_gear,
             self.load_transfer,
             self.reversed,
             self.inverter_group,

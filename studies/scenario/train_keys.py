@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from alloc.plant.train import Coupler, InverterGroup, Train
+from alloc.plant.train import Coupler, DraftGear, InverterGroup, Train
 from studies.files.strict import Strict
 from studies.files.units import si
 
@@ -20,6 +20,25 @@ class CouplerKeys(Strict):
         return Coupler(**si(self))
 
 
+class DraftGearKeys(Strict):
+    """Friction draft gears between all cars in place of `[coupler]`: `[draft_gear]`; a published set if nothing is said."""
+
+    loading_n_per_m: float | None = None
+    unloading_n_per_m: float | None = None
+    structure_n_per_m: float | None = None
+    preload_kn: float | None = None
+    restoring_kn: float | None = None
+    stroke_mm: float | None = None
+    slack_mm: float | None = None
+    viscosity_ns_per_m: float | None = None
+    damping_ns_per_m: float | None = None
+    in_series: int | None = None
+
+    def coupler(self) -> DraftGear:
+        """The plant's draft gear."""
+        return DraftGear(**si(self))
+
+
 class FailureKeys(Strict):
     """A traction unit (1 = foremost) whose motors fail at a time: `[[failures]]`."""
 
@@ -35,7 +54,7 @@ def is_file(train: str) -> bool:
 def build_train(
     train: str,
     load_t: tuple[float, ...] | None,
-    coupler: CouplerKeys | None,
+    coupler: CouplerKeys | DraftGearKeys | None,
     load_transfer: bool | None,
     reverse: bool,
     inverter_group: InverterGroup | None = None,

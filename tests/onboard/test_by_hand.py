@@ -80,12 +80,13 @@ def test_cut_and_ramp_leaves_the_air_brake_its_part_of_the_rail(sign, air):
         axle_load=np.array([1.0, 80e3]), radius=np.array([1.0, 0.5]), gear=np.array([1.0, 5.0])
     )
     unit = {
-        "air_brake_force": air, "torque_command": sign * 900.0, "torque_target": sign * 900.0, "slipping": 1.0,
+        "torque_command": sign * 900.0, "torque_target": sign * 900.0, "slipping": 1.0,
         "coefficient_estimate": 0.1,
     }  # fmt: skip
     memory = SimpleNamespace(
         unit=SimpleNamespace(**{name: np.array([0.0, value]) for name, value in unit.items()}),
         train=SimpleNamespace(expected=np.array([0.15])),
+        air_force=np.array([0.0, air]),
     )
     kept = SimpleNamespace(phase=np.array([FOLLOW, FOLLOW]), clock=np.zeros(2), base=np.zeros(2))
     law = CutAndRamp(cut=0.4, recover=0.9)

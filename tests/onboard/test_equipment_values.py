@@ -193,17 +193,17 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     assert st.detector.gain == pytest.approx(1.0 - np.exp(-0.02 * onboard.detector.pole))
     assert st.observer.pole == onboard.observer.pole
     assert not st.reference.by_forces
-    assert st.brakes.inertia == 1.0
+    assert (st.brakes.inertia_in_estimate, st.brakes.by_pressure) == (True, True)
     other = replace(
         onboard, sensors=Sensors(sensorless_pole=4.0), telegrams=Telegrams(period=0.02), hosted={"mpc": 3},
-        reference=ReferenceSpeed("forces"), braking=Braking(inertia_in_estimate=False),
+        reference=ReferenceSpeed("forces"), braking=Braking(inertia_in_estimate=False, air_force="command"),
     )  # fmt: skip
     st = settings(other, RuleSettings(1, True, False), "mpc")
     assert st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"  # its reserve
     assert (st.sensors.noisy, st.sensors.pole, st.telegrams.ticks) == (False, 4.0, 1)
     assert st.reference.by_forces
-    assert st.brakes.inertia == 0.0
+    assert (st.brakes.inertia_in_estimate, st.brakes.by_pressure) == (False, False)
 
 
 def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():

@@ -20,6 +20,16 @@ def coupler_spring_energy(stretch, stiffness, stiffening):
     return square * (0.5 * stiffness + 0.25 * stiffening * square)
 
 
+def draft_gear_energy(stretch, travel, gear):
+    """Elastic energy of a friction draft gear [J]: of its structure, and of the mean of the wedges' two lines."""
+    structure, loading, unloading, preload, restoring = gear[:5]
+    pull = np.maximum(stretch - np.maximum(travel, 0.0), 0.0)
+    push = np.maximum(-stretch - np.maximum(-travel, 0.0), 0.0)
+    way = np.abs(travel)
+    wedges = way * (0.5 * (preload + restoring) + 0.25 * (loading + unloading) * way)
+    return 0.5 * structure * (pull**2 + push**2) + wedges
+
+
 def mechanical_energy(model, state):
     """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], of `state` (rows,)."""
     s, n = model.structure, model.layout
@@ -28,7 +38,10 @@ def mechanical_energy(model, state):
     stiffness, stiffening, _, slack = s.coupler.T
     position = state[n.position]
     stretch = coupler_stretch(position[:-1] - position[1:], slack)
-    return kinetic + rotating + coupler_spring_energy(stretch, stiffness, stiffening).sum()
+    elastic = coupler_spring_energy(stretch, stiffness, stiffening).sum()
+    if n.draft_gears:
+        elastic += draft_gear_energy(stretch, state[n.gear_travel], s.draft_gear.T).sum()
+    return kinetic + rotating + elastic
 
 
 def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,6 +92,7 @@ def environment_at(
         drive_limit=_table(s.drive_table, rim),
         brake_limit=_table(s.brake_table, rim) * receptivity,
         health=(time < e.failure_time).astype(float),
+        curving=_table(e.line[2], place),
     )
 
 

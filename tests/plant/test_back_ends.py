@@ -19,7 +19,10 @@ CURVES = {
     "polach-wet": POLACH_WET,
     "slip-ratio": SlipRatioCurve(0.04, 0.7),
 }
-LINE = Line((0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6)
+LINE = Line(
+    (0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6,
+    curves=((150.0, 310.0, 250.0), (330.0, 400.0, 600.0)), curve_law="roeckl",
+)  # fmt: skip
 
 
 def _model(name: str, curve: str, law: str) -> Model:
@@ -54,6 +57,7 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
     state[n.omega] = (rolling + slip) * (rng.random(rolling.shape) > 0.1)
     state[n.torque] = rng.uniform(-2000.0, 2000.0, n.units)
     state[n.pressure] = rng.uniform(0.0, 4e5, n.groups)
+    state[n.gear_travel] = rng.uniform(-0.02, 0.02, n.draft_gears)
     inputs = Inputs(
         rng.uniform(-4000.0, 4000.0, n.units),
         rng.uniform(0.0, 4e5, n.groups),
@@ -65,7 +69,19 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
 def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
     # a rate is a difference of larger terms: the scale is the largest of its kind
     first = 0
-    for size in (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 1, 1, 1, 1):
+    for size in (
+        n.bodies,
+        n.bodies,
+        n.axles,
+        n.units,
+        n.groups,
+        n.draft_gears,
+        n.axles,
+        1,
+        1,
+        1,
+        1,
+    ):
         part = slice(first, first + size)
         scale = np.abs(expected[part]).max(initial=0.0)
         np.testing.assert_allclose(actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale)
@@ -90,7 +106,7 @@ def _casadi_function(model: Model) -> casadi.Function:
     """Derivative as an SX function of state, inputs and environment."""
     n = model.layout
     state = casadi.SX.sym("state", n.rows)
-    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3)
+    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3, n.cars)
     arguments = [casadi.SX.sym(f"a{k}", size) for k, size in enumerate(sizes)]
     slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:3]), Local(*arguments[3:]))
     return casadi.Function("derivative", [state, *arguments], [slope])

@@ -20,7 +20,7 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
     """Motor work = change of kinetic and elastic energy + friction + shoes + resistance + couplers."""
     level = 0.35 if curve is POLACH_WET else 0.2
     rail = Rail(level, patches=(Patch(0.3, begin=0.5, until=9.0, fade=0.1),), curve=curve)
-    line = Line((0.0, 30.0), (0.0, 0.02), tunnels=((20.0, 60.0),), tunnel_factor=2.0)
+    line = Line((0.0, 30.0), (0.0, 0.02), ((20.0, 60.0),), 2.0, curves=((10.0, 40.0, 300.0),))
     couplers = (DRAFT_GEAR, DRAFT_GEAR)
     model = build(
         train("TMT", resistance=RESISTANCE, couplers=couplers, load_transfer=True), rail, line

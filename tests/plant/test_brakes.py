@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import GRAVITY, shoe_torque
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -54,6 +55,22 @@ def test_deceleration_is_shoe_force_over_mass_and_rotating_mass(run, car):
     grip = friction[0] / (3.6 * speed[middle] + friction[1]) + friction[2]
     force = 4 * 0.02 * 400e3 * grip
     np.testing.assert_allclose(-rate, force / (train.mass + train.rotating_mass), rtol=2e-3)
+
+
+def test_shoes_of_a_sliding_wheel_grip_by_its_own_speed(car):
+    """Friction (V + 150) / (2 V + 150): 0.8 at 50 km/h of the rim, 12 % more than 0.714 at the train's 100 km/h."""
+    brake = AirBrake(400e3, 0.02, friction=(37.5, 75.0, 0.5))
+    model = build(Train("one", (car(False, air_brake=brake),)), Rail(0.4))
+    n, arrays = model.layout, ArrayModel.of(model)
+    state = model.initial_state(100.0 / 3.6)
+    state[n.omega] *= (1.0, 0.5, 0.5, 1.0)
+    state[n.pressure] = 300e3
+    shoe, _ = arrays.wheelsets(state, np.zeros(4))
+    rolling, sliding = (
+        0.02 * 300e3 * 0.43 * (v + 150.0) / (2.0 * v + 150.0) for v in (100.0, 50.0)
+    )
+    np.testing.assert_allclose(shoe, [rolling, sliding, sliding, rolling], rtol=1e-12)
+    assert sliding / rolling == pytest.approx(1.12)
 
 
 def test_shoe_torque_never_drives():

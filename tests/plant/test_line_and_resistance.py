@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY, gradient_force, running_resistance
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
@@ -68,6 +69,55 @@ def test_tunnel_raises_the_air_part_only(run, train):
         lost.append(work / (30.0 * 0.1))
     assert lost[0] == pytest.approx(5e3 + 9e3, rel=5e-3)
     assert lost[1] == pytest.approx(5e3 + 18e3, rel=5e-3)
+
+
+def test_curve_holds_back_each_car_where_it_is(train):
+    """600/R kgf/t; Roeckl: 650 / (R - 55) from 300 m on, 500 / (R - 30) below. Middles 10, 30 and 50 m behind the front."""
+    for law, expected in (
+        ("600/R", 600.0 / 250.0),
+        ("800/R", 800.0 / 250.0),
+        ("roeckl", 500.0 / 220.0),
+    ):
+        line = Line(curves=((100.0, 145.0, 250.0), (300.0, 400.0, 1e3)), curve_law=law)
+        model = build(train("TMT"), Rail(0.2), line)
+        for front, inside in (
+            (90.0, (0, 0, 0)),
+            (135.0, (1, 1, 0)),
+            (165.0, (0, 1, 1)),
+            (250.0, (0, 0, 0)),
+        ):
+            local = environment_at(model, 0.0, model.initial_state(20.0, front + 1.0))
+            np.testing.assert_allclose(
+                local.curving, 1e-3 * expected * np.array(inside), atol=1e-15
+            )
+    assert Line(curve_law="roeckl").curving(300.0) == pytest.approx(650e-3 / 245.0)
+
+
+def test_train_loses_its_weights_share_in_a_curve(run, train):
+    """Work over a curve: specific resistance x weight x length, whatever the speed; none before it and behind."""
+    t = train("TMT", brake=False)
+    lost = []
+    for radius in (300.0, 600.0):
+        line = Line(curves=((100.0, 200.0, radius),))
+        trace = run(build(t, Rail(0.3), line), 15.0, 20.0, position=50.0, sample=0.1)
+        lost.append(trace.rows("work")[-1, 2])
+        assert lost[-1] == pytest.approx(0.6 / radius * t.mass * GRAVITY * 100.0, rel=2e-3)
+        speed = trace.rows("speed")[:, 0]
+        kinetic = 0.5 * (t.mass + t.rotating_mass) * (speed[0] ** 2 - speed[-1] ** 2)
+        assert kinetic == pytest.approx(lost[-1], rel=5e-3)
+    assert lost[0] == pytest.approx(2.0 * lost[1], rel=1e-6)
+
+
+def test_curves_are_checked():
+    for curves, law, message in (
+        (((0.0, 0.0, 300.0),), "600/R", "end beyond its start"),
+        (((0.0, 9.0, 0.0),), "600/R", "radius"),
+        (((0.0, 9.0, 30.0),), "roeckl", "radius"),
+        (((0.0, 9.0, np.nan),), "600/R", "radius"),
+        ((), "700/R", "curve_law"),
+    ):
+        with pytest.raises(PlantError, match=message):
+            Line(curves=curves, curve_law=law)
 
 
 def test_train_at_rest_on_level_track_stays(run, train):

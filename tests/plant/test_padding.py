@@ -19,8 +19,8 @@ from tests.plant.numpy_plant import environment_at, right_side, runge_kutta_step
 
 STEP, START = 1e-3, 0.3
 COUNTS = (1, WIDTH - 1, WIDTH, WIDTH + 1, 2 * WIDTH + 1)
-LINE = Line((0.0, 30.0), (0.0, 0.02), tunnels=((20.0, 60.0),), tunnel_factor=2.0)
-BRAKE = AirBrake(400e3, 0.05, 0.4, 0.6, 0.0)
+LINE = Line((0.0, 30.0), (0.0, 0.02), ((20.0, 60.0),), 2.0, curves=((0.0, 20.0, 400.0),))
+BRAKE = AirBrake(400e3, 0.05, 0.4, 0.6, 0.0, (37.5, 75.0, 0.5))
 """Without dead time: the NumPy plant has none."""
 
 

@@ -15,6 +15,7 @@ MASS = {
     "high-speed-16car": 700e3,  # series N700
     "freight-5": 96e3 + 5 * 59e3,  # DF200 and loaded Koki wagons
     "freight-17": 96e3 + 17 * 59e3,
+    "heavy-70": 70 * 85e3,
 }
 AXLES = {
     "one-axle": 1,
@@ -23,6 +24,7 @@ AXLES = {
     "high-speed-16car": 64,
     "freight-5": 26,
     "freight-17": 74,
+    "heavy-70": 280,
 }
 
 

@@ -8,6 +8,7 @@ from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import STABLE_STEP, build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import SETS
+from alloc.plant.train import DraftGear
 from tests.plant.numpy_plant import environment_at
 
 CURVES = [PiecewiseCurve(), POLACH_DRY, SlipRatioCurve(0.03, 0.7)]
@@ -23,6 +24,7 @@ def _states(model, rng):
         state[n.position] += rng.uniform(-0.08, 0.08, n.bodies)
         state[n.speed] += rng.uniform(-0.3, 0.3, n.bodies)
         state[n.omega] += rng.uniform(-0.5, 0.5, n.axles)
+        state[n.gear_travel] = rng.uniform(-0.1, 0.1, n.draft_gears)
         state[n.pressure] = 2e5
         yield state
         state = state.copy()
@@ -31,8 +33,8 @@ def _states(model, rng):
 
 
 def _spectral_radius(model, arrays, state) -> float:
-    """Of the numerical Jacobian of positions to pressures."""
-    size = model.layout.pressure.stop
+    """Of the numerical Jacobian of positions to what the draft gears have travelled."""
+    size = model.layout.gear_travel.stop
     inputs = model.zero_inputs()
 
     def rate(x):
@@ -44,9 +46,12 @@ def _spectral_radius(model, arrays, state) -> float:
 
 
 @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: type(curve).__name__)
-@pytest.mark.parametrize("name", ["one-axle", "jp4209318-3car", "commuter-8car", "freight-5"])
+@pytest.mark.parametrize(
+    "name", ["one-axle", "jp4209318-3car", "commuter-8car", "freight-5", "draft gears"]
+)
 def test_stiffness_bounds_the_jacobian(name, curve):
-    model = build(SETS[name](), Rail(0.3, curve=curve))
+    train = SETS["freight-5"]().coupled(DraftGear()) if name == "draft gears" else SETS[name]()
+    model = build(train, Rail(0.3, curve=curve))
     arrays = ArrayModel.of(model)
     for state in _states(model, np.random.default_rng(4)):
         radius = _spectral_radius(model, arrays, state)

@@ -305,6 +305,9 @@ SCENARIO_FILES = [
     added("[line]\nfile = 'line.yaml'\nsections = [{ start_m = 0.0, grade_permille = 1.0 }]\n", "either file or sections"),
     added("[line]\nsections = [{ start_m = 0.0, grade_permille = 1e6 }]\n", "grade_permille"),
     added("[line]\ntunnels = [{ start_m = 5.0, end_m = 1.0 }]\n", "tunnel"),
+    added("[line]\ncurves = [{ start_m = 5.0, end_m = 9.0, radius_m = 0.0 }]\n", "radius"),
+    added('[line]\ncurve_law = "900/R"\n', "curve_law"),
+    added('[onboard.braking]\nair_force = "sensor"\n', "air_force"),
     added("[receptivity]\nperiod_s = 0.0\n", "period = 0.0"),
     added("[belief]\nincrements = { law = 'given' }\n", "'belief.increments': values go with law"),
     added("[belief]\nunit_increments = []\n", "0 unit_increments"),
@@ -533,7 +536,7 @@ def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) 
 
 NEEDED = {
     "factor": 0.5, "stiffness_n_per_m": 2e7, "unit": 1, "start_m": 0.0, "end_m": 100.0, "axle": 0,
-    "grade_permille": 5.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
+    "grade_permille": 5.0, "radius_m": 300.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
 }  # fmt: skip
 KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
 """Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""

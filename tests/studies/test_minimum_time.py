@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel
+from alloc.plant.model import build
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.example_line import EXAMPLE_PATH, example_stock
@@ -84,6 +85,8 @@ def test_a_limit_holds_for_the_whole_train():
 
 def test_the_driver_knows_the_forces_of_the_plant(stock):
     model = line_model(EXAMPLE_PATH, stock)
+    line = replace(model.line, curves=((280.0, 7000.0, 400.0), (8200.0, 8290.0, 250.0)))
+    model = build(model.train, model.rail, line, span=model.span)
     forces, arrays, n = TrainForces(model), ArrayModel.of(model), model.layout
     for position, speed in ((300.0, 2.0), (3000.0, 15.0), (7010.0, 30.0), (8303.0, 22.2)):
         state = model.initial_state(speed, position)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alloc.plant.train import DraftGear
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
@@ -59,6 +60,9 @@ begin_s = 1.0
 until_s = 3.0
 fade_s = 0.4
 
+[line]
+curve_law = "roeckl"
+
 [[line.sections]]
 start_m = 0.0
 grade_permille = -5.0
@@ -66,6 +70,11 @@ grade_permille = -5.0
 [[line.sections]]
 start_m = 200.0
 grade_permille = 20.0
+
+[[line.curves]]
+start_m = 150.0
+end_m = 260.0
+radius_m = 350.0
 
 [[line.tunnels]]
 start_m = 300.0
@@ -157,6 +166,7 @@ def test_the_line_is_as_the_file_says(event):
     assert line.stations == (0.0, 200.0)
     assert line.grades == pytest.approx((-0.005, 0.020))
     assert line.tunnels == ((300.0, 400.0),)
+    assert (line.curves, line.curve_law) == (((150.0, 260.0, 350.0),), "roeckl")
 
 
 def test_what_is_believed_is_kept_apart_from_what_is_true(event):
@@ -218,3 +228,13 @@ def test_a_changed_copy_is_checked_anew(short):
 def test_a_name_without_ending_is_a_shipped_scenario():
     with pytest.raises(StudyError, match="did you mean 'wet-start'"):
         load_scenario("wet-strat")
+
+
+def test_friction_draft_gears_come_from_the_file():
+    scenario = load_scenario("freight-start").changed(
+        coupler=None, draft_gear={"preload_kn": 120.0, "slack_mm": 30.0, "stroke_mm": 80.0}
+    )
+    couplers = scenario.event().model.train.couplers
+    assert set(couplers) == {DraftGear(preload=120e3, slack=0.03, stroke=0.08)}
+    with pytest.raises(StudyError, match="either coupler or draft_gear"):
+        scenario.changed(coupler={"stiffness_n_per_m": 1e7})

@@ -21,6 +21,7 @@ class Computers:
         self.observer, self.observer_input = np.full(n, np.nan), np.zeros(n)
         self.axles_seen, self.slipping = eq.axles.copy(), np.zeros(n)
         self.torque_command = np.zeros(n)
+        self.air_there = np.zeros(n)
         self.air, self.rise, self.target = np.zeros(n), np.zeros(n), np.zeros(n)
         self.coefficient, self.limit = np.zeros(n), np.full(n, expected)
         self.expected, self.brake_rise, self.moved = expected, 0.0, 0.0
@@ -36,7 +37,7 @@ class Computers:
 
     # --- sensing
 
-    def sense(self, time, commanded, omega, torque, noise, in_service):
+    def sense(self, time, commanded, omega, torque, pressure, noise, in_service):
         eq, st, d = self.eq, self.st, self.st.detector
         n = eq.axles.size
         self.sign = sign = -1.0 if commanded < 0.0 else 1.0
@@ -75,6 +76,7 @@ class Computers:
         self.differentiator += (1.0 - math.exp(-d.pole * st.period)) * (
             self.speed - self.differentiator
         )
+        self._air_brakes(pressure)
         self._coefficients(torque)
         self._detect(time, commanded)
         kmh = np.abs(self.speed) * 3.6
@@ -109,6 +111,18 @@ class Computers:
                 rim[i] = self.reference[eq.axle_body[i]]
         self.axle_omega = rim / eq.axle_radius
 
+    def _air_brakes(self, pressure):
+        eq = self.eq
+        self.air_there = self.air.copy()
+        if not (self.blended and self.st.brakes.by_pressure):
+            return
+        a, b, c = eq.group.friction.T
+        friction = a / (3.6 * np.abs(self.reference[eq.group.body]) + b) + c
+        of_group = eq.group.gain * pressure * friction
+        for j in range(eq.axles.size):
+            groups = eq.axle_group[eq.axle_unit == j]
+            self.air_there[j] = of_group[groups[groups >= 0]].sum() / groups.size
+
     def _coefficients(self, torque):
         eq, o = self.eq, self.st.observer
         turning = o.pole * eq.inertia * self.speed / eq.radius
@@ -120,8 +134,9 @@ class Computers:
         self.coefficient = self.sign * (self.observer - turning) / (eq.axle_load * eq.radius)
         self.torque = torque
         if self.blended:
-            wheels = self.st.brakes.inertia * eq.inertia / eq.radius**2 * self.acceleration
-            self.coefficient = (-torque * eq.gear / eq.radius + self.air + wheels) / eq.axle_load
+            if not self.st.brakes.inertia_in_estimate:
+                self.coefficient = -torque * eq.gear / eq.radius / eq.axle_load
+            self.coefficient = self.coefficient + self.air_there / eq.axle_load
 
     def _detect(self, time, commanded):
         d, along = self.st.detector, self.sign * self.acceleration
@@ -198,16 +213,14 @@ class Computers:
         self.rise = np.minimum(self.limit * per_coefficient, self.rise + full / st.rise_time)
         for j in range(self.rise.size):
             rim, pattern = eq.gear[j] / eq.radius[j], self.rise[j]
-            if math.isfinite(self.received[j]):
-                self.air[j] = min(self.air[j], pattern * rim)
-                motors = max(pattern - self.air[j] / rim, 0.0)
-            else:
-                electric = max(-self.torque[j], 0.0)
-                lacking = max(-self.torque_command[j] - electric, 0.0)
-                slow = electric + full[j] / st.brakes.blend_time
-                motors = min(pattern, self.brake_limit[j], max(pattern - self.air[j] / rim, slow))
-                self.air[j] = (pattern - motors + min(lacking, motors)) * rim
-            self.target[j] = -min(motors, self.brake_limit[j])
+            electric = max(-self.torque[j], 0.0)
+            slow = electric + full[j] / st.brakes.blend_time
+            motors = min(pattern, self.brake_limit[j], max(pattern - self.air[j] / rim, slow))
+            asked = min(-self.torque_command[j], motors)
+            self.air[j] = (pattern - motors + (asked - electric if asked > electric else 0.0)) * rim
+            if math.isfinite(self.received[j]):  # beside what the cylinders give, at once
+                motors = np.clip(pattern - self.air_there[j] / rim, 0.0, self.brake_limit[j])
+            self.target[j] = -motors
         self.brake_rise = min(self.brake_rise + st.period / st.rise_time, 1.0)
 
     def restrain(self):

@@ -54,7 +54,10 @@ ONBOARDS = {
     "sensorless": (replace(ONBOARD, sensors=Sensors(sensorless_pole=30.0, speed_quantum=0.02)), {}, False),
     "without air": (replace(ONBOARD, inertia_in_limit=False), {"braked": False}, True),
     "not blended": (replace(ONBOARD, braking=Braking(blended=False)), {}, False),
-    "as printed": (replace(ONBOARD, braking=Braking(blend_time=0.3, inertia_in_estimate=False)), {}, True),
+    "as printed": (
+        replace(ONBOARD, braking=Braking(blend_time=0.3, inertia_in_estimate=False, air_force="command")),
+        {}, True,
+    ),
 }  # fmt: skip
 
 
@@ -93,15 +96,16 @@ def test_periods_equal_their_second_transcription(case, seed):
         torque = direction * rng.uniform(-50.0, 600.0, n)
         service = ~(failing & (tick > 20)) | (tick > 35)
         m.in_service[:] = service
-        sense(eq, st, m, time, commanded, omega, torque, noise)
-        twin.sense(time, commanded, omega, torque, noise, service)
+        cylinders = rng.uniform(0.0, 300e3, groups)
+        sense(eq, st, m, time, commanded, omega, torque, cylinders, noise)
+        twin.sense(time, commanded, omega, torque, cylinders, noise, service)
         compare(m, twin, {
             "speed": m.speed, "reference": m.reference, "axle_omega": m.axle_omega, "worst_slip": m.worst_slip,
             "acceleration": m.unit.computed_acceleration, "coefficient": m.unit.coefficient_estimate,
             "slipping": m.unit.slipping, "first": m.lead.unit[0], "drive_limit": m.drive_limit,
             "brake_limit": m.brake_limit, "limit_max": m.limit_max, "torque": m.torque, "moved": m.lead.acceleration[0],
             "estimate": m.lead.estimate[0], "slipped": m.lead.slipped[0], "detected": m.lead.detected[0],
-            "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0],
+            "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0], "air_there": m.air_force,
         })  # fmt: skip
         needed = prepare_allocation(eq, st, m, time, tick, commanded)
         assert needed == twin.prepare(time, tick, commanded)
@@ -150,7 +154,7 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros((4, 1)), np.zeros((4, 1))
     empty, omega = np.zeros(0), 10.0 / eq.axle_radius
     for tick in range(3):
-        sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, np.zeros(8))
+        sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, np.zeros(4), np.zeros(8))
         assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8)
         distribute(eq, st, m, 0.01 * tick, tick, empty, empty)
         set_brake_targets(eq, st, m)

@@ -182,7 +182,7 @@ def test_commands_equal_the_second_transcription(name, sign):
         if tick > 280:
             m.unit.slipping[0] = 1.0
         m.unit.coefficient_estimate[:] = rng.uniform(-0.01, 0.12, n)
-        m.unit.air_brake_force[:] = rng.uniform(0.0, 900.0, n) * (sign < 0.0)
+        m.air_force[:] = rng.uniform(0.0, 900.0, n) * (sign < 0.0)
         m.unit.torque_target[:] = sign * target
         before = sign * m.unit.torque_command.copy()
         control(EQ, st, m, commanded)
@@ -190,7 +190,7 @@ def test_commands_equal_the_second_transcription(name, sign):
             command, share = twin.decide({
                 "sign": sign, "commanded": commanded, "target": target[j], "slip": slip[j], "speed": m.speed[j],
                 "slipping": m.unit.slipping[j] > 0.0, "coefficient": m.unit.coefficient_estimate[j],
-                "air": m.unit.air_brake_force[j], "expected": 0.08, "command": before[j],
+                "air": m.air_force[j], "expected": 0.08, "command": before[j],
             })  # fmt: skip
             assert sign * m.unit.torque_command[j] == pytest.approx(command, rel=1e-9, abs=1e-9), (
                 tick,

@@ -54,7 +54,7 @@ def cut_and_ramp_unit(eq, st, m, p, k, j, commanded):
     to_torque = torque_per_coefficient(eq, j)
     rate = m.train.expected[0] * to_torque / p.ramp
     # what the air brake takes of the rail's force is not the motors' to have
-    air = m.unit.air_brake_force[j] * eq.radius[j] / eq.gear[j]
+    air = m.air_force[j] * eq.radius[j] / eq.gear[j]
     k.phase[j], k.clock[j], k.base[j], torque = cut_and_ramp(
         k.phase[j], k.clock[j], k.base[j],
         sign * m.unit.torque_command[j], sign * m.unit.torque_target[j], m.unit.slipping[j] > 0.0,

@@ -106,7 +106,7 @@ def _apply_forces(eq, st, m, k, sign, torque, pressure):
             force = eq.gear[j] * 0.5 * (torque[j] + m.torque[j]) / r
         if g >= 0:
             f = eq.group.friction[g]
-            friction = hyperbolic_speed_law(m.reference[b], f[0], f[1], f[2])
+            friction = hyperbolic_speed_law(y, f[0], f[1], f[2])
             shoe = eq.group.gain[g] * pressure[g] * friction
             if y < STANDING and m.reference[b] > STANDING:
                 shoe = min(shoe, k.carried[i])  # a standing wheel's shoe gives what the rail does
