@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
+from alloc.onboard.sanding import SandingMemory
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 from alloc.plant.model import Floats
 
@@ -79,6 +80,7 @@ class Memory(NamedTuple):
     lead: LeadMemory
     counter: Counters
     slide: SlideMemory
+    sanding: SandingMemory
     law: LawMemory
     reference: Floats  # (bodies,) reference speed
     candidate: Floats  # (bodies,) speed of its slowest axle driving, fastest braking, in the direction of the demand
@@ -139,6 +141,7 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         lead=lead,
         counter=_singles(Counters),
         slide=slide_memory(int(eq.axle_car.max()) + 1, eq.axle_car.size, eq.group.unit.size, speed),
+        sanding=SandingMemory(np.full(1, -np.inf), np.full(1, -np.inf)),
         law=law_memory(n),
         reference=np.full(bodies, speed),
         candidate=np.zeros(bodies),

@@ -10,6 +10,7 @@ from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
+from alloc.onboard.sanding import SandingSettings
 from alloc.onboard.slide_protection.state import SlideSettings, slide_settings
 from alloc.plant.model import Floats
 
@@ -108,6 +109,7 @@ class Settings(NamedTuple):
     reference: ReferenceSettings
     brakes: BrakeSettings
     slide: SlideSettings
+    sanding: SandingSettings
 
 
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
@@ -152,4 +154,5 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         ),
         brakes=filled(BrakeSettings, braking, inertia=braking.inertia_in_estimate),
         slide=slide_settings(braking.slide_protection, period),
+        sanding=filled(SandingSettings, onboard.sanding),
     )
