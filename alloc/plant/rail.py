@@ -90,9 +90,9 @@ class Rail:
     conditioning: float = 0.0
     conditioning_slip: float = 0.05
     cleaning_spacing: float = 0.1
-    sanded_coefficient: float = 0.2
-    sand_saturation: float = 10e-3
-    sand_decay: float = 0.1
+    sanded_coefficient: float = 0.314
+    sand_saturation: float = 27.3e-3
+    sand_decay: float = 0.056
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from alloc.plant.rail import Rail
-from studies.sanders.trial import DISTANCES, SandLaw, measures, stop
+from studies.sanders.trial import DISTANCES, SandLaw, Source, measures, stop
 
 FITTED = ("one fixed", "two fixed", "two variable")
 TOLERANCE = 0.05
@@ -26,7 +26,7 @@ EVALUATIONS = 12
 
 
 def distances(
-    law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: str = "truth",
+    law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = "truth",
     kinds: Sequence[str] = tuple(DISTANCES),
 ) -> dict[str, float]:  # fmt: skip
     """Stopping distances [m] of the trial's rows."""
@@ -34,7 +34,7 @@ def distances(
 
 
 def calibrate(
-    units: int = 2, curve: str = "slip-ratio", source: str = "truth",
+    units: int = 2, curve: str = "slip-ratio", source: Source = "truth",
     fitted: Sequence[str] = FITTED, start: SandLaw = CALIBRATED,
 ) -> SandLaw:  # fmt: skip
     """The law whose distances of the `fitted` rows are nearest to the trial's, by least squares of their logarithms."""

@@ -1,4 +1,4 @@
-"""Two coupled four-car multiple units of Great Britain with sanders, as in the sander trials of RSSB T1107; air brakes alone."""
+"""Two coupled four-car multiple units of Great Britain, as in the sander trials of RSSB T1107; braked by air alone."""
 
 from dataclasses import replace
 
@@ -16,9 +16,10 @@ SOURCES = {
     "time; the electric brake is left out",
     "planned_acceleration": "0.9 m/s2: brake step 3 of T1107 (seen)",
     "resistance": "assumed: 5 kN + 150 N s/m v + 14 N s2/m2 v2 for eight cars",
-    "sanders": "axle 3, fixed rate: the usual practice (Rail Engineer; seen). 2 kg/min per rail: usual limit of fixed rates in "
-    "Great Britain (not seen in a source). Second sander of a unit at axle 7: assumed. Variable rate: more sand at higher "
-    "speed (RSSB; seen), up to 5 kg/min (Railway Gazette, 16 Apr 2024; seen), per metre assumed",
+    "sanders": "axle 3, fixed rate: the usual practice (Rail Engineer; seen). 2 kg/min per rail: "
+    "assumed, as usual in Great Britain. Second sander of a unit at axle 7: assumed. Variable rate: more sand at higher "
+    "speed (RSSB; seen); assumed: 4.5 g/m per rail, up to 6 kg/min (a later product gives 5: Railway Gazette, 16 Apr "
+    "2024; seen)",
 }
 
 CARS_PER_UNIT = 4
@@ -26,7 +27,7 @@ CAR_MASS = 43.4e3
 BRAKE_PRESSURE = 300e3
 FULL_BRAKE = 1.2
 """Deceleration [m/s2] at full pressure."""
-FIXED_RATE, GREATEST_RATE = 2.0 / 60.0, 5.0 / 60.0
+FIXED_RATE, GREATEST_RATE = 2.0 / 60.0, 6.0 / 60.0
 """Sand per rail [kg/s]: of a sander of fixed rate, and at most of one of variable rate."""
 VARIABLE_AMOUNT = 4.5e-3
 """Sand per rail [kg/m] that a sander of variable rate keeps to as long as its rate allows."""
