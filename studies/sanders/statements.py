@@ -100,7 +100,7 @@ def _sharing(table: pd.DataFrame) -> Statement:
     wide = relative(table)
     gain = {place: mean_interval(wide[(place, EQUAL)] - wide[(place, BY_SAND)]) for place in PLACEMENTS}  # fmt: skip
     best = min(arms(table).items(), key=lambda arm: arm[1].value)
-    return over_cases(
+    return decided(
         "sharing", f"brake force shared by what the sanded cars carry shortens the stop by {COUNTS:.0%} or more",
         {f"not with the sand at {place}": interval.low >= COUNTS for place, interval in gain.items()},
         {
@@ -110,4 +110,6 @@ def _sharing(table: pd.DataFrame) -> Statement:
         },
         "exact level over the coefficients that the calibrated law gives the cars at the initial speed, on the mean "
         "level of the rail; no car is asked for more than its full brake",
+        partly=any(interval.low >= COUNTS for interval in gain.values()),
+        enough=len(wide) >= LEAST_EVENTS,
     )  # fmt: skip
