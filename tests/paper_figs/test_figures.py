@@ -55,6 +55,7 @@ from paper_figs.resistance import (
     resistance_weights,
     tunnel_mouth,
 )
+from paper_figs.sanders import sanders
 from paper_figs.slides import (
     slide_adhesion,
     slide_control,
@@ -84,6 +85,7 @@ from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.sander_tables import sander_table
 from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
@@ -92,7 +94,7 @@ CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
-    "cars", "sensitivity",
+    "cars", "sensitivity", "first half ahead of car", "second half ahead of car",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -198,6 +200,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slide-tables": slide_tables(slide_table()),
         "slide-pareto": slide_pareto(slide_table()),
         "slide-electric": slide_electric(slide_table()),
+        "sanders": sanders(sander_table()),
     }
 
 
