@@ -28,6 +28,7 @@ TRIAL_LOOKS: dict[tuple[int, str], Look] = dict(
 TRIAL_NAMES = ("here, two units", "here, one unit", "here, two units, Polach's curve")
 SHARING_LOOKS: dict[str, Look] = {
     "equal": {"color": BLUE, "marker": "o"},
+    "raised": {"color": GREEN, "marker": "s"},
     "by sand": {"color": VERMILION, "marker": "D"},
 }
 BLANK: Look = {"linestyle": "none", "markersize": 4.5}
@@ -97,8 +98,8 @@ def _draw_places(table: pd.DataFrame, axes: Axes) -> None:
     found = arms(table)
     for k, sharing in enumerate(SHARINGS):
         for row, place in enumerate(PLACEMENTS):
-            look = SHARING_LOOKS[sharing] | {"markersize": 3.5, "capsize": 2.0, "linewidth": 0.9}
-            interval_mark(axes, found[(place, sharing)], row + 0.24 * (k - 0.5), 1.0, look)
+            look = SHARING_LOOKS[sharing] | {"markersize": 3.0, "capsize": 2.0, "linewidth": 0.9}
+            interval_mark(axes, found[(place, sharing)], row + 0.25 * (k - 1), 1.0, look)
     axes.axvline(1.0, **BOUND)
     name_rows(axes, list(PLACEMENTS))
     bare_rows(axes)

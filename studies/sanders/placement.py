@@ -22,24 +22,26 @@ from studies.sanders.trial import (
 
 AMOUNT, RATE = 4 * gb_unit.VARIABLE_AMOUNT, 4 * gb_unit.GREATEST_RATE
 """Sand of the whole train per rail [kg/m, kg/s]: that of two units with two sanders of variable rate each."""
-DURATION = 110.0
+DURATION = 85.0
+"""Time [s] longer than any stop here."""
 AXLES = 2 * AXLES_PER_UNIT
 AXLES_PER_CAR = 4
 USUAL = "axles 3 and 7 of each unit"
 PLACEMENTS: dict[str, tuple[int, ...]] = {
     "axle 1": (0,),
-    "axle 3": (2,),
     "axle 1 of each unit": (0, 16),
     "axle 3 of each unit": (2, 18),
     "axles 1 and 5 of each unit": (0, 4, 16, 20),
     USUAL: (2, 6, 18, 22),
     "axle 1 of each car": tuple(range(0, AXLES, AXLES_PER_CAR)),
     "axle 1 of cars 1 to 4": (0, 4, 8, 12),
-    "axle 1 of cars 5 to 8": (16, 20, 24, 28),
+    "axle 1 of cars 1 and 4": (0, 12),
     "axle 1 of car 5": (16,),
 }
 """Axles ahead of which the sand is laid in equal parts, 0 = foremost of the train."""
-SHARINGS = ("equal", "by sand")
+SHARINGS = ("equal", "raised", "by sand")
+"""How the brake force is shared: as planned; raised where sand is believed to carry more than the plan, as far as the other
+cars are believed to carry less; and these besides asked for no more than they are believed to carry."""
 CURVES = ("slip-ratio", "polach")
 """Curves that events take turns with."""
 EVENTS = DrawnEvents(
@@ -79,7 +81,7 @@ def caps(train: Train, level: float, speed: float) -> list[float]:
 
 
 def shares(train: Train, level: float, speed: float, sharing: str) -> tuple[float, ...] | None:
-    """Brake force asked of each car over the plan; "by sand": the exact level over what the cars are believed to carry."""
+    """Brake force asked of each car over the plan, see `SHARINGS`: the exact level over what cars are believed to carry."""
     if sharing == "equal":
         return None
     planned = -DEMAND / GRAVITY
@@ -88,7 +90,8 @@ def shares(train: Train, level: float, speed: float, sharing: str) -> tuple[floa
         expected=planned,
         limit_max=[gb_unit.FULL_BRAKE / GRAVITY] * len(train.cars),
     )
-    return tuple(float(limit) / planned for limit in find_rule("exact")(problem).limit)
+    least = 1.0 if sharing == "raised" else 0.0
+    return tuple(max(float(x) / planned, least) for x in find_rule("exact")(problem).limit)
 
 
 def place_row(

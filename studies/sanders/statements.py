@@ -2,20 +2,30 @@
 
 import pandas as pd
 
-from studies.core.statement import Interval, Statement, mean_interval, single
+from studies.core.statement import Interval, Statement, mean_interval
 from studies.core.verdict import LEAST_EVENTS, decided, over_cases
 from studies.sanders.calibration import FITTED, TOLERANCE
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
 from studies.sanders.trial import DISTANCES
 
-EQUAL, BY_SAND = SHARINGS
+EQUAL, RAISED, BY_SAND = SHARINGS
 COUNTS = 0.02
 """Share of a distance that counts as a difference; within it slide protection and rail differ from day to day."""
+SHARING_METHOD = (
+    "exact level over the coefficients that the calibrated law gives the cars at the initial speed, on the mean level of "
+    "the rail; no car is asked for more than its full brake"
+)
 
 
 def sander_statements(table: pd.DataFrame) -> list[Statement]:
     """All statements of the sweep, from rows that succeeded."""
-    return [_fit(table), _prediction(table), *_next_door(table), _best(table), _sharing(table)]
+    return [
+        _fit(table),
+        _prediction(table),
+        *_next_door(table),
+        _best(table),
+        *(_sharing(table, sharing) for sharing in (RAISED, BY_SAND)),
+    ]
 
 
 def misses(table: pd.DataFrame, units: int = 2, curve: str = "slip-ratio") -> dict[str, float]:
@@ -96,20 +106,27 @@ def _best(table: pd.DataFrame) -> Statement:
     )  # fmt: skip
 
 
-def _sharing(table: pd.DataFrame) -> Statement:
-    wide = relative(table)
-    gain = {place: mean_interval(wide[(place, EQUAL)] - wide[(place, BY_SAND)]) for place in PLACEMENTS}  # fmt: skip
-    best = min(arms(table).items(), key=lambda arm: arm[1].value)
+def _sharing(table: pd.DataFrame, sharing: str) -> Statement:
+    wide, found = relative(table), arms(table)
+    gain = {place: mean_interval(wide[(place, EQUAL)] - wide[(place, sharing)]) for place in PLACEMENTS}  # fmt: skip
+    damage = _ratio(table, "damage", sharing)
     return decided(
-        "sharing", f"brake force shared by what the sanded cars carry shortens the stop by {COUNTS:.0%} or more",
+        f"sharing: {sharing}",
+        f"brake force shared {sharing} instead of equally shortens the stop by {COUNTS:.0%} or more",
         {f"not with the sand at {place}": interval.low >= COUNTS for place, interval in gain.items()},
         {
             **{f"{place}: shorter by, of the distance of {USUAL}": value for place, value in gain.items()},
-            f"best of all, {best[0][0]} shared {best[0][1]}: distance over that of {USUAL}": best[1],
-            "events": single(len(wide)),
+            **{f"{place}: distance over that of {USUAL}": found[(place, sharing)] for place in PLACEMENTS},
+            "wheel damage over that of equal sharing": damage,
         },
-        "exact level over the coefficients that the calibrated law gives the cars at the initial speed, on the mean "
-        "level of the rail; no car is asked for more than its full brake",
+        SHARING_METHOD,
         partly=any(interval.low >= COUNTS for interval in gain.values()),
         enough=len(wide) >= LEAST_EVENTS,
     )  # fmt: skip
+
+
+def _ratio(table: pd.DataFrame, number: str, sharing: str) -> Interval:
+    """Mean over events of a number's sum over placements, over that of equal sharing."""
+    rows = table[table["part"] == "placement"]
+    total = rows.pivot_table(index="event", columns="sharing", values=number, aggfunc="sum")
+    return mean_interval(total[sharing] / total[EQUAL])

@@ -32,5 +32,5 @@ def sander_table(events: int = 12, best: float = 0.95, gain: float = 0.1) -> pd.
                 less = gain if (place, sharing) == (REAR, SHARINGS[1]) else 0.0
                 own = 0.002 * noise.standard_normal() * (place != USUAL)
                 rows.append({"part": "placement", "event": k, "placement": place, "sharing": sharing,
-                             "distance": metres * (ratio - less + own), **EVENTS.draw(0, k)})  # fmt: skip
+                             "distance": metres * (ratio - less + own), "damage": 2000.0, **EVENTS.draw(0, k)})  # fmt: skip
     return pd.DataFrame(rows).assign(status="ok")

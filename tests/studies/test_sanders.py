@@ -82,6 +82,8 @@ def test_shares_ask_no_car_for_more_than_it_carries_or_brakes():
     assert found.max() <= 1.2 / 0.9 + 1e-12
     assert found[:4] == pytest.approx(0.02 / planned)
     assert found[4:].max() > 1.0
+    raised = shares(train, 0.02, 15.0, "raised")
+    np.testing.assert_array_equal(raised, np.maximum(found, 1.0))
     np.testing.assert_allclose(shares(train, 0.5, 15.0, "by sand"), 1.0)
     assert shares(train, 0.02, 15.0, "equal") is None
 
@@ -98,7 +100,8 @@ def test_verdicts_follow_the_table():
     assert BEST in verdict("placement").claim
     assert verdict("placement", best=1.0001).verdict == CONDITIONS
     assert verdict("placement", events=4).verdict == TOO_FEW
-    assert verdict("sharing").verdict == CONDITIONS
-    assert f"not with the sand at {REAR}" not in verdict("sharing").conditions
-    assert f"not with the sand at {USUAL}" in verdict("sharing").conditions
-    assert verdict("sharing", gain=0.01).verdict == FAILS
+    assert verdict("sharing: raised").verdict == CONDITIONS
+    assert f"not with the sand at {REAR}" not in verdict("sharing: raised").conditions
+    assert f"not with the sand at {USUAL}" in verdict("sharing: raised").conditions
+    assert verdict("sharing: raised", gain=0.01).verdict == FAILS
+    assert verdict("sharing: by sand").verdict == FAILS
