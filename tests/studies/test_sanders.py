@@ -50,7 +50,13 @@ def test_the_law_lies_within_its_bounds():
 
 @pytest.mark.skipif("READHESION_FULL" not in os.environ, reason="minutes of computing")
 def test_the_stored_law_is_what_the_calibration_gives():
-    np.testing.assert_allclose(calibrate(), CALIBRATED, rtol=0.1)
+    """Its first gain and its decay; much sand would have to be laid to tell where the gain ends."""
+    found = calibrate()
+    first, stored = (
+        (x.sanded_coefficient - FRICTION) / x.sand_saturation for x in (found, CALIBRATED)
+    )
+    assert first == pytest.approx(stored, rel=0.05)
+    assert found.sand_decay == pytest.approx(CALIBRATED.sand_decay, abs=0.01)
 
 
 @pytest.mark.parametrize("curve", ["slip-ratio", "polach"])
