@@ -94,6 +94,9 @@ def test_a_variable_rate_keeps_to_the_amount_as_far_as_it_goes():
 
 def test_a_train_without_sanders_has_none_in_its_record():
     assert "sand_rate" not in run(sanders={})
+    found = run(duration=1.0)
+    assert found["sand_rate"].dims == ("time", "sander")
+    assert found["sand_rate"].attrs["units"] == "kg s-1"
 
 
 def test_cars_brake_by_their_shares():
