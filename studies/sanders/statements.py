@@ -25,6 +25,7 @@ def sander_statements(table: pd.DataFrame) -> list[Statement]:
         *_next_door(table),
         _best(table),
         *(_sharing(table, sharing) for sharing in (RAISED, BY_SAND)),
+        _together(table),
     ]
 
 
@@ -103,6 +104,25 @@ def _best(table: pd.DataFrame) -> Statement:
         "mean over events of the ratio of distances; holds if the paired difference from every other placement is above 0 "
         "with 95 %", partly=any(interval.low > 0.0 for interval in ahead.values()),
         enough=len(wide) >= LEAST_EVENTS,
+    )  # fmt: skip
+
+
+def _together(table: pd.DataFrame) -> Statement:
+    """Whether the best place depends on how the brake force is shared."""
+    wide, found = relative(table), arms(table)
+    alone = min(PLACEMENTS, key=lambda place: found[(place, EQUAL)].value)
+    place, sharing = min(found, key=lambda arm: found[arm].value)
+    gain = mean_interval(wide[(alone, EQUAL)] - wide[(place, sharing)])
+    return decided(
+        "together", f"placement and sharing chosen together stop sooner: {place}, shared {sharing}",
+        {"not shown": gain.low > 0.0},
+        {
+            f"distance over that of {USUAL} with equal sharing": found[(place, sharing)],
+            f"{alone} with equal sharing, the best place then": found[(alone, EQUAL)],
+            f"the same place with equal sharing ({place})": found[(place, EQUAL)],
+            "shorter than the best with equal sharing by": gain,
+        },
+        "holds if the paired difference is above 0 with 95 %", enough=len(wide) >= LEAST_EVENTS,
     )  # fmt: skip
 
 

@@ -111,3 +111,5 @@ def test_verdicts_follow_the_table():
     assert f"not with the sand at {USUAL}" in verdict("sharing: raised").conditions
     assert verdict("sharing: raised", gain=0.01).verdict == FAILS
     assert verdict("sharing: by sand").verdict == FAILS
+    assert verdict("together").verdict == FAILS  # the best place gains nothing by sharing
+    assert verdict("together", gain=0.5).verdict == HOLDS
