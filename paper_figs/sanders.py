@@ -3,12 +3,23 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
-from paper_figs.palette import BLUE, GREEN, GREY, VERMILION
+from paper_figs.palette import BLUE, DARK, GREEN, GREY, PURPLE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
-from paper_figs.style import BOUND, Look, bare_rows, handle, interval_mark, name_rows, new_figure
+from paper_figs.style import (
+    BOUND,
+    Look,
+    bare_rows,
+    handle,
+    interval_mark,
+    name_rows,
+    new_figure,
+    plain_ticks,
+)
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
 from studies.sanders.statements import arms
 from studies.sanders.study import CARS, TRIALS
@@ -18,9 +29,9 @@ TRIAL_LOOKS: dict[tuple[int, str], Look] = dict(
     zip(
         TRIALS,
         (
-            {"color": BLUE, "marker": "o"},
-            {"color": GREEN, "marker": "s"},
-            {"color": VERMILION, "marker": "^"},
+            {"color": DARK, "marker": "o"},
+            {"color": SKY, "marker": "s"},
+            {"color": PURPLE, "marker": "^"},
         ),
         strict=True,
     )
@@ -52,7 +63,7 @@ def sanders(table: pd.DataFrame) -> Figure:
         ),
         *(handle(f"brake force shared: {name}", **look, **BLANK) for name, look in SHARING_LOOKS.items()),
     ]  # fmt: skip
-    drawn.legend(handles=handles, loc="outside lower center", ncols=3)
+    drawn.legend(handles=handles, loc="outside lower center", ncols=4)
     return drawn
 
 
@@ -73,7 +84,7 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
     """Distance with half of the sand at the first axle of each of two cars; on the diagonal all at one."""
     metres = np.full((CARS, CARS), np.nan)
     metres[rows["second"].astype(int), rows["first"].astype(int)] = rows["distance"]
-    image = axes.imshow(metres, cmap="cividis_r", origin="upper")
+    image = axes.imshow(metres, cmap="cividis_r", origin="upper", norm=LogNorm())
     if np.isfinite(metres).any():
         best = np.unravel_index(np.nanargmin(metres), metres.shape)
         axes.plot(best[1], best[0], "*", color="white", markersize=9, markeredgecolor="black")
@@ -88,6 +99,7 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
     )
     inside = axes.inset_axes((0.5, 0.88, 0.45, 0.05))
     bar = drawn.colorbar(image, cax=inside, orientation="horizontal")
+    plain_ticks(bar.ax.xaxis, FixedLocator([400, 600, 900]))
     bar.ax.tick_params(labelsize="small")
     bar.set_label("stopping\ndistance [m]", fontsize="small")
     bar.outline.set_visible(False)
@@ -103,4 +115,4 @@ def _draw_places(table: pd.DataFrame, axes: Axes) -> None:
     axes.axvline(1.0, **BOUND)
     name_rows(axes, list(PLACEMENTS))
     bare_rows(axes)
-    axes.set(xlabel=f"distance over that of\n{USUAL} [–]", title="(c) place of the same sand")
+    axes.set(xlabel=f"distance over that of\n{USUAL} [–]", title="(c) the same sand")
