@@ -63,7 +63,7 @@ class _DriverInPython:
         self.torque = torque
         """Torques that he set, (instants, units)."""
         n, state, inputs = model.layout, loop.plant.state, loop.plant.inputs
-        self.controls = Controls(inputs.torque_command, inputs.pressure_target, inputs.valve)
+        self.controls = Controls(*inputs)
         self.position, self.speed = state[n.position], state[n.speed]
         self.motors, self.cylinders = state[n.torque], state[n.pressure]
         self.last_speed = float(self.speed[0])

@@ -23,6 +23,7 @@ from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.memory import Memory
+from alloc.onboard.sanding import command_sand
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import Settings
 from alloc.plant import compiled
@@ -127,6 +128,8 @@ def _record_computers(plant, eq, m, commanded, k, record):
     _copy(m.train_block, k, record.train)
     for g in range(plant.rows.groups):
         record.valve[k, g] = plant.inputs.valve[g]
+    for s in range(plant.rows.sanders):
+        record.sand_rate[k, s] = plant.inputs.sand_rate[s]
     for c in range(plant.rows.cars):
         record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
 
@@ -202,6 +205,8 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         for j in range(units):
             plant.inputs.torque_command[j] = m.estimate.sounding.share[j] * m.unit.torque_command[j]
         brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)
+        if rows.sanders > 0:
+            command_sand(eq, st, m, time, plant.inputs.sand_rate)
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0
         if recorded:

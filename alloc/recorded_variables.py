@@ -71,6 +71,7 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "cylinder_pressure": ("Pa", "brake cylinder pressure"),
         "valve": ("1", "slide protection's valves: 0 supply, 1 hold, 2 release", "int8"),
     },
+    ("time", "sander"): {"sand_rate": ("kg s-1", "sand that the sander lays on each rail")},
     ("time", "coupler"): {"coupler_force": ("N", "coupler force, tension positive")},
     ("axle",): {
         "axle_unit": ("1", "traction unit of the axle, 0 = foremost, -1: none"),

@@ -28,6 +28,7 @@ class Record(NamedTuple):
     train: Floats  # (instants, fields of `TrainMemory`, 1)
     valve: Floats  # (instants, groups)
     slide_reference: Floats  # (instants, cars)
+    sand_rate: Floats  # (instants, sanders)
 
     @classmethod
     def allocate(cls, records: int, n: Layout) -> "Record":
@@ -38,6 +39,7 @@ class Record(NamedTuple):
             np.zeros((records, len(TrainMemory._fields), 1)),
             np.zeros((records, n.groups)),
             np.zeros((records, n.cars)),
+            np.zeros((records, n.sanders)),
         )
 
     def until(self, records: int) -> "Record":
@@ -70,6 +72,8 @@ def to_dataset(
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
     values |= dict(zip(UnitMemory._fields, record.unit.transpose(1, 0, 2), strict=True))
     values |= {"slide_reference": record.slide_reference, "valve": record.valve}
+    if model.layout.sanders:
+        values["sand_rate"] = record.sand_rate
     attributes: dict[str, Any] = {
         "event": event.name,
         "event_hash": event.hash,

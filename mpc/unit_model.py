@@ -168,6 +168,7 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
     inputs: dict[str, Any] = {
         "torque_command": torque, "pressure_target": cs.SX(0, 1), "valve": cs.SX(0, 1),
+        "sand_rate": cs.SX(0, 1),
     }  # fmt: skip
     unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
     local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)

@@ -81,7 +81,7 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
         if unit >= 0:
             force = m.unit.air_brake_force[unit]
         else:
-            planned = m.train.expected[0] * m.lead.brake_rise[0]
+            planned = eq.group.share[g] * m.train.expected[0] * m.lead.brake_rise[0]
             force = planned * eq.group.weight[g] * (1.0 + eq.group.inertia[g])
         numerator, offset, constant = eq.group.friction[g]
         friction = hyperbolic_speed_law(reference, numerator, offset, constant)

@@ -31,6 +31,8 @@ class Controls(NamedTuple):
     """Brake cylinder pressures wanted [Pa], (groups,); the plant delays them by each brake's dead time."""
     valve: Floats
     """Per brake group, (groups,): 0 the cylinder follows the pressure wanted, 1 it holds, 2 it releases."""
+    sand: Floats
+    """Sand that each sander lays on each rail [kg/s], (sanders,)."""
 
 
 class Driver(Protocol):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from alloc.errors import OnboardError
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.quantity import filled
+from alloc.onboard.sanding import Sanders
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import Floats, Model
 
@@ -22,6 +23,7 @@ class BrakeGroups(NamedTuple):
     body: Numbers
     car: Numbers
     axles: Floats
+    share: Floats  # of the plan that is asked of it
     weight: Floats  # load of an axle [N]
     inertia: Floats  # as `Equipment.brake_inertia`
     gain: Floats  # force at the rim per axle and pascal
@@ -71,6 +73,7 @@ class Equipment(NamedTuple):
     brake_share: float  # as planned_share, braking
     group: BrakeGroups
     chain: Chain
+    sander: Sanders
 
 
 class _Weights(NamedTuple):
@@ -115,6 +118,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         **plan,
         group=_brake_groups(model, onboard, weights, plan["brake_share"]),
         chain=_chain(model, onboard, weights),
+        sander=_sanders(model),
     )
 
 
@@ -139,6 +143,11 @@ def _check(model: Model, onboard: Onboard) -> None:
             raise OnboardError(
                 f"belief: {len(given)} {name} for {count} {places}; give a finite number for each from the front"
             )
+    shares = onboard.braking.car_shares
+    if shares is not None and len(shares) != n.cars:
+        raise OnboardError(
+            f"braking: {len(shares)} car_shares for {n.cars} cars; give one for each from the front"
+        )
     for dropout in onboard.sensors.dropouts:
         if dropout.axle >= n.axles:
             raise OnboardError(
@@ -245,9 +254,23 @@ def _brake_groups(
         body=s.axle_body[foremost],
         car=s.axle_car[foremost],
         axles=np.bincount(s.axle_group[s.axle_group >= 0], minlength=n.groups).astype(float),
+        share=np.array(onboard.braking.car_shares or (1.0,) * n.cars, dtype=float)[
+            s.axle_car[foremost]
+        ],
         weight=weights.loaded[foremost] * GRAVITY,
         inertia=share / (GRAVITY * brake_share),
         gain=gain[s.axle_car[foremost]],
         friction=s.shoe_friction[foremost],
         pressure=pressure[s.axle_car[foremost]],
+    )
+
+
+def _sanders(model: Model) -> Sanders:
+    s, sanders = model.structure, model.train.sanders
+    return Sanders(
+        body=s.axle_body[s.axle_sander >= 0],
+        rate=np.array([one.rate for one in sanders], dtype=float),
+        amount=np.array(
+            [np.inf if one.amount is None else one.amount for one in sanders], dtype=float
+        ),
     )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.reference_speed.state import ReferenceMemory, reference_memory
+from alloc.onboard.sanding import SandingMemory
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 from alloc.plant.model import Floats
 
@@ -79,6 +80,7 @@ class Memory(NamedTuple):
     counter: Counters
     slide: SlideMemory
     estimate: ReferenceMemory
+    sanding: SandingMemory
     law: LawMemory
     reference: Floats  # (bodies,) reference speed
     axle_omega: Floats  # (axles,) as measured
@@ -140,6 +142,7 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         counter=_singles(Counters),
         slide=slide_memory(eq.axle_car.size, eq.group.unit.size),
         estimate=reference_memory(bodies, eq.axle_car.size, n, eq.group.unit.size),
+        sanding=SandingMemory(np.full(1, -np.inf), np.full(1, -np.inf)),
         law=law_memory(n),
         reference=np.full(bodies, speed),
         axle_omega=speed / eq.axle_radius,

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
 from alloc.onboard.quantity import NOT_IN_FILES, quantity
 from alloc.onboard.reference_speed.parameters import ReferenceSpeed
+from alloc.onboard.sanding import Sanding
 from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
@@ -132,6 +133,8 @@ class Braking:
     `slide_protection`: what the valves of the air brakes do while wheels slide, which the patent does not describe and
     without which a trailer's wheels would lock; a plain threshold if nothing is said. `release_speed` [m/s]: reference speed
     below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and beyond.
+    `car_shares`: brake force that each car by weight is asked for, relative to the plan, from the front; None: 1 for all.
+    It holds for cars that brake by air alone; limits of the others are the allocation rule's.
     """
 
     blended: bool = True
@@ -140,9 +143,11 @@ class Braking:
     air_force: Literal["pressure", "command"] = "pressure"
     slide_protection: SlideProtection = field(default_factory=SlideProtection)
     release_speed: float = quantity(0.5, "km/h")
+    car_shares: tuple[float, ...] | None = quantity(None, "1")
 
     def __post_init__(self) -> None:
-        OnboardError.check("braking", self, ("blend_time",), ("release_speed",))
+        shares = () if self.car_shares is None else ("car_shares[]",)
+        OnboardError.check("braking", self, ("blend_time",), ("release_speed", *shares))
         OnboardError.check_choice("braking", "air_force", self.air_force, ("pressure", "command"))
 
 
@@ -195,6 +200,7 @@ class Onboard(BuiltInControllers):
     sensors: Sensors = field(default_factory=Sensors)
     belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
     braking: Braking = field(default_factory=Braking)
+    sanding: Sanding = field(default_factory=Sanding)
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
     hold_time: float = quantity(5.0, "s")
     rise_time: float = quantity(1.0, "s")

@@ -11,6 +11,7 @@ from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
 from alloc.onboard.reference_speed.state import ReferenceSettings, reference_settings
+from alloc.onboard.sanding import SandingSettings
 from alloc.onboard.slide_protection.state import SlideSettings, slide_settings
 from alloc.plant.model import Floats
 
@@ -102,6 +103,7 @@ class Settings(NamedTuple):
     reference: ReferenceSettings
     brakes: BrakeSettings
     slide: SlideSettings
+    sanding: SandingSettings
 
 
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
@@ -141,4 +143,5 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         reference=reference_settings(onboard),
         brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
         slide=slide_settings(braking.slide_protection, period),
+        sanding=filled(SandingSettings, onboard.sanding),
     )

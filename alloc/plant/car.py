@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
+from alloc.plant.sander import Sander
 
 
 def triple(owner: str, name: str, values: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -151,6 +152,8 @@ class Car:
     axle_load_share: tuple[float, ...] | None = None
     """Share of the car's weight on each axle; equal if None. A sum below 1 leaves the rest of the weight to axles that
     are not modelled (a single axle with its part of a train)."""
+    sanders: tuple[Sander, ...] = ()
+    """From the front, at most one per axle."""
 
     def __post_init__(self) -> None:
         owner = f"car {self.name!r}"
@@ -185,6 +188,9 @@ class Car:
         cut_out = () if self.air_brake is None else self.air_brake.cut_out
         if any(bogie > bogies[-1] for bogie in cut_out):
             yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"
+        sanded = [one.axle for one in self.sanders]
+        if sanded != sorted(set(sanded)) or any(axle >= n for axle in sanded):
+            yield f"sanders at axles {sanded}, but they must grow from the front within 0 to {n - 1}"
         share = self.axle_load_share
         if share is not None and not (
             len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
@@ -246,6 +252,9 @@ class Car:
             wheel_inertia=self.wheel_inertia[::-1],
             driven=self.driven[::-1],
             axle_load_share=None if share is None else share[::-1],
+            sanders=tuple(
+                replace(one, axle=len(self.driven) - 1 - one.axle) for one in reversed(self.sanders)
+            ),
         )
 
     @property

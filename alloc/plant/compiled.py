@@ -1,13 +1,11 @@
 """The plant compiled: a fixed-step integrator, with what acts between steps.
 
-Between steps the rail is cleaned and read, and brake commands pass through the cylinders' dead time; the
+Between steps the rail is read and changed (`rail_memory`), and brake commands pass through the cylinders' dead time; the
 right side is in `right_side`.
 """
 
-import numpy as np
-
 from alloc.compilation import inlined_jit, jit
-from alloc.plant.equations import conditioning_deposit
+from alloc.plant.rail_memory import leave_rail, read_rail
 from alloc.plant.right_side import derivative
 from alloc.plant.simd import WIDTH, load, store
 from alloc.plant.workspace import workspace
@@ -38,49 +36,6 @@ def _note(w):
     """Keep the adhesion field and the accelerations of the bodies of the right side just computed."""
     _copy_part(w.scratch.peak, 0, w.noted.peak, 0, w.size.axles)
     _copy_part(w.scratch.slope, w.row.speed, w.noted.acceleration, 0, w.size.bodies)
-
-
-@inlined_jit
-def _place_in_cells(w, i):
-    """Where axle `i` stands, in lengths of the rail's cells."""
-    axle, state = w.axle, w.scratch.state
-    return (state[axle.position_row[i]] + axle.offset[i]) / w.rail.cleaning_spacing
-
-
-@inlined_jit
-def _read_cleaning(w):
-    """Cleaning of the rail under each axle, left by the wheels ahead."""
-    c = w.scratch
-    cells = c.cleaned.size
-    for i in range(w.size.axles):
-        x = _place_in_cells(w, i)
-        base = int(np.floor(x))
-        # the axle's own cell and those ahead hold what the wheels ahead left
-        here, ahead = c.cleaned[base % cells], c.cleaned[(base + 1) % cells]
-        c.cleaning[i] = here + (ahead - here) * (x - base)
-
-
-@inlined_jit
-def _leave_cleaning(w):
-    """Each axle marks the cells it has left behind; the foremost one starts them anew."""
-    axle, c = w.axle, w.scratch
-    cells = c.cleaned.size
-    for i in range(w.size.axles):
-        x = _place_in_cells(w, i)
-        now = int(np.floor(x))
-        if c.cell[i] < now - cells or c.cell[i] > now:
-            c.cell[i] = now
-        v = c.state[axle.speed_row[i]]
-        rim = axle.radius[i] * c.state[w.row.omega + i]
-        ratio = (rim - v) / max(max(abs(v), abs(rim)), 1e-3)
-        deposit = conditioning_deposit(ratio, w.rail.conditioning_slip)
-        if i == 0:
-            c.cleaned[(now + 2) % cells] = 0.0
-        for k in range(c.cell[i], now):
-            if i == 0:
-                c.cleaned[(k + 2) % cells] = 0.0
-            c.cleaned[k % cells] = max(c.cleaned[k % cells], deposit)
-        c.cell[i] = now
 
 
 @inlined_jit
@@ -122,8 +77,8 @@ def inlined_advance(w, time, step, steps, state, inputs):
     _copy_part(inputs.torque_command, 0, c.command, 0, w.size.units)
     for k in range(steps):
         _delay_pneumatics(w, inputs.pressure_target, inputs.valve)
-        if w.rail.conditioned:
-            _read_cleaning(w)
+        if w.rail.conditioned or w.rail.sandy:
+            read_rail(w)
         _copy(c.state, c.stage)
         _copy(c.state, c.total)
         for stage in range(w.stages.shape[0]):
@@ -134,8 +89,8 @@ def inlined_advance(w, time, step, steps, state, inputs):
             _add(c.total, c.slope, share * step, c.total)
             _add(c.state, c.slope, ahead * step, c.stage)
         _copy(c.total, c.state)
-        if w.rail.conditioned:
-            _leave_cleaning(w)
+        if w.rail.conditioned or w.rail.sandy:
+            leave_rail(w, inputs.sand_rate)
     unpack(w, c.state, state)
     return time + steps * step
 
@@ -144,7 +99,7 @@ def inlined_advance(w, time, step, steps, state, inputs):
 def advance(w, time, step, steps, state, inputs):
     """Advance `state` (rows,) in place by `steps` steps with constant `inputs`; return the new time [s].
 
-    The workspace `w` remembers the rail's cleaning and the brakes' dead time; `w.noted` holds the adhesion field and the
+    The workspace `w` remembers what the rail and the brakes' dead time do; `w.noted` holds the adhesion field and the
     accelerations at the first instant.
     """
     return inlined_advance(w, time, step, steps, state, inputs)

@@ -27,6 +27,10 @@ class Environment(NamedTuple):
     conditioning_slip: float  # slip ratio
     conditioned: bool
     cleaning_spacing: float
+    sandy: bool  # whether the train has sanders
+    sanded: float  # coefficient of sanded rail
+    sand_saturation: float  # [kg/m]
+    sand_kept: float  # share that an axle leaves
     line_origin: float
     line_spacing: float
     line: Floats  # (3, points): grade, air factor, resistance of curves per weight
@@ -69,6 +73,10 @@ def environment_of(
         conditioning_slip=rail.conditioning_slip,
         conditioned=rail.conditioning > 0.0,
         cleaning_spacing=rail.cleaning_spacing,
+        sandy=layout.sanders > 0,
+        sanded=rail.sanded_coefficient,
+        sand_saturation=rail.sand_saturation,
+        sand_kept=1.0 - rail.sand_decay,
         line_origin=origin,
         line_spacing=line.spacing,
         line=table,

@@ -207,6 +207,16 @@ def axle_load(static_load, unloading, car_force):
     return static_load - unloading * car_force
 
 
+SLOWEST_SANDING = 0.5
+"""Speed [m/s] below which a sander lays no more on a metre: at rest all would lie on one spot."""
+
+
+@equation
+def sand_laid(rate, speed):
+    """Sand on a metre of rail [kg/m] behind a sander that discharges `rate` [kg/s] at `speed` [m/s]."""
+    return rate / maximum(absolute(speed), SLOWEST_SANDING)
+
+
 @equation
 def conditioning_deposit(slip_ratio, scale):
     """Degree 0..1 to which a wheel with this slip ratio cleans the rail it passes (JP4209318 par. 0053)."""

@@ -1,11 +1,12 @@
 """The adhesion field: peak coefficient by position, time, speed and what the wheels ahead have done.
 
-peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor. JP5484215
-gives the speed law (12), the increments by axle (15) and the scatter; JP4209318 par. 0051 the conditioning.
+peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor; sand lifts it towards the
+coefficient of sanded rail. JP5484215 gives the speed law (12), the increments by axle (15) and the scatter; JP4209318 par.
+0051 the conditioning.
 """
 
 from alloc.compilation import equation
-from alloc.plant.operations import floor, maximum, minimum
+from alloc.plant.operations import exp, floor, maximum, minimum
 from alloc.plant.rail import NOISE_KNOTS
 
 PEAK_FLOOR = 1e-3
@@ -49,3 +50,13 @@ def peak_coefficient(decline, numerator, constant, patches, increment, scatter, 
     """Peak coefficient of one axle; `decline` is that of its speed law, `patches` the product of the patch factors."""
     base = (numerator * decline + constant) * patches
     return maximum((base + increment + scatter) * (1.0 + conditioning), PEAK_FLOOR)
+
+
+@equation
+def sanded_peak(peak, amount, sanded, saturation):
+    """Peak coefficient on a rail with `amount` [kg/m] of sand: from `peak` towards `sanded`, by 63 % at `saturation` [kg/m].
+
+    Form assumed: the gain is proportional to what lacks, and each grain finds less to do. Where the rail carries more than
+    `sanded`, sand changes nothing.
+    """
+    return peak + maximum(sanded - peak, 0.0) * (1.0 - exp(-amount / saturation))

@@ -26,6 +26,7 @@ class Inputs(NamedTuple):
     torque_command: Floats  # (units,) motor torque [N m] of each motor of the unit
     pressure_target: Floats  # (groups,) [Pa]
     valve: Floats  # (groups,) 0 follow the target, 1 hold, 2 release
+    sand_rate: Floats  # (sanders,) [kg/s per rail]
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,12 +62,15 @@ class Model:
     def zero_inputs(self) -> Inputs:
         """Inputs with everything released."""
         n = self.layout
-        return Inputs(np.zeros(n.units), np.zeros(n.groups), np.zeros(n.groups))
+        return Inputs(*map(np.zeros, (n.units, n.groups, n.groups, n.sanders)))
 
     def stiffness(self) -> float:
         """Estimate from above [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
         s = self.structure
-        slope = self.rail.curve.steepest_slope(self.rail.greatest_peak())
+        peak = self.rail.greatest_peak()
+        if self.environment.sandy:
+            peak = max(peak, self.rail.sanded_coefficient)
+        slope = self.rail.curve.steepest_slope(peak)
         # wheels and body together: the fastest wheel's rate plus that of the body under all its axles
         wheel = float((s.static_load * s.radius**2 / s.inertia).max())
         load = np.bincount(s.axle_body, s.static_load, minlength=s.body_mass.size)

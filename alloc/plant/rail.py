@@ -78,7 +78,10 @@ class Rail:
     `increments`: one value per axle from the front, or None for zero. `scatter` is the standard deviation of
     the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
     from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
-    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned rail.
+    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned or sanded rail.
+
+    `sanded_coefficient`: what much sand lifts a lower coefficient to; `sand_saturation` [kg/m per rail]: amount that does so
+    by 63 %; `sand_decay`: share of the sand that an axle takes off the rail. Calibrated: `studies.sanders.calibration`.
 
     `rear_speed_law`: law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled by `level` too. Axle i
     (0 = foremost) follows the front's law blended towards it by 1 - exp(-i / `rear_axles`): further back adhesion is
@@ -97,11 +100,15 @@ class Rail:
     conditioning: float = 0.0
     conditioning_slip: float = 0.05
     cleaning_spacing: float = 0.1
+    sanded_coefficient: float = 0.314
+    sand_saturation: float = 27.3e-3
+    sand_decay: float = 0.056
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:
         lengths = ("scatter_length", "cleaning_spacing", "rear_axles")
-        positive = ("level", *lengths, "conditioning_slip")
+        sand = ("sanded_coefficient", "sand_saturation")
+        positive = ("level", *lengths, "conditioning_slip", *sand)
         PlantError.check("rail", self, positive, nonnegative=("scatter", "conditioning"))
         if self.increments is not None:
             PlantError.check("rail", self, finite=("increments[]",))
@@ -119,6 +126,8 @@ class Rail:
         (_, offset, _), (_, rear_offset, _) = self._laws()
         if rear_offset != offset:
             yield f"rear_speed_law = {self.rear_speed_law} must have the offset {offset} of speed_law"
+        if not 0.0 <= self.sand_decay <= 1.0:
+            yield f"sand_decay = {self.sand_decay!r} must lie in [0, 1]"
         if not isinstance(self.seed, int) or self.seed < 0:
             yield f"seed = {self.seed!r} must be a whole number, 0 or greater"
 

@@ -21,7 +21,7 @@ from alloc.plant.equations import (
     speed_decline,
     wheelset,
 )
-from alloc.plant.field import patch_factor, peak_coefficient, scatter_knot, window
+from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
 from alloc.plant.operations import absolute, maximum, minimum, sine, where
 from alloc.plant.simd import WIDTH, gather, load, look_up, spread, store, total
 
@@ -69,11 +69,15 @@ def _peaks(w, y, i, patches):
     scatter = spread(0.0)
     if w.rail.noisy:
         scatter = look_up(w.rail.noise, scatter_knot(x, w.rail.noise_length))
-    return peak_coefficient(
+    peak = peak_coefficient(
         spread(w.scratch.decline[0]) if w.rigid else gather(w.scratch.decline, axle.body, i),
         load(axle.law[0], i), load(axle.law[1], i), product,
-        load(axle.increment, i), scatter, w.rail.conditioning * load(w.scratch.cleaning, i),
+        load(axle.increment, i), scatter, w.rail.conditioning * load(w.scratch.cleaning.under, i),
     )  # fmt: skip
+    if w.rail.sandy:
+        amount = load(w.scratch.sand.under, i)
+        peak = sanded_peak(peak, amount, w.rail.sanded, w.rail.sand_saturation)
+    return peak
 
 
 @inlined_jit

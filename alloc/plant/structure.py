@@ -23,6 +23,7 @@ class Structure(NamedTuple):
     axle_car: Ints
     axle_unit: Ints  # -1: no motor
     axle_group: Ints  # -1: no air brake
+    axle_sander: Ints  # that lays sand ahead of it, -1: none
     axle_offset: Floats  # position relative to the train's front [m], <= 0
     radius: Floats
     inertia: Floats
@@ -57,6 +58,7 @@ class Layout(NamedTuple):
     groups: int
     draft_gears: int
     """Couplers between the bodies where any of them has friction, else 0."""
+    sanders: int
 
     @property
     def position(self) -> slice:
@@ -116,16 +118,18 @@ class _Axle(NamedTuple):
     car: int
     unit: int
     group: int
+    sander: int
     offset: float
     gear: float
     shoe_gain: float
     shoe_friction: tuple[float, float, float]
 
 
-def _axles(car: Car, number: int, front: float, unit: int, group: int) -> list[_Axle]:
-    """Axles of `car`, whose front is `front` [m] behind the train's; its first traction unit and brake group are given."""
+def _axles(car: Car, number: int, front: float, unit: int, group: int, sander: int) -> list[_Axle]:
+    """Axles of `car`, whose front is `front` [m] behind the train's; its first unit, brake group and sander are given."""
     brake, motors = car.air_brake, car.motors
     unit_of_axle = {i: unit + j for j, members in enumerate(car.units()) for i in members}
+    sander_of_axle = {one.axle: sander + k for k, one in enumerate(car.sanders)}
     axles = []
     for i, (position, bogie) in enumerate(zip(car.axle_positions, car.bogie_of_axle, strict=True)):
         works = brake is not None and bogie not in brake.cut_out
@@ -134,6 +138,7 @@ def _axles(car: Car, number: int, front: float, unit: int, group: int) -> list[_
                 number,
                 unit_of_axle.get(i, -1),
                 -1 if brake is None else group + bogie,
+                sander_of_axle.get(i, -1),
                 -(front + position),
                 motors.gear_ratio if motors is not None and i in unit_of_axle else 0.0,
                 brake.force_per_pascal * brake.friction_factor if brake and works else 0.0,
@@ -149,10 +154,11 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
     couplers = train.couplers or ()
     axles: list[_Axle] = []
     units = [(car, len(members)) for car in cars for members in car.units()]
-    front, unit, group = 0.0, 0, 0
+    front, unit, group, sander = 0.0, 0, 0, 0
     for c, car in enumerate(cars):
-        axles += _axles(car, c, front, unit, group)
+        axles += _axles(car, c, front, unit, group, sander)
         front, unit, group = front + car.length, unit + len(car.units()), group + car.brake_groups
+        sander += len(car.sanders)
     motors = [(car.motors, car.wheel_radius) for car, _ in units if car.motors is not None]
     drive = [motor.drive.tabulate(radius, motor.gear_ratio) for motor, radius in motors]
     brake = [motor.brake.tabulate(radius, motor.gear_ratio) for motor, radius in motors]
@@ -167,6 +173,7 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
         axle_car=axle["car"],
         axle_unit=axle["unit"],
         axle_group=axle["group"],
+        axle_sander=axle["sander"],
         axle_offset=axle["offset"],
         radius=np.concatenate([np.full(len(car.axle_positions), car.wheel_radius) for car in cars]),
         inertia=np.concatenate([np.array(car.wheel_inertia, dtype=float) for car in cars]),
@@ -203,4 +210,4 @@ def structure_of(train: Train) -> tuple[Structure, Layout]:
     )
     sizes = (structure.body_mass.size, len(axles), len(cars), len(units), len(brakes))
     rubs = any(isinstance(one, DraftGear) for one in couplers)
-    return structure, Layout(*sizes, draft_gears=len(couplers) if rubs else 0)
+    return structure, Layout(*sizes, draft_gears=len(couplers) if rubs else 0, sanders=sander)

@@ -13,6 +13,7 @@ from alloc.plant.car import (
     TorqueLimit,
     triple,
 )
+from alloc.plant.sander import Sander
 
 MOST_AXLES = 2000
 """The longest trains have some 1500."""
@@ -157,6 +158,11 @@ class Train:
         ]
 
     @property
+    def sanders(self) -> list[Sander]:
+        """Every sander, foremost first."""
+        return [one for car in self.cars for one in car.sanders]
+
+    @property
     def axle_count(self) -> int:
         """Number of axles."""
         return sum(len(car.axle_positions) for car in self.cars)
@@ -198,6 +204,7 @@ __all__ = [
     "DraftGear",
     "InverterGroup",
     "Motors",
+    "Sander",
     "TorqueLimit",
     "Train",
 ]

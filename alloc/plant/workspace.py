@@ -52,6 +52,7 @@ class Axles(NamedTuple):
     friction_fades: bool  # whether any shoe's friction depends on its wheel's speed
     law: Floats  # (2, axles) numerator and constant of the speed law
     increment: Floats
+    sander: Ints  # that lays sand ahead of the axle, -1: none
     body: Ints
     car: Ints
     position_row: Ints
@@ -104,6 +105,10 @@ class Rail(NamedTuple):
     conditioning_slip: float
     conditioned: bool
     cleaning_spacing: float
+    sandy: bool
+    sanded: float
+    sand_saturation: float
+    sand_kept: float
     grade: Floats
     air_factor: Floats
     curving: Floats
@@ -112,6 +117,13 @@ class Rail(NamedTuple):
     line_spacing: float
     uniform: bool  # everywhere the same grade, air and curve
     receptivity: Floats
+
+
+class Remembered(NamedTuple):
+    """A quantity that wheels and sanders leave on the rail."""
+
+    under: Floats  # (axles,) where each axle stood at the start of the step
+    left: Floats  # (cells,) on each rail cell, a ring by position
 
 
 class Scratch(NamedTuple):
@@ -132,8 +144,8 @@ class Scratch(NamedTuple):
     command: Floats  # (units,)
     target: Floats  # (groups,) behind the dead time
     valve: Floats
-    cleaning: Floats  # (axles,) 0..1, left by the wheels ahead
-    cleaned: Floats  # (cells,) degree of cleaning of each rail cell, a ring by position
+    cleaning: Remembered  # degree, 0..1
+    sand: Remembered  # [kg/m] on each rail
     cell: Ints  # (axles,) cell of each axle at the end of the last step
     delay_target: Floats  # (groups, slots)
     delay_valve: Floats
@@ -192,6 +204,7 @@ def _axles(model: Model, row: Rows) -> Axles:
         friction_fades=fades,
         law=filled(e.law[::2]),
         increment=filled(e.increment),
+        sander=indices(s.axle_sander, -1),
         body=indices(s.axle_body, 0),
         car=indices(s.axle_car, 0),
         position_row=indices(row.position + s.axle_body, row.position),
@@ -275,8 +288,8 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         command=np.zeros(padded(n.units)),
         target=np.zeros(groups),
         valve=np.zeros(groups),
-        cleaning=np.zeros(axles),
-        cleaned=np.zeros(cells if e.conditioned else 1),
+        cleaning=Remembered(np.zeros(axles), np.zeros(cells if e.conditioned else 1)),
+        sand=Remembered(np.zeros(axles), np.zeros(cells if e.sandy else 1)),
         cell=np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
         delay_target=np.zeros((n.groups, slots)),
         delay_valve=np.zeros((n.groups, slots)),

@@ -98,6 +98,9 @@ class RailKeys(Strict):
     scatter_length_m: float | None = None
     conditioning: float = 0.0
     conditioning_slip: float | None = None
+    sanded_coefficient: float | None = None
+    sand_saturation_g_per_m: float | None = None
+    sand_decay: float | None = None
     curve: CurveKeys = CurveKeys()
 
     def rail(self, axles: int, seed: int) -> Rail:

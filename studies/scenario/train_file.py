@@ -6,9 +6,10 @@ from typing import Any
 from pydantic import Field, field_validator
 
 from alloc.errors import PlantError
-from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, TorqueLimit, Train
+from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, Sander, TorqueLimit, Train
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError
+from studies.files.units import si
 
 
 class MotorKeys(Strict):
@@ -58,6 +59,21 @@ class AirBrakeKeys(Strict):
         )
 
 
+class SanderKeys(Strict):
+    """A sander of a kind of car: `[[car.X.sanders]]`; `axle` 0 = the car's foremost, rate and amount per rail.
+
+    With an amount its rate varies: it keeps to the amount as long as the rate given here allows.
+    """
+
+    axle: int
+    rate_kg_per_min: float
+    amount_g_per_m: float | None = None
+
+    def sander(self) -> Sander:
+        """The plant's sander."""
+        return Sander(**si(self))
+
+
 class CarKeys(Strict):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation."""
 
@@ -72,6 +88,7 @@ class CarKeys(Strict):
     motors: MotorKeys | None = None
     air_brake: AirBrakeKeys | None = None
     speed_sensors: bool = True
+    sanders: tuple[SanderKeys, ...] = Field(default=(), max_length=64)
 
     def car(self, name: str) -> Car:
         """The plant's car; every axle is driven where there are motors and nothing is said."""
@@ -89,6 +106,7 @@ class CarKeys(Strict):
             motors=None if self.motors is None else self.motors.motors(),
             air_brake=None if self.air_brake is None else self.air_brake.air_brake(),
             speed_sensors=self.speed_sensors,
+            sanders=tuple(one.sander() for one in self.sanders),
         )
 
 

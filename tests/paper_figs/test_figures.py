@@ -55,6 +55,7 @@ from paper_figs.resistance import (
     resistance_weights,
     tunnel_mouth,
 )
+from paper_figs.sanders import sanders
 from paper_figs.slides import (
     slide_adhesion,
     slide_control,
@@ -86,6 +87,7 @@ from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
+from tests.studies.sander_tables import sander_table
 from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
@@ -95,6 +97,7 @@ UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|
 COUNTED = {
     "unit", "traction unit (1 = foremost)", "car (1 = foremost)", "axle from the front", "slides", "signal", "stations",
     "cars", "sensitivity", "adhesion curve", "kind of stop, the worst of each",
+    "first half ahead of car", "second half ahead of car",
 }  # fmt: skip
 """Labels of axes that count things, which have no unit."""
 
@@ -201,6 +204,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slide-pareto": slide_pareto(slide_table()),
         "slide-electric": slide_electric(slide_table()),
         "wsp-acceptance": wsp_acceptance(acceptance_table()),
+        "sanders": sanders(sander_table()),
     }
 
 

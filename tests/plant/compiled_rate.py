@@ -9,14 +9,16 @@ from tests.compiled_part import from_python
 _pack, _unpack, _derivative = map(from_python, (compiled.pack, compiled.unpack, derivative))
 
 
-def compiled_rate(model, state, inputs, time=0.0, cleaning=None):
+def compiled_rate(model, state, inputs, time=0.0, cleaning=None, sand=None):
     """Derivative of `state` (rows,) at `time` [s], and the peak coefficient of every axle."""
     w = compiled.workspace(model, 1e-3)
     n, c = model.layout, w.scratch
     c.slope[:] = np.nan
-    c.command[: n.units], c.target[: n.groups], c.valve[: n.groups] = inputs
+    c.command[: n.units], c.target[: n.groups], c.valve[: n.groups], _ = inputs
     if cleaning is not None:
-        c.cleaning[: n.axles] = cleaning
+        c.cleaning.under[: n.axles] = cleaning
+    if sand is not None:
+        c.sand.under[: n.axles] = sand
     _pack(w, state, c.state)
     _derivative(w, time, c.state, c.slope)
     slope = np.empty_like(state)

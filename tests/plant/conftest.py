@@ -18,11 +18,12 @@ FLAT = TorqueLimit(4000.0, 0.0, table=(4000.0,))
 
 @dataclass(frozen=True)
 class Trace:
-    """States (samples, rows) of a run, the rail's cleaning (samples, axles), and the layout."""
+    """States (samples, rows) of a run, the rail's cleaning and sand (samples, axles), and the layout."""
 
     time: np.ndarray
     state: np.ndarray
     cleaning: np.ndarray
+    sand: np.ndarray
     layout: Layout
 
     def rows(self, name: str) -> np.ndarray:
@@ -75,25 +76,28 @@ def run() -> Callable[..., Trace]:
     """Run the compiled plant; `command`, `pressure`, `valve` are values, arrays (rows,) or functions of time."""
 
     def advance(
-        model: Model, duration, speed=0.0, *, command=0.0, pressure=0.0, valve=0.0, step=1e-3,
+        model: Model, duration, speed=0.0, *, command=0.0, pressure=0.0, valve=0.0, sand_rate=0.0, step=1e-3,
         sample=None, position=0.0, state=None,
     ) -> Trace:  # fmt: skip
         n = model.layout
         steps = 1 if sample is None else round(sample / step)
         state = model.initial_state(speed, position) if state is None else state.copy()
         w = compiled.workspace(model, step)
-        time, states, cleaning = [0.0], [state.copy()], [np.zeros(n.axles)]
+        time, states = [0.0], [state.copy()]
+        cleaning, sand = [np.zeros(n.axles)], [np.zeros(n.axles)]
         for k in range(round(duration / (step * steps))):
             now = k * steps * step
             inputs = Inputs(
                 _filled(n.units, command, now),
                 _filled(n.groups, pressure, now),
                 _filled(n.groups, valve, now),
+                _filled(n.sanders, sand_rate, now),
             )
             end = compiled.advance(w, now, step, steps, state, inputs)
             time.append(end)
             states.append(state.copy())
-            cleaning.append(w.scratch.cleaning[: n.axles].copy())
-        return Trace(np.array(time), np.stack(states), np.stack(cleaning), n)
+            cleaning.append(w.scratch.cleaning.under[: n.axles].copy())
+            sand.append(w.scratch.sand.under[: n.axles].copy())
+        return Trace(*map(np.stack, (time, states, cleaning, sand)), n)
 
     return advance

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.equations import coupler_stretch, speed_decline
-from alloc.plant.field import patch_factor, peak_coefficient, scatter_knot, window
+from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
 
@@ -60,11 +60,12 @@ def environment_at(
     state: NDArray[np.float64],
     cleaning: NDArray[np.float64] | None = None,
     arrays: ArrayModel | None = None,
+    sand: NDArray[np.float64] | None = None,
 ) -> Local:
     """The true environment of `state` (rows,) at `time` [s].
 
-    `cleaning` (axles,) is what the wheels ahead left, none if None. `arrays`: the array form of `model`
-    where it exists already.
+    `cleaning` (axles,) is what the wheels ahead left, `sand` (axles,) [kg/m] what lies there, none if None. `arrays`: the
+    array form of `model` where it exists already.
     """
     s, n, e = model.structure, model.layout, model.environment
     arrays = arrays or ArrayModel.of(model)
@@ -80,6 +81,8 @@ def environment_at(
     peak = peak_coefficient(
         decline, e.law[0], e.law[2], patches, e.increment, scatter, conditioning
     )
+    if sand is not None:
+        peak = sanded_peak(peak, sand, e.sanded, e.sand_saturation)
     place = (state[n.position][s.car_body] + s.car_offset - e.line_origin) / e.line_spacing
     rim = arrays.unit_of_axle.T @ (s.radius * state[n.omega]) / s.unit_axles
     rim = np.abs(rim) / EFFORT_SPEED_STEP

@@ -1,5 +1,7 @@
 """NumPy, Numba and CasADi evaluate the same equations: 1e-12 relative on random states."""
 
+from dataclasses import replace
+
 import casadi
 import numpy as np
 import pytest
@@ -8,11 +10,14 @@ from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRat
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
+from alloc.plant.sander import Sander
 from alloc.plant.sets import SETS
 from tests.plant.compiled_rate import compiled_rate
 from tests.plant.numpy_plant import environment_at
 
 TIME = 1.7
+Rails = dict[str, np.ndarray | None]
+"""What lies on the rail under each axle."""
 CURVES = {
     "piecewise": PiecewiseCurve(),
     "polach-dry": POLACH_DRY,
@@ -27,6 +32,9 @@ LINE = Line(
 
 def _model(name: str, curve: str, law: str) -> Model:
     train = SETS[name]()
+    if curve != "piecewise":  # a train without sanders takes another way
+        car = replace(train.cars[0], sanders=(Sander(0, 0.03),))
+        train = replace(train, cars=(car, *train.cars[1:]))
     rail = Rail(
         1.0 if law == "shinkansen" else 0.6,
         law,
@@ -45,8 +53,8 @@ def _model(name: str, curve: str, law: str) -> Model:
     return build(train, rail, LINE, Receptivity(0.8, 0.3, 2.0, 0.4), failures)
 
 
-def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
-    """States from standstill to speed, with slip, slide and locked wheels; any command, any cleaning of the rail."""
+def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, Rails]:
+    """States from standstill to speed, with slip, slide and locked wheels; any command, cleaning and sand on the rail."""
     rng = np.random.default_rng(seed)
     n, s = model.layout, model.structure
     state = np.zeros(n.rows)
@@ -62,8 +70,10 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, np.ndarray]:
         rng.uniform(-4000.0, 4000.0, n.units),
         rng.uniform(0.0, 4e5, n.groups),
         rng.integers(0, 3, n.groups).astype(float),
+        np.zeros(n.sanders),
     )
-    return state, inputs, rng.random(n.axles)
+    sand = 0.02 * rng.random(n.axles) if n.sanders else None
+    return state, inputs, {"cleaning": rng.random(n.axles), "sand": sand}
 
 
 def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
@@ -95,9 +105,9 @@ def test_numpy_and_numba_agree(name, curve, law):
     model = _model(name, curve, law)
     arrays = ArrayModel.of(model)
     for seed in range(9):
-        state, inputs, cleaning = _random(model, seed)
-        local = environment_at(model, TIME, state, cleaning, arrays)
-        slope, peak = compiled_rate(model, state, inputs, TIME, cleaning)
+        state, inputs, left = _random(model, seed)
+        local = environment_at(model, TIME, state, arrays=arrays, **left)
+        slope, peak = compiled_rate(model, state, inputs, TIME, **left)
         np.testing.assert_allclose(peak, local.peak, rtol=1e-12)
         _assert_agree(slope, arrays.derivative(state, inputs, local), model.layout)
 
@@ -106,9 +116,19 @@ def _casadi_function(model: Model) -> casadi.Function:
     """Derivative as an SX function of state, inputs and environment."""
     n = model.layout
     state = casadi.SX.sym("state", n.rows)
-    sizes = (n.units, n.groups, n.groups, n.axles, n.cars, n.cars, *(n.units,) * 3, n.cars)
+    sizes = (
+        n.units,
+        n.groups,
+        n.groups,
+        n.sanders,
+        n.axles,
+        n.cars,
+        n.cars,
+        *(n.units,) * 3,
+        n.cars,
+    )
     arguments = [casadi.SX.sym(f"a{k}", size) for k, size in enumerate(sizes)]
-    slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:3]), Local(*arguments[3:]))
+    slope = ArrayModel.of(model).derivative(state, Inputs(*arguments[:4]), Local(*arguments[4:]))
     return casadi.Function("derivative", [state, *arguments], [slope])
 
 
@@ -118,8 +138,8 @@ def test_numpy_and_casadi_agree(name, curve):
     model = _model(name, curve, "none")
     arrays, function = ArrayModel.of(model), _casadi_function(model)
     for seed in range(9):
-        state, inputs, cleaning = _random(model, seed)
-        local = environment_at(model, TIME, state, cleaning, arrays)
+        state, inputs, left = _random(model, seed)
+        local = environment_at(model, TIME, state, arrays=arrays, **left)
         symbolic = np.asarray(function(state, *inputs, *local)).ravel()
         _assert_agree(symbolic, arrays.derivative(state, inputs, local), model.layout)
 
@@ -127,9 +147,9 @@ def test_numpy_and_casadi_agree(name, curve):
 def test_casadi_numbers_are_accepted_as_they_are():
     model = _model("commuter-8car", "polach-wet", "none")
     arrays = ArrayModel.of(model)
-    state, inputs, cleaning = _random(model, 5)
-    local = environment_at(model, TIME, state, cleaning, arrays)
+    state, inputs, left = _random(model, 5)
+    local = environment_at(model, TIME, state, arrays=arrays, **left)
     given, *rest = [casadi.DM(values) for values in (state, *inputs, *local)]
-    numeric = arrays.derivative(given, Inputs(*rest[:3]), Local(*rest[3:]))
+    numeric = arrays.derivative(given, Inputs(*rest[:4]), Local(*rest[4:]))
     expected = arrays.derivative(state, inputs, local)
     _assert_agree(np.asarray(numeric).ravel(), expected, model.layout)

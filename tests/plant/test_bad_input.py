@@ -8,6 +8,7 @@ from alloc.errors import PlantError
 from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
+from alloc.plant.sander import Sander
 from alloc.plant.sets import find_set
 from alloc.plant.train import AirBrake, Coupler, Motors, TorqueLimit, Train
 from tests.plant.conftest import FLAT, make_car
@@ -94,6 +95,16 @@ FAULTS = [
     (Rail, {"level": 0.1, "conditioning": NAN}, "conditioning"),
     (Rail, {"level": 0.1, "conditioning_slip": 0.0}, "conditioning_slip"),
     (Rail, {"level": 0.1, "cleaning_spacing": 0.0}, "cleaning_spacing"),
+    *[
+        (Rail, {"level": 0.1, name: 0.0}, name)
+        for name in ("sanded_coefficient", "sand_saturation")
+    ],
+    *[(Rail, {"level": 0.1, "sand_decay": value}, "sand_decay") for value in (-0.1, 1.1, NAN)],
+    *[(Sander, {"axle": axle, "rate": 0.1}, "axle") for axle in (-1, 0.5, True)],
+    *[(Sander, {"axle": 0, "rate": value}, "rate") for value in (0.0, -1.0, NAN)],
+    (Sander, {"axle": 0, "rate": 0.1, "amount": 0.0}, "amount"),
+    (make_car, {"sanders": (Sander(4, 0.1),)}, "sanders at axles"),
+    (make_car, {"sanders": (Sander(2, 0.1), Sander(2, 0.1))}, "sanders at axles"),
     *[(Patch, {"factor": value}, "factor") for value in (0.0, -1.0, NAN)],
     (Patch, {"factor": 0.5, "edge": 0.0}, "edge"),
     (Patch, {"factor": 0.5, "fade": 0.0}, "fade"),

@@ -1,5 +1,7 @@
 """Energy and momentum balances of the plant."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
-from alloc.plant.train import Coupler
+from alloc.plant.train import Coupler, Sander
 from tests.plant.numpy_plant import environment_at, mechanical_energy
 
 DRAFT_GEAR = Coupler(stiffness=5e6, stiffening=1e9, damping=1e5, slack=0.01)
@@ -22,15 +24,20 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
     rail = Rail(level, patches=(Patch(0.3, begin=0.5, until=9.0, fade=0.1),), curve=curve)
     line = Line((0.0, 30.0), (0.0, 0.02), ((20.0, 60.0),), 2.0, curves=((10.0, 40.0, 300.0),))
     couplers = (DRAFT_GEAR, DRAFT_GEAR)
-    model = build(
-        train("TMT", resistance=RESISTANCE, couplers=couplers, load_transfer=True), rail, line
-    )
+    whole = train("TMT", resistance=RESISTANCE, couplers=couplers, load_transfer=True)
+    if curve is POLACH_WET:  # sand changes the force between wheel and rail, and no balance
+        whole = replace(
+            whole, cars=(replace(whole.cars[0], sanders=(Sander(2, 0.03),)), *whole.cars[1:])
+        )
+    model = build(whole, rail, line)
 
     trace = run(
         model, 4.0, 8.0, step=2e-4, sample=2e-3,
         command=lambda t: 1900.0 if t < 1.5 else 0.0,
         pressure=lambda t: 400e3 if t > 1.5 else 0.0,
+        sand_rate=lambda t: 0.03 if t > 1.0 else 0.0,
     )  # fmt: skip
+    assert (trace.sand.max() > 0.0) == (curve is POLACH_WET)
     n = model.layout
     slip = 0.43 * trace.rows("omega") - trace.rows("speed")[:, model.structure.axle_body]
     assert slip.max() > 0.5  # slip

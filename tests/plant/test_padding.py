@@ -69,6 +69,7 @@ def _start(model, seed=0):
         rng.uniform(-2e3, 2e3, n.units),
         rng.uniform(0.0, 5e4, n.groups),
         rng.integers(0, 3, n.groups).astype(float),
+        np.zeros(n.sanders),
     )
     return state, inputs
 

@@ -12,8 +12,8 @@ from alloc.registry import Registry
 SETS: Registry[Callable[[], Train]] = Registry(
     "train", "readhesion.trains", PlantError, "alloc.plant.sets",
     (
-        "one-axle", "jp4209318-3car", "commuter-8car", "high-speed-16car", "freight-5", "freight-17",
-        "heavy-70",
+        "one-axle", "jp4209318-3car", "commuter-8car", "gb-unit-8car", "high-speed-16car", "freight-5",
+        "freight-17", "heavy-70",
     ),
 )  # fmt: skip
 """Name of a parameter set and the function that builds its train; from short trains to long ones."""

@@ -1,0 +1,24 @@
+"""Sanders: what lays sand ahead of an axle."""
+
+from dataclasses import dataclass
+
+from alloc.errors import PlantError
+
+
+@dataclass(frozen=True)
+class Sander:
+    """Lays sand on both rails just ahead of an axle of its car, whichever way the train runs.
+
+    `axle`: 0 = the car's foremost. `rate` [kg/s per rail]: of a sander of fixed rate, else its greatest. `amount` [kg/m per
+    rail]: what a sander of variable rate keeps to as long as `rate` allows; None: fixed rate.
+    """
+
+    axle: int
+    rate: float
+    amount: float | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.axle, bool) or not isinstance(self.axle, int) or self.axle < 0:
+            raise PlantError(f"sander: axle = {self.axle!r} must be a whole number, 0 = foremost")
+        amount = () if self.amount is None else ("amount",)
+        PlantError.check("sander", self, positive=("rate", *amount))

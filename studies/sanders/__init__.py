@@ -1,0 +1,1 @@
+"""Sanders: a full-scale trial, and where sand stops a train soonest."""

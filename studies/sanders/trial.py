@@ -1,0 +1,132 @@
+"""The sander trials of RSSB T1107 on the plant: a brake application on rail of friction 0.02, by number and kind of sanders.
+
+Read: demand, speed, friction, five distances, two four-car units with sanders at axle 3, sand throughout the stop. Not read
+and assumed: that both units sand, the second sander's place, the rates, the slide protection and its use of adhesion.
+"""
+
+from typing import Any, Literal, NamedTuple
+
+import xarray as xr
+
+from alloc.event import DriverCommand, Event
+from alloc.metrics.motion import damage, distance
+from alloc.metrics.slide import locked_time
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
+from alloc.onboard.sanding import Sanding
+from alloc.onboard.slide_protection.parameters import SlideProtection
+from alloc.plant.adhesion import POLACH_WET, AdhesionCurve, SlipRatioCurve
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import gb_unit
+from alloc.plant.train import Sander, Train
+from alloc.simulation import simulate
+
+INITIAL_SPEED = 55.0 * 0.44704
+DEMAND = -0.9
+FRICTION = 0.02
+AXLES_PER_UNIT = 16
+PLACES = {"one": (2,), "two": (2, 6)}
+"""Axles of a unit ahead of which sand is laid, 0 = foremost: 3, and 3 and 7."""
+DISTANCES = {
+    "none": 1200.0,
+    "one fixed": 800.0,
+    "two fixed": 650.0,
+    "one variable": 600.0,
+    "two variable": 400.0,
+}
+"""Sanders of a unit and stopping distance [m]; without sanders it is longer than that."""
+DURATIONS = {"none": 130.0, "one fixed": 95.0, "two fixed": 80.0, "one variable": 80.0, "two variable": 60.0}  # fmt: skip
+"""Time [s] longer than a stop of about these distances."""
+CURVES: dict[str, AdhesionCurve] = {"slip-ratio": SlipRatioCurve(), "polach": POLACH_WET}
+STEP = 1e-3
+Source = Literal["estimate", "truth"]
+"""Speed that slide protection measures slip from."""
+END_SPEED = 1.0 / 3.6
+"""Speed [m/s] to which distances count; the rest is 5 cm. The driver releases at half of it."""
+
+
+class SandLaw(NamedTuple):
+    """The three numbers of the law of sand, as in `alloc.plant.rail.Rail`."""
+
+    sanded_coefficient: float
+    sand_saturation: float
+    sand_decay: float
+
+
+def sanders(kind: str, units: int = 2) -> dict[int, Sander]:
+    """Sanders of a row of `DISTANCES` by the number of their axle in the train."""
+    if kind == "none":
+        return {}
+    number, rate = kind.split()
+    make = gb_unit.fixed if rate == "fixed" else gb_unit.variable
+    places = [AXLES_PER_UNIT * unit + axle for unit in range(units) for axle in PLACES[number]]
+    return {place: make(0) for place in places}
+
+
+def _friction(curve: AdhesionCurve, adhesion: float) -> float:
+    """Level whose curve peaks at `adhesion` at the initial speed; Polach's level is the friction coefficient."""
+    level = adhesion
+    for _ in range(20):
+        level *= adhesion / float(curve.limit(level, INITIAL_SPEED)[0])
+    return level
+
+
+def rail(law: SandLaw, curve: str = "slip-ratio", level: float = FRICTION, **others: Any) -> Rail:
+    """Rail whose adhesion coefficient peaks at `level`, and at that of the law under much sand, whatever the curve."""
+    own = CURVES[curve]
+    sanded = law._replace(sanded_coefficient=_friction(own, law.sanded_coefficient))
+    return Rail(level=_friction(own, level), curve=own, **sanded._asdict(), **others)
+
+
+def brake_event(
+    train: Train,
+    rail: Rail,
+    duration: float,
+    onboard: Onboard | None = None,
+    demand: float = DEMAND,
+    initial_speed: float = INITIAL_SPEED,
+) -> Event:
+    """`train` brakes on `rail` until it nearly stands."""
+    return Event(
+        name=f"{train.name} brakes",
+        model=build(train, rail, span=(0.0, 3000.0)),
+        command=DriverCommand((0.0,), (demand,)),
+        onboard=onboard or equipment(),
+        duration=duration,
+        initial_speed=initial_speed,
+        step=STEP,
+        record_period=0.02,
+        target_speed=END_SPEED,
+    )
+
+
+def equipment(source: Source = "truth", shares: tuple[float, ...] | None = None) -> Onboard:
+    """Fuzzy slide protection, measuring slip from the true speed or the estimate; sand throughout."""
+    protection = SlideProtection(law="fuzzy")
+    return Onboard(
+        rise_time=0.01,  # asked for at once: the cylinders are all the delay
+        braking=Braking(slide_protection=protection, car_shares=shares),
+        reference=ReferenceSpeed(source=source),
+        sanding=Sanding(delay=0.0, begin=0.0, least_speed=0.0),
+    )
+
+
+def stop(
+    kind: str, law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = "truth"
+) -> xr.Dataset:
+    """The recorded run of a row of `DISTANCES`."""
+    train = gb_unit.sanded(gb_unit.train(units), sanders(kind, units))
+    event = brake_event(train, rail(law, curve), DURATIONS[kind], equipment(source))
+    return simulate(event, "alone", "none")  # there are no motors
+
+
+def measures(run: xr.Dataset) -> dict[str, float]:
+    """Distance [m] (nan for a train that still runs), Q [kJ], locked axle-seconds, and sand laid on both rails [kg]."""
+    period = float(run["time"].values[1] - run["time"].values[0])
+    sand = 2.0 * period * float(run["sand_rate"].sum()) if "sand_rate" in run else 0.0
+    return {
+        "distance": distance(run),
+        "damage": damage(run),
+        "locked_time": locked_time(run),
+        "sand": sand,
+    }
