@@ -195,9 +195,9 @@ class Line:
     grades: tuple[float, ...] = (0.0,)
     tunnels: tuple[tuple[float, float], ...] = ()
     tunnel_factor: float = 1.0
+    spacing: float = 5.0
     curves: tuple[tuple[float, float, float], ...] = ()
     curve_law: str = "600/R"
-    spacing: float = 5.0
 
     def __post_init__(self) -> None:
         PlantError.check(
