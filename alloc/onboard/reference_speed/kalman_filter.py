@@ -23,6 +23,7 @@ is kept symmetric by construction.
 import math
 
 from alloc.compilation import inlined_jit
+from alloc.onboard.reference_speed.state import OBSERVER_POLE
 from alloc.plant.equations import (
     coupler_damper_force,
     coupler_spring_force,
@@ -33,9 +34,6 @@ from alloc.plant.equations import (
 
 SPEED, FORCE, SLIP, MASS = range(4)
 """States."""
-
-OBSERVER_POLE = 12.0
-"""Pole [1/s] of the filter behind which rail forces and rim accelerations are compared."""
 
 MEAN_TIME = 0.1
 """Time [s] over which an axle's lead is averaged."""
@@ -166,18 +164,18 @@ def _predict(st, k, acting, of_shoes):
 
 
 @inlined_jit
-def _follow_rims(eq, st, m, k, sign, i, share):
+def _follow_rims(eq, o, k, sign, i):
     """Rail force and acceleration of axle `i` against the train's [m/s2], both behind one filter."""
-    o, y = st.reference, k.rim[i]
+    y = k.rim[i]
     rate = OBSERVER_POLE * (y - k.smooth_rim[i])
-    k.smooth_rim[i] += share * (y - k.smooth_rim[i])
-    k.smooth_applied[i] += share * (k.applied[i] - k.smooth_applied[i])
+    k.smooth_rim[i] += o.observer_gain * (y - k.smooth_rim[i])
+    k.smooth_applied[i] += o.observer_gain * (k.applied[i] - k.smooth_applied[i])
     relative = sign * (rate - OBSERVER_POLE * (k.state[SPEED] - k.smooth_speed[0]))
     rail = k.smooth_applied[i] - sign * eq.chain.turning[i] * rate
     slides = relative < -o.returning or relative > 3.0 * o.returning
-    forget = o.slid_time if slides else o.carried_time
+    kept = o.slid_kept if slides else o.carried_kept
     standing = sign < 0.0 and y < STANDING
-    k.carried[i] = max(k.carried[i] * math.exp(-st.period / forget), 0.0 if standing else rail)
+    k.carried[i] = max(k.carried[i] * kept, 0.0 if standing else rail)
     return relative, standing
 
 
@@ -229,14 +227,15 @@ def _adhesion(eq, o, k, i, sign):
 def _measure(eq, st, m, k, sign):
     """Take what the axles tell; returns whether one of them rolls as it pleases."""
     o, f, p = st.reference, k.state, k.covariance
-    share = 1.0 - math.exp(-OBSERVER_POLE * st.period)
     white = 2.0 * o.noise**2
     lead, lightest, least, anyone = 1e9, -1, 0.0, False
+    free, together = 0.0, 0.0
+    unknown = math.sqrt(p[1, 1])
     before = f[SPEED]
     for i in range(k.rim.size):
         if not m.axle_seen[i]:
             continue
-        relative, standing = _follow_rims(eq, st, m, k, sign, i, share)
+        relative, standing = _follow_rims(eq, o, k, sign, i)
         ease = _at_ease(eq, st, m, k, i)
         j = eq.axle_unit[i]
         y, applied = k.rim[i], max(k.applied[i], 0.0)
@@ -252,12 +251,10 @@ def _measure(eq, st, m, k, sign):
         light = applied < max(would, LEAST_COEFFICIENT * eq.chain.load[i])
         light = light and relative < o.returning
         k.telling[i] = k.telling[i] + st.period if light and settled else 0.0
-        bound = o.gate * math.sqrt(p[0, 0] + creep**2 + white)
         # brakes may press all wheels into one slow slide, which looks like a steeper climb; motors do not for long
         doubt = -2.0 if eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0 else 2.0
         if j < 0 and applied == 0.0 and settled:
-            _believe(o, k, 0.0, innovation, white + o.light_repeat * creep**2, True)
-            anyone = True
+            free, together = free + 1.0, together + y - body
         elif sounded:
             if sign * (y - k.rim_before[i]) > -FALLING * st.period:
                 _believe(o, k, mu, innovation, white + o.sounded_repeat * creep**2, True)
@@ -267,13 +264,18 @@ def _measure(eq, st, m, k, sign):
         elif (
             settled
             and ease > o.ease_time
-            and relative < o.away + doubt * math.sqrt(p[1, 1])
-            and k.ahead[i] - sign * f[SLIP] * mu < bound
+            and relative < o.away + doubt * unknown
+            and k.ahead[i] - sign * f[SLIP] * mu < o.gate * math.sqrt(p[0, 0] + creep**2 + white)
         ):
             _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
             anyone = True
         if not (light and settled):
             least = min(least, k.ahead[i] + sign * (before - f[SPEED]))
+    if free > 0.0:
+        creep = LEAST_SHARE * o.creep * max(abs(f[SPEED]), o.creep_speed)
+        innovation = together / free + before - f[SPEED]
+        _believe(o, k, 0.0, innovation, (white + o.light_repeat * creep**2) / free, True)
+        anyone = True
     if lightest >= 0:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
         anyone = True
@@ -323,9 +325,7 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     f[FORCE] = min(max(f[FORCE], -bound), bound)
     if sign < 0.0:
         f[SPEED] = max(f[SPEED], 0.0)
-    k.smooth_speed[0] += (1.0 - math.exp(-OBSERVER_POLE * st.period)) * (
-        f[SPEED] - k.smooth_speed[0]
-    )
+    k.smooth_speed[0] += st.reference.observer_gain * (f[SPEED] - k.smooth_speed[0])
     change = f[SPEED] - m.reference[0]
     for b in range(m.reference.size):
         m.reference[b] += change

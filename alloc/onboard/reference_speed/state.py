@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
 
 
+OBSERVER_POLE = 12.0
+"""Pole [1/s] of the filter behind which rail forces and rim accelerations are compared."""
+
+
 class SoundingSettings(NamedTuple):
     """As `Sounding`."""
 
@@ -47,12 +51,13 @@ class ReferenceSettings(NamedTuple):
     sounded_repeat: float
     ease_time: float
     light: float
-    carried_time: float
-    slid_time: float
     away: float
     returning: float
     gate: float
     persist: float
+    observer_gain: float  # share of a new value that a filter of `OBSERVER_POLE` takes per period
+    carried_kept: float  # share of a wheel's greatest force that is remembered after one period
+    slid_kept: float
     sounding: SoundingSettings
 
 
@@ -101,6 +106,9 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
         given,
         given=given.source == "truth",
         noise=noise,
+        observer_gain=-math.expm1(-OBSERVER_POLE * onboard.period),
+        carried_kept=math.exp(-onboard.period / given.carried_time),
+        slid_kept=math.exp(-onboard.period / given.slid_time),
         sounding=filled(SoundingSettings, given.sounding),
     )
 
