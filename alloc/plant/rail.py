@@ -68,7 +68,8 @@ class Rail:
     `increments`: one value per axle from the front, or None for zero. `scatter` is the standard deviation of
     the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
     from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
-    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned rail.
+    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned rail. `presliding` [m]: deflection at which a
+    contact at rest yields, see `alloc.plant.static_adhesion`; assumed, a train that holds moves by less than a millimetre.
 
     `rear_speed_law`: law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled by `level` too. Axle i
     (0 = foremost) follows the front's law blended towards it by 1 - exp(-i / `rear_axles`): further back adhesion is
@@ -87,10 +88,11 @@ class Rail:
     conditioning: float = 0.0
     conditioning_slip: float = 0.05
     cleaning_spacing: float = 0.1
+    presliding: float = 1.5e-4
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:
-        lengths = ("scatter_length", "cleaning_spacing", "rear_axles")
+        lengths = ("scatter_length", "cleaning_spacing", "rear_axles", "presliding")
         positive = ("level", *lengths, "conditioning_slip")
         PlantError.check("rail", self, positive, nonnegative=("scatter", "conditioning"))
         if self.increments is not None:

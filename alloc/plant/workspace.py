@@ -33,6 +33,8 @@ class Rows(NamedTuple):
     work: int
     nothing: int
     """A block of rows that are always 0: those of a motor or brake that is not there."""
+    deflection: int
+    """From here on what is 0 unless a contact may stick."""
     end: int
 
 
@@ -45,6 +47,7 @@ class Axles(NamedTuple):
     inverse_inertia: Floats
     gear: Floats
     static_load: Floats
+    contact: Floats
     unloading: Floats
     shoe_gain: Floats  # torque [N m] per pascal and shoe friction
     law: Floats  # (2, axles) numerator and constant of the speed law
@@ -91,6 +94,7 @@ class Rail(NamedTuple):
 
     curve_kind: int
     curve: Floats
+    presliding: float
     law_offset: float  # of the speed laws of all axles
     patch: Floats
     noise: Floats
@@ -129,6 +133,7 @@ class Scratch(NamedTuple):
     valve: Floats
     cleaning: Floats  # (axles,) 0..1, left by the wheels ahead
     cleaned: Floats  # (cells,) degree of cleaning of each rail cell, a ring by position
+    sticking: Ints  # (1,) whether a contact may stick in this step
     cell: Ints  # (axles,) cell of each axle at the end of the last step
     delay_target: Floats  # (groups, slots)
     delay_valve: Floats
@@ -160,12 +165,12 @@ class Workspace(NamedTuple):
 
 
 def _sizes(n: Layout) -> tuple[int, ...]:
-    """Rows of the parts of the state, in its order."""
-    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 4)
+    """Rows of the parts of the state, in the order of `Rows`; nothing has none."""
+    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.axles, 4, 0, n.axles)
 
 
 def _rows(n: Layout) -> Rows:
-    ends = np.cumsum([padded(size) for size in (*_sizes(n), 1)])
+    ends = np.cumsum([padded(size) for size in _sizes(n)])
     return Rows(0, *(int(end) for end in ends))
 
 
@@ -178,6 +183,7 @@ def _axles(model: Model, row: Rows) -> Axles:
         inverse_inertia=filled(1.0 / s.inertia),
         gear=filled(s.gear),
         static_load=filled(s.static_load),
+        contact=filled(e.contact, 1.0),
         unloading=filled(s.unloading),
         shoe_gain=filled(s.shoe_gain * s.radius),
         law=filled(e.law[::2]),
@@ -266,6 +272,7 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         valve=np.zeros(groups),
         cleaning=np.zeros(axles),
         cleaned=np.zeros(cells if e.conditioned else 1),
+        sticking=np.ones(1, dtype=np.int64),
         cell=np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
         delay_target=np.zeros((n.groups, slots)),
         delay_valve=np.zeros((n.groups, slots)),

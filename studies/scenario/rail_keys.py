@@ -98,6 +98,7 @@ class RailKeys(Strict):
     scatter_length_m: float | None = None
     conditioning: float = 0.0
     conditioning_slip: float | None = None
+    presliding_m: float | None = None
     curve: CurveKeys = CurveKeys()
 
     def rail(self, axles: int, seed: int) -> Rail:
