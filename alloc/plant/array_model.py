@@ -22,7 +22,7 @@ from alloc.plant.equations import (
     wheelset,
 )
 from alloc.plant.model import Inputs, Layout, Model, Structure
-from alloc.plant.static_adhesion import sticking_contact, stuck_share
+from alloc.plant.static_adhesion import HOLDING_BRAKE, sticking_contact, stuck_share
 
 Array = Any
 """NumPy array (rows,) or (rows, instants), or CasADi column."""
@@ -85,7 +85,9 @@ class ArrayModel:
         slip = slip_velocity(omega, radius, speed)
         rim, contact = radius * omega, self._column(self.contact, omega)
         mu = tangential_coefficient(self.curve_kind, self.curve, slip, speed, rim, peak, contact)
-        share = stuck_share(speed, rim)
+        held = s.shoe_gain / (s.static_load * HOLDING_BRAKE)
+        brake = self._column(held, omega) * (self.group_of_axle @ state[n.pressure])
+        share = stuck_share(speed, rim, brake)
         mu, rate = sticking_contact(mu, peak, slip, state[n.deflection], self.presliding, share)
         return slip, mu, rate
 

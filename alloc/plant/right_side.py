@@ -87,8 +87,9 @@ def peak_field(w, time, y):
 def near_rest(w, y):
     """Whether a contact of the train may stick."""
     slowest = STICK_SPEED
-    for k in range(w.size.bodies):
-        slowest = min(slowest, abs(y[w.row.speed + k]))
+    if w.size.groups > 0:
+        for k in range(w.size.bodies):
+            slowest = min(slowest, abs(y[w.row.speed + k]))
     return slowest < STICK_SPEED
 
 
@@ -107,14 +108,10 @@ def _coefficients(w, time, y, slope):
             w.rail.curve_kind, w.rail.curve, slip, v, rim, peak, load(axle.contact, i)
         )
         if c.sticking[0]:
-            mu, rate = sticking_contact(
-                mu,
-                peak,
-                slip,
-                load(y, w.row.deflection + i),
-                w.rail.presliding,
-                stuck_share(v, rim),
-            )
+            brake = load(axle.holding_gain, i) * gather(y, axle.pressure_row, i)
+            share = stuck_share(v, rim, brake)
+            deflection = load(y, w.row.deflection + i)
+            mu, rate = sticking_contact(mu, peak, slip, deflection, w.rail.presliding, share)
             store(slope, w.row.deflection + i, rate)
         store(c.peak, i, peak)
         store(c.mu, i, mu)

@@ -12,6 +12,7 @@ from alloc.by_reference import ByReference
 from alloc.plant.blocks import filled, indices, members, packed
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
+from alloc.plant.static_adhesion import HOLDING_BRAKE
 from alloc.plant.structure import Floats, Ints, Layout
 
 RUNGE_KUTTA = np.array(
@@ -50,6 +51,7 @@ class Axles(NamedTuple):
     contact: Floats
     unloading: Floats
     shoe_gain: Floats  # torque [N m] per pascal and shoe friction
+    holding_gain: Floats  # share of a brake that holds in full, per pascal
     law: Floats  # (2, axles) numerator and constant of the speed law
     increment: Floats
     body: Ints
@@ -186,6 +188,7 @@ def _axles(model: Model, row: Rows) -> Axles:
         contact=filled(e.contact, 1.0),
         unloading=filled(s.unloading),
         shoe_gain=filled(s.shoe_gain * s.radius),
+        holding_gain=filled(s.shoe_gain / (s.static_load * HOLDING_BRAKE)),
         law=filled(e.law[::2]),
         increment=filled(e.increment),
         body=indices(s.axle_body, 0),

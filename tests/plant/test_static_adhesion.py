@@ -154,7 +154,8 @@ def test_no_contact_sticks_above_the_speed():
         np.array([0.0, STICK_SPEED, 3.0, -STICK_SPEED]),
         np.array([STICK_SPEED, 0.0, 3.0, 0.1]),
     )
-    np.testing.assert_array_equal(stuck_share(speed, rim), 0.0)
+    np.testing.assert_array_equal(stuck_share(speed, rim, 1.0), 0.0)
+    assert (stuck_share(0.0, 0.0, 0.0), stuck_share(0.0, 0.0, 20.0)) == (0.0, 1.0)
     mu, _ = sticking_contact(np.array(0.1), 0.2, 0.3, 1e-4, 1.5e-4, 0.0)
     assert mu == 0.1
 
@@ -169,3 +170,27 @@ def test_a_contact_bears_no_more_than_the_peak_and_never_gives_back_more_than_it
     mu, rate = sticking_contact(curve, peak, slip, z, presliding, share)
     assert np.all(np.abs(mu) <= peak * (1.0 + 1e-12))
     assert np.all(mu * slip - peak / presliding * z * rate >= -1e-15)
+
+
+def test_a_train_that_starts_without_its_brakes_does_as_the_curve_says(run, train):
+    """Nothing sticks: the presliding displacement changes not a bit."""
+    ends = [
+        run(build(train("MT"), Rail(0.1, presliding=d)), 3.0, command=900.0).state[-1]
+        for d in (1.5e-4, 3e-3)
+    ]
+    np.testing.assert_array_equal(*ends)
+
+
+def test_a_released_brake_lets_go(run, car):
+    """Within a second of the brakes' release the train rolls as the gradient pulls it."""
+    model = build(_train(car, (30e3,)), Rail(0.2), _slope(30.0))
+    trace = run(
+        model, 10.0, state=_braked(model), sample=0.01,
+        pressure=lambda t: PRESSURE if t < 2.0 else 0.0, valve=lambda t: 0.0 if t < 2.0 else 2.0,
+    )  # fmt: skip
+    speed = -trace.rows("speed")[:, 0]
+    assert speed[200] < 1e-9
+    late = trace.time > 6.0
+    slope = np.polyfit(trace.time[late], speed[late], 1)[0]
+    mass = model.train.mass + model.train.rotating_mass
+    assert slope == pytest.approx((0.03 * GRAVITY * model.train.mass - 150.0) / mass, rel=0.03)
