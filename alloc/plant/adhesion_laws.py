@@ -119,17 +119,16 @@ def growing_slip(slip, decay, end):
 
 
 @equation
-def polach_coefficient(
-    slip, speed, peak, ratio_at_infinity, decay, adhesion_factor, slip_factor, end, creep_stiffness
-):
+def polach_coefficient(slip, speed, rim_speed, peak, ratio_at_infinity, shape, creep_stiffness):
     """Polach's creep force law in pure longitudinal creep (Wear 258 (2005) 992-1000, eqs. 1-9).
 
     Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest; creepage stops growing
-    where it has fallen, see `growing_slip`.
+    where it has fallen, see `growing_slip`. `shape`: what `polach_set` gives.
     """
+    decay, adhesion_factor, slip_factor, end = shape
     friction = peak * ((1.0 - ratio_at_infinity) * exp(-decay * absolute(slip)) + ratio_at_infinity)
     grown = growing_slip(slip, decay, end)
-    reference = reference_speed(speed, speed + grown)
+    reference = reference_speed(speed, rim_speed + (grown - slip))
     gradient = creep_stiffness * absolute(grown) / (reference * friction)
     adhesion = adhesion_factor * gradient
     value = (
@@ -170,10 +169,8 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak, contact=1.0):
     if kind == PIECEWISE:
         return piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3])
     elif kind in (POLACH, POLACH_BY_FRICTION):
-        decay, adhesion_factor, slip_factor, end = polach_set(kind, q, peak)
-        return polach_coefficient(
-            slip, speed, peak, q[0], decay, adhesion_factor, slip_factor, end, q[4] * contact
-        )
+        shape = polach_set(kind, q, peak)
+        return polach_coefficient(slip, speed, rim_speed, peak, q[0], shape, q[4] * contact)
     elif kind == SLIP_RATIO:
         reference = reference_speed(speed, rim_speed)
         return slip_ratio_coefficient(slip, reference, peak, q[0], q[1])
@@ -188,7 +185,7 @@ def polach_peak(kind, q, peak, speed, contact):
     The curve rises from zero to its maximum and never again. The bracket (0, one tenth of the speed plus 2 m/s) holds the
     maximum of every published set.
     """
-    decay, adhesion_factor, slip_factor, end = polach_set(kind, q, peak)
+    shape = polach_set(kind, q, peak)
     ratio, stiffness = q[0], q[4] * contact
     golden = 0.6180339887498949
     low = 0.0 * (peak + speed)
@@ -196,19 +193,14 @@ def polach_peak(kind, q, peak, speed, contact):
     inner_low, inner_high = high - golden * (high - low), low + golden * (high - low)
     for _ in range(60):
         left = polach_coefficient(
-            inner_low, speed, peak, ratio, decay, adhesion_factor, slip_factor, end, stiffness
-        ) > polach_coefficient(
-            inner_high, speed, peak, ratio, decay, adhesion_factor, slip_factor, end, stiffness
-        )
+            inner_low, speed, speed + inner_low, peak, ratio, shape, stiffness
+        ) > polach_coefficient(inner_high, speed, speed + inner_high, peak, ratio, shape, stiffness)
         low = where(left, low, inner_low)
         high = where(left, inner_high, high)
         inner_low = high - golden * (high - low)
         inner_high = low + golden * (high - low)
     top = 0.5 * (low + high)
-    limit = polach_coefficient(
-        top, speed, peak, ratio, decay, adhesion_factor, slip_factor, end, stiffness
-    )
-    return limit, top
+    return polach_coefficient(top, speed, speed + top, peak, ratio, shape, stiffness), top
 
 
 @equation

@@ -75,13 +75,14 @@ class Model:
             body = np.bincount(s.axle_body, carried, minlength=s.body_mass.size)
             return wheel + float((body / s.body_mass).max())
 
-        spring = np.full_like(contact, peak / self.rail.presliding)
         rates = [of_contacts(self.rail.curve.steepest_slope(peak) * contact)]
-        rates.append(math.sqrt(of_contacts(spring)))
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
         if s.group_fill.size:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
+            # contacts of braked wheels at rest
+            spring = np.full_like(contact, peak / self.rail.presliding)
+            rates.append(math.sqrt(of_contacts(spring)))
         if s.coupler.size:
             inverse = float((1.0 / s.body_mass[:-1] + 1.0 / s.body_mass[1:]).max())
             tangent = s.coupler[:, 0] + 3.0 * s.coupler[:, 1] * DRAFT_GEAR_TRAVEL**2
