@@ -107,7 +107,9 @@ def _true_limits(plant, eq, time, truth):
         j = eq.axle_unit[i]
         if j >= 0:
             v = w.scratch.state[w.axle.speed_row[i]]
-            limit, _ = adhesion_limit(w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v)
+            limit, _ = adhesion_limit(
+                w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v, w.axle.contact[i]
+            )
             truth[j] = min(truth[j], STABLE_SHARE * limit)
 
 

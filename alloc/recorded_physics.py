@@ -84,7 +84,8 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
     slip, mu, force = arrays.forces(state, peak)
     speed = state[n.speed]
     share = s.body_mass / s.body_mass.sum()
-    limit, top = model.rail.curve.limit(peak, arrays.body_of_axle @ speed)
+    contact = model.environment.contact[:, None]
+    limit, top = model.rail.curve.limit(peak, arrays.body_of_axle @ speed, contact)
     work = state[n.work]
     with np.errstate(divide="ignore", invalid="ignore"):
         load = np.where(mu != 0.0, force / mu, s.static_load[:, None])

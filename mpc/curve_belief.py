@@ -20,7 +20,6 @@ as they are, by coefficient, judged by the peak supposed meanwhile, and judged a
 """
 
 import math
-from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +27,13 @@ from numpy.typing import NDArray
 
 from alloc.compilation import jit
 from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.adhesion_laws import PIECEWISE, POLACH, adhesion_limit, tangential_coefficient
+from alloc.plant.adhesion_laws import (
+    PIECEWISE,
+    POLACH,
+    POLACH_BY_FRICTION,
+    adhesion_limit,
+    tangential_coefficient,
+)
 from alloc.plant.structure import Floats
 from mpc.settings import CurveBelief
 
@@ -101,7 +106,7 @@ def stretch_parameters(kind, q, stretch, out):
     if kind == PIECEWISE:
         out[0] = q[0] / stretch
         out[1] = q[1] / (stretch * stretch)
-    elif kind == POLACH:
+    elif kind in (POLACH, POLACH_BY_FRICTION):
         out[4] = q[4] / stretch
     else:
         out[0] = min(q[0] * stretch, GREATEST_RATIO)
@@ -125,7 +130,7 @@ def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:
     """The `curve` with its rising branch stretched along the slip axis."""
     q = np.empty(6)
     stretch_parameters(curve.kind, curve.q, stretch, q)
-    return type(curve)(*(float(value) for value in q[: len(fields(curve))]))
+    return curve.with_parameters(q)
 
 
 @jit

@@ -14,6 +14,8 @@ import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
+from alloc.plant.adhesion import CreepCurve
+from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.equations import slip_velocity
 from alloc.plant.model import Inputs, Model, build
@@ -56,6 +58,14 @@ def unloading(units: Units) -> Floats:
     return np.concatenate(
         [context.unloading or (0.0,) * context.axles for context in group_of(units)]
     )
+
+
+def creep_stiffnesses(units: Units) -> Floats:
+    """Creep stiffness of each unit over that of the first, (units,); (0,) where the curve has none."""
+    group = group_of(units)
+    if not isinstance(group[0].curve, CreepCurve):
+        return np.zeros(0)
+    return np.array([context.curve.q[4] for context in group]) / group[0].curve.q[4]
 
 
 @dataclass(frozen=True)
@@ -144,9 +154,10 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     n, m = layout.axles, layout.units
     transfer = bool(plant.structure.unloading.any())
     state, torque = cs.SX.sym("state", n + 1 + m), cs.SX.sym("torque", m)
-    sizes = [n, 1, 1, *[m] * len(CONSTANTS), 6, n * transfer]
+    creeps = curve_kind in (POLACH, POLACH_BY_FRICTION)
+    sizes = [n, 1, 1, *[m] * len(CONSTANTS), m * creeps, 6, n * transfer]
     parameters = cs.SX.sym("parameters", sum(sizes))
-    peak, grade, mass, load, radius, inertia, gear, lag, q, unloaded = cs.vertsplit(
+    peak, grade, mass, load, radius, inertia, gear, lag, contact, q, unloaded = cs.vertsplit(
         parameters, np.concatenate([[0], np.cumsum(sizes)]).tolist()
     )
 
@@ -162,7 +173,10 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     if transfer:
         symbols["unloading"] = unloaded
     structure = plant.structure._replace(**symbols)
-    arrays = ArrayModel(structure, layout, curve_kind, [q[k] for k in range(6)])
+    stiffness = by_axle(contact) if creeps else np.ones(n)
+    curve = [q[k] for k in range(6)]
+    # nothing sticks: the deflections of the contacts are no states of the model, and zero
+    arrays = ArrayModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
@@ -190,7 +204,8 @@ def substeps(units: Units, step: float) -> int:
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:
     """Parameters of the model: peak coefficient of each axle, gradient (which stands for all drag), mass, each of the
-    `CONSTANTS` of all units, the six parameters of the adhesion curve; where axle loads change, unloading of each axle.
+    `CONSTANTS` of all units, their `creep_stiffnesses`, the six parameters of the adhesion curve; where axle loads change,
+    unloading of each axle.
 
     `peak`: one for all axles, or (axles,).
     """
@@ -200,7 +215,8 @@ def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats
     peaks = np.broadcast_to(np.asarray(peak, dtype=float), moved.shape)
     mass = sum(context.mass for context in group)
     lost = moved if moved.any() else moved[:0]
-    return np.concatenate([peaks, [grade, mass], constants, group[0].curve.q, lost])
+    creep = creep_stiffnesses(group)
+    return np.concatenate([peaks, [grade, mass], constants, creep, group[0].curve.q, lost])
 
 
 def slip_matrix(units: Units) -> Floats:

@@ -159,7 +159,7 @@ def unit_contexts(
             axle_load=float(eq.axle_load[j]),
             mass=float(mass * weight[j] / weight.sum()),
             torque_lag=float(s.unit_lag[j]),
-            curve=onboard.belief.curve,
+            curve=onboard.belief.curve.on(0.5 * float(eq.axle_load[j]), float(eq.radius[j])),
             period=onboard.period,
             free_axle=bool(np.any((eq.axle_body == eq.unit_body[j]) & ~members[j])),
             car=int(s.axle_car[members[j]][0]),

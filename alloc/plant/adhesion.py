@@ -4,9 +4,9 @@ The laws are in `alloc.plant.adhesion_laws`; a curve of one's own is a `ShapedCu
 """
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields, replace
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 from alloc.errors import PlantError
 from alloc.plant.adhesion_laws import (
     CREEPAGE_SPEED_FLOOR,
+    GROWTH_END,
     PIECEWISE,
     POLACH,
+    POLACH_BY_FRICTION,
     SLIP_RATIO,
     TABULATED,
     adhesion_limit,
+    polach_set,
     tangential_coefficient,
 )
+from alloc.plant.contact import HALF_AXES_RATIO, RATIOS, creep_stiffness, relative_stiffness
 from alloc.registry import Registry
 
 
@@ -35,23 +39,49 @@ class AdhesionCurve:
         """Parameters as the equations take them, (6,): the fields in their order, then zeros."""
         return np.append(astuple(self), np.zeros(6))[:6]
 
+    def with_parameters(self, q: NDArray[np.float64]) -> Self:
+        """A curve of this class with the parameters `q` (6,)."""
+        return type(self)(*(float(value) for value in q[: len(fields(self))]))
+
+    def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
+        """Creep stiffness over that in `q` under the wheel load `load` [N], half an axle's, of wheels of `radius` [m].
+
+        1 where it depends on neither.
+        """
+        return np.ones(np.broadcast(load, radius).shape)
+
+    def on(self, load: float, radius: float) -> Self:
+        """This curve under the wheel load `load` [N], half an axle's, of wheels of `radius` [m]."""
+        return self
+
     def steepest_slope(self, peak: float) -> float:
-        """Upper bound of d mu / d slip velocity over all slip velocities and speeds [s/m], for the stable step."""
+        """Upper bound of d mu / d slip velocity over all slip velocities and speeds [s/m], for the stable step.
+
+        For the creep stiffness in `q`.
+        """
         raise NotImplementedError
 
     def coefficient(
-        self, slip: ArrayLike, peak: ArrayLike, speed: ArrayLike = 0.0
+        self,
+        slip: ArrayLike,
+        peak: ArrayLike,
+        speed: ArrayLike = 0.0,
+        contact: ArrayLike = 1.0,
     ) -> NDArray[np.float64]:
-        """Tangential force coefficient; `slip` and car `speed` in m/s, all arguments broadcast."""
-        slip, peak, speed = (np.asarray(a, dtype=float) for a in (slip, peak, speed))
-        return tangential_coefficient(self.kind, self.q, slip, speed, speed + slip, peak)
+        """Tangential force coefficient; `slip` and car `speed` in m/s; all arguments broadcast.
+
+        `contact`: that of the axle, see there."""
+        slip, peak, speed, contact = (
+            np.asarray(a, dtype=float) for a in (slip, peak, speed, contact)
+        )
+        return tangential_coefficient(self.kind, self.q, slip, speed, speed + slip, peak, contact)
 
     def limit(
-        self, peak: ArrayLike, speed: ArrayLike = 0.0
+        self, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Adhesion coefficient and the slip velocity [m/s] of the curve's maximum, driving at `speed` >= 0 [m/s]."""
-        peak, speed = np.asarray(peak, dtype=float), np.asarray(speed, dtype=float)
-        coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed)
+        peak, speed, contact = (np.asarray(a, dtype=float) for a in (peak, speed, contact))
+        coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed, contact)
         return np.asarray(coefficient), np.asarray(slip)
 
 
@@ -83,29 +113,104 @@ class PiecewiseCurve(AdhesionCurve):
         return max(self.micro_slope, self.macro_slope)
 
 
+@dataclass(frozen=True, kw_only=True)
+class CreepCurve(AdhesionCurve):
+    """Common part of Polach's curves: the contact. The local peak is the friction coefficient at rest.
+
+    `creep_stiffness` is G pi a b C11 / (4 Q) of the contact ellipse. None: from the static wheel load (half the axle's)
+    and the wheel radius of each axle, see `alloc.plant.contact`, with `half_axes_ratio` a / b, a along the rail.
+    """
+
+    creep_stiffness: float | None = None
+    half_axes_ratio: float = HALF_AXES_RATIO
+
+    def __post_init__(self) -> None:
+        given = () if self.creep_stiffness is None else ("creep_stiffness",)
+        PlantError.check("adhesion curve", self, positive=(*given, "half_axes_ratio"))
+        if not RATIOS[0] <= self.half_axes_ratio <= RATIOS[1]:
+            raise PlantError(
+                f"adhesion curve: half_axes_ratio = {self.half_axes_ratio} must lie in [{RATIOS[0]}, {RATIOS[1]}]"
+            )
+
+    def _parameters(self, ratio: float, *shape: float) -> NDArray[np.float64]:
+        """Parameters as the laws take them; `shape`: B, kA and kS, where the friction coefficient does not give them."""
+        decay, adhesion_factor, slip_factor = shape or (0.0, 0.0, 0.0)
+        stiffness = self.creep_stiffness or creep_stiffness(self.half_axes_ratio)
+        end = GROWTH_END / max(decay, 1e-9)
+        return np.array([ratio, decay, adhesion_factor, slip_factor, stiffness, end])
+
+    def with_parameters(self, q: NDArray[np.float64]) -> Self:
+        """This curve with the creep stiffness of `q` (6,)."""
+        return replace(self, creep_stiffness=float(q[4]))
+
+    def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
+        """As in `AdhesionCurve`: 1 where the creep stiffness is given."""
+        if self.creep_stiffness is not None:
+            return super().contact(load, radius)
+        return relative_stiffness(load, radius)
+
+    def on(self, load: float, radius: float) -> Self:
+        """As in `AdhesionCurve`: the creep stiffness is given."""
+        return replace(self, creep_stiffness=float(self.q[4] * self.contact(load, radius)))
+
+    def steepest_slope(self, peak: float) -> float:
+        """Slope at the origin at the lowest reference speed [s/m]."""
+        _, adhesion_factor, slip_factor, _ = polach_set(self.kind, self.q, peak)
+        factor = 2.0 / math.pi * (adhesion_factor + slip_factor)
+        return float(factor * self.q[4] / CREEPAGE_SPEED_FLOOR)
+
+
 @dataclass(frozen=True)
-class PolachCurve(AdhesionCurve):
-    """Polach's curve; `creep_stiffness` lumps G pi a b c11 / (4 Q) of the contact ellipse."""
+class PolachCurve(CreepCurve):
+    """Polach's curve with one set A, B [s/m], kA, kS for every friction coefficient; by default his for wet rail, 0.30."""
 
     ratio_at_infinity: float = 0.40
     decay: float = 0.20
     adhesion_factor: float = 0.30
     slip_factor: float = 0.10
-    creep_stiffness: float = 186.0
     kind: ClassVar[int] = POLACH
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         PlantError.check(
             "adhesion curve",
             self,
-            positive=("adhesion_factor", "slip_factor", "creep_stiffness"),
+            positive=("adhesion_factor", "slip_factor"),
             nonnegative=("decay", "ratio_at_infinity"),
         )
 
-    def steepest_slope(self, peak: float) -> float:
-        """Slope at the origin at the lowest reference speed [s/m]."""
-        factor = 2.0 / math.pi * (self.adhesion_factor + self.slip_factor)
-        return factor * self.creep_stiffness / CREEPAGE_SPEED_FLOOR
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Parameters (6,): A, B, kA, kS, creep stiffness (of the reference contact if None), end of growth."""
+        return self._parameters(
+            self.ratio_at_infinity, self.decay, self.adhesion_factor, self.slip_factor
+        )
+
+
+@dataclass(frozen=True)
+class DryPolachCurve(PolachCurve):
+    """Polach's curve with his set for dry rail, whose friction coefficient is 0.55."""
+
+    decay: float = 0.60
+    adhesion_factor: float = 1.00
+    slip_factor: float = 0.40
+
+
+@dataclass(frozen=True)
+class PolachByFrictionCurve(CreepCurve):
+    """Polach's curves over the local friction coefficient, from wet to dry: Open Rails' interpolation, see `polach_set`."""
+
+    ratio_at_infinity: float = 0.40
+    kind: ClassVar[int] = POLACH_BY_FRICTION
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        PlantError.check("adhesion curve", self, nonnegative=("ratio_at_infinity",))
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Parameters (6,): those of `PolachCurve`, without what the friction coefficient gives."""
+        return self._parameters(self.ratio_at_infinity)
 
 
 @dataclass(frozen=True)
@@ -178,11 +283,14 @@ def _shape_table(curve: ShapedCurve) -> NDArray[np.float64]:
 
 
 # A = mu_inf / mu_0, B [s/m], kA, kS: Polach, Wear 258 (2005), Table 3 (measurements with locomotives).
-POLACH_DRY = PolachCurve(0.40, 0.60, 1.00, 0.40)
-POLACH_WET = PolachCurve(0.40, 0.20, 0.30, 0.10)
+POLACH_DRY = DryPolachCurve()
+POLACH_WET = PolachCurve()
 
 CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve", "readhesion.curves", PlantError)
 """Adhesion curves by name, a class each; its fields are the keys of `[rail.curve]`."""
 CURVES.register("piecewise", PiecewiseCurve)
 CURVES.register("polach", PolachCurve)
 CURVES.register("slip-ratio", SlipRatioCurve)
+CURVES.register("polach-wet", PolachCurve)
+CURVES.register("polach-dry", DryPolachCurve)
+CURVES.register("polach-by-friction", PolachByFrictionCurve)

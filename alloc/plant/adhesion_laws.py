@@ -7,16 +7,28 @@ coefficient, whose maximum over the slip velocity lies below it; for the others 
 import math
 
 from alloc.compilation import equation
-from alloc.plant.operations import absolute, atan, exp, interpolate, maximum, minimum, where
+from alloc.plant.operations import (
+    absolute,
+    atan,
+    exp,
+    interpolate,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
 
-PIECEWISE, POLACH, SLIP_RATIO, TABULATED = 0, 1, 2, 3
+PIECEWISE, POLACH, SLIP_RATIO, TABULATED, POLACH_BY_FRICTION = 0, 1, 2, 3, 4
 
 CREEPAGE_SPEED_FLOOR = 1.0
-"""Speed [m/s] below which creepage-based curves see a constant reference speed.
+"""Least speed [m/s] that creepage divides by: that at standstill, reached smoothly from twice as much.
 
-Creepage divides by the speed and is singular at standstill; the floor bounds the stiffness, and with it
-the number of substeps. A numerical device, not a property of the rail.
+Creepage is singular at standstill; the floor bounds the stiffness, and with it the number of substeps. A numerical device,
+not a property of the rail.
 """
+
+GROWTH_END = 3.0
+"""Slip velocity times Polach's decay B at which the creepage of `polach_coefficient` stops growing."""
 
 
 @equation
@@ -68,21 +80,56 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
 
 @equation
 def reference_speed(speed, rim_speed):
-    """Speed that slip is divided by: the larger of car and rim speed, kept away from zero."""
-    return maximum(maximum(absolute(speed), absolute(rim_speed)), CREEPAGE_SPEED_FLOOR)
+    """Speed that slip is divided by: the larger of car and rim speed, kept away from zero.
+
+    From twice the floor on it is that speed itself; below, a parabola leads to the floor without a kink.
+    """
+    larger = maximum(absolute(speed), absolute(rim_speed))
+    slow = maximum(0.0, 1.0 - larger * (0.5 / CREEPAGE_SPEED_FLOOR))
+    return larger + CREEPAGE_SPEED_FLOOR * slow * slow
 
 
 @equation
-def polach_coefficient(
-    slip, reference, peak, ratio_at_infinity, decay, adhesion_factor, slip_factor, creep_stiffness
-):
+def polach_set(kind, q, peak):
+    """B [s/m], kA and kS of Polach's law, and the slip velocity [m/s] at which its creepage stops growing.
+
+    They are given, or Open Rails' interpolation over the friction coefficient at rest: that (`Axle.cs`, `PolachCalculator`)
+    meets Polach's dry set at 0.55 and his wet one at 0.30, and stays with it below.
+    """
+    if kind == POLACH:
+        none = 0.0 * peak
+        return q[1] + none, q[2] + none, q[3] + none, q[5] + none
+    else:
+        decay = maximum(1.6 * peak - 0.28, 0.2)
+        adhesion_factor = maximum(2.8 * peak - 0.54, 0.3)
+        return decay, adhesion_factor, maximum(1.2 * peak - 0.26, 0.1), GROWTH_END / decay
+
+
+@equation
+def growing_slip(slip, decay, end):
+    """Slip velocity [m/s] that creepage is made of: `slip` at first, constant from `end` = `GROWTH_END` / `decay` on.
+
+    There friction has fallen to nearly its last value. A creepage that grew on would raise the coefficient again, by up to
+    4 % of the peak at high speed and load. The bend is of fifth order, so the maximum is as without it.
+    """
+    bounded = minimum(end, maximum(-end, slip))  # in this order a nan passes through
+    share = bounded * decay * (1.0 / GROWTH_END)
+    square = share * share
+    return bounded * (1.0 - 0.2 * square * square)
+
+
+@equation
+def polach_coefficient(slip, speed, rim_speed, peak, ratio_at_infinity, shape, creep_stiffness):
     """Polach's creep force law in pure longitudinal creep (Wear 258 (2005) 992-1000, eqs. 1-9).
 
-    Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest.
+    Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest; creepage stops growing
+    where it has fallen, see `growing_slip`. `shape`: what `polach_set` gives.
     """
-    magnitude = absolute(slip)
-    friction = peak * ((1.0 - ratio_at_infinity) * exp(-decay * magnitude) + ratio_at_infinity)
-    gradient = creep_stiffness * magnitude / (reference * friction)
+    decay, adhesion_factor, slip_factor, end = shape
+    friction = peak * ((1.0 - ratio_at_infinity) * exp(-decay * absolute(slip)) + ratio_at_infinity)
+    grown = growing_slip(slip, decay, end)
+    reference = reference_speed(speed, rim_speed + (grown - slip))
+    gradient = creep_stiffness * absolute(grown) / (reference * friction)
     adhesion = adhesion_factor * gradient
     value = (
         (2.0 / math.pi)
@@ -114,13 +161,16 @@ def tabulated_coefficient(slip, peak, table):
 
 
 @equation
-def tangential_coefficient(kind, q, slip, speed, rim_speed, peak):
-    """Coefficient of the curve `kind` with its parameters `q`; elementwise in the other arguments."""
+def tangential_coefficient(kind, q, slip, speed, rim_speed, peak, contact=1.0):
+    """Coefficient of the curve `kind` with its parameters `q`; elementwise in the other arguments.
+
+    `contact`: creep stiffness of the axle over that in `q`.
+    """
     if kind == PIECEWISE:
         return piecewise_coefficient(slip, peak, q[0], q[1], q[2], q[3])
-    elif kind == POLACH:
-        reference = reference_speed(speed, rim_speed)
-        return polach_coefficient(slip, reference, peak, q[0], q[1], q[2], q[3], q[4])
+    elif kind in (POLACH, POLACH_BY_FRICTION):
+        shape = polach_set(kind, q, peak)
+        return polach_coefficient(slip, speed, rim_speed, peak, q[0], shape, q[4] * contact)
     elif kind == SLIP_RATIO:
         reference = reference_speed(speed, rim_speed)
         return slip_ratio_coefficient(slip, reference, peak, q[0], q[1])
@@ -129,47 +179,54 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak):
 
 
 @equation
-def polach_driving(slip, speed, peak, q):
-    """Polach coefficient of an axle that drives: the rim speed is what slip is divided by."""
-    reference = reference_speed(speed, speed + slip)
-    return polach_coefficient(slip, reference, peak, q[0], q[1], q[2], q[3], q[4])
+def polach_peak(kind, q, peak, speed, contact):
+    """Largest Polach coefficient of a driving axle over the slip velocity, and where it lies (golden section search).
 
-
-@equation
-def polach_peak(peak, speed, q):
-    """Largest Polach coefficient over the slip velocity, and where it lies (golden section search).
-
-    The curve rises from zero to its maximum and falls; where creepage still grows far beyond, it recovers a little.
-    The bracket (0, one tenth of the speed plus 2 m/s) holds the maximum of every published set and ends before that.
+    The curve rises from zero to its maximum and never again. The bracket (0, one tenth of the speed plus 2 m/s) holds the
+    maximum of every published set.
     """
+    shape = polach_set(kind, q, peak)
+    ratio, stiffness = q[0], q[4] * contact
     golden = 0.6180339887498949
     low = 0.0 * (peak + speed)
     high = low + 0.1 * absolute(speed) + 2.0
     inner_low, inner_high = high - golden * (high - low), low + golden * (high - low)
     for _ in range(60):
-        left = polach_driving(inner_low, speed, peak, q) > polach_driving(
-            inner_high, speed, peak, q
-        )
+        left = polach_coefficient(
+            inner_low, speed, speed + inner_low, peak, ratio, shape, stiffness
+        ) > polach_coefficient(inner_high, speed, speed + inner_high, peak, ratio, shape, stiffness)
         low = where(left, low, inner_low)
         high = where(left, inner_high, high)
         inner_low = high - golden * (high - low)
         inner_high = low + golden * (high - low)
     top = 0.5 * (low + high)
-    return polach_driving(top, speed, peak, q), top
+    return polach_coefficient(top, speed, speed + top, peak, ratio, shape, stiffness), top
 
 
 @equation
-def adhesion_limit(kind, q, peak, speed):
-    """Adhesion coefficient of a driving axle (maximum over the slip velocity), and the slip velocity [m/s] there."""
+def slip_ratio_peak(speed, ratio):
+    """Slip velocity [m/s] of a driving axle at which slip / `reference_speed` is `ratio`."""
+    v = absolute(speed) * (0.5 / CREEPAGE_SPEED_FLOOR)
+    # slip = ratio * (1 + (v + slip)^2 / 4) on the parabola, in floors
+    linear = 1.0 - ratio * v
+    root = sqrt(maximum(0.0, linear * linear - ratio * ratio * (1.0 + v * v)))
+    below = maximum(linear + root, 1.0 - ratio)  # as it is wherever the parabola counts
+    slow = CREEPAGE_SPEED_FLOOR * 2.0 * ratio * (1.0 + v * v) / below
+    return where(v < 1.0 - ratio, slow, absolute(speed) * ratio / (1.0 - ratio))
+
+
+@equation
+def adhesion_limit(kind, q, peak, speed, contact=1.0):
+    """Adhesion coefficient of a driving axle (maximum over the slip velocity), and the slip velocity [m/s] there.
+
+    `contact`: creep stiffness of the axle over that in `q`.
+    """
     if kind == PIECEWISE:
         curvature = parabola_curvature(peak, q[0], q[1], q[2], q[3])
         return peak * 1.0, peak / q[0] + q[0] / (4.0 * curvature)
-    elif kind == POLACH:
-        return polach_peak(peak, speed, q)
+    elif kind in (POLACH, POLACH_BY_FRICTION):
+        return polach_peak(kind, q, peak, speed, contact)
     elif kind == TABULATED:
         return peak * 1.0, q[0] + 0.0 * peak
     else:
-        # slip / reference = x: the reference is v + slip when driving, or its floor at low speed
-        ratio = q[0]
-        slip = maximum(ratio * CREEPAGE_SPEED_FLOOR, absolute(speed) * ratio / (1.0 - ratio))
-        return peak * 1.0, slip + 0.0 * peak
+        return peak * 1.0, slip_ratio_peak(speed, q[0]) + 0.0 * peak

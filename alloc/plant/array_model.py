@@ -25,6 +25,7 @@ from alloc.plant.equations import (
     wheelset,
 )
 from alloc.plant.model import Inputs, Layout, Model, Structure
+from alloc.plant.static_adhesion import HOLDING_BRAKE, sticking_contact, stuck_share
 
 Array = Any
 """NumPy array (rows,) or (rows, instants), or CasADi column."""
@@ -53,9 +54,14 @@ def _matrix(index: NDArray[np.int64], count: int) -> NDArray[np.float64]:
 class ArrayModel:
     """Right side of the plant for whole arrays; build once, call often."""
 
-    def __init__(self, structure: Structure, layout: Layout, curve_kind: int, curve: Array) -> None:
+    def __init__(
+        self, structure: Structure, layout: Layout, curve_kind: int, curve: Array, contact: Array,
+        presliding: float,
+    ) -> None:  # fmt: skip
+        """`contact` (axles,): creep stiffness over that among the parameters `curve`; `presliding` [m]: of `Rail`."""
         self.structure, self.layout = structure, layout
         self.curve_kind, self.curve = curve_kind, curve
+        self.contact, self.presliding = contact, presliding
         self.body_of_axle = _matrix(structure.axle_body, layout.bodies)
         self.car_of_axle = _matrix(structure.axle_car, layout.cars)
         self.unit_of_axle = _matrix(structure.axle_unit, layout.units)
@@ -68,25 +74,40 @@ class ArrayModel:
     def of(cls, model: Model) -> "ArrayModel":
         """Array form of a built model."""
         e = model.environment
-        return cls(model.structure, model.layout, e.curve_kind, e.curve)
+        return cls(model.structure, model.layout, e.curve_kind, e.curve, e.contact, e.presliding)
 
     def _column(self, values: NDArray[np.float64], like: Array) -> Array:
         """A parameter (rows,) shaped to act elementwise on `like`."""
         return values[:, None] if getattr(like, "ndim", 1) == 2 else values
 
-    def forces(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
-        """Slip velocity [m/s], coefficient and rail force [N] of every axle."""
+    def _contacts(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
+        """Slip velocity [m/s], coefficient and rate of deflection [m/s] of every axle."""
         s, n = self.structure, self.layout
         speed = self.body_of_axle @ state[n.speed]
         omega = state[n.omega]
         radius = self._column(s.radius, omega)
         slip = slip_velocity(omega, radius, speed)
-        mu = tangential_coefficient(self.curve_kind, self.curve, slip, speed, radius * omega, peak)
+        rim, contact = radius * omega, self._column(self.contact, omega)
+        mu = tangential_coefficient(self.curve_kind, self.curve, slip, speed, rim, peak, contact)
+        held = s.shoe_gain / (s.static_load * HOLDING_BRAKE)
+        brake = self._column(held, omega) * (self.group_of_axle @ state[n.pressure])
+        share = stuck_share(speed, rim, brake)
+        mu, rate = sticking_contact(mu, peak, slip, state[n.deflection], self.presliding, share)
+        return slip, mu, rate
+
+    def _rail_forces(self, mu: Array) -> Array:
+        """Rail force [N] of every axle with the coefficient `mu`."""
+        s = self.structure
         load, unloading = self._column(s.static_load, mu), self._column(s.unloading, mu)
         car_force = car_rail_force(
             self.car_of_axle.T @ (mu * load), self.car_of_axle.T @ (mu * unloading)
         )
-        return slip, mu, mu * axle_load(load, unloading, self.car_of_axle @ car_force)
+        return mu * axle_load(load, unloading, self.car_of_axle @ car_force)
+
+    def forces(self, state: Array, peak: Array) -> tuple[Array, Array, Array]:
+        """Slip velocity [m/s], coefficient and rail force [N] of every axle."""
+        slip, mu, _ = self._contacts(state, peak)
+        return slip, mu, self._rail_forces(mu)
 
     def motor_torques(self, state: Array) -> Array:
         """Torque of the motors on every wheelset [N m], at the wheel."""
@@ -133,7 +154,8 @@ class ArrayModel:
         s, n = self.structure, self.layout
         column = self._column
         speed, omega = state[n.speed], state[n.omega]
-        slip, _, force = self.forces(state, local.peak)
+        slip, mu, deflection_rate = self._contacts(state, local.peak)
+        force = self._rail_forces(mu)
         shoe, omega_rate = self.wheelsets(state, force)
         car_speed = self.body_of_car @ speed
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
@@ -170,7 +192,8 @@ class ArrayModel:
         acceleration = body_force / column(s.body_mass, speed)
         parts = [speed, acceleration, omega_rate, torque_rate, pressure_rate, creep, force * slip]
         if isinstance(state, np.ndarray):
-            return np.concatenate([*parts, *(power.sum(axis=0, keepdims=True) for power in works)])
+            lost = (power.sum(axis=0, keepdims=True) for power in works)
+            return np.concatenate([*parts, *lost, deflection_rate])
         import casadi
 
-        return casadi.vertcat(*parts, *(casadi.sum1(power) for power in works))
+        return casadi.vertcat(*parts, *(casadi.sum1(power) for power in works), deflection_rate)

@@ -6,8 +6,8 @@ right side is in `right_side`.
 
 from alloc.compilation import inlined_jit, jit
 from alloc.plant.rail_memory import leave_rail, read_rail
-from alloc.plant.right_side import derivative
-from alloc.plant.simd import WIDTH, load, store
+from alloc.plant.right_side import derivative, near_rest
+from alloc.plant.simd import WIDTH, load, spread, store
 from alloc.plant.workspace import workspace
 
 
@@ -57,15 +57,30 @@ def _delay_pneumatics(w, target, valve):
 
 
 @inlined_jit
-def _copy(values, result):
-    for i in range(0, result.size, WIDTH):
+def _find_sticking(w):
+    """Whether a contact may stick in the coming step, and the number of rows that change in it.
+
+    A train that moves leaves no contact deflected: there nothing bears on it, and what it stored counts as lost already.
+    """
+    c, first = w.scratch, w.row.deflection
+    was, now = c.sticking[0], near_rest(w, c.state)
+    if was and not now:
+        for i in range(first, w.row.end, WIDTH):
+            store(c.state, i, spread(0.0))
+    c.sticking[0] = now
+    return w.row.end if now else first
+
+
+@inlined_jit
+def _copy(values, result, rows):
+    for i in range(0, rows, WIDTH):
         store(result, i, load(values, i))
 
 
 @inlined_jit
-def _add(values, slope, share, result):
-    """`result` = `values` + `share` * `slope`, all rows."""
-    for i in range(0, result.size, WIDTH):
+def _add(values, slope, share, result, rows):
+    """`result` = `values` + `share` * `slope`, so many rows."""
+    for i in range(0, rows, WIDTH):
         store(result, i, load(values, i) + share * load(slope, i))
 
 
@@ -79,16 +94,17 @@ def inlined_advance(w, time, step, steps, state, inputs):
         _delay_pneumatics(w, inputs.pressure_target, inputs.valve)
         if w.rail.conditioned or w.rail.sandy:
             read_rail(w)
-        _copy(c.state, c.stage)
-        _copy(c.state, c.total)
+        rows = _find_sticking(w)
+        _copy(c.state, c.stage, rows)
+        _copy(c.state, c.total, rows)
         for stage in range(w.stages.shape[0]):
             reach, ahead, share = w.stages[stage, 0], w.stages[stage, 1], w.stages[stage, 2]
             derivative(w, time + (k + reach) * step, c.stage, c.slope)
             if k == 0 and stage == 0:
                 _note(w)
-            _add(c.total, c.slope, share * step, c.total)
-            _add(c.state, c.slope, ahead * step, c.stage)
-        _copy(c.total, c.state)
+            _add(c.total, c.slope, share * step, c.total, rows)
+            _add(c.state, c.slope, ahead * step, c.stage, rows)
+        _copy(c.total, c.state, rows)
         if w.rail.conditioned or w.rail.sandy:
             leave_rail(w, inputs.sand_rate)
     unpack(w, c.state, state)

@@ -8,7 +8,7 @@ import numpy as np
 
 from alloc.errors import PlantError
 from alloc.plant.rail import Line, Rail, Receptivity, axle_values
-from alloc.plant.structure import Floats, Layout
+from alloc.plant.structure import Floats, Layout, Structure
 from alloc.plant.train import Train
 
 
@@ -17,6 +17,8 @@ class Environment(NamedTuple):
 
     curve_kind: int
     curve: Floats  # parameters of the adhesion curve
+    contact: Floats  # (axles,) creep stiffness over that among the parameters
+    presliding: float
     law: Floats  # (3, axles)
     increment: Floats  # (axles,)
     patch: Floats  # (patches, 7): factor, start, end, edge, begin, until, fade
@@ -39,6 +41,7 @@ class Environment(NamedTuple):
 
 
 def environment_of(
+    structure: Structure,
     layout: Layout,
     train: Train,
     rail: Rail,
@@ -63,6 +66,8 @@ def environment_of(
     return Environment(
         curve_kind=rail.curve.kind,
         curve=rail.curve.q,
+        contact=rail.curve.contact(0.5 * structure.static_load, structure.radius),
+        presliding=rail.presliding,
         law=rail.axle_laws(layout.axles),
         increment=axle_values(rail.increments, layout.axles, "rail increments"),
         patch=np.array([astuple(patch) for patch in rail.patches]).reshape(-1, 7),

@@ -66,19 +66,26 @@ class Model:
 
     def stiffness(self) -> float:
         """Estimate from above [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
-        s = self.structure
+        s, contact = self.structure, self.environment.contact
         peak = self.rail.greatest_peak()
         if self.environment.sandy:
             peak = max(peak, self.rail.sanded_coefficient)
-        slope = self.rail.curve.steepest_slope(peak)
-        # wheels and body together: the fastest wheel's rate plus that of the body under all its axles
-        wheel = float((s.static_load * s.radius**2 / s.inertia).max())
-        load = np.bincount(s.axle_body, s.static_load, minlength=s.body_mass.size)
-        rates = [slope * (wheel + float((load / s.body_mass).max()))]
+
+        def of_contacts(stiffness: Floats) -> float:
+            # wheels and body together: the fastest wheel's rate plus that of the body under all its axles
+            carried = stiffness * s.static_load
+            wheel = float((carried * s.radius**2 / s.inertia).max())
+            body = np.bincount(s.axle_body, carried, minlength=s.body_mass.size)
+            return wheel + float((body / s.body_mass).max())
+
+        rates = [of_contacts(self.rail.curve.steepest_slope(peak) * contact)]
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
         if s.group_fill.size:
             rates += [1.0 / LOCK_TIME, float(1.0 / min(s.group_fill.min(), s.group_release.min()))]
+            # contacts of braked wheels at rest
+            spring = np.full_like(contact, peak / self.rail.presliding)
+            rates.append(math.sqrt(of_contacts(spring)))
         if s.coupler.size:
             inverse = float((1.0 / s.body_mass[:-1] + 1.0 / s.body_mass[1:]).max())
             structure, loading, fluidity, damping = s.draft_gear[:, (0, 1, 6, 7)].T
@@ -112,7 +119,9 @@ def build(
         raise PlantError(f"span: {span} must be two finite positions, the smaller one first")
     line, receptivity = line or Line(), receptivity or Receptivity()
     structure, layout = structure_of(train)
-    environment = environment_of(layout, train, rail, line, receptivity, failures or {}, span)
+    environment = environment_of(
+        structure, layout, train, rail, line, receptivity, failures or {}, span
+    )
     return Model(train, rail, line, layout, structure, environment, span)
 
 

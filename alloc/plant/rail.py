@@ -78,7 +78,9 @@ class Rail:
     `increments`: one value per axle from the front, or None for zero. `scatter` is the standard deviation of
     the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
     from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
-    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned or sanded rail.
+    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned or sanded rail. `presliding` [m]: deflection at
+    which a contact at rest yields, see `alloc.plant.static_adhesion`; assumed, a train that holds moves by less than a
+    millimetre.
 
     `sanded_coefficient`: what much sand lifts a lower coefficient to; `sand_saturation` [kg/m per rail]: amount that does so
     by 63 %; `sand_decay`: share of the sand that an axle takes off the rail. Calibrated: `studies.sanders.calibration`.
@@ -103,10 +105,11 @@ class Rail:
     sanded_coefficient: float = 0.314
     sand_saturation: float = 27.3e-3
     sand_decay: float = 0.056
+    presliding: float = 1.5e-4
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 
     def __post_init__(self) -> None:
-        lengths = ("scatter_length", "cleaning_spacing", "rear_axles")
+        lengths = ("scatter_length", "cleaning_spacing", "rear_axles", "presliding")
         sand = ("sanded_coefficient", "sand_saturation")
         positive = ("level", *lengths, "conditioning_slip", *sand)
         PlantError.check("rail", self, positive, nonnegative=("scatter", "conditioning"))

@@ -24,6 +24,7 @@ from alloc.plant.equations import (
 from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
 from alloc.plant.operations import absolute, maximum, minimum, sine, where
 from alloc.plant.simd import WIDTH, gather, load, look_up, spread, store, total
+from alloc.plant.static_adhesion import STICK_SPEED, sticking_contact, stuck_share
 
 
 @inlined_jit
@@ -90,8 +91,18 @@ def peak_field(w, time, y):
 
 
 @inlined_jit
-def _coefficients(w, time, y):
-    """Adhesion field, tangential force coefficients, and their share in the cars' forces."""
+def near_rest(w, y):
+    """Whether a contact of the train may stick."""
+    slowest = STICK_SPEED
+    if w.size.groups > 0:
+        for k in range(w.size.bodies):
+            slowest = min(slowest, abs(y[w.row.speed + k]))
+    return slowest < STICK_SPEED
+
+
+@inlined_jit
+def _coefficients(w, time, y, slope):
+    """Adhesion field, tangential force coefficients, and their share in the cars' forces; deflections of contacts."""
     axle, c = w.axle, w.scratch
     patches = _find_patches(w, time, y)
     _find_declines(w, y)
@@ -99,7 +110,16 @@ def _coefficients(w, time, y):
         v = _of_bodies(w, y, w.row.speed, axle.speed_row, i)
         peak = _peaks(w, y, i, patches)
         rim = load(axle.radius, i) * load(y, w.row.omega + i)
-        mu = tangential_coefficient(w.rail.curve_kind, w.rail.curve, rim - v, v, rim, peak)
+        slip = rim - v
+        mu = tangential_coefficient(
+            w.rail.curve_kind, w.rail.curve, slip, v, rim, peak, load(axle.contact, i)
+        )
+        if c.sticking[0]:
+            brake = load(axle.holding_gain, i) * gather(y, axle.pressure_row, i)
+            share = stuck_share(v, rim, brake)
+            deflection = load(y, w.row.deflection + i)
+            mu, rate = sticking_contact(mu, peak, slip, deflection, w.rail.presliding, share)
+            store(slope, w.row.deflection + i, rate)
         store(c.peak, i, peak)
         store(c.mu, i, mu)
         store(c.load[0], i, mu * load(axle.static_load, i))
@@ -246,7 +266,7 @@ def _wheels(w, y, slope):
 @inlined_jit
 def derivative(w, time, y, slope):
     """Fill `slope` (padded rows) with the derivative of the padded state `y` at `time` [s]."""
-    _coefficients(w, time, y)
+    _coefficients(w, time, y, slope)
     _cars(w, y, slope)
     if w.rigid:
         _rigid_body(w, y, slope)

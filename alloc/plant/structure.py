@@ -96,7 +96,10 @@ class Layout(NamedTuple):
 
     @property
     def friction_work(self) -> slice:
-        """Work dissipated between wheel and rail by each axle [J]: JP4209318 (28), for driving too."""
+        """Work dissipated between wheel and rail by each axle [J]: JP4209318 (28), for driving too.
+
+        At standstill it contains what the contact stores, a few joules.
+        """
         start = self.gear_travel.stop
         return slice(start, start + self.axles)
 
@@ -107,9 +110,15 @@ class Layout(NamedTuple):
         return slice(start, start + 4)
 
     @property
+    def deflection(self) -> slice:
+        """Deflection of each axle's contact [m] near standstill, see `alloc.plant.static_adhesion`."""
+        start = self.work.stop
+        return slice(start, start + self.axles)
+
+    @property
     def rows(self) -> int:
         """Number of rows."""
-        return self.work.stop
+        return self.deflection.stop
 
 
 class _Axle(NamedTuple):

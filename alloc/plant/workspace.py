@@ -12,6 +12,7 @@ from alloc.by_reference import ByReference
 from alloc.plant.blocks import filled, indices, members, packed
 from alloc.plant.model import Model
 from alloc.plant.simd import WIDTH, padded
+from alloc.plant.static_adhesion import HOLDING_BRAKE
 from alloc.plant.structure import NO_WEDGES, Floats, Ints, Layout
 
 RUNGE_KUTTA = np.array(
@@ -34,6 +35,8 @@ class Rows(NamedTuple):
     work: int
     nothing: int
     """A block of rows that are always 0: those of a motor or brake that is not there."""
+    deflection: int
+    """From here on what is 0 unless a contact may stick."""
     end: int
 
 
@@ -46,10 +49,12 @@ class Axles(NamedTuple):
     inverse_inertia: Floats
     gear: Floats
     static_load: Floats
+    contact: Floats
     unloading: Floats
     shoe_gain: Floats  # torque [N m] per pascal and shoe friction; per pascal alone where no friction fades
     shoe_friction: Floats  # (3, axles)
     friction_fades: bool  # whether any shoe's friction depends on its wheel's speed
+    holding_gain: Floats  # share of a brake that holds in full, per pascal
     law: Floats  # (2, axles) numerator and constant of the speed law
     increment: Floats
     sander: Ints  # that lays sand ahead of the axle, -1: none
@@ -96,6 +101,7 @@ class Rail(NamedTuple):
 
     curve_kind: int
     curve: Floats
+    presliding: float
     law_offset: float  # of the speed laws of all axles
     patch: Floats
     noise: Floats
@@ -146,6 +152,7 @@ class Scratch(NamedTuple):
     valve: Floats
     cleaning: Remembered  # degree, 0..1
     sand: Remembered  # [kg/m] on each rail
+    sticking: Ints  # (1,) whether a contact may stick in this step
     cell: Ints  # (axles,) cell of each axle at the end of the last step
     delay_target: Floats  # (groups, slots)
     delay_valve: Floats
@@ -177,14 +184,14 @@ class Workspace(NamedTuple):
 
 
 def _sizes(n: Layout) -> tuple[int, ...]:
-    """Rows of the parts of the state, in its order."""
-    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 4)
+    """Rows of the parts of the state, in the order of `Rows`; nothing has none."""
+    return (n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 4, 0, n.axles)
 
 
 def _rows(n: Layout) -> Rows:
     # couplers are taken by the bodies before them, of which there is one more
     room = _sizes(n._replace(draft_gears=n.draft_gears + 1))
-    ends = np.cumsum([padded(size) for size in (*room, 1)])
+    ends = np.cumsum([padded(size) for size in room])
     return Rows(0, *(int(end) for end in ends))
 
 
@@ -198,10 +205,12 @@ def _axles(model: Model, row: Rows) -> Axles:
         inverse_inertia=filled(1.0 / s.inertia),
         gear=filled(s.gear),
         static_load=filled(s.static_load),
+        contact=filled(e.contact, 1.0),
         unloading=filled(s.unloading),
         shoe_gain=filled(s.shoe_gain * s.radius * (1.0 if fades else s.shoe_friction[:, 2])),
         shoe_friction=filled(s.shoe_friction.T, 1.0),
         friction_fades=fades,
+        holding_gain=filled(s.shoe_gain / (s.static_load * HOLDING_BRAKE)),
         law=filled(e.law[::2]),
         increment=filled(e.increment),
         sander=indices(s.axle_sander, -1),
@@ -290,6 +299,7 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         valve=np.zeros(groups),
         cleaning=Remembered(np.zeros(axles), np.zeros(cells if e.conditioned else 1)),
         sand=Remembered(np.zeros(axles), np.zeros(cells if e.sandy else 1)),
+        sticking=np.ones(1, dtype=np.int64),
         cell=np.full(n.axles, np.iinfo(np.int64).min, dtype=np.int64),
         delay_target=np.zeros((n.groups, slots)),
         delay_valve=np.zeros((n.groups, slots)),

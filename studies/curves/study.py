@@ -38,7 +38,7 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
     rail: dict[str, Any] = base.rail.model_dump() | {"curve": CURVES[curve]}
     if CURVES[curve]["kind"] == "polach":  # its level is the friction coefficient, above the peak
         adhesion = draw(seed, k)["level"]  # "level" may be a factor on a law of speed
-        rail["level"] *= polach_level(adhesion) / adhesion
+        rail["level"] *= polach_level(adhesion, base.event(0).model.train) / adhesion
     belief = base.belief.model_dump() | {"curve": {"kind": "piecewise"}}
     return base.changed(name=name_of(seed, k, curve), rail=rail, belief=belief)
 

@@ -1,8 +1,11 @@
 """Random slip events for the ladder of readhesion controllers: what each of them meets, drawn quantity by quantity."""
 
+from functools import lru_cache
 from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
+from alloc.plant.structure import Floats, structure_of
+from alloc.plant.train import Train
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.files.units import stated
 from studies.scenario.loading import shipped_scenario
@@ -59,18 +62,34 @@ EVENTS = DrawnEvents("ladder", QUANTITIES, stream=(7,), numbered=True)
 draw, event_name = EVENTS.draw, EVENTS.event_name
 
 
-def polach_level(adhesion: float) -> float:
-    """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`."""
-    level = adhesion
+def polach_level(adhesion: float, train: Train) -> float:
+    """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`.
+
+    On the mean over the train's axles, of which the heavy ones have the softer contact.
+    """
+    level, contact = adhesion, train_contact(train)
     for _ in range(20):  # the peak grows a little less than in proportion
-        level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED)[0])
+        level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED, contact)[0].mean())
     return level
 
 
-def rail_keys(curve: str, residual_ratio: float, level: float) -> dict[str, Any]:
-    """Keys of a rail that offers `level` at `REFERENCE_SPEED` under this curve."""
+def train_contact(train: Train) -> Floats:
+    """Creep stiffness of each axle's contact over that of the curve's parameters, (axles,)."""
+    structure, _ = structure_of(train)
+    return POLACH_WET.contact(0.5 * structure.static_load, structure.radius)
+
+
+@lru_cache
+def train_of(name: str) -> Train:
+    """The train called `name` in `TRAINS`, as it runs."""
+    base, changes = TRAINS[name]
+    return shipped_scenario(base).changed(**changes).event().model.train
+
+
+def rail_keys(curve: str, residual_ratio: float, level: float, train: Train) -> dict[str, Any]:
+    """Keys of a rail that offers `level` to `train` at `REFERENCE_SPEED` under this curve."""
     if curve == "polach":
-        return {"level": polach_level(level), "curve": {"kind": "polach"}}
+        return {"level": polach_level(level, train), "curve": {"kind": "polach"}}
     return {"level": level, "curve": {"kind": "piecewise", "residual_ratio": residual_ratio}}
 
 
@@ -91,7 +110,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         case=None,
         duration_s=duration,
         variation=None,  # drawn here
-        rail=rail_keys(d["curve"], d["residual_ratio"], d["level"])
+        rail=rail_keys(d["curve"], d["residual_ratio"], d["level"], train_of(d["train"]))
         | {
             "increments": {"law": "logarithmic"},
             "scatter": d["scatter"],

@@ -101,6 +101,7 @@ class RailKeys(Strict):
     sanded_coefficient: float | None = None
     sand_saturation_g_per_m: float | None = None
     sand_decay: float | None = None
+    presliding_m: float | None = None
     curve: CurveKeys = CurveKeys()
 
     def rail(self, axles: int, seed: int) -> Rail:

@@ -36,6 +36,7 @@ from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
+from paper_figs.open_rails import open_rails
 from paper_figs.readhesion_paper import (
     CASES,
     HALF_SLIP,
@@ -168,6 +169,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "sharing-wanders": sharing_wanders(*runs),
         "slip-detection": slip_detection(runs[0], Detector()),
         "planned-curves": planned_curves(),
+        "open-rails": open_rails(),
         "axle-shifts": axle_shifts(read_slide_counts(SYNTHETIC_TABLE)),
         "unit-increments": unit_increments(),
         "learning": learning(synthetic(falling, trains=2)),

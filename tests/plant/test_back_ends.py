@@ -6,7 +6,13 @@ import casadi
 import numpy as np
 import pytest
 
-from alloc.plant.adhesion import POLACH_DRY, POLACH_WET, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.adhesion import (
+    POLACH_DRY,
+    POLACH_WET,
+    PiecewiseCurve,
+    PolachByFrictionCurve,
+    SlipRatioCurve,
+)
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
@@ -22,6 +28,7 @@ CURVES = {
     "piecewise": PiecewiseCurve(),
     "polach-dry": POLACH_DRY,
     "polach-wet": POLACH_WET,
+    "polach-by-friction": PolachByFrictionCurve(),
     "slip-ratio": SlipRatioCurve(0.04, 0.7),
 }
 LINE = Line(
@@ -54,18 +61,20 @@ def _model(name: str, curve: str, law: str) -> Model:
 
 
 def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, Rails]:
-    """States from standstill to speed, with slip, slide and locked wheels; any command, cleaning and sand on the rail."""
+    """States from standstill to speed, with slip, slide, locked and sticking wheels; any command, cleaning and sand."""
     rng = np.random.default_rng(seed)
     n, s = model.layout, model.structure
     state = np.zeros(n.rows)
     state[n.position] = rng.uniform(200, 450) + rng.uniform(-0.05, 0.05, n.bodies)
     state[n.speed] = rng.choice([0.0, 2.0, 30.0]) + rng.uniform(-0.5, 1.0, n.bodies)
+    state[n.speed] *= rng.choice([1.0, 0.1])  # near rest contacts stick
     rolling = state[n.speed][s.axle_body] / s.radius
     slip = rng.normal(0.0, 1.0, rolling.shape) * 10.0 ** rng.uniform(-3, 1, rolling.shape)
     state[n.omega] = (rolling + slip) * (rng.random(rolling.shape) > 0.1)
     state[n.torque] = rng.uniform(-2000.0, 2000.0, n.units)
     state[n.pressure] = rng.uniform(0.0, 4e5, n.groups)
     state[n.gear_travel] = rng.uniform(-0.02, 0.02, n.draft_gears)
+    state[n.deflection] = rng.uniform(-1.0, 1.0, n.axles) * model.rail.presliding
     inputs = Inputs(
         rng.uniform(-4000.0, 4000.0, n.units),
         rng.uniform(0.0, 4e5, n.groups),
@@ -80,18 +89,8 @@ def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
     # a rate is a difference of larger terms: the scale is the largest of its kind
     first = 0
     for size in (
-        n.bodies,
-        n.bodies,
-        n.axles,
-        n.units,
-        n.groups,
-        n.draft_gears,
-        n.axles,
-        1,
-        1,
-        1,
-        1,
-    ):
+        n.bodies, n.bodies, n.axles, n.units, n.groups, n.draft_gears, n.axles, 1, 1, 1, 1, n.axles,
+    ):  # fmt: skip
         part = slice(first, first + size)
         scale = np.abs(expected[part]).max(initial=0.0)
         np.testing.assert_allclose(actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale)

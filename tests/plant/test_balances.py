@@ -53,7 +53,6 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
     for lost in (friction, shoes, couplers_lost):
         assert lost[-1] > 0.0
         assert np.diff(lost).min() > -1e-9 * turned_over  # dissipation never gives back
-    assert n.work.stop == n.rows
 
 
 def test_gradient_gives_back_what_it_took(run, train):

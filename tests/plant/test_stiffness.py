@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from alloc.plant.adhesion import POLACH_DRY, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.adhesion import (
+    POLACH_DRY,
+    PiecewiseCurve,
+    PolachByFrictionCurve,
+    SlipRatioCurve,
+)
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import STABLE_STEP, build
 from alloc.plant.rail import Rail
@@ -11,7 +16,7 @@ from alloc.plant.sets import SETS
 from alloc.plant.train import DraftGear
 from tests.plant.numpy_plant import environment_at
 
-CURVES = [PiecewiseCurve(), POLACH_DRY, SlipRatioCurve(0.03, 0.7)]
+CURVES = [PiecewiseCurve(), POLACH_DRY, PolachByFrictionCurve(), SlipRatioCurve(0.03, 0.7)]
 DIFFERENCE = 1e-7
 
 
@@ -33,14 +38,15 @@ def _states(model, rng):
 
 
 def _spectral_radius(model, arrays, state) -> float:
-    """Of the numerical Jacobian of positions to what the draft gears have travelled."""
-    size = model.layout.gear_travel.stop
-    inputs = model.zero_inputs()
+    """Of the numerical Jacobian of positions to what the draft gears have travelled, and deflections."""
+    n, inputs = model.layout, model.zero_inputs()
+    moving = np.r_[: n.gear_travel.stop, n.deflection]
 
     def rate(x):
-        return arrays.derivative(x, inputs, environment_at(model, 0.0, x, arrays=arrays))[:size]
+        local = environment_at(model, 0.0, x, arrays=arrays)
+        return arrays.derivative(x, inputs, local)[moving]
 
-    there = state + DIFFERENCE * np.eye(size, state.size)
+    there = state + DIFFERENCE * np.eye(state.size)[moving]
     rows = (np.stack([rate(x) for x in there]) - rate(state)) / DIFFERENCE
     return np.abs(np.linalg.eigvals(rows)).max()  # those of the transpose
 

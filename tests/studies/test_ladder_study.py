@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.drawn_events import complete
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
@@ -15,6 +17,7 @@ from studies.ladder.events import (
     draw,
     polach_level,
     scenario,
+    train_of,
 )
 from studies.ladder.measures import INTERVAL, measure
 from studies.ladder.statements import LADDER, LOCOMOTIVE, SEARCHING, ladder_statements
@@ -83,8 +86,12 @@ def test_the_locomotive_has_no_free_axle_and_the_multiple_unit_has():
 
 @pytest.mark.parametrize("adhesion", [0.08, 0.13, 0.19])
 def test_rails_of_both_curves_offer_the_same_peak(adhesion):
-    level = polach_level(adhesion)
-    assert float(POLACH_WET.limit(level, REFERENCE_SPEED)[0]) == pytest.approx(adhesion, rel=1e-9)
+    for name in TRAINS:
+        level = polach_level(adhesion, train_of(name))
+        model = build(train_of(name), Rail(level, curve=POLACH_WET))
+        found = POLACH_WET.limit(level, REFERENCE_SPEED, model.environment.contact)[0]
+        assert float(found.mean()) == pytest.approx(adhesion, rel=1e-9)
+        assert np.ptp(found) < 0.03 * adhesion
 
 
 def test_steps_of_slip_towards_the_peak_are_right_and_away_from_it_wrong():

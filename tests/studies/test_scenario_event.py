@@ -3,6 +3,13 @@
 import numpy as np
 import pytest
 
+from alloc.plant.adhesion import (
+    POLACH_DRY,
+    POLACH_WET,
+    DryPolachCurve,
+    PolachByFrictionCurve,
+    PolachCurve,
+)
 from alloc.plant.train import DraftGear
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
@@ -238,3 +245,34 @@ def test_friction_draft_gears_come_from_the_file():
     assert set(couplers) == {DraftGear(preload=120e3, slack=0.03, stroke=0.08)}
     with pytest.raises(StudyError, match="either coupler or draft_gear"):
         scenario.changed(coupler={"stiffness_n_per_m": 1e7})
+
+
+@pytest.mark.parametrize(
+    ("keys", "curve"),
+    [
+        ({"kind": "polach"}, POLACH_WET),
+        ({"kind": "polach-wet"}, POLACH_WET),
+        ({"kind": "polach-dry"}, POLACH_DRY),
+        ({"kind": "polach-by-friction"}, PolachByFrictionCurve()),
+        ({"kind": "polach", "creep_stiffness": 186.0}, PolachCurve(creep_stiffness=186.0)),
+        ({"kind": "polach-dry", "half_axes_ratio": 1.5}, DryPolachCurve(half_axes_ratio=1.5)),
+    ],
+)
+def test_polachs_sets_have_names(keys, curve):
+    rail = RailKeys(level=0.3, presliding_m=2e-4, curve=keys).rail(8, 0)
+    assert rail.curve == curve
+    assert rail.presliding == 2e-4
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"presliding_m": 0.0}, "presliding"),
+        ({"curve": {"kind": "polach", "creep_stiffness": -1.0}}, "creep_stiffness"),
+        ({"curve": {"kind": "polach", "half_axes_ratio": 4.0}}, "half_axes_ratio"),
+        ({"curve": {"kind": "polach-by-friction", "decay": 0.2}}, "decay does not belong"),
+    ],
+)
+def test_impossible_contacts_are_named(values, said):
+    with pytest.raises(ValueError, match=said):
+        RailKeys(level=0.3, **values).rail(8, 0)
