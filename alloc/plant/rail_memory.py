@@ -25,7 +25,8 @@ def _read(w, remembered):
     for i in range(w.size.axles):
         x = _place_in_cells(w, i)
         base = int(np.floor(x))
-        here, ahead = left[base % cells], left[(base + 1) % cells]
+        k = base % cells
+        here, ahead = left[k], left[k + 1 if k + 1 < cells else 0]
         remembered.under[i] = here + (ahead - here) * (x - base)
 
 

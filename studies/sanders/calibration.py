@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from alloc.plant.rail import Rail
-from studies.sanders.trial import DISTANCES, SandLaw, Source, measures, stop
+from studies.sanders.trial import DISTANCES, SOURCE, SandLaw, Source, measures, stop
 
 FITTED = ("one fixed", "two fixed", "two variable")
 TOLERANCE = 0.05
@@ -26,7 +26,7 @@ EVALUATIONS = 12
 
 
 def distances(
-    law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = "truth",
+    law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = SOURCE,
     kinds: Sequence[str] = tuple(DISTANCES),
 ) -> dict[str, float]:  # fmt: skip
     """Stopping distances [m] of the trial's rows."""
@@ -34,7 +34,7 @@ def distances(
 
 
 def calibrate(
-    units: int = 2, curve: str = "slip-ratio", source: Source = "truth",
+    units: int = 2, curve: str = "slip-ratio", source: Source = SOURCE,
     fitted: Sequence[str] = FITTED, start: SandLaw = CALIBRATED,
 ) -> SandLaw:  # fmt: skip
     """The law whose distances of the `fitted` rows are nearest to the trial's, by least squares of their logarithms."""
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--units", type=int, default=2)
     parser.add_argument("--curve", default="slip-ratio")
-    parser.add_argument("--source", default="truth", choices=("truth", "estimate"))
+    parser.add_argument("--source", default=SOURCE, choices=("truth", "estimate"))
     given = parser.parse_args(arguments)
     law = calibrate(given.units, given.curve, given.source)
     print(law)

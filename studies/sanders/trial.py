@@ -41,6 +41,8 @@ CURVES: dict[str, AdhesionCurve] = {"slip-ratio": SlipRatioCurve(), "polach": PO
 STEP = 1e-3
 Source = Literal["estimate", "truth"]
 """Speed that slide protection measures slip from."""
+SOURCE: Source = "truth"
+"""Where nothing else is said."""
 END_SPEED = 1.0 / 3.6
 """Speed [m/s] to which distances count; the rest is 5 cm. The driver releases at half of it."""
 
@@ -100,7 +102,7 @@ def brake_event(
     )
 
 
-def equipment(source: Source = "truth", shares: tuple[float, ...] | None = None) -> Onboard:
+def equipment(source: Source = SOURCE, shares: tuple[float, ...] | None = None) -> Onboard:
     """Fuzzy slide protection, measuring slip from the true speed or the estimate; sand throughout."""
     protection = SlideProtection(law="fuzzy")
     return Onboard(
@@ -112,7 +114,7 @@ def equipment(source: Source = "truth", shares: tuple[float, ...] | None = None)
 
 
 def stop(
-    kind: str, law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = "truth"
+    kind: str, law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = SOURCE
 ) -> xr.Dataset:
     """The recorded run of a row of `DISTANCES`."""
     train = gb_unit.sanded(gb_unit.train(units), sanders(kind, units))
