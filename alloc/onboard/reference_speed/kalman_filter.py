@@ -49,7 +49,6 @@ STANDING = 0.1
 LEAST_COEFFICIENT = 8e-3
 """Applied coefficient below which a wheel counts as free: no rail is that slippery."""
 
-
 LEAST_SHARE = 0.1
 """Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
 
@@ -310,8 +309,7 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     k, f = m.estimate, m.estimate.state
     if k.ready[0] == 0:
         _start(eq, st.reference, m, k)
-    for g in range(pressure.size):
-        k.pressure[g] = pressure[g]
+    k.pressure[:] = pressure
     acting, of_shoes = _apply_forces(eq, st, m, k, sign, torque, pressure)
     _move(eq, st, m, k)
     f[SPEED] = m.reference[0]
@@ -323,9 +321,8 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     f[FORCE] = min(max(f[FORCE], -bound), bound)
     if sign < 0.0:
         f[SPEED] = max(f[SPEED], 0.0)
-    k.smooth_speed[0] += (1.0 - math.exp(-OBSERVER_POLE * st.period)) * (
-        f[SPEED] - k.smooth_speed[0]
-    )
+    share = 1.0 - math.exp(-OBSERVER_POLE * st.period)
+    k.smooth_speed[0] += share * (f[SPEED] - k.smooth_speed[0])
     change = f[SPEED] - m.reference[0]
     for b in range(m.reference.size):
         m.reference[b] += change
