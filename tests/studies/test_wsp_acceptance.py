@@ -18,7 +18,14 @@ from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.core.statement import FAILS, HOLDS, TOO_FEW
 from studies.files.study_error import StudyError
-from studies.wsp_acceptance.events import CURVES, air_braked, gripping, rail_of, stop_event
+from studies.wsp_acceptance.events import (
+    CURVES,
+    ROLLING,
+    air_braked,
+    gripping,
+    rail_of,
+    stop_event,
+)
 from studies.wsp_acceptance.measures import longest_lock, measured, stopped_run
 from studies.wsp_acceptance.perfect_stop import (
     REFERENCE_SPEED,
@@ -197,7 +204,7 @@ def test_the_speed_at_which_a_run_ends_is_recorded(stop, every):
 
 def test_who_does_not_stand_in_time_says_so(stop):
     event, _ = stop
-    short = replace(event, duration=5.0)
+    short = replace(event, duration=ROLLING + 5.0)
     found = measured(stopped_run(short), short)
     assert not found["stopped"]
     assert math.isnan(found["over_perfect"])

@@ -76,7 +76,7 @@ def test_periods_equal_their_second_transcription(case, seed):
     st = settings(onboard, RuleSettings(0, periodic, False), "none")
     speed, n, groups = 12.0, eq.axles.size, eq.group.unit.size
     m, twin = memory(eq, speed, 0.08), Computers(eq, st, speed, 0.08)
-    pressure, valve = np.zeros((groups, 1)), np.zeros((groups, 1))
+    pressure, valve = np.zeros(groups), np.zeros(groups)
     direction, commanded = (1.0, -1.0, -1.0)[seed], 0.0
     failing, away = rng.random(n) < 0.3, rng.random() < 0.5
     for tick in range(45):
@@ -136,7 +136,7 @@ def test_periods_equal_their_second_transcription(case, seed):
         )
         twin.torque_command = twin.torque_command.copy()
         brake_receiver(eq, st, m, tick, braking, pressure, valve)
-        agree("pressure", pressure[:, 0], twin.pressures(braking))
+        agree("pressure", pressure, twin.pressures(braking))
 
 
 def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
@@ -145,10 +145,10 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     onboard = Onboard(rise_time=0.02, reference=ReferenceSpeed(source="truth"))
     eq = equipment(model, onboard)
     st = settings(onboard, RuleSettings(0, True, True), "none")
-    m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros((4, 1)), np.zeros((4, 1))
+    m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros(4), np.zeros(4)
     empty, omega = np.zeros(0), 10.0 / eq.axle_radius
     for tick in range(3):
-        sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, pressure[:, 0], np.zeros(8))
+        sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, pressure, np.zeros(8))
         assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8)
         distribute(eq, st, m, 0.01 * tick, tick, empty, empty)
         set_brake_targets(eq, st, m)
@@ -156,7 +156,7 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     assert m.lead.brake_rise[0] == 1.0
     assert m.counter.telegrams_sent[0] == 0
     a, b, c = eq.group.friction.T
-    force = eq.group.gain * pressure[:, 0] * (a / (3.6 * m.reference[0] + b) + c)
+    force = eq.group.gain * pressure * (a / (3.6 * m.reference[0] + b) + c)
     np.testing.assert_allclose(
         (force * eq.group.axles).sum(), 0.8 * train_mass(model, eq), rtol=1e-9
     )

@@ -87,8 +87,7 @@ def _start(eq, o, m, k):
     k.covariance[MASS, MASS] = o.mass_error**2
     k.smooth_speed[0] = m.reference[0]
     for i in range(k.rim.size):
-        y = eq.axle_radius[i] * m.axle_omega[i]
-        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = y
+        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = eq.axle_radius[i] * m.axle_omega[i]
 
 
 @inlined_jit
@@ -309,7 +308,8 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     k, f = m.estimate, m.estimate.state
     if k.ready[0] == 0:
         _start(eq, st.reference, m, k)
-    k.pressure[:] = pressure
+    for g in range(pressure.size):
+        k.pressure[g] = pressure[g]
     acting, of_shoes = _apply_forces(eq, st, m, k, sign, torque, pressure)
     _move(eq, st, m, k)
     f[SPEED] = m.reference[0]
