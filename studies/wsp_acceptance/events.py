@@ -67,11 +67,11 @@ def gripping(train: Train, factor: float) -> Train:
     )
 
 
-def rail_of(curve: str, levels: Levels) -> Rail:
-    """Rail of a curve, named in `CURVES`, whose maximum at 15 m/s is the level."""
+def rail_of(curve: str, levels: Levels, train: Train) -> Rail:
+    """Rail of a curve, named in `CURVES`, whose maximum under `train` at 15 m/s is the level."""
     law = CURVES[curve]
     steps = [(-math.inf, levels)] if isinstance(levels, (int, float)) else list(levels)
-    friction = [rest_friction(law, adhesion) for _, adhesion in steps]
+    friction = [rest_friction(law, adhesion, train) for _, adhesion in steps]
     ends = [start for start, _ in steps[1:]] + [1e6]
     patches = tuple(
         Patch(factor / friction[0], start, end)
@@ -99,7 +99,7 @@ def stop_event(
     as a run may be. The train rolls for `rolling` [s], and brakes from position 0 on.
     Raises `StudyError` where the train has no air brake.
     """
-    braked, rail, line = air_braked(train), rail_of(curve, mu), Line(grades=(grade,))
+    braked, rail, line = air_braked(train), rail_of(curve, mu, train), Line(grades=(grade,))
     if duration is None:
         model = build(braked, rail, line, span=(0.0, float(LONGEST_STOP)))
         best = perfect_stop(model, speed)

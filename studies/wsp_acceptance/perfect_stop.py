@@ -1,7 +1,6 @@
 """The shortest stop that a rail allows: every axle uses all the adhesion of its place until the train stands."""
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,8 @@ from numpy.typing import ArrayLike
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.equations import GRAVITY, gradient_force
 from alloc.plant.model import Floats, Model
+from alloc.plant.structure import structure_of
+from alloc.plant.train import Train
 
 REFERENCE_SPEED = 15.0
 """Speed [m/s] at which a rail of any curve offers the level that it is named after."""
@@ -26,12 +27,16 @@ class PerfectStop(NamedTuple):
     time: float
 
 
-@lru_cache(maxsize=256)
-def rest_friction(curve: AdhesionCurve, adhesion: float) -> float:
-    """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`."""
-    level = adhesion
+def rest_friction(curve: AdhesionCurve, adhesion: float, train: Train) -> float:
+    """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`, on the mean over the axles."""
+    level, s = adhesion, structure_of(train)[0]
+    contact, share = (
+        curve.contact(0.5 * s.static_load, s.radius),
+        s.static_load / s.static_load.sum(),
+    )
     for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
-        level *= adhesion / float(curve.limit(level, REFERENCE_SPEED)[0])
+        limit = curve.limit(level, REFERENCE_SPEED, contact)[0]
+        level *= adhesion / float(np.broadcast_to(limit, share.shape) @ share)
     return level
 
 
@@ -47,8 +52,11 @@ def adhesion_offered(model: Model, front: ArrayLike) -> Floats:
     for patch in rail.patches:
         factor *= np.where((place >= patch.start) & (place < patch.end), patch.factor, 1.0)
     kinds, which = np.unique(factor, return_inverse=True)
-    limit, _ = rail.curve.limit(rail.level * kinds, REFERENCE_SPEED)
-    return np.asarray(limit[which.reshape(factor.shape)] @ s.static_load / s.static_load.sum())
+    contact = model.environment.contact
+    limit, _ = rail.curve.limit(rail.level * kinds[:, None], REFERENCE_SPEED, contact)
+    limit = np.broadcast_to(limit, (kinds.size, s.static_load.size))
+    offered = limit[which.reshape(factor.shape), np.arange(s.static_load.size)]
+    return np.asarray(offered @ s.static_load / s.static_load.sum())
 
 
 def grade_met(model: Model, front: ArrayLike) -> Floats:

@@ -158,7 +158,7 @@ def patches(curve: str, level: float, other: float) -> tuple[tuple[float, float]
 
 def _way(curve: str, level: float) -> float:
     """Distance of a perfect stop [m]."""
-    return perfect_stop(build(discs(3), rail_of(curve, level)), SPEED_KMH / 3.6).distance
+    return perfect_stop(build(discs(3), rail_of(curve, level, discs(3))), SPEED_KMH / 3.6).distance
 
 
 QUANTITIES: dict[str, Quantity] = {

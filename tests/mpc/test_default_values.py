@@ -22,7 +22,7 @@ ONBOARD = {
     "observer": {"pole": 25.0},
     "telegrams": {"period": 0.1, "latency": 0.05, "jitter": 0.0, "loss": 0.0, "silence": 1.0},
     "sensors": {
-        "speed_noise": 0.0, "speed_quantum": 0.0, "load_error": 0.0, "sensorless_pole": None, "dropouts": (),
+        "speed_noise": 0.0, "speed_quantum": 0.0, "load_error": 0.0, "radius_error": 0.0, "sensorless_pole": None, "dropouts": (),
         "blind_share": 0.5,
     },
     "braking": {
@@ -32,11 +32,20 @@ ONBOARD = {
             "fuzzy": {
                 "sensitivity": 1.0, "slip": (0.0, 0.077716, 0.17027), "rate": (-3.5912, 0.0, 3.5912), "pole": 6.6789,
             },
-            "period": 0.01, "reference": "train", "deceleration": 1.5, "sounding": 1.0, "cut_out_speed": 5.0 * KMH,
+            "period": 0.01, "cut_out_speed": 5.0 * KMH,
             "time_out": 10.0, "refill": 0.5,
         },
     },
-    "reference": {"bound": "command", "margin": 0.3},
+    "reference": {
+        "source": "estimate", "sensor": 0.005, "speed_walk": 1e-3, "force_walk": 5e-3, "unknown_force": 0.2,
+        "shoe_error": 0.1, "shoe_walk": 0.02, "mass_error": 0.05, "slip": 0.25, "slip_deviation": 0.2, "creep": 0.01,
+        "creep_speed": 5.0, "repeat": 100.0, "light_repeat": 16.0, "sounded_repeat": 0.3, "ease_time": 0.3,
+        "light": 0.85, "carried_time": 5.0, "slid_time": 1.0, "away": 0.2, "returning": 0.45, "gate": 3.0, "persist": 0.6,
+        "sounding": {
+            "doubt": 0.05, "doubt_ratio": 0.004, "ease": 2.4, "share": 0.4, "time": 0.06, "return_time": 0.06,
+            "pause": 0.3, "air_doubt": 0.04, "air_known": 0.02, "patience": 5.0,
+        },
+    },
     "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
 }  # fmt: skip
 MPC = {

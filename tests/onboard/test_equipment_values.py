@@ -156,7 +156,7 @@ def test_a_dropout_of_the_last_axle_fits_and_of_the_next_does_not():
         (lambda: Belief(loads=(np.inf,)), "finite"),
         (lambda: Onboard(limit_rate=0.0), "limit_rate = 0.0"),
         (lambda: Onboard(period=0.2), "must not be below the control period"),
-        (lambda: ReferenceSpeed("forecast"), "bound"),
+        (lambda: ReferenceSpeed("forecast"), "source = 'forecast' must be one of estimate, truth"),
     ],
 )  # fmt: skip
 def test_impossible_parameters_are_refused(make, words):
@@ -169,9 +169,6 @@ def test_bounds_themselves_are_possible():
     assert Sensors(blind_share=1.0).blind_share + Sensors(blind_share=0.0).blind_share == 1.0
     assert Onboard(period=0.1).telegrams.period == 0.1
     assert Belief(loads=(0.0,)).loads == (0.0,)
-    assert ReferenceSpeed().margin == 0.3
-    assert ReferenceSpeed("forces").margin == 0.1
-    assert ReferenceSpeed("forces", 0.0).margin == 0.0
 
 
 def test_settings_are_the_parameters_in_the_loops_own_terms():
@@ -192,17 +189,20 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     assert st.sensors.dropout.until.tolist() == [2.0, np.inf]
     assert st.detector.gain == pytest.approx(1.0 - np.exp(-0.02 * onboard.detector.pole))
     assert st.observer.pole == onboard.observer.pole
-    assert not st.reference.by_forces
+    assert not st.reference.given
+    # sensor, noise, and the quantum's even distribution
+    assert st.reference.noise == pytest.approx(np.sqrt(0.005**2 + 0.01**2 + 0.03**2 / 12.0))
     assert (st.brakes.inertia_in_estimate, st.brakes.by_pressure) == (True, True)
     other = replace(
         onboard, sensors=Sensors(sensorless_pole=4.0), telegrams=Telegrams(period=0.02), hosted={"mpc": 3},
-        reference=ReferenceSpeed("forces"), braking=Braking(inertia_in_estimate=False, air_force="command"),
+        reference=ReferenceSpeed("truth"), braking=Braking(inertia_in_estimate=False, air_force="command"),
     )  # fmt: skip
     st = settings(other, RuleSettings(1, True, False), "mpc")
     assert st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"  # its reserve
     assert (st.sensors.noisy, st.sensors.pole, st.telegrams.ticks) == (False, 4.0, 1)
-    assert st.reference.by_forces
+    assert st.reference.given
+    assert st.reference.noise == 0.005
     assert (st.brakes.inertia_in_estimate, st.brakes.by_pressure) == (False, False)
 
 
@@ -210,7 +210,7 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
     eq = equipment(_model(coupled=True), Onboard())
     m = memory(eq, 9.0, 0.07)
     start = {
-        "reference": [9.0] * 5, "candidate": [0.0] * 5, "mean_speed": [9.0] * 4, "speed": [9.0] * 4,
+        "reference": [9.0] * 5, "mean_speed": [9.0] * 4, "speed": [9.0] * 4,
         "differentiator": [9.0] * 4, "observer": [np.nan] * 4, "limit_max": [np.inf] * 4, "in_service": [True] * 4,
         "cap": [0.07] * 4, "limit_wanted": [0.07] * 4, "delivered": [0.07] * 4, "received": [np.inf] * 4,
         "last_heard": [0.0] * 4, "rise": [0.0] * 4, "axle_seen": [True] * 20,
@@ -230,7 +230,7 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
             getattr(m.unit, name), np.broadcast_to(value, 4), err_msg=name
         )
         assert np.shares_memory(row, getattr(m.unit, name))
-    assert m.train_block.ravel().tolist()[:4] == [0.0, 0.07, 0.0, 0.0]
+    assert m.train_block.ravel().tolist()[:5] == [0.0, 0.07, 0.0, 0.0, 0.0]
     assert np.isnan(m.train.level[0])
     assert m.lead.detected[0] == m.lead.slipped[0] == -np.inf
     assert (m.lead.unit.dtype, m.lead.allocate.dtype) == (np.int64, np.bool_)

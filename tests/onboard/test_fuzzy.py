@@ -99,7 +99,7 @@ def test_the_settings_are_named_in_their_order():
         (Fuzzy, {"pole": -1.0}, "pole = -1.0"),
         (Threshold, {"hold": 0.2, "release": 0.1}, "must not exceed release"),
         (SlideProtection, {"law": "fuzy"}, "must be one of none, threshold, fuzzy"),
-        (SlideProtection, {"reference": "bogie"}, "must be one of train, car"),
+        (SlideProtection, {"refill": -0.1}, "refill = -0.1"),
         (SlideProtection, {"time_out": 0.0}, "time_out = 0.0"),
     ],
 )

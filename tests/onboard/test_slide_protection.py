@@ -1,4 +1,4 @@
-"""The cars' slide protection, decision by decision: worst axle of a bogie, references, safeguards."""
+"""The cars' slide protection, decision by decision: worst axle of a bogie, soundings, safeguards."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from tests.compiled_part import from_python
 SPEED, CYCLE = 20.0, 0.02
 SUPPLY, HOLD, RELEASE = 0, 1, 2
 FUZZY = SlideProtection(
-    law="fuzzy", period=CYCLE, reference="car", deceleration=1.0, time_out=1.0, refill=0.1,
+    law="fuzzy", period=CYCLE, time_out=1.0, refill=0.1,
     fuzzy=Fuzzy(slip=(0.0, 0.05, 0.15), rate=(-1.0, 0.0, 1.0)),
 )  # fmt: skip
 decide = from_python(protect)
@@ -81,43 +81,33 @@ def test_the_threshold_switches_at_its_points(ratio, action):
     assert Cars(replace(FUZZY, law="threshold")).settle({2: ratio})[1] == action
 
 
-def test_a_car_all_of_whose_axles_slide_keeps_its_reference_for_a_while():
+def test_a_slide_is_measured_from_the_trains_speed_though_every_axle_slides():
+    assert Cars(FUZZY).settle(dict.fromkeys(range(8), 0.2)) == [RELEASE] * 4
+    assert Cars(FUZZY).settle(dict.fromkeys(range(4), 0.2)) == [RELEASE, RELEASE, SUPPLY, SUPPLY]
+
+
+@pytest.mark.parametrize("bogie", range(4))
+@pytest.mark.parametrize("law", ["none", "threshold", "fuzzy"])
+def test_the_bogie_that_the_reference_speed_asks_for_is_released_alone(law, bogie):
+    cars = Cars(replace(FUZZY, law=law))
+    cars.memory.estimate.sounding.group[0] = bogie
+    expected = [SUPPLY] * 4
+    if law != "none":  # without slide protection nobody may release brakes
+        expected[bogie] = RELEASE
+    assert cars.decide() == expected
+    cars.memory.estimate.sounding.group[0] = -1
+    assert cars.decide() == [SUPPLY] * 4
+
+
+def test_a_sounded_bogie_brakes_again_below_the_cut_out_speed():
     cars = Cars(FUZZY)
-    cars.decide()
-    sliding = dict.fromkeys(range(4), 0.5)
-    for k in range(1, 6):
-        cars.decide(sliding)
-        assert cars.memory.slide.reference[0] == pytest.approx(SPEED - k * CYCLE * 1.0)
-        assert cars.memory.slide.reference[1] == SPEED
-    cars.decide({0: 0.5, 1: 0.5, 2: 0.5})  # one wheel that rolls again is believed at once
-    assert cars.memory.slide.reference[0] == SPEED
-
-
-def test_a_car_that_has_lost_its_speed_releases_its_rearmost_bogie_until_an_axle_tells_it():
-    cars = Cars(FUZZY)
-    # all four axles of the first car slow down together, just faster than any car could
-    rolling, k = [1.0 - 1.02 * CYCLE * n / SPEED for n in range(100)], 0
-    while (valves := cars.decide(dict.fromkeys(range(4), 1.0 - rolling[k])))[1] == SUPPLY:
-        k += 1
-    assert valves == [SUPPLY, RELEASE, SUPPLY, SUPPLY]
-    assert k * CYCLE == pytest.approx(FUZZY.sounding, abs=3 * CYCLE)
-    back = dict.fromkeys((0, 1), 1.0 - rolling[k + 1])
-    assert cars.decide(back)[1] == SUPPLY
-    assert cars.memory.slide.reference[0] == SPEED
-
-
-def test_the_trains_reference_can_stand_in_for_the_cars():
-    cars = Cars(replace(FUZZY, reference="train"))
-    valves = cars.settle(dict.fromkeys(range(4), 0.2))
-    assert cars.memory.slide.reference.tolist() == [SPEED, SPEED]
-    assert valves == [RELEASE, RELEASE, SUPPLY, SUPPLY]
+    cars.memory.estimate.sounding.group[0] = 1
+    assert cars.decide(speed=1.3) == [SUPPLY] * 4
 
 
 def test_valves_rest_below_the_cut_out_speed():
     assert Cars(FUZZY).decide({0: 0.5}, speed=1.4)[0] == RELEASE
-    slow = Cars(FUZZY)
-    slow.memory.slide.reference[:] = 1.3
-    assert slow.decide({0: 0.5}, speed=1.3) == [SUPPLY] * 4
+    assert Cars(FUZZY).decide({0: 0.5}, speed=1.3) == [SUPPLY] * 4
 
 
 def test_a_valve_that_never_supplies_is_made_to():

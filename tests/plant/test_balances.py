@@ -38,7 +38,6 @@ def test_energy_closes_over_slip_slide_and_lock(run, train, curve):
         sand_rate=lambda t: 0.03 if t > 1.0 else 0.0,
     )  # fmt: skip
     assert (trace.sand.max() > 0.0) == (curve is POLACH_WET)
-    n = model.layout
     slip = 0.43 * trace.rows("omega") - trace.rows("speed")[:, model.structure.axle_body]
     assert slip.max() > 0.5  # slip
     assert slip.min() < -1.0  # slide

@@ -23,7 +23,7 @@ from tests.plant.numpy_plant import mechanical_energy
 
 SPEED = 20.0
 CURVE = SlipRatioCurve(peak_slip_ratio=0.03)
-FUZZY = SlideProtection(law="fuzzy", period=0.02, reference="car", deceleration=1.35, fuzzy=Fuzzy())
+FUZZY = SlideProtection(law="fuzzy", period=0.02, fuzzy=Fuzzy())
 
 
 def stop(level, law="fuzzy", train=None, deceleration=3.0, speed=SPEED, **options):

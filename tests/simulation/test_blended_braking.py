@@ -214,7 +214,7 @@ def test_fuzzy_slide_protection_of_trailers_saves_damage_and_air_at_the_same_dis
     """The threshold releases trailers that slide a little and lets those slide on that slide less than it."""
     found = {}
     for law in ("threshold", "fuzzy"):
-        protection = SlideProtection(law=law, period=0.02, reference="car")
+        protection = SlideProtection(law=law, period=0.02)
         event = stop(0.07, braking=Braking(slide_protection=protection), duration=20.0)
         found[law] = evaluate(simulate(event, "greedy"))
     plain, fuzzy = found["threshold"], found["fuzzy"]

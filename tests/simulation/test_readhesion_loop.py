@@ -7,7 +7,8 @@ import pytest
 
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.pi_creep import CreepControl
-from alloc.onboard.parameters import Braking, Onboard
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
+from alloc.onboard.reference_speed.parameters import Sounding
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -66,7 +67,9 @@ def test_braking_is_driving_mirrored(train, controller):
     cars = tuple(replace(car, motors=motors) if car.motors else car for car in train.cars)
     bare = replace(train, cars=cars, resistance=(0.0, 0.0, 0.0), load_transfer=False)
     model = build(bare, Rail(0.09))
-    onboard = Onboard(braking=Braking(blended=False))
+    # nor do the reference speed's doubts grow with the speed
+    reference = ReferenceSpeed(creep_speed=1e3, sounding=Sounding(doubt_ratio=1e-9))
+    onboard = Onboard(braking=Braking(blended=False), reference=reference)
     runs = [
         simulate(
             Event(

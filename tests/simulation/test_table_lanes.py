@@ -5,7 +5,7 @@ import pytest
 
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.onboard.controllers.torque_table import TorqueTable
-from alloc.onboard.parameters import Onboard
+from alloc.onboard.parameters import Onboard, ReferenceSpeed
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
@@ -41,7 +41,9 @@ def lanes(train, rails):
 
 @pytest.mark.parametrize("lane", range(len(TABLES)))
 def test_a_lane_is_a_run(train, rails, lanes, lane):
-    onboard = Onboard(period=PERIOD, rise_time=PERIOD, table=TABLES[lane])
+    # who knows the speed takes no torque to learn it
+    known = ReferenceSpeed(source="truth")
+    onboard = Onboard(period=PERIOD, rise_time=PERIOD, table=TABLES[lane], reference=known)
     event = Event(
         "lane", build(train, rails[lane]), COMMAND, onboard, END, step=PERIOD, record_period=1e-3
     )

@@ -57,8 +57,6 @@ release_speed_kmh = 0.0
 [onboard.braking.slide_protection]
 law = "fuzzy"
 period_s = 0.02
-reference = "car"
-deceleration_kmhs = 4.5
 time_out_s = 5.0
 [onboard.braking.slide_protection.threshold]
 release = 0.2
@@ -83,8 +81,6 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
             threshold=Threshold(0.2, 0.1),
             fuzzy=Fuzzy(SENSITIVITIES["high"], (0.0, 0.04, 0.1), (-1.0, 0.0, 1.0), 8.0),
             period=0.02,
-            reference="car",
-            deceleration=1.25,
             time_out=5.0,
         ),
     )

@@ -1,6 +1,7 @@
 """The train's computers written a second time, in arrays and queues; only equipment and settings are shared.
 
-`Computers` takes one control period at a time. Names are those of `alloc.onboard.memory`.
+`Computers` takes one control period at a time. Names are those of `alloc.onboard.memory`. The reference speed is given to
+it; the estimate of it is tested in `tests/onboard/test_reference_speed.py`.
 """
 
 import math
@@ -24,7 +25,7 @@ class Computers:
         self.air_there = np.zeros(n)
         self.air, self.rise, self.target = np.zeros(n), np.zeros(n), np.zeros(n)
         self.coefficient, self.limit = np.zeros(n), np.full(n, expected)
-        self.expected, self.brake_rise, self.moved = expected, 0.0, 0.0
+        self.expected, self.brake_rise = expected, 0.0
         self.slipped = self.detected = -math.inf
         self.estimate = self.case = 0.0
         self.limit_wanted, self.delivered = np.full(n, expected), np.full(n, expected)
@@ -54,19 +55,6 @@ class Computers:
             self.axles_seen = count
         self._speeds(omega, noise, seen)
         rim = eq.axle_radius * self.axle_omega
-        if st.reference.by_forces:
-            bounds = self.moved - st.reference.margin, self.moved + st.reference.margin
-        else:
-            bounds = (
-                min(commanded, 0.0) - st.reference.margin,
-                max(commanded, 0.0) + st.reference.margin,
-            )
-        for body in range(self.reference.size):
-            here = rim[seen & (eq.axle_body == body)]
-            old = self.reference[body]
-            slowest = sign * (sign * here).min() if here.size else old + commanded * st.period
-            low, high = (old + bound * st.period for bound in bounds)
-            self.reference[body] = min(max(slowest, low), high)
         slip = sign * (rim - self.reference[eq.axle_body])
         self.worst_slip = np.array([slip[eq.axle_unit == j].max() for j in range(n)])
         self.first = int(np.argmax(in_service)) if in_service.any() else n - 1
@@ -86,13 +74,6 @@ class Computers:
         bound = self.drive_limit if sign > 0.0 else self.brake_limit
         at_rail = bound * eq.gear / eq.radius / eq.axle_load / (1.0 + eq.own_inertia)
         self.limit_max = np.full(n, np.inf) if self.blended else np.where(in_service, at_rail, 0.0)
-        if st.reference.by_forces:
-            force = float(self.coefficient @ (eq.axle_load * eq.axles))
-            trailers = eq.group.unit < 0
-            if self.blended:
-                weight = (eq.group.weight * eq.group.axles)[trailers].sum()
-                force += self.expected * self.brake_rise * weight
-            self.moved = sign * force / eq.moved_mass
 
     def _speeds(self, omega, noise, seen):
         eq, sensors = self.eq, self.st.sensors

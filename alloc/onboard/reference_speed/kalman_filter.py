@@ -47,7 +47,6 @@ STANDING = 0.1
 LEAST_COEFFICIENT = 8e-3
 """Applied coefficient below which a wheel counts as free: no rail is that slippery."""
 
-
 LEAST_SHARE = 0.1
 """Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
 
@@ -86,8 +85,7 @@ def _start(eq, o, m, k):
     k.covariance[MASS, MASS] = o.mass_error**2
     k.smooth_speed[0] = m.reference[0]
     for i in range(k.rim.size):
-        y = eq.axle_radius[i] * m.axle_omega[i]
-        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = y
+        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = eq.axle_radius[i] * m.axle_omega[i]
 
 
 @inlined_jit
