@@ -24,8 +24,8 @@ class Sounding:
     time: float = quantity(0.06, "s")
     return_time: float = quantity(0.06, "s")
     pause: float = quantity(0.3, "s")
-    air_doubt: float = quantity(0.04, "1")
-    air_known: float = quantity(0.02, "1")
+    air_doubt: float = quantity(0.06, "1")
+    air_known: float = quantity(0.03, "1")
     patience: float = quantity(5.0, "1")
 
     def __post_init__(self) -> None:
