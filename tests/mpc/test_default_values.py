@@ -13,7 +13,7 @@ ONBOARD = {
     "none": {},
     "table": {"margin": 0.4 * KMH, "width": 0.2 * KMH, "rise": 1.8, "fall": 0.25, "time_constant": 0.18},
     "cut_and_ramp": {"cut": 0.5, "recover": 0.9, "hold": 0.1, "ramp": 3.0},
-    "creep": {"reference": 0.1, "proportional": 0.4, "integral": 8.0},
+    "creep": {"reference": 0.085, "proportional": 0.4, "integral": 8.0},
     "perturb_observe": {"interval": 0.2, "step": 0.01, "lowest": 0.02, "highest": 0.5},
     "steepest_gradient": {
         "interval": 0.3, "gain": 0.15, "least": 0.01, "largest": 0.06, "lowest": 0.02, "highest": 0.5,

@@ -67,7 +67,7 @@ class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
     marker = "^"
     law = creep_unit
 
-    reference: float = quantity(0.10, "km/h")
+    reference: float = quantity(0.085, "km/h")
     proportional: float = quantity(0.4, "s/m")
     integral: float = quantity(8.0, "1/m")
 
