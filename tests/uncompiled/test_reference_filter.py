@@ -1,6 +1,7 @@
 """The reference speed's filter and its soundings, period by period, as plain Python."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -181,7 +182,7 @@ def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other():
     assert ((share < 1.0).sum(axis=1) <= 1).all()
     starts = [(t, int(j)) for t, j in np.argwhere(cut[1:] & ~cut[:-1])]
     assert [j for _, j in starts][:6] == [(starts[0][1] + k) % 4 for k in range(6)]
-    for (t, j), (following, _) in zip(starts[:-1], starts[1:], strict=True):
+    for (t, j), (following, _) in pairwise(starts):
         lasted = cut[t + 1 :, j].argmin() * PERIOD
         assert lasted == pytest.approx(SHORT.time, abs=1.5 * PERIOD)
         back = (share[t + 1 :, j] == 1.0).argmax() * PERIOD - lasted
