@@ -22,8 +22,8 @@ ONBOARD = {
     "observer": {"pole": 25.0},
     "telegrams": {"period": 0.1, "latency": 0.05, "jitter": 0.0, "loss": 0.0, "silence": 1.0},
     "sensors": {
-        "speed_noise": 0.0, "speed_quantum": 0.0, "load_error": 0.0, "radius_error": 0.0, "sensorless_pole": None, "dropouts": (),
-        "blind_share": 0.5,
+        "speed_noise": 0.0, "speed_quantum": 0.0, "load_error": 0.0, "radius_error": 0.0, "sensorless_pole": None,
+        "dropouts": (), "blind_share": 0.5,
     },
     "braking": {
         "blended": True, "blend_time": 4.0, "inertia_in_estimate": True, "release_speed": 0.5,

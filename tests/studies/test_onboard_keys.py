@@ -4,7 +4,8 @@ import pickle
 
 import pytest
 
-from alloc.onboard.parameters import Braking, Onboard, Sensors
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors
+from alloc.onboard.reference_speed.parameters import Sounding
 from alloc.onboard.slide_protection.parameters import (
     SENSITIVITIES,
     Fuzzy,
@@ -49,6 +50,14 @@ def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
 inertia_in_limit = false
 [onboard.sensors]
 sensorless_pole_per_s = 20.0
+radius_error = 0.002
+[onboard.reference]
+source = "truth"
+sensor_kmh = 0.036
+creep_speed_kmh = 7.2
+[onboard.reference.sounding]
+doubt_kmh = 0.36
+time_s = 0.1
 [onboard.braking]
 blended = false
 blend_time_s = 2.0
@@ -84,7 +93,12 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
             time_out=5.0,
         ),
     )
-    assert found.sensors == Sensors(sensorless_pole=20.0, seed=found.sensors.seed)
+    assert found.sensors == Sensors(
+        sensorless_pole=20.0, radius_error=0.002, seed=found.sensors.seed
+    )
+    assert found.reference == ReferenceSpeed(
+        "truth", sensor=0.01, creep_speed=2.0, sounding=Sounding(doubt=0.1, time=0.1)
+    )
     assert not found.inertia_in_limit
     assert found.belief.unit_increments == (0.0, 0.004, 0.008, 0.009)
     assert found.belief.unit_deviation == (0.002, 0.003, 0.003, 0.003)
@@ -110,6 +124,11 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
         ("[onboard.braking]\nblend_time_s = 0.0\n", "blend_time = 0.0"),
         ("[onboard.sensors]\nsensorless_pole_per_s = -1.0\n", "sensorless_pole = -1.0"),
         ("[onboard.braking]\nblendd = true\n", "blendd"),
+        ('[onboard.reference]\nsource = "forces"\n', "source"),
+        ('[onboard.reference]\nbound = "forces"\n', "bound"),
+        ("[onboard.reference]\nsensor_kmh = 0.0\n", "sensor = 0.0"),
+        ("[onboard.reference.sounding]\ntime_s = -0.1\n", "time = -0.1"),
+        ("[onboard.sensors]\nradius_error = -0.1\n", "radius_error = -0.1"),
     ],
 )
 def test_bad_values_are_refused(tmp_path, text, message):

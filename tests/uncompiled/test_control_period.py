@@ -48,7 +48,9 @@ ONBOARDS = {
     "coupled": (ONBOARD, {"coupled": True}, False),
     "dropouts": (replace(ONBOARD, sensors=replace(ONBOARD.sensors, dropouts=LOST)), {"coupled": True}, True),
     "blind": (replace(ONBOARD, sensors=replace(ONBOARD.sensors, dropouts=LOST)), {}, False),
-    "sensorless": (replace(ONBOARD, sensors=Sensors(sensorless_pole=30.0, speed_quantum=0.02, radius_error=0.004, seed=4)), {}, False),
+    "sensorless": (
+        replace(ONBOARD, sensors=Sensors(sensorless_pole=30.0, speed_quantum=0.02, radius_error=0.004, seed=4)), {}, False,
+    ),
     "without air": (replace(ONBOARD, inertia_in_limit=False), {"braked": False}, True),
     "not blended": (replace(ONBOARD, braking=Braking(blended=False)), {}, False),
     "as printed": (

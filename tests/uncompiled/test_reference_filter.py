@@ -1,0 +1,242 @@
+"""The reference speed's filter and its soundings, period by period, as plain Python."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from alloc.onboard.equipment import equipment
+from alloc.onboard.memory import memory
+from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
+from alloc.onboard.reference_speed import kalman_filter
+from alloc.onboard.reference_speed.kalman_filter import estimate_speed
+from alloc.onboard.reference_speed.parameters import Sounding
+from alloc.onboard.reference_speed.sounding import sound
+from alloc.onboard.sensing import sense
+from alloc.onboard.settings import RuleSettings, settings
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import find_set, jp4209318_3car
+from tests.onboard.uneven import uneven_train
+
+SPEED, PERIOD = 20.0, 0.01
+
+
+class Computers:
+    """The computers of a train at `SPEED`, which are told whatever the test says."""
+
+    def __init__(self, train, **options):
+        onboard = Onboard(period=PERIOD, **options)
+        self.model = build(train, Rail(0.1))
+        self.eq = equipment(self.model, onboard)
+        self.st = settings(onboard, RuleSettings(0, False, False), "none")
+        self.m = memory(self.eq, SPEED, 0.1)
+        self.filter = self.m.estimate
+
+    def sense(self, rim, torque=0.0, pressure=0.0, commanded=-1.0):
+        n, groups = self.eq.axles.size, self.eq.group.unit.size
+        omega = np.broadcast_to(rim, self.eq.axle_radius.shape) / self.eq.axle_radius
+        torque, pressure = np.full(n, torque), np.full(groups, pressure)
+        sense(
+            self.eq, self.st, self.m, 0.0, commanded, omega, torque, pressure, np.zeros(omega.size)
+        )
+
+    def estimate(self, rim, pressure):
+        """One period of the filter alone, braked by air."""
+        self.m.axle_omega[:] = rim / self.eq.axle_radius
+        groups = self.eq.group.unit.size
+        estimate_speed(self.eq, self.st, self.m, -1.0, np.zeros(0), np.full(groups, pressure))
+
+
+def assert_covariance(p):
+    scale = np.sqrt(np.diag(p))
+    assert (scale > 0.0).all()
+    correlation = p / np.outer(scale, scale)
+    np.testing.assert_allclose(correlation, correlation.T, atol=1e-9)
+    assert np.linalg.eigvalsh(correlation).min() > -1e-9
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_covariance_stays_symmetric_and_positive_whatever_is_read(direction, coupled):
+    train, rng = Computers(uneven_train(coupled)), np.random.default_rng(3)
+    speed, axles = SPEED, train.eq.axle_radius.size
+    deviations = []
+    for tick in range(150):
+        commanded = direction * (tick % 50 > 20)
+        speed += 0.8 * commanded * PERIOD
+        slip = direction * rng.exponential(0.5, axles) * (rng.random() < 0.5)
+        pressure = rng.uniform(0.0, 3e5) if commanded < 0.0 else 0.0
+        train.m.estimate.full[:] = pressure * rng.choice([1.0, 1.2])
+        train.sense(
+            speed + slip + 0.02 * rng.standard_normal(axles), direction * rng.uniform(0.0, 600.0),
+            pressure, commanded,
+        )  # fmt: skip
+        assert_covariance(train.filter.covariance)
+        deviations.append(train.m.train.reference_deviation[0])
+        assert deviations[-1] == pytest.approx(np.sqrt(train.filter.covariance[0, 0]))
+    assert max(deviations) > 3.0 * min(deviations)  # it has known more, and less
+
+
+def braked(monkeypatch, rim, share=kalman_filter.BOUND_SHARE):
+    """Two braked cars whose wheels turn at `rim` [m/s], none of them at ease or light; their bound counts by `share`."""
+    monkeypatch.setattr(kalman_filter, "BOUND_SHARE", share)
+    train = Computers(jp4209318_3car.train(2))
+    train.filter.full[:] = 3e5
+    for _ in range(30):
+        train.estimate(rim, 2e5)
+    return train
+
+
+def test_a_braking_wheel_that_runs_ahead_lifts_the_estimate_and_makes_nobody_surer(monkeypatch):
+    bound, free = braked(monkeypatch, SPEED + 0.5), braked(monkeypatch, SPEED + 0.5, 0.0)
+    assert free.m.reference[0] < SPEED - 0.1
+    assert bound.m.reference[0] > SPEED + 0.2
+    np.testing.assert_allclose(bound.filter.covariance, free.filter.covariance, rtol=1e-9)
+    assert_covariance(bound.filter.covariance)
+    # what speed and force have in common moves with it
+    assert bound.filter.state[1] > free.filter.state[1]
+
+
+def test_a_braking_wheel_that_lags_tells_nothing(monkeypatch):
+    bound, free = braked(monkeypatch, SPEED - 2.0), braked(monkeypatch, SPEED - 2.0, 0.0)
+    np.testing.assert_array_equal(bound.m.reference, free.m.reference)
+
+
+@pytest.mark.parametrize("lead", [-6.0, 6.0])
+def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
+    persist = ReferenceSpeed().persist
+    for told, believed in ((0.4 * persist, False), (0.9 * persist, False), (1.1 * persist, True)):
+        train = Computers(jp4209318_3car.train(1))
+        train.estimate(SPEED, 2e5)
+        before = train.filter.state.copy(), train.filter.covariance.copy()
+        train.filter.rim[0] = train.m.reference[0] + lead
+        train.filter.telling[0] = told
+        kalman_filter._take_light(train.eq, train.st, train.m, train.filter, -1.0, 0, 0.0)
+        if believed:
+            moved = train.filter.state[0] - before[0][0]
+            assert moved == pytest.approx(lead, rel=0.05)
+            assert_covariance(train.filter.covariance)
+        else:
+            np.testing.assert_array_equal(train.filter.state, before[0])
+            np.testing.assert_array_equal(train.filter.covariance, before[1])
+
+
+@pytest.mark.parametrize(("told", "taken"), [(0.4, False), (0.6, True)])
+def test_a_light_wheels_likely_reading_is_taken_before(told, taken):
+    train = Computers(jp4209318_3car.train(1))
+    for _ in range(100):
+        train.estimate(train.m.reference[0], 2e5)
+    before, variance = train.filter.state[0], train.filter.covariance[0, 0]
+    train.filter.rim[0] = train.m.reference[0] - np.sqrt(variance)
+    train.filter.telling[0] = told * ReferenceSpeed().persist
+    kalman_filter._take_light(train.eq, train.st, train.m, train.filter, -1.0, 0, 0.0)
+    assert (train.filter.state[0] < before) == taken
+    assert (train.filter.covariance[0, 0] < variance) == taken
+
+
+def test_a_wagons_axles_are_not_read():
+    freight = find_set("freight-5")
+    found = []
+    for wrong in (0.0, 9.0, np.nan):
+        train = Computers(freight)
+        sensed = train.eq.axle_sensed
+        assert sensed.tolist() == [
+            car.speed_sensors for car in freight.cars for _ in car.axle_positions
+        ]
+        assert 0 < sensed.sum() < sensed.size
+        for tick in range(20):
+            train.sense(np.where(sensed, SPEED + 0.01 * tick, SPEED + wrong), 800.0, 0.0, 0.5)
+        rim = train.eq.axle_radius * train.m.axle_omega
+        # what needs a speed of theirs gets the estimate
+        np.testing.assert_allclose(rim[~sensed], SPEED, atol=0.5)
+        for kept in (train.filter.ease, train.filter.carried, train.filter.telling):
+            assert not kept[~sensed].any()  # nor does their agreement make anybody surer
+        found.append(train.filter.state.copy())
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+    everyone = tuple(replace(car, speed_sensors=True) for car in freight.cars)
+    other = Computers(replace(freight, cars=everyone))
+    for tick in range(20):
+        other.sense(np.where(sensed, SPEED + 0.01 * tick, SPEED + 9.0), 800.0, 0.0, 0.5)
+    assert other.filter.state[0] != found[0][0]
+
+
+def soundings(train, deviation, ticks, anyone=False):
+    """Torque shares (ticks, units) under a given deviation [m/s]."""
+    shares = []
+    for _ in range(ticks):
+        train.m.train.reference_deviation[0] = deviation
+        sound(train.eq, train.st, train.m, anyone)
+        shares.append(train.filter.sounding.share.copy())
+    return np.array(shares)
+
+
+SHORT = Sounding(time=0.1, return_time=0.05, pause=0.2, share=0.3)
+
+
+def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other():
+    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    train.m.torque[:] = 500.0
+    share = soundings(train, 5.0, 200)
+    cut = share == SHORT.share
+    assert (cut.sum(axis=1) <= 1).all()
+    assert ((share < 1.0).sum(axis=1) <= 1).all()
+    starts = [(t, int(j)) for t, j in np.argwhere(cut[1:] & ~cut[:-1])]
+    assert [j for _, j in starts][:6] == [(starts[0][1] + k) % 4 for k in range(6)]
+    for (t, j), (following, _) in pairwise(starts):
+        lasted = cut[t + 1 :, j].argmin() * PERIOD
+        assert lasted == pytest.approx(SHORT.time, abs=1.5 * PERIOD)
+        back = (share[t + 1 :, j] == 1.0).argmax() * PERIOD - lasted
+        assert back == pytest.approx(SHORT.return_time * (1.0 - SHORT.share), abs=1.5 * PERIOD)
+        assert (following - t) * PERIOD == pytest.approx(SHORT.time + SHORT.pause, abs=2.5 * PERIOD)
+
+
+def test_who_knows_the_speed_and_who_does_not_pull_is_not_sounded():
+    limit = max(SHORT.doubt, SHORT.doubt_ratio * SPEED)
+    for deviation, torque, anyone, sounded in (
+        (0.99 * limit, 500.0, False, False), (1.01 * limit, 500.0, False, True), (5.0, 0.0, False, False),
+        (0.99 * SHORT.ease * limit, 500.0, True, False), (1.01 * SHORT.ease * limit, 500.0, True, True),
+    ):  # fmt: skip
+        train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+        train.m.torque[:] = torque
+        assert (soundings(train, deviation, 40, anyone).min() < 1.0) == sounded
+
+
+def test_a_unit_without_speed_signals_is_not_sounded():
+    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    train.m.torque[:] = 500.0
+    train.m.unit.axles_seen[2] = 0.0
+    share = soundings(train, 5.0, 200)
+    assert (share.min(axis=0) < 1.0).tolist() == [True, True, False, True]
+
+
+def test_one_bogie_is_released_from_doubt_until_the_speed_is_known():
+    train = Computers(jp4209318_3car.train(2))
+    s, group = train.st.reference.sounding, train.filter.sounding.group
+    train.filter.full[:] = 3e5
+    train.filter.pressure[:] = 2e5, 2e5, 1e5, 2e5
+    train.filter.rim[:] = 0.9 * SPEED  # all slide
+    for deviation, released in (
+        (0.99 * s.air_doubt, -1), (1.01 * s.air_doubt, 2), (1.01 * s.air_known, 2), (0.99 * s.air_known, -1)
+    ):  # fmt: skip
+        soundings(train, deviation * SPEED, 3)
+        assert group[0] == released
+    train.filter.rim[0] = SPEED  # one of them rolls: there is time
+    soundings(train, 0.99 * s.patience * s.air_doubt * SPEED, 3)
+    assert group[0] == -1
+    soundings(train, 1.01 * s.patience * s.air_doubt * SPEED, 1)
+    assert group[0] == 2
+    train.filter.full[:] = 0.0  # the brakes are released
+    soundings(train, 5.0, 1)
+    assert group[0] == -1
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.04 / 3.6])
+def test_a_reading_is_as_uncertain_as_its_sensor(noise):
+    train = Computers(
+        jp4209318_3car.train(1), sensors=Sensors(speed_noise=noise, speed_quantum=0.03)
+    )
+    expected = ReferenceSpeed().sensor ** 2 + noise**2 + 0.03**2 / 12.0
+    assert train.st.reference.noise**2 == pytest.approx(expected)
