@@ -32,9 +32,6 @@ DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}
 """Time [s] by number of cars, longer than any stop of a set near the source's distances."""
 FULL_BRAKE = -3.0
 """Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder is filled to the 550 kPa of Table 2."""
-CAR_DECELERATION = 1.35
-"""Most [m/s2] that a car's reference speed falls by: a little over the 1.27 that the shoes give with all wheels rolling
-(assumed)."""
 FASTEST = 100.0
 """Speed [km/h] up to which adhesion is held plausible."""
 
