@@ -144,8 +144,8 @@ HELD_OUT = Undisclosed(
     sensitivity_high=3.1421,
 )
 """Fitted without the distance of two cars, which it predicts: with the old reference speed from
-`studies.slides.calibration.BY_HAND`, then from there with the present one and the fuzzy sets held. The fit was ended before it
-converged: three cars come out 0.4 % short, slips slightly out of order."""
+`studies.slides.calibration.BY_HAND`, then from there with the present one and the fuzzy sets held. The fit was ended before
+it converged: three cars come out 0.4 % short, slips slightly out of order."""
 RIVALS: tuple[Undisclosed, ...] = ()
 """Other sets that reach every target: the tables do not decide between them. With the present reference speed none is
 known."""
