@@ -12,8 +12,8 @@ structure carries; noise of 1e-4 on every parameter, how far any such number can
 import argparse
 import math
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -110,18 +110,33 @@ def draw(samples: int, seed: int) -> list[Undisclosed]:
 
 
 def refine(
-    start: Undisclosed, number: int, leave_out: str | None = None, iterations: int | None = None
+    start: Undisclosed,
+    number: int,
+    leave_out: str | None = None,
+    iterations: int | None = None,
+    free: Collection[str] = tuple(BOUNDS),
 ) -> dict[str, Any]:
-    """Row of the best set that damped least squares find from `start`, in `ITERATIONS` where nothing else is said."""
+    """Row of the best set that damped least squares find from `start`, in `ITERATIONS` where nothing else is said.
+
+    Parameters that are not `free` stay as they are.
+    """
+    moved = np.array([name in free for name in BOUNDS])
+    whole = to_unit_cube(start)
+
+    def put(point: NDArray[np.float64]) -> Undisclosed:
+        placed = whole.copy()
+        placed[moved] = point
+        found = asdict(from_unit_cube(placed))
+        return replace(start, **{name: found[name] for name in BOUNDS if name in free})
 
     def deviations(point: NDArray[np.float64]) -> NDArray[np.float64]:
-        undisclosed = from_unit_cube(point)
+        undisclosed = put(point)
         return np.array(residuals(undisclosed, outcomes(undisclosed), leave_out))
 
     steps = ITERATIONS if iterations is None else iterations
-    point, _ = minimise(deviations, _capped, to_unit_cube(start), WIDTH, steps, ENOUGH)
+    point, _ = minimise(deviations, _capped, whole[moved], WIDTH, steps, ENOUGH)
     stage = "refined" if leave_out is None else "held out"
-    return row_of(from_unit_cube(point), stage, number)
+    return row_of(put(point), stage, number)
 
 
 def calibrate(

@@ -42,9 +42,6 @@ RISE_TIME = 2.5
 time of 0.05 s."""
 DURATION = 60.0
 """Time [s] longer than any stop here."""
-REFERENCE_MARGIN = 0.02
-"""Of the reference speed's bound [m/s2]. No axle runs free: each m/s2 of it lets the reference drift by 1 m/s in a second
-while all axles slide. The line is known to be level."""
 
 
 def electric_train(cars: int, group: InverterGroup, shoe_force_share: float) -> Train:
@@ -73,7 +70,7 @@ def electric_train(cars: int, group: InverterGroup, shoe_force_share: float) -> 
 def electric_event(undisclosed: Undisclosed, group: InverterGroup = "1C4M") -> Event:
     """A full electric brake application from 100 km/h; to be run under the rule `alone`.
 
-    The units believe in the rail's true curve and bound their reference speed by the forces that they estimate.
+    The units believe in the rail's true curve. No axle runs free, so their reference speed rests on sounding.
     """
     train = electric_train(3, group, undisclosed.shoe_force_share)
     rail = undisclosed.rail()

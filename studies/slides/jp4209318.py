@@ -32,9 +32,6 @@ DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}
 """Time [s] by number of cars, longer than any stop of a set near the source's distances."""
 FULL_BRAKE = -3.0
 """Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder is filled to the 550 kPa of Table 2."""
-CAR_DECELERATION = 1.35
-"""Most [m/s2] that a car's reference speed falls by: a little over the 1.27 that the shoes give with all wheels rolling
-(assumed)."""
 FASTEST = 100.0
 """Speed [km/h] up to which adhesion is held plausible."""
 
@@ -47,23 +44,23 @@ def _within(low: float, high: float, calibrated: float) -> Any:
 class Undisclosed:
     """What the source does not print, in one set: of each its bounds (`BOUNDS`), and for a default the calibrated value."""
 
-    front_adhesion: float = _within(0.07, 0.12, 0.09984)
+    front_adhesion: float = _within(0.07, 0.12, 0.097318)
     """Adhesion coefficient of the foremost axle at standstill, on rail that no wheel has conditioned."""
-    speed_offset: float = _within(80.0, 400.0, 298.34)
+    speed_offset: float = _within(80.0, 400.0, 371.63)
     """c [km/h] of its fall with speed, 1 / (1 + V/c)."""
-    rear_gain: float = _within(0.02, 0.6, 0.49755)
+    rear_gain: float = _within(0.02, 0.6, 0.56088)
     """Adhesion far back over the front's at standstill, less 1: more than 0, finding (1)."""
-    rear_fall: float = _within(0.1, 0.9, 0.10339)
+    rear_fall: float = _within(0.1, 0.9, 0.11272)
     """Relative fall with speed far back over the front's: less than 1, finding (2)."""
-    rear_axles: float = _within(1.0, 12.0, 9.1746)
+    rear_axles: float = _within(1.0, 12.0, 10.078)
     """Axles over which adhesion changes from the front's to that far back by 63 %."""
     conditioning: float = _within(0.03, 0.4, 0.03)
     """Most by which wheels that slide raise adhesion behind them, as a share, finding (3)."""
-    conditioning_slip: float = _within(0.01, 0.12, 0.1017)
+    conditioning_slip: float = _within(0.01, 0.12, 0.085197)
     """Slip ratio that reaches 63 % of it."""
-    peak_slip_ratio: float = _within(0.01, 0.05, 0.012879)
+    peak_slip_ratio: float = _within(0.01, 0.05, 0.016262)
     """Slip ratio of the adhesion curve's maximum, beyond which it is flat."""
-    shoe_force_share: float = _within(0.13, 0.15, 0.14143)
+    shoe_force_share: float = _within(0.13, 0.15, 0.14362)
     """Shoe force over axle load at 550 kPa."""
     slip_medium: float = _within(0.02, 0.10, 0.077716)
     """Slip ratio at which the fuzzy set "medium" peaks."""
@@ -73,9 +70,9 @@ class Undisclosed:
     """Slip acceleration [m/s2] from which on slip is "growing", and below whose negative "falling"."""
     pole: float = _within(3.0, 20.0, 6.6789)
     """Pole [1/s] of the filter that differentiates the slip."""
-    sensitivity_low: float = _within(0.6, 0.99, 0.853)
+    sensitivity_low: float = _within(0.6, 0.99, 0.90442)
     """Sensitivity "low" over "medium", which is 1."""
-    sensitivity_high: float = _within(1.5, 8.0, 4.2)
+    sensitivity_high: float = _within(1.5, 8.0, 3.1374)
     """Sensitivity "high" over "medium"."""
 
     @property
@@ -125,26 +122,33 @@ BOUNDS: dict[str, tuple[float, float]] = {
 }
 """Least and greatest value of each that counts as plausible."""
 CALIBRATED = Undisclosed()
-"""The set in use: one of those that reach every target, found by the method of `studies.slides.calibration` from a
-start of its own; then level and sensitivities were moved by hand until all of ten draws of noise reached them too. From
-`BY_HAND` alone the method ends with two cars 0.4 % short and slips slightly out of order. Conditioning
-ended at its bound, and the rear's fall with speed near it."""
+"""The set in use, found from an older one of another reference speed. The sets of slip and rate and the pole were
+held; the other parameters were fitted by damped least squares (`studies.slides.calibration.refine`). Then a random search
+nearby chose a set that reaches every target and misses the fewest with noise of 1e-4 on it: such noise still moves Q by
+1 % and more, so that not every draw reaches all. Conditioning ended at its bound, the rear's fall with speed near it."""
 HELD_OUT = Undisclosed(
-    front_adhesion=0.10113, speed_offset=259.96, rear_gain=0.39027, rear_fall=0.16756, rear_axles=6.6534,
-    conditioning=0.031289, conditioning_slip=0.094862, peak_slip_ratio=0.013744, shoe_force_share=0.14604,
-    slip_medium=0.074414, slip_large=0.20867, rate_growing=1.8648, pole=12.733,
-    sensitivity_low=0.81749, sensitivity_high=3.5834,
-)  # fmt: skip
-"""Fitted from `studies.slides.calibration.BY_HAND` without the distance of two cars, which it predicts."""
-RIVALS = (
-    Undisclosed(
-        front_adhesion=0.097178, speed_offset=343.61, rear_gain=0.6, rear_fall=0.18403, rear_axles=10.399,
-        conditioning=0.03, conditioning_slip=0.047873, peak_slip_ratio=0.013702, shoe_force_share=0.14344,
-        slip_medium=0.09706173, slip_large=0.1554, rate_growing=3.607278,
-        pole=13.787, sensitivity_low=0.87, sensitivity_high=4.743474,
-    ),
-)  # fmt: skip
-"""Other sets that reach every target: the tables do not decide between them."""
+    front_adhesion=0.10171,
+    speed_offset=268.02,
+    rear_gain=0.36589,
+    rear_fall=0.1729,
+    rear_axles=6.4514,
+    conditioning=0.047268,
+    conditioning_slip=0.1044,
+    peak_slip_ratio=0.014362,
+    shoe_force_share=0.14155,
+    slip_medium=0.074414,
+    slip_large=0.20867,
+    rate_growing=1.8648,
+    pole=12.733,
+    sensitivity_low=0.88961,
+    sensitivity_high=3.1421,
+)
+"""Fitted without the distance of two cars, which it predicts: with the old reference speed from
+`studies.slides.calibration.BY_HAND`, then from there with the present one and the fuzzy sets held. The fit was ended before
+it converged: three cars come out 0.4 % short, slips slightly out of order."""
+RIVALS: tuple[Undisclosed, ...] = ()
+"""Other sets that reach every target: the tables do not decide between them. With the present reference speed none is
+known."""
 
 
 def brake_event(

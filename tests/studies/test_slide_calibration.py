@@ -1,6 +1,6 @@
 """The calibration of the slide protection's demonstration: its method, its coordinates, its table and its command."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -106,6 +106,14 @@ def test_a_calibration_improves_on_its_start(outcomes):
     assert chosen["misfit"] == refined["misfit"].min()
     assert undisclosed_of(chosen).front_adhesion == chosen["front_adhesion"]
     assert set(equally_good(table)["unreached"]) <= {""}
+
+
+def test_what_is_not_free_stays_as_it_is(outcomes):
+    start = replace(CALIBRATED, front_adhesion=0.099)
+    row = slide_calibration.refine(start, 0, iterations=2, free=("front_adhesion",))
+    found = undisclosed_of(row)
+    assert row["misfit"] < slide_calibration.row_of(start, "wide", 0)["misfit"]
+    assert found == replace(start, front_adhesion=found.front_adhesion)
 
 
 def test_jitter_is_small_noise(outcomes):

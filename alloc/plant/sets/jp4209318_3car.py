@@ -16,14 +16,14 @@ SOURCES = {
     "release_time": "JP4209318, Table 2: 1.2 s, one value for the cylinder",
     "friction": "JP4209318, Table 2: constant",
     "bogie_of_axle": "JP4209318: 4 axles a car, one supply and one release valve per bogie",
-    "force_per_pascal": "calibrated on Tables 3 and 4 (studies.slides.jp4209318): 0.14143 of the axle load at 550 kPa",
+    "force_per_pascal": "calibrated on Tables 3 and 4 (studies.slides.jp4209318): 0.14362 of the axle load at 550 kPa",
     "axle_positions": "assumed: 20 m car, bogie centres 13.8 m, wheelbase 2.1 m, usual in Japan",
     "resistance": "assumed zero: the source prints none, and it is below 2 % of the brake force",
     "cylinder_volume": "assumed: four tread brake units of 0.7 l at their stroke, and pipes",
     "rail": "the source's Fig. 2 is lost: orderings as in its text, values calibrated on Tables 3 and 4",
 }
 
-SHOE_FORCE_SHARE = 0.14143
+SHOE_FORCE_SHARE = 0.14362
 """Shoe force per axle load at the maximum pressure."""
 AXLE_MASS = 8000.0
 
@@ -59,9 +59,9 @@ def train(cars: int = 3, shoe_force_share: float = SHOE_FORCE_SHARE) -> Train:
     )
 
 
-FRONT_ADHESION, SPEED_OFFSET = 0.09984, 298.34
+FRONT_ADHESION, SPEED_OFFSET = 0.097318, 371.63
 """Coefficient of the foremost axle at standstill, and the c [km/h] of its fall 1 / (1 + V/c) with speed."""
-REAR_GAIN, REAR_FALL = 0.49755, 0.10339
+REAR_GAIN, REAR_FALL = 0.56088, 0.11272
 """Far back: more adhesion at standstill, as a share, and the relative fall with speed over the front's."""
 
 
@@ -72,10 +72,10 @@ def rail() -> Rail:
         level=1.0,
         speed_law=(FRONT_ADHESION * SPEED_OFFSET, SPEED_OFFSET, 0.0),
         rear_speed_law=(rear * REAR_FALL * SPEED_OFFSET, SPEED_OFFSET, rear * (1.0 - REAR_FALL)),
-        rear_axles=9.1746,
+        rear_axles=10.078,
         conditioning=0.03,
-        conditioning_slip=0.1017,
-        curve=SlipRatioCurve(peak_slip_ratio=0.012879, residual_ratio=1.0),
+        conditioning_slip=0.085197,
+        curve=SlipRatioCurve(peak_slip_ratio=0.016262, residual_ratio=1.0),
     )
 
 
