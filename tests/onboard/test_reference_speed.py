@@ -24,7 +24,7 @@ from studies.wsp_acceptance.measures import measured, stopped_run
 from studies.wsp_acceptance.stop_cases import discs
 
 SEED = 50
-"""Of ladder events; not one of those that the parameters were tuned on."""
+"""Of ladder events."""
 SOURCES = {
     "estimate": ReferenceSpeed(),
     "truth": ReferenceSpeed(source="truth"),
