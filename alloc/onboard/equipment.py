@@ -67,7 +67,6 @@ class Equipment(NamedTuple):
     brake_table: Floats
     own_inertia: Floats  # torque that turns its own wheelsets, relative to what the rail receives
     planned_share: float  # expected coefficient per m/s2 of commanded acceleration
-    moved_mass: float  # that the rail forces of units and braked trailers accelerate [kg]
     blended: bool  # whether every car brakes itself, with air where it has no motors
     brake_inertia: Floats  # as own_inertia, braking
     brake_share: float  # as planned_share, braking
@@ -213,7 +212,6 @@ def _plan(model: Model, onboard: Onboard, weights: _Weights, weight: Floats) -> 
         "brake_share": brake_share,
         "own_inertia": own / (GRAVITY * planned_share) if n.units else own,
         "brake_inertia": own / (GRAVITY * brake_share),
-        "moved_mass": moved(braked),
     }
 
 

@@ -24,6 +24,9 @@ class BeliefKeys(Strict):
     unit_deviation: tuple[float, ...] | None = None
     curve: CurveKeys | None = None
     loads_t: tuple[float, ...] | None = None
+    mass_factor: float | None = None
+    resistance_factor: float | None = None
+    coupler_factor: float | None = None
 
 
 _Equipment: Any = keys_of(Onboard)

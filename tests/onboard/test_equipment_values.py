@@ -73,7 +73,7 @@ def test_every_value_follows_from_the_cars(coupled, inertia, blended):
         "axle_load": (empty + load) * GRAVITY, "mass": weight / weight.mean(),
         "increment": [np.mean([GROWTH[i] for i in axles]) for _, axles in UNITS],
         "deviation": [0.01, 0.02, 0.03, 0.04], "own_inertia": own / (GRAVITY * planned),
-        "planned_share": planned, "moved_mass": braked, "blended": blended,
+        "planned_share": planned, "blended": blended,
         "brake_inertia": own / (GRAVITY * brake_share), "brake_share": brake_share,
     }  # fmt: skip
     for name, value in expected.items():

@@ -16,6 +16,10 @@ OBSERVER_POLE = 12.0
 """Pole [1/s] of the filter behind which rail forces and rim accelerations are compared."""
 
 
+NOISE_MARGIN = 2.5
+"""Deviations of a noisy acceleration within which a wheel counts as at rest against the train."""
+
+
 class SoundingSettings(NamedTuple):
     """As `Sounding`."""
 
@@ -106,6 +110,8 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
         given,
         given=given.source == "truth",
         noise=noise,
+        # what is taken for a motion of the wheel must exceed what noise makes of its speed
+        returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
         observer_gain=-math.expm1(-OBSERVER_POLE * onboard.period),
         carried_kept=math.exp(-onboard.period / given.carried_time),
         slid_kept=math.exp(-onboard.period / given.slid_time),
