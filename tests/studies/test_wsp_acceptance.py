@@ -13,7 +13,7 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard, ReferenceSpeed
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
-from alloc.plant.rail import Line
+from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate
 from studies.core.statement import FAILS, HOLDS, TOO_FEW
