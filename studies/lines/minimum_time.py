@@ -47,7 +47,7 @@ class MinimumTimeDriver:
         holding = (self.profile.limit(position) - speed) / FOLLOWING_TIME
         curve = self.profile.braking_speed(position)
         # along the curve, at a speed below it, less deceleration keeps the relative distance
-        along = self.profile.deceleration * (speed / curve if curve > speed else 1.0)
+        along = self.profile.deceleration * (speed / curve if curve > max(speed, 0.0) else 1.0)
         return min(holding, (curve - speed) / FOLLOWING_TIME - along)
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:

@@ -70,7 +70,7 @@ class Undisclosed:
     """Slip acceleration [m/s2] from which on slip is "growing", and below whose negative "falling"."""
     pole: float = _within(3.0, 20.0, 6.6789)
     """Pole [1/s] of the filter that differentiates the slip."""
-    sensitivity_low: float = _within(0.6, 0.99, 0.90442)
+    sensitivity_low: float = _within(0.6, 0.99, 0.915)
     """Sensitivity "low" over "medium", which is 1."""
     sensitivity_high: float = _within(1.5, 8.0, 3.1374)
     """Sensitivity "high" over "medium"."""

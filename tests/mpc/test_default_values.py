@@ -27,6 +27,7 @@ ONBOARD = {
     },
     "braking": {
         "blended": True, "blend_time": 4.0, "inertia_in_estimate": True, "release_speed": 0.5,
+        "air_force": "pressure", "car_shares": None,
         "slide_protection": {
             "law": "threshold", "threshold": {"release": 0.15, "hold": 0.08},
             "fuzzy": {
@@ -43,8 +44,11 @@ ONBOARD = {
         "light": 0.85, "carried_time": 5.0, "slid_time": 1.0, "away": 0.2, "returning": 0.45, "gate": 3.0, "persist": 0.6,
         "sounding": {
             "doubt": 0.05, "doubt_ratio": 0.004, "ease": 2.4, "share": 0.4, "time": 0.06, "return_time": 0.06,
-            "pause": 0.3, "air_doubt": 0.04, "air_known": 0.02, "patience": 5.0,
+            "pause": 0.3, "air_doubt": 0.06, "air_known": 0.03, "patience": 5.0,
         },
+    },
+    "sanding": {
+        "on_slide": True, "delay": 1.0, "hold": 5.0, "begin": math.inf, "until": math.inf, "least_speed": 16.0 * KMH,
     },
     "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
 }  # fmt: skip

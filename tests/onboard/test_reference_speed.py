@@ -92,7 +92,7 @@ def test_a_locomotive_without_free_axle_uses_nearly_all_adhesion(k):
     assert used_share(run) >= 0.96
     assert abs(error(run).mean()) < 0.01
     assert rms(error(run)) < 0.03
-    assert np.abs(error(run)).max() < 0.06
+    assert np.abs(error(run)).max() < 0.08
 
 
 @pytest.mark.parametrize("k", [2, 5])

@@ -188,8 +188,13 @@ def test_believed_loads_stand_in_for_the_sensors():
     model = route("commuter", load_share=0.5).model()
     true = equipment(model, Onboard())
     same = equipment(model, Onboard(belief=Belief(loads=(6e3,) * 8)))
-    for one, other in ((true.group, same.group), (true, same)):
-        for name in set(one._fields) - {"group"}:
+    for one, other in (
+        (true.group, same.group),
+        (true.chain, same.chain),
+        (true.sander, same.sander),
+        (true, same),
+    ):
+        for name in set(one._fields) - {"group", "chain", "sander"}:
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     light = equipment(model, Onboard(belief=Belief(loads=(0.0,) * 8)))
     assert np.all(light.load_per_axle == 0.0)

@@ -16,8 +16,7 @@ direction of the demand, mu_i = F_i / N_i, and e the slip ratio of a rolling whe
 
 An axle is at ease while nobody limits its force and it does not run away; it is light while its force is a small share of
 what it carried lately and it does not return any more. Others may slide and tell nothing from above. No matrix is
-inverted: axles are taken one by one. Joseph's form is not needed at four states in double precision; the covariance
-is kept symmetric by construction.
+inverted: axles are taken one by one.
 """
 
 import math

@@ -8,7 +8,7 @@ from alloc.errors import OnboardError
 from alloc.onboard.quantity import quantity
 from alloc.onboard.slide_protection import LAWS
 
-SENSITIVITIES: dict[str, float] = {"low": 0.90442, "medium": 1.0, "high": 3.1374}
+SENSITIVITIES: dict[str, float] = {"low": 0.915, "medium": 1.0, "high": 3.1374}
 """Detection sensitivities of JP4209318, Table 4, as numbers for `Fuzzy.sensitivity`; calibrated with its sets."""
 
 
