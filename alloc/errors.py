@@ -56,6 +56,13 @@ class InputError(ValueError):
                         raise cls(f"{owner}: {place} = {value!r} {fault}")
 
     @classmethod
+    def check_finite(cls, owner: str, values: Any, names: Iterable[str]) -> None:
+        """Raise this error for the first of the named fields that is not finite, where others may be infinite."""
+        for name in names:
+            if not math.isfinite(getattr(values, name)):
+                raise cls(f"{owner}: {name} = {getattr(values, name)!r} must be finite")
+
+    @classmethod
     def check_order(cls, owner: str, values: Any, low: str, high: str, equal: bool = False) -> None:
         """Raise this error unless field `low` of `values` is below field `high`, or with `equal` not above it."""
         a, b = getattr(values, low), getattr(values, high)

@@ -176,9 +176,8 @@ class Belief:
         OnboardError.check(
             "belief", self, ("mass_factor", "coupler_factor"), nonnegative=("resistance_factor",)
         )
-        for name in ("mass_factor", "resistance_factor", "coupler_factor"):
-            if not math.isfinite(getattr(self, name)):
-                raise OnboardError(f"belief: {name} = {getattr(self, name)!r} must be finite")
+        factors = ("mass_factor", "resistance_factor", "coupler_factor")
+        OnboardError.check_finite("belief", self, factors)
         if self.loads is not None and not all(math.isfinite(x) and x >= 0.0 for x in self.loads):
             raise OnboardError(
                 f"belief: loads = {self.loads} must be finite, 0 or greater, one per car in kg"

@@ -6,7 +6,7 @@ from alloc.compilation import inlined_jit
 from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
-from alloc.onboard.reference_speed.sounding import sound
+from alloc.onboard.reference_speed.sounding import is_relieved, sound
 from alloc.plant.equations import hyperbolic_speed_law
 
 
@@ -130,7 +130,7 @@ def _detect(st, m, j, sign, time, commanded):
     """Slip signal of unit `j`; the foremost unit's detection calls for an allocation."""
     d = st.detector
     was = m.unit.slipping[j] > 0.0
-    if m.estimate.sounding.share[j] < 1.0:
+    if is_relieved(m, j):
         return  # its wheels change their speed because they are told to
     slipping = slip_signal(
         was, sign * m.unit.computed_acceleration[j], m.worst_slip[j], d.on, d.off, d.speed_on

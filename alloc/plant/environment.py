@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.errors import PlantError
+from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.rail import Line, Rail, Receptivity, axle_values
 from alloc.plant.structure import Floats, Layout, Structure
 from alloc.plant.train import Train
@@ -40,6 +41,14 @@ class Environment(NamedTuple):
     failure_time: Floats  # (units,) [s]; inf: never
 
 
+def axle_contacts(curve: AdhesionCurve, structure: Structure) -> Floats:
+    """Creep stiffness of each axle's contacts over that among the parameters of `curve`, (axles,).
+
+    A wheel carries half of its axle's load.
+    """
+    return curve.contact(0.5 * structure.static_load, structure.radius)
+
+
 def environment_of(
     structure: Structure,
     layout: Layout,
@@ -66,7 +75,7 @@ def environment_of(
     return Environment(
         curve_kind=rail.curve.kind,
         curve=rail.curve.q,
-        contact=rail.curve.contact(0.5 * structure.static_load, structure.radius),
+        contact=axle_contacts(rail.curve, structure),
         presliding=rail.presliding,
         law=rail.axle_laws(layout.axles),
         increment=axle_values(rail.increments, layout.axles, "rail increments"),

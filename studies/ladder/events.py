@@ -4,7 +4,8 @@ from functools import lru_cache
 from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.structure import Floats, structure_of
+from alloc.plant.environment import axle_contacts
+from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.files.units import stated
@@ -67,16 +68,10 @@ def polach_level(adhesion: float, train: Train) -> float:
 
     On the mean over the train's axles, of which the heavy ones have the softer contact.
     """
-    level, contact = adhesion, train_contact(train)
+    level, contact = adhesion, axle_contacts(POLACH_WET, structure_of(train)[0])
     for _ in range(20):  # the peak grows a little less than in proportion
         level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED, contact)[0].mean())
     return level
-
-
-def train_contact(train: Train) -> Floats:
-    """Creep stiffness of each axle's contact over that of the curve's parameters, (axles,)."""
-    structure, _ = structure_of(train)
-    return POLACH_WET.contact(0.5 * structure.static_load, structure.radius)
 
 
 @lru_cache

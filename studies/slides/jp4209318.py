@@ -181,7 +181,7 @@ def brake_event(
 
 
 def slide_protection(**law: Any) -> SlideProtection:
-    """The slide protection of this law, every 20 ms, each car by itself."""
+    """The slide protection of this law, every 20 ms; slip is measured from the train's reference speed."""
     return SlideProtection(period=CYCLE, **law)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from alloc.plant.adhesion import AdhesionCurve
+from alloc.plant.environment import axle_contacts
 from alloc.plant.equations import GRAVITY, gradient_force
 from alloc.plant.model import Floats, Model
 from alloc.plant.structure import structure_of
@@ -31,7 +32,7 @@ def rest_friction(curve: AdhesionCurve, adhesion: float, train: Train) -> float:
     """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`, on the mean over the axles."""
     level, s = adhesion, structure_of(train)[0]
     contact, share = (
-        curve.contact(0.5 * s.static_load, s.radius),
+        axle_contacts(curve, s),
         s.static_load / s.static_load.sum(),
     )
     for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion

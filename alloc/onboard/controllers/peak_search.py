@@ -3,6 +3,7 @@
 import math
 
 from alloc.compilation import equation
+from alloc.onboard.reference_speed.sounding import is_relieved
 
 LIMITING = 0.999
 """Share of its target below which a unit counts as limited by its readhesion controller, and a search goes on."""
@@ -32,7 +33,7 @@ def interval_is_over(st, m, p, k, j):
     """Add what unit `j` senses to its means; whether an interval is over. Only while the controller limits the torque."""
     if math.isnan(k.allowed[j]):
         k.reference[j] = st.law.creep.reference
-    if m.estimate.sounding.share[j] < 1.0:
+    if is_relieved(m, j):
         _start_interval(k, j)
         return False
     if m.unit.torque_factor[j] >= LIMITING:  # adhesion suffices: nothing to be learnt of the peak

@@ -12,6 +12,7 @@ from alloc.onboard.controllers.built_in import (
     torque_per_coefficient,
 )
 from alloc.onboard.quantity import quantity
+from alloc.onboard.reference_speed.sounding import is_relieved
 
 
 @equation
@@ -34,7 +35,7 @@ def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
     ceiling = sign * m.unit.torque_target[j] / to_torque
     if math.isnan(allowed[j]):
         allowed[j] = ceiling
-    if m.estimate.sounding.share[j] < 1.0:  # little slip now says nothing of how much is allowed
+    if is_relieved(m, j):  # little slip now says nothing of how much is allowed
         return share_of_target(m, j)
     allowed[j], coefficient = hold_slip(
         allowed[j], m.worst_slip[j], reference, ceiling, p.proportional, p.integral, st.period

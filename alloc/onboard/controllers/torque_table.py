@@ -13,6 +13,7 @@ from alloc.onboard.controllers.built_in import (
 )
 from alloc.onboard.detector import differentiate, differentiator_gain
 from alloc.onboard.quantity import filled, quantity
+from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.plant.operations import maximum, minimum, where
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def table_unit(eq, st, m, p, k, j, commanded):
         k.speed[j], k.torque[j] = m.speed[j], sign * m.unit.torque_command[j]
     k.speed[j], acceleration = differentiate(k.speed[j], m.speed[j], p.pole, p.gain)
     factor = torque_factor(sign * acceleration - abs(commanded), p.margin, p.width)
-    if m.estimate.sounding.share[j] < 1.0:
+    if is_relieved(m, j):
         return share_of_target(m, j)
     k.torque[j] = asymmetric_lag(
         k.torque[j], factor * sign * m.unit.torque_target[j], p.rise_share, p.fall_share

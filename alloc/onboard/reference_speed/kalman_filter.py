@@ -22,6 +22,7 @@ inverted: axles are taken one by one.
 import math
 
 from alloc.compilation import inlined_jit
+from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.reference_speed.state import OBSERVER_POLE
 from alloc.plant.equations import (
     coupler_damper_force,
@@ -112,8 +113,7 @@ def _apply_forces(eq, st, m, k, sign, torque, pressure):
         total += acting
         of_shoes += shoe
         k.rim_before[i], k.rim[i] = k.rim[i], y
-    mass = eq.chain.train_mass
-    return total / mass, of_shoes / mass
+    return total / eq.chain.train_mass, of_shoes / eq.chain.train_mass
 
 
 @inlined_jit
@@ -181,7 +181,7 @@ def _at_ease(eq, st, m, k, i):
     """Time for which nobody has limited the force of axle `i`."""
     j, g = eq.axle_unit[i], eq.axle_group[i]
     free = True
-    if j >= 0 and (m.unit.torque_factor[j] < 0.99 or k.sounding.share[j] < 1.0):
+    if j >= 0 and (m.unit.torque_factor[j] < 0.99 or is_relieved(m, j)):
         free = False
     if g >= 0 and (m.slide.action[g] > 0.0 or k.pressure[g] < 0.95 * k.full[g]):
         free = False

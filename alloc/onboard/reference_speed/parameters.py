@@ -1,17 +1,10 @@
 """Parameters of the reference speed's estimate. SI units; all assumed, tuned on drawn events of traction and braking."""
 
-import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from alloc.errors import OnboardError
 from alloc.onboard.quantity import quantity
-
-
-def _check_finite(owner: str, values: Any, names: set[str]) -> None:
-    for name in sorted(names):
-        if not math.isfinite(getattr(values, name)):
-            raise OnboardError(f"{owner}: {name} = {getattr(values, name)!r} must be finite")
 
 
 @dataclass(frozen=True)
@@ -38,7 +31,7 @@ class Sounding:
     def __post_init__(self) -> None:
         numbers = set(self.__dataclass_fields__) - {"share"}
         OnboardError.check("sounding", self, sorted(numbers), ("share",))
-        _check_finite("sounding", self, numbers)
+        OnboardError.check_finite("sounding", self, sorted(numbers))
         if self.share > 1.0:
             raise OnboardError(f"sounding: share = {self.share!r} must lie in [0, 1]")
         OnboardError.check_order("sounding", self, "air_known", "air_doubt")
@@ -95,4 +88,4 @@ class ReferenceSpeed:
         positive = ("sensor", "speed_walk", "unknown_force", "creep", "carried_time", "slid_time")
         others = set(self.__dataclass_fields__) - {"source", "sounding", *positive}
         OnboardError.check("reference speed", self, positive, nonnegative=sorted(others))
-        _check_finite("reference speed", self, {*positive, *others})
+        OnboardError.check_finite("reference speed", self, sorted({*positive, *others}))

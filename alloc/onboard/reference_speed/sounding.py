@@ -19,6 +19,12 @@ PULLING = 0.01
 
 
 @inlined_jit
+def is_relieved(m, j):
+    """Whether unit `j` is sounded or just getting its torque back: what its wheels do then is not of its own control."""
+    return m.estimate.sounding.share[j] < 1.0
+
+
+@inlined_jit
 def _acting_unit(eq, m, k):
     """The next unit whose motors act, -1: none."""
     for n in range(1, eq.axles.size + 1):

@@ -84,9 +84,7 @@ class ReferenceMemory(NamedTuple):
     place: Floats  # (bodies,) of the believed bodies [m]
     force: Floats  # (bodies,) on them
     smooth_speed: Floats  # (1,) speed behind a filter
-    shoe_decel: (
-        Floats  # (1,) greatest specific force of the shoes since the brakes were applied [m/s2]
-    )
+    shoe_decel: Floats  # (1,) greatest specific force of the shoes in this application [m/s2]
     rim: Floats  # (axles,) rim speed at the last period
     rim_before: Floats  # (axles,) and at the one before
     smooth_rim: Floats  # (axles,) behind a filter
@@ -123,16 +121,8 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
     """Memory of a train whose computers have not sensed yet."""
     nobody = np.full((3, 1), -1, dtype=np.int64)
     of_axles = (
-        "rim",
-        "rim_before",
-        "smooth_rim",
-        "applied",
-        "smooth_applied",
-        "carried",
-        "ease",
-        "telling",
-        "ahead",
-    )
+        "rim", "rim_before", "smooth_rim", "applied", "smooth_applied", "carried", "ease", "telling", "ahead",
+    )  # fmt: skip
     zeros: Any = {name: np.zeros(axles) for name in of_axles}
     return ReferenceMemory(
         ready=np.zeros(1, dtype=np.int64),
