@@ -23,22 +23,18 @@ from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.memory import Memory
+from alloc.onboard.reports import hear_reports, write_reports
 from alloc.onboard.sanding import command_sand
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import Settings
 from alloc.plant import compiled
-from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.model import Floats, Inputs, Layout, Model
-from alloc.plant.right_side import peak_field
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
+from alloc.true_limits import true_limits
 
 REPORT_DELAY = 0.1
 """Time [s] after which the train knows that a unit has failed."""
-
-STABLE_SHARE = 0.97
-"""Share of the true adhesion that the oracle's units may use. At the very peak a torque is not held: any change of the
-rail between two telegrams carries the slip over it."""
 
 NOTHING, ALLOCATION, CONTROL, DRIVER = range(4)
 """What the loop needs of Python."""
@@ -93,24 +89,8 @@ class Given(NamedTuple):
     noise: Floats  # (ticks, or 1 without noise, axles) of the speed sensors [m/s at the rim]
     delay: Floats  # (telegrams, units) draws of the telegrams' jitter
     fate: Floats  # (telegrams, units) and of their loss
-
-
-@inlined_jit
-def _true_limits(plant, eq, time, truth):
-    """Usable adhesion coefficient of each unit: that of its weakest axle, whose wheels slip first, less a margin."""
-    w = plant.workspace
-    compiled.pack(w, plant.state, w.scratch.state)
-    peak_field(w, time, w.scratch.state)
-    for j in range(truth.size):
-        truth[j] = np.inf
-    for i in range(plant.rows.axles):
-        j = eq.axle_unit[i]
-        if j >= 0:
-            v = w.scratch.state[w.axle.speed_row[i]]
-            limit, _ = adhesion_limit(
-                w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v, w.axle.contact[i]
-            )
-            truth[j] = min(truth[j], STABLE_SHARE * limit)
+    up_delay: Floats  # the same of the telegrams to the leader
+    up_fate: Floats
 
 
 @inlined_jit
@@ -165,8 +145,11 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         if a < 0.0 and m.reference[0] < st.brakes.release_speed:
             a = 0.0
         if progress.phase[0] == SENSE:
+            failed = False
             for j in range(units):
-                m.in_service[j] = time < plant.workspace.unit.failure_time[j] + REPORT_DELAY
+                works = time < plant.workspace.unit.failure_time[j] + REPORT_DELAY
+                failed = failed or works != m.in_service[j]
+                m.in_service[j] = works
             if st.reference.given:
                 for b in range(rows.bodies):
                     m.reference[b] = plant.state[rows.bodies + b]
@@ -179,17 +162,30 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 plant.state[pressure : pressure + rows.groups],
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
-            needed = prepare_allocation(eq, st, m, time, tick, a)
+            row = (tick // st.telegrams.ticks) % given.delay.shape[0]
+            write_reports(eq, st, m, a)
+            hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_fate[row])
+            needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.needs_truth:
-                _true_limits(plant, eq, time, m.truth)
+                sign = 1.0 if a >= 0.0 else -1.0
+                true_limits(plant, eq, time, sign, eq.blended and a < 0.0, m.truth, m.air_most)
             progress.phase[0] = DISTRIBUTE
             if needed:
                 m.counter.rule_calls[0] += 1
                 if st.rule.compiled < 0:
                     return ALLOCATION
-                asked = Units(m.cap, eq.mass, m.limit_max, m.limit_wanted, m.delivered, m.truth)
+                asked = Units(
+                    m.cap,
+                    eq.mass,
+                    m.most,
+                    m.limit_wanted,
+                    m.delivered,
+                    m.truth,
+                    m.open_to,
+                    m.train.expected[0],
+                )
                 m.train.level[0], m.train.case[0] = allocate_compiled(
-                    st.rule.compiled, asked, m.train.expected[0], m.limit_wanted
+                    st.rule.compiled, asked, m.lead.needed[0], m.limit_wanted
                 )
         braking = eq.blended and a < 0.0
         if progress.phase[0] == DISTRIBUTE:
@@ -199,7 +195,8 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 set_brake_targets(eq, st, m)
             else:
                 set_targets(eq, st, m, a)
-            restrain_blind_units(st, m)
+            if not st.rule.needs_truth:
+                restrain_blind_units(st, m)
             control(eq, st, m, a)
             progress.phase[0] = ADVANCE
             if st.hosted:

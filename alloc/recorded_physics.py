@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel
+from alloc.plant.car import EFFORT_SPEED_STEP
 from alloc.plant.model import Floats, Layout, Model
 
 MOST_IN_PRODUCT = 8192
@@ -76,6 +77,21 @@ def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
     return np.concatenate(parts)
 
 
+def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Floats]:
+    """Most that each motor can drive and brake with [N m], (instants, units), without slip at `speed` (instants, bodies)."""
+    s, n, e = model.structure, model.layout, model.environment
+    mean, amplitude, period, phase = e.receptivity
+    taken = np.clip(mean + amplitude * np.sin(2.0 * np.pi * time / period + phase), 0.0, 1.0)
+    works = e.failure_time > time[:, None]
+    drive, brake = np.zeros((2, time.size, n.units))
+    for j in range(n.units):
+        own = speed[:, s.axle_body[s.axle_unit == j][0]]
+        knots = EFFORT_SPEED_STEP * np.arange(s.drive_table.shape[1])
+        drive[:, j] = np.interp(np.abs(own), knots, s.drive_table[j])
+        brake[:, j] = taken * np.interp(np.abs(own), knots, s.brake_table[j])
+    return drive * works, brake * works
+
+
 def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
     """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
     n, s = model.layout, model.structure
@@ -94,6 +110,7 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
         for values in (s.static_load, s.radius)
     )
+    drive_limit, brake_limit = _motor_limits(model, record.time, speed.T)
     return {
         "position": state[n.position][0],
         "speed": _mean_of_bodies(share, speed.T),
@@ -110,6 +127,8 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "axle_load": load.T,
         "friction_work": state[n.friction_work].T,
         "motor_torque": state[n.torque].T,
+        "drive_limit": drive_limit,
+        "brake_limit": brake_limit,
         "cylinder_pressure": state[n.pressure].T,
         "coupler_force": arrays.coupler_forces(state)[0].T,
         "motor_work": work[0],
@@ -119,6 +138,8 @@ def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[A
         "axle_unit": s.axle_unit,
         "axle_car": s.axle_car,
         "axle_group": s.axle_group,
+        "axle_static_load": s.static_load,
+        "axle_turning_mass": s.inertia / s.radius**2,
         "group_volume": np.array([brake.cylinder_volume for brake in model.train.brake_groups]),
         "unit_static_load": unit_load,
         "unit_gear": s.unit_gear,

@@ -36,7 +36,7 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "coupler_work": ("J", "work lost in couplers"),
     },
     ("time", "car"): {
-        "slide_reference": ("m s-1", "speed from which the car's slide protection measures slip"),
+        "slide_reference": ("m s-1", "reference speed of the car, where cars move apart"),
         "car_speed": ("m s-1", "speed of the car"),
         "car_acceleration": ("m s-2", "acceleration of the car"),
     },
@@ -53,6 +53,11 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
     },
     ("time", "unit"): {
         "motor_torque": ("N m", "torque of each motor of the unit"),
+        "drive_limit": ("N m", "most that each motor can pull with at the train's speed"),
+        "brake_limit": (
+            "N m",
+            "most that each motor can brake with, as far as the line takes it up",
+        ),
         "torque_command": ("N m", "torque command to each motor"),
         "torque_target": ("N m", "torque wanted of each motor under the limit"),
         "limit": ("1", "limit in force, as a coefficient"),
@@ -77,6 +82,8 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "axle_unit": ("1", "traction unit of the axle, 0 = foremost, -1: none"),
         "axle_car": ("1", "car of the axle, 0 = foremost"),
         "axle_group": ("1", "air brake group of the axle, 0 = foremost, -1: none"),
+        "axle_static_load": ("N", "axle load at rest"),
+        "axle_turning_mass": ("kg", "mass that would resist like the turning wheelset"),
     },
     ("brake_group",): {"group_volume": ("m3", "volume of the group's brake cylinders")},
     ("unit",): {

@@ -71,7 +71,9 @@ def to_dataset(
     values = physical_variables(model, record.plant)
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
     values |= dict(zip(UnitMemory._fields, record.unit.transpose(1, 0, 2), strict=True))
-    values |= {"slide_reference": record.slide_reference, "valve": record.valve}
+    values["valve"] = record.valve
+    if model.layout.bodies > 1:  # else it is the train's reference speed
+        values["slide_reference"] = record.slide_reference
     if model.layout.sanders:
         values["sand_rate"] = record.sand_rate
     attributes: dict[str, Any] = {

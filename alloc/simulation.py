@@ -4,7 +4,7 @@ import hashlib
 import math
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -22,6 +22,7 @@ from alloc.onboard.equipment import equipment
 from alloc.onboard.host import HostedController, TrainController, UnitSense, unit_contexts
 from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
+from alloc.onboard.quantity import filled
 from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
@@ -41,10 +42,10 @@ class _RuleInPython:
     def __call__(self, tick: int) -> bool:
         eq, m = self.computers.equipment, self.computers.memory
         problem = AllocationProblem(
-            cap=m.cap.copy(),
-            expected=float(m.train.expected[0]),
+            cap=np.where(np.isfinite(m.cap), m.cap, m.most),
+            expected=float(m.lead.needed[0]),
             mass=eq.mass,
-            limit_max=m.limit_max.copy(),
+            limit_max=m.most.copy(),
             previous=m.limit_wanted.copy(),
             rate=self.onboard.limit_rate,
             delivered=np.maximum(m.delivered, 0.0),
@@ -132,7 +133,11 @@ def simulate(
     commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
     share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
     host, law = None, found.name
-    if isinstance(found, HostedController):
+    if chosen.needs_truth:
+        law = "none"  # who knows the rail needs no readhesion control
+        if model.layout.units > 0:  # without motors a rule has nothing to do
+            onboard = replace(onboard, reference=replace(onboard.reference, source="truth"))
+    elif isinstance(found, HostedController):
         if model.layout.units > 0:
             host = found.factory(unit_contexts(model, eq, onboard, found.name))
         else:  # a train without motors has no torque to control, whatever controller it is given
@@ -140,7 +145,11 @@ def simulate(
     compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
     computers = Computers(
         eq,
-        settings(onboard, RuleSettings(compiled, chosen.periodic, chosen.needs_truth), law),
+        settings(
+            onboard,
+            filled(RuleSettings, chosen, compiled=compiled),
+            law,
+        ),
         memory(eq, event.initial_speed, abs(float(commanded[0])) * share),
     )
     loop = ClosedLoop(
@@ -171,8 +180,10 @@ def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) 
     sigma, ticks = onboard.sensors.speed_noise, commanded.size
     noise = sigma * generator.standard_normal((ticks if sigma > 0.0 else 1, n.axles))
     generator = np.random.default_rng([onboard.sensors.seed, 2])
-    delay, fate = generator.random((2, ticks // telegram_ticks + 1, n.units))
-    return Given(commanded, noise, delay, fate)
+    down = generator.random((2, ticks // telegram_ticks + 1, n.units))
+    generator = np.random.default_rng([onboard.sensors.seed, 4])
+    up = generator.random((2, ticks // telegram_ticks + 1, n.units))
+    return Given(commanded, noise, *down, *up)
 
 
 def inputs_hash(event: Event) -> str:
@@ -189,7 +200,8 @@ def inputs_hash(event: Event) -> str:
     # + 0.0: without noise there are zeros of either sign
     parts = (
         model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
-        given.fate < telegrams.loss, event.command, event.initial_speed, event.initial_position,
+        given.fate < telegrams.loss, telegrams.jitter * given.up_delay, given.up_fate < telegrams.loss,
+        event.command, event.initial_speed, event.initial_position,
     )  # fmt: skip
     digest = hashlib.sha256()
     for part in _single(parts):

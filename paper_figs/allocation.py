@@ -23,8 +23,10 @@ BOTTOM = 0.12
 """Lower end of the axes; all limits lie far above zero."""
 NOTES = 0.024
 """Height above the longest bar that the notes take up."""
-SHOWN = tuple(name for name in RULES if name != "qp-robust")
-"""Rules shown: without deviations of the caps `qp-robust` is `qp`."""
+SAME = ("qp-robust", "greedy-literal", "cooperative")
+"""Rules that answer as others where they are only called: as `qp`, `greedy` and `exact`."""
+SHOWN = tuple(name for name in RULES if name not in SAME)
+"""Rules shown."""
 
 
 def caps(coefficient: float) -> NDArray[np.float64]:

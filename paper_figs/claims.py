@@ -19,42 +19,81 @@ from paper_figs.style import (
     rule_handles,
     rule_look,
 )
-from studies.claims import statements as claimed
+from paper_figs.verdicts import Strip, verdict_strips
 from studies.claims.measures import EXCESS_EDGES, excess_column
-from studies.claims.statements import PARTS
+from studies.claims.statements import (
+    ARMS,
+    PARTS,
+    REACH_PARTS,
+    claim_statements,
+    pairs_of,
+    population,
+    statement_name,
+)
+from studies.claims.thresholds import REACHED, THRESHOLDS, bears, threshold_test
 from studies.core.drawn_events import complete
+from studies.core.family import Part, Test
 from studies.core.statement import CONFIDENCE, mean_interval
-from studies.core.verdict import LEAST_EVENTS, Part, Test
+from studies.core.verdict import LEAST_EVENTS
 
 FEW_EVENTS = 24
 """Events that are run where the results hold fewer: enough to see what a figure shows, not to believe it. `readhesion
 sweep claims` runs as many as the statements need."""
 CLAIM_TABLE = study("claims", FEW_EVENTS)
+RULE, CONTROLLER = "greedy-literal", "cut-and-ramp"
+"""Of which these figures show the claims: the patent as printed."""
 SEASON_MARKERS = {"summer": ("o", "#222222"), "winter": ("s", "#999999")}
 """Marker and colour of a season; greys, since colours stand for rules."""
 SHARE_95 = 0.95
 """Share of the adhesion that claim (c) says is used."""
+AXES = {
+    "a": ("(a) reaches the plan where alone does not", "effort over plan, at most 100 [%]", 100.0),
+    "b": (
+        "(b) every unit at about its bound",
+        "adhesion used by the unit that uses least [%]",
+        100.0,
+    ),
+    "c": (
+        "(c) about 95 % used when a cap is too high",
+        "adhesion used, limit up to 15 % too high [%]",
+        100.0,
+    ),
+    "d": ("(d) better ride than sharing", "jerk rms less sharing [m/s³]", 1.0),
+    "e": ("(e) better than the preset", "effort over plan less that of the preset [%]", 100.0),
+}
+"""Claim -> title, label of its metric, factor to the label's unit."""
 WIDTHS = {"width_ratios": (1.0, 0.8)}
+
+
+@figure("claim-verdicts", "claims (a) to (e) of JP5484215: each verdict over its threshold",
+        CLAIM_TABLE)  # fmt: skip
+def claim_verdicts(table: pd.DataFrame) -> Figure:
+    """One panel per claim: the mean that decides, with intervals by Student's t, after Holm, and from resamples."""
+    found = {s.name: s for s in claim_statements(complete(table))}
+    return verdict_strips(
+        Strip(*AXES[claim], {", ".join(arm): found[statement_name(claim, arm)] for arm in ARMS})
+        for claim in AXES
+    )
 
 
 @figure("claim-a", "claim (a) of JP5484215 over random events: the plan reached where alone does not",
         CLAIM_TABLE)  # fmt: skip
 def claim_a(table: pd.DataFrame) -> Figure:
     """Left: effort under alone against other rules, every event in reach a mark. Right: the claim's mean by part."""
-    rules = ("greedy", "exact", "oracle")
+    rules = (RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "a")
-    reach = pairs[claimed.within_reach(pairs)]
+    reach = pairs[bears("a within reach", RULE, pairs)]
     drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
     alone = 100 * reach["held_effort@alone"]
     for rule in rules:
         _points(left, alone, 100 * reach[f"held_effort@{rule}"], **rule_look(rule))
     _diagonal(left)
-    left.axhline(100 * claimed.REACHED, **BOUND)
-    left.axvline(100 * claimed.REACHED, **BOUND)
+    left.axhline(100 * REACHED, **BOUND)
+    left.axvline(100 * REACHED, **BOUND)
     left.set(xlabel="effort over plan, alone [%]", ylabel="effort over plan, other rules [%]")
     left.set_title(f"{len(reach)} of {len(pairs)} events within reach")
     left.legend(handles=rule_handles(rules), loc="lower right")
-    _forest(right, events, claimed.reached_test(), "effort over plan, greedy [%]", 100.0)
+    _forest(right, events, threshold_test("a", RULE), f"effort over plan, {RULE} [%]", 100.0)
     right.set_title("alone below the line")
     return drawn
 
@@ -63,7 +102,7 @@ def claim_a(table: pd.DataFrame) -> Figure:
         CLAIM_TABLE)  # fmt: skip
 def claim_b(table: pd.DataFrame) -> Figure:
     """Left: adhesion used by the unit that uses least, every event of case A a mark. Right: its mean by part."""
-    rules = ("alone", "preset", "sharing", "greedy", "exact", "oracle")
+    rules = ("alone", "preset", "sharing", RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "b")
     drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
     spread = np.random.default_rng(0)
@@ -75,10 +114,10 @@ def claim_b(table: pd.DataFrame) -> Figure:
             left.plot([x - 0.35, x + 0.35], 2 * [np.median(known)], color="black", linewidth=1.2)
     left.set_xticks(range(len(rules)), rules, rotation=35, ha="right")
     left.grid(visible=False, axis="x")
-    left.axhline(100 * claimed.ABOUT_BOUND, **BOUND)
+    left.axhline(100 * THRESHOLDS["b"].value, **BOUND)
     left.set_ylabel("adhesion used by the unit that uses least [%]")
     left.set_title(f"{len(events)} of {len(pairs)} events out of reach")
-    _forest(right, events, claimed.bound_test(), "adhesion used, greedy [%]", 100.0)
+    _forest(right, events, threshold_test("b", RULE), f"adhesion used, {RULE} [%]", 100.0)
     return drawn
 
 
@@ -86,7 +125,7 @@ def claim_b(table: pd.DataFrame) -> Figure:
         CLAIM_TABLE)  # fmt: skip
 def claim_c(table: pd.DataFrame) -> Figure:
     """Left: adhesion used by how much too high a limit is, every event a mark. Right: its mean by part."""
-    rules = {"greedy": -0.7, "exact": 0.7}
+    rules = {RULE: -0.7, "exact": 0.7}
     pairs, events = _bearing_on(table, "c")
     drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
     for rule, shift in rules.items():
@@ -100,29 +139,28 @@ def claim_c(table: pd.DataFrame) -> Figure:
                 error = mean.high - mean.value
                 left.errorbar(centre, mean.value, error, markersize=5.0, elinewidth=1.2, **look)
     left.axhline(100 * SHARE_95, color="black", linewidth=0.8, zorder=0)
-    left.axhline(100 * claimed.ABOUT_95, **BOUND)
+    left.axhline(100 * THRESHOLDS["c"].value, **BOUND)
     left.set_xticks([100 * edge for edge in EXCESS_EDGES])
     left.set(xlabel="limit above the true adhesion by [%]", ylabel="adhesion used there [%]")
     left.set(ylim=(75.0, 101.0), title=f"{len(events)} of {len(pairs)} events")
     left.legend(handles=rule_handles(rules), loc="lower right")
     right.set_title("limit up to 15 % too high")
-    _forest(right, events, claimed.over_test(), "adhesion used, greedy [%]", 100.0)
+    _forest(right, events, threshold_test("c", RULE), f"adhesion used, {RULE} [%]", 100.0)
     return drawn
 
 
 @figure("claim-d", "claim (d) of JP5484215 over random events: jerk against dynamic sharing",
         CLAIM_TABLE)  # fmt: skip
 def claim_d(table: pd.DataFrame) -> Figure:
-    """Left: jerk under sharing against jerk under greedy, every event a mark. Right: paired difference by part."""
+    """Left: jerk under sharing against jerk under the patent's rule, one mark per event. Right: difference by part."""
     pairs, events = _bearing_on(table, "d")
     drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
-    _by_season(left, events, events["jerk_rms@sharing"], events["jerk_rms@greedy"])
+    _by_season(left, events, events["jerk_rms@sharing"], events[f"jerk_rms@{RULE}"])
     _diagonal(left)
-    left.set(xlabel="jerk rms, sharing [m/s³]", ylabel="jerk rms, greedy [m/s³]")
+    left.set(xlabel="jerk rms, sharing [m/s³]", ylabel=f"jerk rms, {RULE} [m/s³]")
     left.set_title(f"{len(events)} of {len(pairs)} events with slip")
     left.legend(loc="lower right")
-    test = claimed.difference("jerk_rms", "greedy", "sharing", -1.0)
-    _forest(right, events, test, "jerk rms, greedy less sharing [m/s³]")
+    _forest(right, events, threshold_test("d", RULE), "jerk rms less sharing [m/s³]")
     return drawn
 
 
@@ -131,15 +169,15 @@ def claim_d(table: pd.DataFrame) -> Figure:
 def claim_e(table: pd.DataFrame) -> Figure:
     """Left: paired difference of effort by the adhesion that there is, an event a mark. Right: effort and slip by part."""
     pairs, events = _bearing_on(table, "e")
-    parts = {**PARTS, **claimed.REACH_PARTS}
-    effort = claimed.difference("held_effort", "greedy", "preset")
-    slip = claimed.difference("slip_time", "greedy", "preset", -1.0)
+    parts = {**PARTS, **REACH_PARTS}
+    effort = threshold_test("e", RULE)
+    slip = threshold_test("e besides", RULE)
     drawn, (left, middle, right) = new_panels(7.1, 3.7, 1, 3, width_ratios=(1.0, 0.55, 0.55))
     _by_season(left, events, 100 * events["reach_low@oracle"], 100 * effort.quantity(events))
     left.axhline(0.0, **BOUND)
     left.axvline(100.0, color=DARK, linewidth=0.8, zorder=0)
     left.set_xlabel("adhesion of all units over plan [%]")
-    left.set_ylabel("effort over plan, greedy less preset [%]")
+    left.set_ylabel(f"effort over plan, {RULE} less preset [%]")
     left.set_title(f"{len(events)} of {len(pairs)} events")
     left.legend(loc="lower right")
     _forest(middle, events, effort, "effort [%]", 100.0, parts)
@@ -152,8 +190,9 @@ def claim_e(table: pd.DataFrame) -> Figure:
 
 def _bearing_on(table: pd.DataFrame, claim: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All events of the sweep, one row each, and those that bear on a claim."""
-    pairs = claimed.pairs_of(complete(table))
-    return pairs, claimed.claim_population(pairs, claim)
+    whole = complete(table)
+    pairs = pairs_of(whole[whole["controller"] == CONTROLLER])
+    return pairs, population(pairs, claim, RULE)
 
 
 def _points(axes: Axes, x: "pd.Series[float]", y: "pd.Series[float]", **look: str) -> None:
@@ -184,7 +223,7 @@ def _forest(
     factor: float = 1.0,
     parts: Mapping[str, Part] = PARTS,
 ) -> None:
-    """The quantity of a claim over all its events and over each part, with the interval that the verdict is made from.
+    """The quantity of a claim over all its events, with its 95 % interval, and over each part, after Bonferroni.
 
     Parts of fewer than `LEAST_EVENTS` events are named, but have no mark. `factor`: to the label's unit.
     """
@@ -195,7 +234,7 @@ def _forest(
     for y, interval in enumerate(found.values()):
         if interval.count >= LEAST_EVENTS:
             size = {"markersize": 3.5 if y else 5.5, "elinewidth": 0.8 if y else 1.3}
-            interval_mark(axes, interval, y, factor, rule_look("greedy") | size)
+            interval_mark(axes, interval, y, factor, rule_look(RULE) | size)
     name_rows(axes, [f"{name} ({interval.count})" for name, interval in found.items()])
     axes.axvline(factor * test.threshold, **BOUND)
     axes.axhline(0.5, color="#bbbbbb", linewidth=0.6)

@@ -28,7 +28,7 @@ from studies.comparison.summary import Line, summarise
 
 PANELS = (
     Panel("effort_ratio", "effort over plan [%]", 100.0),
-    Panel("utilisation", "adhesion used [%]", 100.0),
+    Panel("bound_use", "used of the bound [%]", 100.0),
     Panel("damage", "wheel damage Q [kJ]", 1.0, True),
     Panel("jerk_rms", "jerk, rms [m/s³]", 1.0, True),
 )

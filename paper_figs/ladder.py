@@ -108,7 +108,7 @@ def curves(table: pd.DataFrame) -> Figure:
     for pair, row in zip(PAIRS, axes, strict=True):
         for panel, one in zip(CURVE_PANELS, row, strict=True):
             for y, curve in enumerate(CURVES):
-                found = paired_difference(good, curve, pair, panel.metric)
+                found = mean_interval(paired_difference(good, curve, pair, panel.metric))
                 if found.count:
                     look = {"markersize": 4.0, "elinewidth": 0.9, **CURVE_LOOKS[curve]}
                     interval_mark(one, found, y, panel.factor, look)

@@ -17,6 +17,9 @@ from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 
+DEVIATIONS = 2
+"""Standard deviations that are drawn of an estimated speed."""
+
 
 def example_log(source: Source) -> MeasuredLog:
     """Need: a simulated run that was exported as a log."""
@@ -42,10 +45,17 @@ def measured_log(log: MeasuredLog, found: Findings | None = None) -> Figure:
     _axles(axes[0], log, 3.6 * log.run.rim_speed, shown)
     axes[0].plot([], [], color=along_train(axle_count)[0], linewidth=0.8, label="wheels")
     speed = _broken(log, 3.6 * log.run.speed)
-    axes[0].plot(*speed, color="black", linestyle="--", label="train")
+    deviation = log.run.speed_deviation
+    source = "train" if deviation is None else "train, estimated"
+    axes[0].plot(*speed, color="black", linestyle="--", label=source)
     axes[0].set(ylabel="speed [km/h]", ylim=(0.0, None))
     axes[0].legend(loc="best")
     _axles(axes[1], log, found.slip_velocity, shown)
+    if deviation is not None:
+        time, error = _broken(log, DEVIATIONS * deviation)
+        label = f"stated error of the train's speed, {DEVIATIONS} deviations"
+        axes[1].fill_between(time, -error, error, color="0.75", linewidth=0.0, label=label)
+        axes[1].legend(loc="best")
     _slips(axes[1], log, found)
     if has_force:
         _axles(axes[2], log, found.coefficient, shown)

@@ -59,13 +59,21 @@ class MeasuredTrain:
     """Of each wheelset with everything geared to it [kg m2], (axles,)."""
     driven: NDArray[np.bool_]
     """(axles,)"""
+    resistance: Floats | None = None
+    """Running resistance of each car by powers of the speed [N, N s/m, N s2/m2], (cars, 3); None: not known."""
+    coupler: Floats | None = None
+    """Stiffness, stiffening, damping and slack of each draft gear in SI units, (cars - 1, 4); None: a rigid train."""
 
     @classmethod
     def of(cls, train: Train) -> "MeasuredTrain":
         """The same of a train of the plant."""
         s, _ = structure_of(train)
         driven = s.axle_unit >= 0
-        return cls(train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven)
+        coupler = s.coupler if s.coupler.size else None
+        return cls(
+            train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven,
+            s.car_resistance, coupler,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +94,8 @@ class MeasuredRun:
     """Tension positive [N], (instants, cars - 1)."""
     car_acceleration: Floats | None = None
     """(instants, cars) [m/s2]"""
+    speed_deviation: Floats | None = None
+    """Standard deviation of an estimated speed [m/s], (instants,); None: it was measured."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ import numpy as np
 
 from alloc.compilation import inlined_jit
 from alloc.onboard.observer import empty_torque_limit, load_compensated
+from alloc.onboard.shoe_force import believed_shoe_force
 from alloc.onboard.slide_protection.protect import LOWEST_SPEED, protect
-from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+from alloc.plant.equations import GRAVITY
 
 
 @inlined_jit
@@ -83,7 +84,8 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
         else:
             planned = eq.group.share[g] * m.train.expected[0] * m.lead.brake_rise[0]
             force = planned * eq.group.weight[g] * (1.0 + eq.group.inertia[g])
-        numerator, offset, constant = eq.group.friction[g]
-        friction = hyperbolic_speed_law(reference, numerator, offset, constant)
-        pressure[g] = min(force / (eq.group.gain[g] * friction), eq.group.pressure[g])
+            force = min(force, m.air_most[g] * (1.0 + eq.group.inertia[g]))
+        # of wheels that roll: one that slides must not lower the pressure of the others
+        per_pascal = believed_shoe_force(eq.group, g, 1.0, reference)
+        pressure[g] = min(force / per_pascal, eq.group.pressure[g])
         m.estimate.full[g] = pressure[g]

@@ -3,31 +3,148 @@
 import numpy as np
 
 from alloc.compilation import inlined_jit
-from alloc.onboard.memory import SLOTS
+from alloc.onboard.mail import collect, post, tell
+from alloc.onboard.shoe_force import believed_shoe_force
+
+HELD = 1.0
+"""Time [s] for which a unit that was limited still counts as such: a search for the peak takes about as long, and in ten
+telegrams at least one arrives."""
+
+RISE = 0.01
+"""Speed [1/s] at which a mark rises, as a share of the plan: a peak of a few hundredths is tried again after some seconds,
+and adhesion that grows with the cleaned rail is followed."""
+
+FORGET = 5.0
+"""Time constant [s] of a mark that is no longer reached: longer than a cycle of cut and ramp, whose best must count."""
+
+KEPT = 0.995
+"""Cap of a limited unit over its mark, for rules that hold it there: at the very mark its wheels creep at the peak."""
+
+PROBE = 1.06
+"""Limit of a limited unit over what it delivers: controllers that search for the peak must limit the torque themselves, and
+what touches its limit again and again learns nothing."""
+
+LEAST = 0.01
+"""Least cap of a unit that works."""
+
+RAISE = 0.6
+"""Speed at which limits rise beyond the plan, relative to that at which torque rises to it."""
 
 
 @inlined_jit
-def prepare_allocation(eq, st, m, time, tick, commanded):
-    """Caps by (5) from the coefficient held at detection; returns whether the rule must be called now.
+def _lead(eq, m):
+    """The foremost unit that works leads; a new leader's estimate is that of the old one, at its own place."""
+    units, before = eq.axles.size, m.lead.unit[0]
+    first = 0
+    while first < units - 1 and not m.in_service[first]:
+        first += 1
+    if first != before:
+        m.lead.estimate[0] += eq.increment[first] - eq.increment[before]
+        m.lead.unit[0] = first
 
-    Without slip the limits are the plan and no rule is called; nor is it where there are no units to limit.
-    """
-    blended = eq.blended and commanded < 0.0
-    expected = abs(commanded) * (eq.brake_share if blended else eq.planned_share)
-    changed = expected != m.train.expected[0]
-    m.train.expected[0] = expected
-    if m.cap.size == 0:
-        return False
+
+@inlined_jit
+def _caps_at_detection(eq, m):
+    """(5): the coefficient that the leader held at its detection, and the increments."""
     first = m.lead.unit[0]
-    since = m.lead.slipped[0] if st.rule.periodic else m.lead.detected[0]
-    slip = time - since <= st.hold_time
     for j in range(m.cap.size):
         m.cap[j] = max(m.lead.estimate[0] + eq.increment[j] - eq.increment[first], 0.0)
-    if expected == 0.0 or not (slip or st.rule.needs_truth):
-        for j in range(m.cap.size):
-            m.limit_wanted[j] = expected
-        m.train.case[0] = 0.0
-        m.train.level[0] = np.nan
+
+
+@inlined_jit
+def _move_marks(st, m):
+    """What each unit has shown to carry: its best while limited, a little less with time; slowly more once it is not."""
+    period = st.telegrams.ticks * st.period
+    for j in range(m.cap.size):
+        got = m.delivered[j]
+        if m.limited[j]:
+            if np.isinf(m.shown[j]):
+                m.shown[j] = got
+            m.shown[j] = max(got, m.shown[j] + (got - m.shown[j]) * period / FORGET)
+            m.open_to[j] = max(m.shown[j], PROBE * got)
+        else:
+            m.shown[j] = max(m.shown[j] + RISE * m.train.expected[0] * period, got)
+            m.open_to[j] = m.shown[j]
+
+
+@inlined_jit
+def _level_without_rail(eq, m):
+    """What each other unit must carry where motors, failures or lost sensors alone keep some from the plan."""
+    expected, lacking, able = m.train.expected[0], 0.0, 0.0
+    for j in range(m.cap.size):
+        bound = m.limit_max[j]
+        if m.since_limited[j] < HELD and not m.by_rail[j]:
+            bound = min(bound, m.delivered[j])
+        lacking += eq.mass[j] * max(expected - bound, 0.0)
+        able += eq.mass[j] if bound > expected else 0.0
+    return expected + lacking / able if able > 0.0 else expected
+
+
+@inlined_jit
+def _caps_by_front(eq, st, m, time):
+    """(5) from the mark of the foremost unit that the rail limits; no unit's cap is below what it delivers without slip.
+
+    A unit that slips is held below its mark. One that its controller limits without any slip has room to search.
+    """
+    front, known = -1, _level_without_rail(eq, m)
+    for j in range(m.cap.size):
+        rail = m.since_limited[j] < HELD and m.by_rail[j] and m.in_service[j]
+        if front < 0 and rail:
+            front = j
+    for j in range(m.cap.size):
+        m.cap[j] = known
+        if front >= 0:
+            m.cap[j] = max(m.shown[front] + eq.increment[j] - eq.increment[front], 0.0)
+        if m.since_limited[j] < HELD and np.isfinite(m.shown[j]):
+            slips = time - m.report.slipped_at[j] <= st.hold_time
+            m.cap[j] = KEPT * m.shown[j] if slips else m.open_to[j]
+            if not (m.by_rail[j] and m.in_service[j]):
+                # there is nothing to look for; air brakes take over slowly from motors that have failed
+                carried = m.delivered[j] if m.in_service[j] else m.cap[j]
+                m.cap[j] = min(carried, m.train.expected[0])
+        elif not m.slipping[j]:
+            # a cap at what it just delivers would keep every dip below the plan
+            m.cap[j] = max(m.cap[j], min(m.shown[j], max(m.train.expected[0], m.delivered[j])))
+
+
+@inlined_jit
+def _own_caps(m):
+    """What limited units deliver; the others are open up to their marks."""
+    for j in range(m.cap.size):
+        m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.open_to[j]
+
+
+@inlined_jit
+def _trailers_shortfall(eq, m, expected):
+    """What the trailers' shoes lack against their part of the plan, as a coefficient of the units."""
+    lacking, carried = 0.0, 0.0
+    for g in range(eq.group.unit.size):
+        if eq.group.unit[g] < 0:
+            shoes = believed_shoe_force(eq.group, g, m.pressure[g], m.reference[eq.group.body[g]])
+            force = shoes / (1.0 + eq.group.inertia[g])
+            wanted = eq.group.share[g] * expected * m.lead.brake_rise[0] * eq.group.weight[g]
+            lacking += eq.group.axles[g] * (wanted - force)
+    for j in range(eq.axles.size):
+        carried += eq.axles[j] * eq.axle_load[j]
+    return lacking / carried
+
+
+@inlined_jit
+def _keep_plan(m, expected):
+    for j in range(m.cap.size):
+        m.limit_wanted[j] = expected
+        m.shown[j] = m.open_to[j] = np.inf
+    m.train.case[0] = 0.0
+    m.train.level[0] = np.nan
+
+
+@inlined_jit
+def _asked_on_slip(st, m, time, tick, changed):
+    """As the patent says: at the leader's detection, while its slip is not over for the hold time."""
+    expected = m.train.expected[0]
+    since = m.lead.slipped[0] if st.rule.periodic else m.lead.detected[0]
+    if expected == 0.0 or time - since > st.hold_time:
+        _keep_plan(m, expected)
         return False
     if st.rule.periodic:
         return tick % st.telegrams.ticks == 0 or changed
@@ -35,47 +152,90 @@ def prepare_allocation(eq, st, m, time, tick, commanded):
 
 
 @inlined_jit
-def distribute(eq, st, m, time, tick, delay, fate):
-    """Send limits and states with the periodic telegrams; each unit takes what has arrived, or falls back.
+def _asked_on_limited(eq, st, m, time, tick, failed, blended):
+    """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
+    expected = m.train.expected[0]
+    active = st.rule.always or (blended and st.rule.own_caps)
+    for j in range(m.cap.size):
+        m.since_limited[j] = time - m.report.limited_at[j] if m.in_service[j] else 0.0
+        active = active or m.since_limited[j] < HELD or m.limit_max[j] < expected
+    if expected == 0.0 or not active:
+        _keep_plan(m, expected)
+        return False
+    if not (tick % st.telegrams.ticks == 0 or failed):
+        return False
+    step = RAISE * expected * st.telegrams.ticks * st.period / st.rise_time
+    for j in range(m.cap.size):
+        m.most[j] = min(m.limit_max[j], max(m.limit_wanted[j], expected) + step)
+    _move_marks(st, m)
+    if st.rule.own_caps:
+        _own_caps(m)
+    else:
+        _caps_by_front(eq, st, m, time)
+    return True
 
-    `delay`, `fate` (units,): draws of the telegrams' jitter and loss.
+
+@inlined_jit
+def prepare_allocation(eq, st, m, time, tick, commanded, failed):
+    """Fill the caps; returns whether the rule must be asked now. `failed`: a unit has just failed or come back.
+
+    Where nothing limits the train the limits are the plan and no rule is asked; nor is it where there are no units to limit.
+    """
+    blended = eq.blended and commanded < 0.0
+    expected = abs(commanded) * (eq.brake_share if blended else eq.planned_share)
+    changed = expected != m.train.expected[0]
+    m.train.expected[0] = expected
+    m.lead.needed[0] = expected
+    if m.cap.size == 0:
+        return False
+    if blended and (st.rule.own_caps or st.rule.needs_truth):
+        m.lead.needed[0] += _trailers_shortfall(eq, m, expected)
+    _lead(eq, m)
+    for j in range(m.cap.size):
+        m.most[j] = m.limit_max[j]
+    if st.rule.needs_truth:
+        return True
+    if st.rule.on_slip and not st.rule.own_caps:
+        _caps_at_detection(eq, m)
+        return _asked_on_slip(st, m, time, tick, changed)
+    return _asked_on_limited(eq, st, m, time, tick, failed or changed, blended)
+
+
+@inlined_jit
+def distribute(eq, st, m, time, tick, delay, fate):
+    """Send limits with the periodic telegrams; each unit takes what has arrived, or falls back to the plan.
+
+    `delay`, `fate` (units,): draws of the telegrams' jitter and loss. The oracle's limits arrive at once.
     """
     units = eq.axles.size
     if units == 0:
         return
     first = m.lead.unit[0]
-    wanted, limited = m.limit_wanted, m.train.case[0] != 0.0
-    if tick % st.telegrams.ticks == 0:
-        for j in range(units):
-            m.delivered[j] = m.unit.coefficient_estimate[j]
-            if j == first:
-                continue
+    limited = m.train.case[0] != 0.0
+    for j in range(units):
+        m.told[j, 0] = m.limit_wanted[j] if limited else np.inf
+    for j in range(units):
+        if j == first or st.rule.needs_truth:
+            tell(m.orders, j, time, m.told)
+            continue
+        if tick % st.telegrams.ticks == 0:
             m.counter.telegrams_sent[0] += 1
             if fate[j] < st.telegrams.loss:
                 m.counter.telegrams_lost[0] += 1
-                continue
-            for k in range(SLOTS):
-                if np.isinf(m.mail_time[j, k]):
-                    m.mail_time[j, k] = time + st.telegrams.latency + st.telegrams.jitter * delay[j]
-                    m.mail_limit[j, k] = wanted[j] if limited else np.inf
-                    break
-    m.received[first] = wanted[first] if limited else np.inf
-    m.last_heard[first] = time
-    for j in range(units):
-        if j == first:
-            continue
-        for _ in range(SLOTS):  # oldest first, so that the newest limit stands
-            k = int(np.argmin(m.mail_time[j]))
-            if m.mail_time[j, k] > time + 1e-9:
-                break
-            m.received[j] = m.mail_limit[j, k]
-            m.last_heard[j] = time
+            else:
+                post(
+                    m.orders, j, time, st.telegrams.latency + st.telegrams.jitter * delay[j], m.told
+                )
+        if collect(m.orders, j, time):
             m.unit.fallen_back[j] = 0.0
-            m.mail_time[j, k] = np.inf
-        if time - m.last_heard[j] > st.telegrams.silence:
+        if time - m.orders.heard[j] > st.telegrams.silence:
             if m.unit.fallen_back[j] == 0.0:
                 m.counter.fallbacks[0] += 1
             m.unit.fallen_back[j] = 1.0
-            m.received[j] = np.inf
+            m.orders.read[j, 0] = np.inf
     for j in range(units):  # who is told nothing keeps to the driver's command
+        m.received[j] = m.orders.read[j, 0]
         m.unit.limit[j] = m.received[j] if np.isfinite(m.received[j]) else m.train.expected[0]
+        if m.unit.axles_seen[j] == 0.0 and not (st.rule.on_slip or st.rule.needs_truth):
+            # a cap at what its share leaves of the plan, and that share of the cap again, would end at nothing
+            m.unit.limit[j] = max(m.unit.limit[j], m.train.expected[0])

@@ -225,15 +225,19 @@ def _chain(model: Model, onboard: Onboard, weights: _Weights) -> Chain:
     mass: Any = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
     resistance: Any = np.stack([np.bincount(s.car_body, x, bodies) for x in s.car_resistance.T])
     coupler: Floats = s.coupler * np.array([belief.coupler_factor, belief.coupler_factor, 1.0, 1.0])
-    steps = 1
-    if bodies > 1:
-        between = 1.0 / mass[:-1] + 1.0 / mass[1:]
-        fastest = float(np.sqrt(2.0 * coupler[:, 0] * between).max())
-        steps = max(1, math.ceil(onboard.period * fastest / STABLE_ANGLE))
     return Chain(
-        mass, float(mass.sum()), belief.resistance_factor * resistance.T.copy(), coupler, steps,
-        weights.turning, weights.loaded * GRAVITY,
+        mass, float(mass.sum()), belief.resistance_factor * resistance.T.copy(), coupler,
+        stable_steps(coupler, mass, onboard.period), weights.turning, weights.loaded * GRAVITY,
     )  # fmt: skip
+
+
+def stable_steps(coupler: Floats, mass: Floats, period: float) -> int:
+    """Into how many steps a period [s] is divided for draft gears (bodies - 1, 4) between masses (bodies,) [kg]."""
+    if mass.size == 1:
+        return 1
+    between = 1.0 / mass[:-1] + 1.0 / mass[1:]
+    fastest = float(np.sqrt(2.0 * coupler[:, 0] * between).max())
+    return max(1, math.ceil(period * fastest / STABLE_ANGLE))
 
 
 def _brake_groups(

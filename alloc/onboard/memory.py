@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
+from alloc.onboard.mail import Mail, mail
 from alloc.onboard.reference_speed.state import ReferenceMemory, reference_memory
+from alloc.onboard.reports import ReportMemory, report_memory
 from alloc.onboard.sanding import SandingMemory
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 from alloc.plant.model import Floats
 
 Counter = NDArray[np.int64]
-
-SLOTS = 16
-"""Telegrams that can be on their way to one unit."""
 
 
 class UnitMemory(NamedTuple):
@@ -52,6 +51,7 @@ class LeadMemory(NamedTuple):
     detected: Floats  # time of that
     slipped: Floats  # time of the last slip of any unit
     allocate: NDArray[np.bool_]  # whether something changed that needs a new allocation
+    needed: Floats  # coefficient of the units that makes up for the trailers too
     brake_rise: Floats  # share of the plan that the trailers' brakes have risen to
 
 
@@ -100,12 +100,21 @@ class Memory(NamedTuple):
     rise: Floats  # slew-limited magnitude of the expected torque
     cap: Floats
     limit_wanted: Floats  # what the foremost unit wants
-    delivered: Floats  # snapshot sent with the last telegram
+    delivered: Floats  # by each unit, as the leader has heard
     truth: Floats  # filled for the oracle only
-    received: Floats  # last limit received; inf: none, the plan stands
-    last_heard: Floats
-    mail_time: Floats  # (units, SLOTS) arrival; inf: empty
-    mail_limit: Floats  # (units, SLOTS)
+    shown: Floats  # coefficient that each unit has shown to be able to deliver
+    open_to: Floats  # coefficient up to which each unit may be asked for more than the plan
+    most: Floats  # up to which a limit may rise now
+    limited: NDArray[np.bool_]  # whether the unit is limited, as the leader has heard
+    by_rail: NDArray[np.bool_]  # whether it was the rail that limited it the last time
+    slipping: NDArray[np.bool_]  # whether it slips, as the leader has heard
+    since_limited: Floats  # time since it was limited the last time, as the leader knows it [s]
+    pressure: Floats  # (groups,) of the brake cylinders as read [Pa]
+    air_most: Floats  # (groups,) force per axle that the oracle allows a trailer's brake [N]
+    told: Floats  # (units, 1) limit that the leader would send now; inf: none, the plan stands
+    received: Floats  # last limit received; inf: none
+    orders: Mail  # limits to the units
+    report: ReportMemory
 
 
 def _block(kind: Any, size: int) -> tuple[Any, Floats]:
@@ -156,7 +165,15 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         cap=np.full(n, expected),
         limit_wanted=np.full(n, expected),
         delivered=np.full(n, expected),
+        limited=np.zeros(n, dtype=np.bool_),
+        by_rail=np.zeros(n, dtype=np.bool_),
+        slipping=np.zeros(n, dtype=np.bool_),
+        shown=np.full(n, np.inf),
+        open_to=np.full(n, np.inf),
+        pressure=np.zeros(eq.group.unit.size),
+        air_most=np.full(eq.group.unit.size, np.inf),
+        told=np.full((n, 1), np.inf),
         received=np.full(n, np.inf),
-        mail_time=np.full((n, SLOTS), np.inf),
-        mail_limit=np.zeros((n, SLOTS)),
+        orders=mail(n, 1, np.inf),
+        report=report_memory(n, speed, expected),
     )

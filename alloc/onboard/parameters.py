@@ -188,8 +188,9 @@ class Belief:
 class Onboard(BuiltInControllers):
     """Equipment of a train, the readhesion controllers' parameters included.
 
-    `hold_time` [s]: time without slip after which limits return to the plan. `rise_time` [s]: time in which
-    a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
+    `trigger`: a rule is asked while any unit is "limited", by its own report, or at the foremost unit's "slip" alone, as
+    JP5484215 says; then `hold_time` [s] is the time without slip after which limits return to the plan. `rise_time` [s]:
+    time in which a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
     `limit_rate`: largest change of a limit per allocation, for the rules that know rates. `inertia_in_limit`: a unit's
     torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients at the
     rail; without it (6) as printed, whose torque delivers less at the rail than the cap by that part.
@@ -204,6 +205,7 @@ class Onboard(BuiltInControllers):
     braking: Braking = field(default_factory=Braking)
     sanding: Sanding = field(default_factory=Sanding)
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
+    trigger: Literal["limited", "slip"] = "limited"
     hold_time: float = quantity(5.0, "s")
     rise_time: float = quantity(1.0, "s")
     period: float = quantity(0.01, "s")
@@ -212,6 +214,7 @@ class Onboard(BuiltInControllers):
     hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
 
     def __post_init__(self) -> None:
+        OnboardError.check_choice("on board", "trigger", self.trigger, ("limited", "slip"))
         OnboardError.check("on board", self, positive=("hold_time", "rise_time", "period"))
         if self.limit_rate is not None and not self.limit_rate > 0.0:
             raise OnboardError(f"on board: limit_rate = {self.limit_rate!r} must exceed 0")

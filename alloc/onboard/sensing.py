@@ -7,7 +7,8 @@ from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.sounding import is_relieved, sound
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.onboard.reports import ESTIMATE
+from alloc.onboard.shoe_force import believed_shoe_force
 
 
 @inlined_jit
@@ -85,6 +86,8 @@ def _compare_with_reference(eq, m, sign):
 @inlined_jit
 def _read_air_forces(eq, st, m, pressure, blended):
     """Air brake force of each unit per axle at its rim: of its cylinders' pressure, or as commanded."""
+    for g in range(pressure.size):
+        m.pressure[g] = pressure[g]
     by_pressure = blended and st.brakes.by_pressure
     for j in range(eq.axles.size):
         m.air_force[j] = 0.0 if by_pressure else m.unit.air_brake_force[j]
@@ -92,10 +95,9 @@ def _read_air_forces(eq, st, m, pressure, blended):
         for i in range(eq.axle_unit.size):
             j, g = eq.axle_unit[i], eq.axle_group[i]
             if j >= 0 and g >= 0:
-                numerator, offset, constant = eq.group.friction[g]
-                speed = m.reference[eq.axle_body[i]]
-                friction = hyperbolic_speed_law(speed, numerator, offset, constant)
-                m.air_force[j] += eq.group.gain[g] * pressure[g] * friction / eq.axles[j]
+                rim = eq.axle_radius[i] * m.axle_omega[i]
+                force = believed_shoe_force(eq.group, g, pressure[g], rim)
+                m.air_force[j] += force / eq.axles[j]
 
 
 @inlined_jit
@@ -140,6 +142,7 @@ def _detect(st, m, j, sign, time, commanded):
         m.lead.slipped[0] = time
     if slipping and not was:
         m.counter.unit_detections[0] += 1
+        m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
         if j == m.lead.unit[0] and commanded != 0.0:
             m.counter.detections[0] += 1
             m.lead.estimate[0] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
@@ -177,10 +180,6 @@ def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
         sound(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
     _compare_with_reference(eq, m, sign)
     _read_air_forces(eq, st, m, pressure, blended)
-    first = 0
-    while first < units - 1 and not m.in_service[first]:
-        first += 1
-    m.lead.unit[0] = first
     m.lead.allocate[0] = False
     for j in range(units):
         if np.isnan(m.differentiator[j]):

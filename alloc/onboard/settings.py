@@ -10,7 +10,12 @@ from alloc.onboard.detector import differentiator_gain
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
-from alloc.onboard.reference_speed.state import ReferenceSettings, reference_settings
+from alloc.onboard.reference_speed.state import (
+    ReferencePace,
+    ReferenceSettings,
+    reference_pace,
+    reference_settings,
+)
 from alloc.onboard.sanding import SandingSettings
 from alloc.onboard.slide_protection.state import SlideSettings, slide_settings
 from alloc.plant.model import Floats
@@ -28,6 +33,12 @@ class RuleSettings(NamedTuple):
     """Whether it acts with every telegram, else at each detection by the foremost unit."""
     needs_truth: bool
     """Whether it reads the truth; who knows the rail need not wait for slip."""
+    always: bool
+    """Whether it is asked whether or not a unit is limited."""
+    on_slip: bool
+    """Whether it is asked at the foremost unit's slip, whatever units report."""
+    own_caps: bool
+    """Whether its caps are what the units themselves find, else what the foremost one implies."""
 
 
 class DetectorSettings(NamedTuple):
@@ -101,6 +112,7 @@ class Settings(NamedTuple):
     telegrams: TelegramSettings
     sensors: SensorSettings
     reference: ReferenceSettings
+    pace: ReferencePace
     brakes: BrakeSettings
     slide: SlideSettings
     sanding: SandingSettings
@@ -115,7 +127,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
     return filled(
         Settings,
         onboard,
-        rule=rule,
+        rule=rule._replace(on_slip=rule.on_slip or onboard.trigger == "slip"),
         hosted=hosted,
         controller=list(BUILT_IN).index(RESERVE if hosted else controller),
         law=law_settings(onboard),
@@ -141,6 +153,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
             dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
         ),
         reference=reference_settings(onboard),
+        pace=reference_pace(onboard.reference, period),
         brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
         slide=slide_settings(braking.slide_protection, period),
         sanding=filled(SandingSettings, onboard.sanding),

@@ -60,21 +60,23 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
     On a rail too slippery for the source's `top_curvature` the parabola is narrowed, see `parabola_curvature`.
     """
     narrowest = narrowest_parabola(micro_slope, macro_slope, residual_ratio)
-    curvature = parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio)
-    # divisions are what this law costs: of those by the curvature one of each pair is by a constant
+    # divisions are what this law costs: but for one, below, they are by constants
     breadth = minimum(1.0 / top_curvature, peak * (1.0 / narrowest))
     magnitude = absolute(slip)
     middle, half_width = peak * (1.0 / micro_slope), 0.25 * micro_slope * breadth
-    line_end = middle - half_width  # (3)
+    line_end = maximum(0.0, middle - half_width)  # (3)
     top = middle + half_width  # (4)
     tail_start = top + 0.5 * macro_slope * breadth  # (5)
     residual = residual_ratio * peak
     drop = peak - 0.25 * macro_slope * macro_slope * breadth - residual  # (6), B of the source
-    line = micro_slope * magnitude
-    parabola = peak - curvature * (magnitude - top) * (magnitude - top)
-    beyond = maximum(0.0, magnitude - tail_start)  # in this order a nan passes through
-    tail = residual + drop * exp(-beyond * macro_slope / drop)
-    value = where(magnitude <= line_end, line, where(magnitude < tail_start, parabola, tail))
+    inverse = 1.0 / (peak * drop)
+    curvature = maximum(top_curvature, narrowest * drop * inverse)  # as `parabola_curvature`
+    # the parabola with its top at (top, peak), seen from the line that it leaves: at the origin nothing is to cancel
+    off_line = maximum(0.0, magnitude - line_end)  # in this order a nan passes through
+    rise = micro_slope * magnitude - curvature * off_line * off_line
+    beyond = maximum(0.0, magnitude - tail_start)
+    tail = residual + drop * exp(-beyond * macro_slope * peak * inverse)
+    value = where(magnitude < tail_start, rise, tail)
     return where(slip < 0.0, -value, value)
 
 

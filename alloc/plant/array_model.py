@@ -19,6 +19,7 @@ from alloc.plant.equations import (
     curving_resistance,
     cylinder_pressure_rate,
     friction_draft_gear,
+    gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -161,7 +162,8 @@ class ArrayModel:
         r0, r1, r2 = (column(s.car_resistance[:, k], car_speed) for k in range(3))
         mass = column(s.car_mass, car_speed)
         constant = r0 + curving_resistance(mass, local.curving)
-        drag = car_drag(car_speed, constant, r1, r2, local.air_factor, mass, local.grade)
+        downhill = gradient_force(mass, local.grade)
+        drag = car_drag(car_speed, constant, r1, r2, local.air_factor, downhill)
         tension, lost, creep = self.coupler_forces(state)
         body_force = (
             self.body_of_axle.T @ force
@@ -174,14 +176,14 @@ class ArrayModel:
             local.drive_limit,
             local.brake_limit,
             local.health,
-            column(s.unit_lag, omega),
+            1.0 / column(s.unit_lag, omega),
         )
         pressure_rate = cylinder_pressure_rate(
             state[n.pressure],
             inputs.pressure_target,
             inputs.valve,
-            column(s.group_fill, omega),
-            column(s.group_release, omega),
+            1.0 / column(s.group_fill, omega),
+            1.0 / column(s.group_release, omega),
         )
         works = (
             self.motor_torques(state) * omega,

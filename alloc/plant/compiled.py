@@ -78,10 +78,12 @@ def _copy(values, result, rows):
 
 
 @inlined_jit
-def _add(values, slope, share, result, rows):
-    """`result` = `values` + `share` * `slope`, so many rows."""
+def _follow(c, weight, reach, rows):
+    """Add the slope with this weight [s] to the step's end, and go `reach` [s] along it to the next stage; so many rows."""
     for i in range(0, rows, WIDTH):
-        store(result, i, load(values, i) + share * load(slope, i))
+        slope = load(c.slope, i)
+        store(c.total, i, load(c.total, i) + weight * slope)
+        store(c.stage, i, load(c.state, i) + reach * slope)
 
 
 @inlined_jit
@@ -102,8 +104,7 @@ def inlined_advance(w, time, step, steps, state, inputs):
             derivative(w, time + (k + reach) * step, c.stage, c.slope)
             if k == 0 and stage == 0:
                 _note(w)
-            _add(c.total, c.slope, share * step, c.total, rows)
-            _add(c.state, c.slope, ahead * step, c.stage, rows)
+            _follow(c, share * step, ahead * step, rows)
         _copy(c.total, c.state, rows)
         if w.rail.conditioned or w.rail.sandy:
             leave_rail(w, inputs.sand_rate)

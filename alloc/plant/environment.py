@@ -9,7 +9,7 @@ import numpy as np
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.rail import Line, Rail, Receptivity, axle_values
-from alloc.plant.structure import Floats, Layout, Structure
+from alloc.plant.structure import Floats, Layout, Structure, structure_of
 from alloc.plant.train import Train
 
 
@@ -47,6 +47,22 @@ def axle_contacts(curve: AdhesionCurve, structure: Structure) -> Floats:
     A wheel carries half of its axle's load.
     """
     return curve.contact(0.5 * structure.static_load, structure.radius)
+
+
+def level_for(curve: AdhesionCurve, adhesion: float, speed: float, train: Train) -> float:
+    """Level of a rail whose `curve` offers `adhesion` to `train` at `speed` [m/s].
+
+    Offered is the greatest force of all axles over their weight: the curve's maximum, its mean weighted with the static
+    axle loads. Heavy axles have the softer contacts.
+    """
+    level, s = adhesion, structure_of(train)[0]
+    contact, share = axle_contacts(curve, s), s.static_load / s.static_load.sum()
+    for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
+        limit = np.broadcast_to(curve.limit(level, speed, contact)[0], share.shape)
+        before, level = level, level * adhesion / float(limit @ share)
+        if level == before:
+            break
+    return level
 
 
 def environment_of(

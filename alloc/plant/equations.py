@@ -58,23 +58,24 @@ def wheelset(
 
 
 @equation
-def motor_torque_rate(torque, command, drive_limit, brake_limit, health, time_constant):
+def motor_torque_rate(torque, command, drive_limit, brake_limit, health, inverse_lag):
     """Rate of the motor torque [N m/s]: first-order lag behind the bounded command.
 
-    `brake_limit` already contains the receptivity of the line; `health` 0 is a failed motor.
+    `brake_limit` already contains the receptivity of the line; `health` 0 is a failed motor; `inverse_lag` is 1 / time
+    constant [1/s], here as below: divisions are what a step costs.
     """
     target = health * minimum(maximum(command, -brake_limit), drive_limit)
-    return (target - torque) / time_constant
+    return (target - torque) * inverse_lag
 
 
 @equation
-def cylinder_pressure_rate(pressure, target, valve, fill_time, release_time):
+def cylinder_pressure_rate(pressure, target, valve, inverse_fill, inverse_release):
     """Rate of a brake cylinder's pressure [Pa/s].
 
     `valve` 0: supply valve open, the pressure follows `target`; 1: both shut, held; 2: release valve open.
     """
-    filling = (target - pressure) / fill_time
-    releasing = -pressure / release_time
+    filling = (target - pressure) * inverse_fill
+    releasing = -pressure * inverse_release
     return where(valve < 0.5, filling, where(valve < 1.5, 0.0 * pressure, releasing))
 
 
@@ -106,14 +107,13 @@ def curving_resistance(mass, specific):
 @equation
 def gradient_force(mass, grade):
     """Downhill component of the weight [N] against the motion; `grade` is the rise per run, JP H07-322414."""
-    return mass * GRAVITY * grade / sqrt(1.0 + grade * grade)
+    return mass * GRAVITY * (grade / sqrt(1.0 + grade * grade))
 
 
 @equation
-def car_drag(speed, constant, linear, quadratic, air_factor, mass, grade):
-    """Running resistance and gradient force of a car [N] against the motion."""
-    resistance = running_resistance(speed, constant, linear, quadratic, air_factor)
-    return resistance + gradient_force(mass, grade)
+def car_drag(speed, constant, linear, quadratic, air_factor, downhill):
+    """Running resistance and gradient force `downhill` of a car [N] against the motion."""
+    return running_resistance(speed, constant, linear, quadratic, air_factor) + downhill
 
 
 @equation
@@ -131,7 +131,7 @@ def coupler_spring_force(stretch, stiffness, stiffening):
 @equation
 def coupler_damper_force(stretch, rate, damping):
     """Damping tension of a draft gear [N]: none inside the slack, full at 1 mm beyond it."""
-    return damping * rate * minimum(absolute(stretch) / 1e-3, 1.0)
+    return damping * rate * minimum(absolute(stretch) * 1e3, 1.0)
 
 
 @equation

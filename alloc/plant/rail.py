@@ -102,9 +102,9 @@ class Rail:
     conditioning: float = 0.0
     conditioning_slip: float = 0.05
     cleaning_spacing: float = 0.1
-    sanded_coefficient: float = 0.314
-    sand_saturation: float = 27.3e-3
-    sand_decay: float = 0.056
+    sanded_coefficient: float = 0.40
+    sand_saturation: float = 35.3e-3
+    sand_decay: float = 0.0558
     presliding: float = 1.5e-4
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
 

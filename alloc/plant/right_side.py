@@ -15,6 +15,7 @@ from alloc.plant.equations import (
     curving_resistance,
     cylinder_pressure_rate,
     friction_draft_gear,
+    gradient_force,
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
@@ -23,7 +24,7 @@ from alloc.plant.equations import (
 )
 from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
 from alloc.plant.operations import absolute, maximum, minimum, sine, where
-from alloc.plant.simd import WIDTH, gather, load, look_up, spread, store, total
+from alloc.plant.simd import WIDTH, gather, is_nonzero, load, look_up, spread, store, total
 from alloc.plant.static_adhesion import STICK_SPEED, sticking_contact, stuck_share
 
 
@@ -54,7 +55,7 @@ def _find_patches(w, time, y):
 @inlined_jit
 def _find_declines(w, y):
     """Fall of the speed laws with the speed of every body: divided once for all its axles."""
-    for k in range(0, w.car.body_mass.size, WIDTH):
+    for k in range(0, w.car.inverse_body_mass.size, WIDTH):
         store(w.scratch.decline, k, speed_decline(load(y, w.row.speed + k), w.rail.law_offset))
 
 
@@ -123,7 +124,17 @@ def _coefficients(w, time, y, slope):
         store(c.peak, i, peak)
         store(c.mu, i, mu)
         store(c.load[0], i, mu * load(axle.static_load, i))
-        store(c.load[1], i, mu * load(axle.unloading, i))
+        if axle.pitches:
+            store(c.load[1], i, mu * load(axle.unloading, i))
+
+
+@inlined_jit
+def _sum_of_car(values, car, k):
+    """Sums over the axles of eight cars."""
+    found = spread(0.0)
+    for m in range(car.members.shape[0]):
+        found = found + gather(values, car.members[m], k)
+    return found
 
 
 @inlined_jit
@@ -133,28 +144,30 @@ def _cars(w, y, slope):
     lost = spread(0.0)
     end = w.rail.grade.size - 1.000001
     for k in range(0, car.mass.size, WIDTH):
-        static, unloading = spread(0.0), spread(0.0)
-        for m in range(car.members.shape[0]):
-            static = static + gather(c.load[0], car.members[m], k)
-            unloading = unloading + gather(c.load[1], car.members[m], k)
-        force = car_rail_force(static, unloading)
+        force = _sum_of_car(c.load[0], car, k)
+        if w.axle.pitches:
+            force = car_rail_force(force, _sum_of_car(c.load[1], car, k))
         v = _of_bodies(w, y, w.row.speed, car.speed_row, k)
-        grade, air = spread(w.rail.grade[0]), spread(w.rail.air_factor[0])
-        curving = spread(w.rail.curving[0])
+        mass, air, curving = (
+            load(car.mass, k),
+            spread(w.rail.air_factor[0]),
+            spread(w.rail.curving[0]),
+        )
+        downhill = gradient_force(mass, w.rail.grade[0])
         if not w.rail.uniform:
             x = _of_bodies(w, y, w.row.position, car.position_row, k) + load(car.offset, k)
             knot = minimum(
                 maximum((x - w.rail.line_origin) * (1.0 / w.rail.line_spacing), 0.0), end
             )
-            grade, air = look_up(w.rail.grade, knot), look_up(w.rail.air_factor, knot)
+            downhill = gradient_force(mass, look_up(w.rail.grade, knot))
+            air = look_up(w.rail.air_factor, knot)
             if w.rail.curved:
                 curving = look_up(w.rail.curving, knot)
         constant = load(car.resistance[0], k)
         if w.rail.curved:
-            constant = constant + curving_resistance(load(car.mass, k), curving)
+            constant = constant + curving_resistance(mass, curving)
         drag = car_drag(
-            v, constant, load(car.resistance[1], k), load(car.resistance[2], k), air,
-            load(car.mass, k), grade,
+            v, constant, load(car.resistance[1], k), load(car.resistance[2], k), air, downhill,
         )  # fmt: skip
         store(c.car_force, k, force)
         store(c.net, k, force - drag)
@@ -168,7 +181,7 @@ def _rigid_body(w, y, slope):
     for k in range(0, w.car.mass.size, WIDTH):
         net = net + load(w.scratch.net, k)
     slope[w.row.position] = y[w.row.speed]
-    slope[w.row.speed] = total(net) / w.car.body_mass[0]
+    slope[w.row.speed] = total(net) * w.car.inverse_body_mass[0]
     slope[w.row.work + 3] = 0.0
 
 
@@ -177,7 +190,7 @@ def _coupled_bodies(w, y, slope):
     """Accelerations of the cars with the couplers between them, and the work that is lost there."""
     row, coupler, c = w.row, w.car.coupler, w.scratch
     lost = spread(0.0)
-    for k in range(0, w.car.body_mass.size, WIDTH):
+    for k in range(0, w.car.inverse_body_mass.size, WIDTH):
         elongation = load(y, row.position + k) - load(y, row.position + k + 1)
         rate = load(y, row.speed + k) - load(y, row.speed + k + 1)
         tension, damper = coupler_forces(
@@ -202,7 +215,7 @@ def _coupled_bodies(w, y, slope):
         # the coupler ahead is the one of the car before
         pull = load(c.tension, WIDTH + k - 1) - tension
         store(slope, row.position + k, load(y, row.speed + k))
-        store(slope, row.speed + k, (load(c.net, k) + pull) / load(w.car.body_mass, k))
+        store(slope, row.speed + k, (load(c.net, k) + pull) * load(w.car.inverse_body_mass, k))
     slope[row.work + 3] = total(lost)
 
 
@@ -215,7 +228,7 @@ def _motors(w, time, y, slope):
         phase = 6.283185307179586 * time / receptivity[2] + receptivity[3]
         share += receptivity[1] * sine(phase)
     share = minimum(maximum(share, 0.0), 1.0)
-    for j in range(0, unit.lag.size, WIDTH):
+    for j in range(0, unit.inverse_lag.size, WIDTH):
         speed = spread(0.0)
         for m in range(unit.members.shape[0]):
             speed = speed + load(unit.share[m], j) * gather(y, unit.members[m], j)
@@ -224,26 +237,36 @@ def _motors(w, time, y, slope):
         slope_of_torque = motor_torque_rate(
             load(y, row.torque + j), load(w.scratch.command, j), look_up(unit.drive_table, place),
             share * look_up(unit.brake_table, place),
-            where(load(unit.failure_time, j) > time, 1.0, spread(0.0)), load(unit.lag, j),
+            where(load(unit.failure_time, j) > time, 1.0, spread(0.0)), load(unit.inverse_lag, j),
         )  # fmt: skip
         store(slope, row.torque + j, slope_of_torque)
+
+
+@inlined_jit
+def _is_braked(w, y):
+    """Whether a cylinder holds pressure."""
+    held = spread(0.0)
+    for g in range(0, w.unit.inverse_times.shape[1], WIDTH):
+        held = held + absolute(load(y, w.row.pressure + g))
+    return is_nonzero(held)
 
 
 @inlined_jit
 def _wheels(w, y, slope):
     """Angular accelerations, and the works of motors, shoes and wheel-rail friction."""
     row, axle, c = w.row, w.axle, w.scratch
-    driven, shod = spread(0.0), spread(0.0)
+    driven, shod, braked = spread(0.0), spread(0.0), _is_braked(w, y)
     for i in range(0, axle.radius.size, WIDTH):
         v = _of_bodies(w, y, row.speed, axle.speed_row, i)
-        carried = gather(c.car_force, axle.car, i)
-        force = load(c.mu, i) * axle_load(
-            load(axle.static_load, i), load(axle.unloading, i), carried
-        )
+        normal = load(axle.static_load, i)
+        if axle.pitches:
+            carried = gather(c.car_force, axle.car, i)
+            normal = axle_load(normal, load(axle.unloading, i), carried)
+        force = load(c.mu, i) * normal
         motor = load(axle.gear, i) * gather(y, axle.torque_row, i)
         r, omega = load(axle.radius, i), load(y, row.omega + i)
         limit = spread(0.0)
-        if w.size.groups > 0:
+        if braked:
             limit = load(axle.shoe_gain, i) * gather(y, axle.pressure_row, i)
             if axle.friction_fades:
                 a, o, constant = (
@@ -274,9 +297,9 @@ def derivative(w, time, y, slope):
         _coupled_bodies(w, y, slope)
     _motors(w, time, y, slope)
     _wheels(w, y, slope)
-    for g in range(0, w.unit.fill.size, WIDTH):
+    for g in range(0, w.unit.inverse_times.shape[1], WIDTH):
         rate = cylinder_pressure_rate(
             load(y, w.row.pressure + g), load(w.scratch.target, g), load(w.scratch.valve, g),
-            load(w.unit.fill, g), load(w.unit.release, g),
+            load(w.unit.inverse_times[0], g), load(w.unit.inverse_times[1], g),
         )  # fmt: skip
         store(slope, w.row.pressure + g, rate)

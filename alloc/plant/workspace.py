@@ -51,6 +51,7 @@ class Axles(NamedTuple):
     static_load: Floats
     contact: Floats
     unloading: Floats
+    pitches: bool  # whether any axle is unloaded by its car's force
     shoe_gain: Floats  # torque [N m] per pascal and shoe friction; per pascal alone where no friction fades
     shoe_friction: Floats  # (3, axles)
     friction_fades: bool  # whether any shoe's friction depends on its wheel's speed
@@ -75,7 +76,7 @@ class Cars(NamedTuple):
     offset: Floats
     mass: Floats
     resistance: Floats  # (3, cars)
-    body_mass: Floats
+    inverse_body_mass: Floats
     coupler: Floats  # (4, bodies)
     draft_gear: Floats  # (8, bodies)
     rubs: bool  # whether there are friction draft gears
@@ -86,14 +87,13 @@ class Units(NamedTuple):
 
     members: Ints  # (most axles of a unit, units) rows of the angular speeds of its axles
     share: Floats  # (most axles of a unit, units) by which they give the unit's rim speed
-    lag: Floats
+    inverse_lag: Floats
     failure_time: Floats
     table_start: Floats  # (units,) where its limits begin in the tables
     drive_table: Floats
     brake_table: Floats
     table_end: float  # of each
-    fill: Floats  # (groups,)
-    release: Floats  # (groups,)
+    inverse_times: Floats  # (2, groups) of filling and releasing
 
 
 class Rail(NamedTuple):
@@ -207,6 +207,7 @@ def _axles(model: Model, row: Rows) -> Axles:
         static_load=filled(s.static_load),
         contact=filled(e.contact, 1.0),
         unloading=filled(s.unloading),
+        pitches=bool(s.unloading.any()),
         shoe_gain=filled(s.shoe_gain * s.radius * (1.0 if fades else s.shoe_friction[:, 2])),
         shoe_friction=filled(s.shoe_friction.T, 1.0),
         friction_fades=fades,
@@ -232,7 +233,7 @@ def _cars(model: Model, row: Rows) -> Cars:
         offset=filled(s.car_offset),
         mass=filled(s.car_mass),
         resistance=filled(s.car_resistance.T),
-        body_mass=filled(s.body_mass, 1.0),
+        inverse_body_mass=filled(1.0 / s.body_mass, 1.0),
         # none behind the last body
         coupler=filled(np.append(s.coupler, np.zeros((1, 4)), axis=0).T),
         draft_gear=filled(np.append(s.draft_gear, [NO_WEDGES], axis=0).T),
@@ -247,15 +248,14 @@ def _units(model: Model, row: Rows) -> Units:
     return Units(
         members=np.where(of_unit < 0, row.nothing, row.omega + of_unit),
         share=np.where(of_unit < 0, 0.0, s.radius[of_unit] / filled(s.unit_axles, 1.0)),
-        lag=filled(s.unit_lag, 1.0),
+        inverse_lag=filled(1.0 / s.unit_lag, 1.0),
         failure_time=filled(model.environment.failure_time),
         table_start=points * filled(np.arange(float(n.units))),
         # look-ups take two neighbours, also where there is no unit
         drive_table=np.append(s.drive_table, np.zeros(2)),
         brake_table=np.append(s.brake_table, np.zeros(2)),
         table_end=max(points, 2) - 1.000001,
-        fill=filled(s.group_fill, 1.0),
-        release=filled(s.group_release, 1.0),
+        inverse_times=filled(1.0 / np.array([s.group_fill, s.group_release]), 1.0),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from alloc.compilation import equation, jit
 from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE
 from alloc.rules.alone import ALONE
+from alloc.rules.cooperative import COOPERATIVE
 from alloc.rules.exact import EXACT
 from alloc.rules.greedy import GREEDY
 from alloc.rules.greedy_claim import GREEDY_CLAIM
@@ -15,7 +16,16 @@ from alloc.rules.preset import PRESET
 from alloc.rules.rule import Rule
 from alloc.rules.sharing import SHARING
 
-COMPILED: tuple[Rule, ...] = (ALONE, PRESET, SHARING, GREEDY, GREEDY_CLAIM, EXACT, ORACLE)
+COMPILED: tuple[Rule, ...] = (
+    ALONE,
+    PRESET,
+    SHARING,
+    GREEDY,
+    GREEDY_CLAIM,
+    EXACT,
+    COOPERATIVE,
+    ORACLE,
+)
 """Rules that compiled code knows, by their place here; a rule registered at run time is called in Python."""
 
 
@@ -57,4 +67,4 @@ def allocate_compiled(rule, units, expected, limit_out):
 
 def compiled_index(rule: Rule) -> int:
     """Place of `rule` in `COMPILED`; -1 if it is called in Python."""
-    return COMPILED.index(rule) if rule in COMPILED else -1
+    return next((k for k, one in enumerate(COMPILED) if one.law is rule.law), -1)

@@ -4,6 +4,8 @@ This is the description's reading of its step S210; `alloc.rules.greedy_claim` i
 count units, not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
 """
 
+from dataclasses import replace
+
 from alloc.compilation import jit
 from alloc.rules.reach import ROUNDING, highest_cap, within_reach
 from alloc.rules.rule import RULES, Rule
@@ -57,3 +59,9 @@ GREEDY = Rule(
     law=greedy_law, colour="#d55e00", marker="s",
 )  # fmt: skip
 RULES.register("greedy", GREEDY)
+
+GREEDY_LITERAL = replace(
+    GREEDY, name="greedy-literal", on_slip=True, colour="#8c564b", marker="d",
+    description="greedy asked as JP5484215 is printed: at the foremost unit's slip, held, lifted at once",
+)  # fmt: skip
+RULES.register("greedy-literal", GREEDY_LITERAL)

@@ -22,6 +22,10 @@ class Units(NamedTuple):
     previous: Floats
     delivered: Floats
     truth: Floats
+    open_to: Floats
+    """Coefficient up to which each unit may be asked for more than the plan; inf: it was never limited."""
+    plan: float
+    """What the driver asks of every unit; the rule may be asked for more, to make up for others."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,12 @@ class Rule:
     array may be that of the previous limits. None if the rule needs Python."""
     periodic: bool = False
     """Whether it is asked with every telegram, instead of once per detection of slip."""
+    always: bool = False
+    """Whether it is asked with every telegram, limited units or not."""
+    own_caps: bool = False
+    """Whether its caps are what each unit finds itself, instead of what (5) makes of the foremost one's."""
+    on_slip: bool = False
+    """Whether it is asked at the foremost unit's slip alone, as JP5484215 says, whatever units report."""
     needs_truth: bool = False
     """Whether it reads what nobody on board can know."""
     colour: str = "#882255"
@@ -73,7 +83,8 @@ def units_of(problem: AllocationProblem) -> Units:
     """What compiled laws read of `problem`."""
     cap = np.asarray(problem.cap, dtype=float)
     return Units(
-        cap, problem.weight, problem.torque_limit, problem.in_force, problem.obtained, problem.available
+        cap, problem.weight, problem.torque_limit, problem.in_force, problem.obtained, problem.available,
+        np.full(problem.n, np.inf), problem.expected,
     )  # fmt: skip
 
 
@@ -85,7 +96,10 @@ def plan(problem: AllocationProblem) -> Allocation:
 
 RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
-    ("alone", "preset", "sharing", "greedy", "greedy-claim", "exact", "qp", "qp-cvxpy", "qp-robust", "oracle"),
+    (
+        "alone", "preset", "sharing", "greedy", "greedy-literal", "greedy-claim", "exact", "qp", "qp-cvxpy", "qp-robust",
+        "cooperative", "oracle",
+    ),
 )  # fmt: skip
 """Every rule by name: what there was before, the patent's, exact ones, and the one that knows the truth."""
 

@@ -6,8 +6,10 @@ from alloc.compilation import jit
 from alloc.rules.reach import bounds_allow_plan
 from alloc.rules.rule import RULES, Rule
 
-GAIN = 0.5
-"""Share of the shortfall handed on per telegram; its source names none."""
+GAIN = 0.25
+"""Share of the shortfall handed on per telegram; its source names none. Of 0.5, 0.25 and 0.1 this one used most of the bound
+over 30 events of the claims (seed 100): 98.80 % under perturb-observe, against 98.53 and 98.79 %, with the least slip; under
+cut-and-ramp 95.8 %, against 95.4 and 96.0 %, but with a third less slip than 0.1."""
 TOLERANCE = 0.02
 """Shortfall, as a share of the plan, that counts as none."""
 

@@ -125,7 +125,7 @@ def allocated_stops(fault: Fault | None, seed: int, draws: int = 1) -> list[Stop
         initial_position=200.0,
         seed=seed,
     )
-    run = simulate(event, "greedy")
+    run = simulate(event, "greedy-literal")
     every = SYSTEM.every(run)
     unit_car = [int(run["axle_car"].values[run["axle_unit"].values == j][0])
                 for j in range(run.sizes["unit"])]  # fmt: skip

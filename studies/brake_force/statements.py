@@ -10,8 +10,8 @@ import math
 import numpy as np
 import pandas as pd
 
-from studies.core.statement import Statement, share_interval
-from studies.core.verdict import LEAST_EVENTS, Bound, decided, judged
+from studies.core.statement import Statement
+from studies.core.verdict import Bound, agreement, decide, intervals_of, judged, sides_of
 
 FULL_FORCE = 60.0
 """The report's estimate of the locomotive's brake force [kN]."""
@@ -210,25 +210,33 @@ def _remedies(tests: dict[str, pd.DataFrame]) -> Statement:
 
 def _uncertainty(tests: dict[str, pd.DataFrame]) -> Statement:
     """Intervals that hold the truth too often are on the safe side, but not what they say."""
-    rows = pd.concat(tests.values())
-    covered = share_interval(rows["covered"].astype(bool))
-    error = (rows["mean"] - rows["true_mean"]).abs() / rows["whole_deviation"]
+    rows = pd.concat(tests.values(), ignore_index=True)
+    covered = Bound("", rows["covered"].astype(bool), least=0.95)
+    sides = sides_of([covered])
     why = (
         "wider than need be: the error of the wagons' sum is a change of relative speed, whose mean over a stop "
         "vanishes faster than batches of it can tell"
     )
-    return decided(
+
+    def verdict(row: tuple[int, ...]) -> str:
+        return decide([row[0] >= 0], [row[0] <= 0], enough=covered.enough)
+
+    numbers = {
+        "share of intervals that hold it": covered.values,
+        "magnitude of the mean's error over its stated deviation": (
+            rows["mean"] - rows["true_mean"]
+        ).abs()
+        / rows["whole_deviation"],
+        "deviation of the smoother's error over the stated one": rows["smooth_ratio"],
+    }
+    return Statement(
         "stated uncertainty",
         "the 95 % interval of the averaged estimate holds the true mean in 95 % of the tests",
-        {"": not covered.high < 0.95},
-        {
-            "share of intervals that hold it": covered,
-            "magnitude of the mean's error over its stated deviation": error,
-            "deviation of the smoother's error over the stated one": rows["smooth_ratio"],
-        },
-        "batch means about a parabola and calibration errors; Wilson's interval of the share",
-        {why: not covered.low > 0.95},
-        enough=len(rows) >= LEAST_EVENTS,
+        verdict(sides[0]),
+        intervals_of(numbers),
+        (why,) if sides[0][0] > 0 else (),
+        "batch means about a parabola and calibration errors; Wilson's interval of the share, which is to contain it",
+        agreement=agreement(sides, verdict),
     )
 
 

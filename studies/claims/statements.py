@@ -1,32 +1,35 @@
 """Claims (a) to (e) of JP5484215 as tests with thresholds, and the statements that a table of events yields."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 import pandas as pd
 
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import BELIEVED_SLOPE, QUANTITIES
+from studies.claims.thresholds import POPULATIONS, REACHED, THRESHOLDS, bears, threshold_test
+from studies.core.arms import Arm
 from studies.core.drawn_events import paired
+from studies.core.family import Claim, Part, compared
 from studies.core.statement import Interval, Statement, in_words
-from studies.core.verdict import Numbers, Part, Test, compared
+from studies.core.verdict import Numbers
 
-REFERENCE = "greedy"
-"""Rule of which the patent's claims are claims."""
-REACHED = 0.99
-"""Share of the planned effort from which on the plan counts as reached."""
-ABOUT_BOUND = 0.90
-"""Use of its adhesion from which on a unit works at about its bound."""
-ABOUT_95 = 0.92
-"""Use from which on it is about 95 %: three points are what readhesion controllers differ by."""
-LEAST_OVER_TIME = 1.0
-"""Unit seconds [s] under a limit too high that an event needs to bear on claim (c)."""
-PRESET_WRONG = 0.05
-"""Share of units and time with a limit above the adhesion from which on the preset pattern does not fit the rail."""
+LAYERS = ("greedy-literal", "greedy", "cooperative")
+"""The patent judged in three layers: as printed, asked at the foremost unit's slip; its caps and its level on what all units
+report; its idea, that the rear makes up for the front, on what each unit finds itself."""
+CONTROLLERS = ("cut-and-ramp", "perturb-observe")
+ARMS = tuple(Arm(rule, controller) for controller in CONTROLLERS for rule in LAYERS)
+"""Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 
-INTERVALS = "means and paired differences: Student's t; shares: Wilson; 95 % for the whole, Bonferroni among its parts"
+INTERVALS = (
+    "means and paired differences: Student's t; shares: Wilson; the whole after Holm over the claims, Bonferroni among its "
+    "parts"
+)
 EFFORT, JERK, SLIP = "effort over plan", "jerk rms [m/s3]", "slip [axle s]"
 """What statements call the numbers that several of them have."""
+UP_TO_PLAN = "effort_up_to_plan"
+"""Effort over plan, at most 1."""
 POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] %, n = {}", 100)
 """A share in per cent, or a difference of shares in points."""
 
@@ -35,7 +38,9 @@ def pairs_of(events: pd.DataFrame) -> pd.DataFrame:
     """One row per event: what was drawn, and every number of every rule as ``number@rule``."""
     drawn = [name for name in QUANTITIES if name in events]
     numbers = events.select_dtypes("number").columns.difference([*drawn, "seed", "wall_time"])
-    return paired(events, "rule", numbers, drawn)
+    pairs = paired(events, "rule", numbers, drawn)
+    efforts = pairs.filter(regex="^held_effort@").clip(upper=1.0)
+    return pairs.join(efforts.rename(columns=lambda name: name.replace("held_effort", UP_TO_PLAN)))
 
 
 PARTS: dict[str, Part] = {
@@ -61,171 +66,147 @@ PARTS: dict[str, Part] = {
 """Name -> which events of a table with what was drawn (`studies.claims.events`) belong to it."""
 
 
-def within_reach(pairs: pd.DataFrame) -> "pd.Series[bool]":
-    """Events in which the adhesion of the whole allows the plan nearly all the time."""
-    return pairs["reach_low@oracle"] >= 1.0
-
-
-def out_of_reach(pairs: pd.DataFrame) -> "pd.Series[bool]":
-    """Events in which it allows the plan hardly ever: case A."""
-    return pairs["reach_high@oracle"] < 1.0
+def population(pairs: pd.DataFrame, claim: str, rule: str) -> pd.DataFrame:
+    """Rows of `pairs_of` that bear on a claim, a to e, about `rule`."""
+    for name in POPULATIONS[claim]:
+        pairs = pairs[bears(name, rule, pairs)]
+    return pairs
 
 
 REACH_PARTS: dict[str, Part] = {
-    "the plan within reach (case B)": within_reach,
-    "the plan out of reach (case A)": out_of_reach,
+    "the plan within reach (case B)": lambda e: bears("a within reach", "", e),
+    "the plan out of reach (case A)": lambda e: bears("b out of reach", "", e),
 }
 """Parts by what the adhesion of the whole allows."""
 
 
-def claim_population(pairs: pd.DataFrame, claim: str) -> pd.DataFrame:
-    """Rows of `pairs_of` that bear on a claim, a to e."""
-    slips = pairs["unit_detections@alone"] > 0
-    chosen = {
-        "a": within_reach(pairs) & (pairs["held_effort@alone"] < REACHED),
-        "b": out_of_reach(pairs),
-        "c": pairs[f"over_time@{REFERENCE}"] >= LEAST_OVER_TIME,
-        "d": slips,
-        "e": pairs["over_share@preset"] > PRESET_WRONG,
-    }
-    return pairs[chosen[claim]]
+def claim_statements(events: pd.DataFrame) -> list[Statement]:
+    """One statement per claim and arm from rows of `studies.claims.study` in which every rule succeeded."""
+    return compared([one for arm in ARMS for one in _claims(events, arm)])
 
 
-def difference(name: str, rule: str, other: str, scale: float = 1.0) -> Test:
-    """Mean paired difference of a number, `rule` less `other`; positive wanted (negative with a negative `scale`)."""
-    return Test(
-        lambda e: abs(scale) * (e[f"{name}@{rule}"] - e[f"{name}@{other}"]),
-        wanted=1 if scale > 0.0 else -1,
+def statement_name(claim: str, arm: Arm) -> str:
+    """The claim's own name, with its arm where there are several."""
+    return claim if len(ARMS) == 1 else f"{claim}: {' under '.join(arm)}"
+
+
+def _claims(events: pd.DataFrame, arm: Arm) -> Iterator[Claim]:
+    """The five claims about a rule under a controller; where it is not the only one, their names say so."""
+    pairs = pairs_of(events[events["controller"] == arm.controller])
+    claims = {"a": _reaches, "b": _at_bound, "c": _about_95, "d": _ride, "e": _preset}
+    for name, claim in claims.items():
+        found = claim(population(pairs, name, arm.rule), arm.rule)
+        yield replace(found, name=statement_name(name, arm))
+
+
+def _claim(
+    name: str, claim: str, events: pd.DataFrame, rule: str, numbers: Numbers, method: str, besides: str = "",
+    show: Callable[[Interval], str] = POINTS,
+    parts: Mapping[str, Part] = PARTS,
+) -> Claim:  # fmt: skip
+    """`besides`: what a statement calls that which the claim implies besides."""
+    others = [(besides, threshold_test(f"{name} besides", rule))] if besides else []
+    method = f"{method}; {INTERVALS}"
+    return Claim(
+        name, claim, events, threshold_test(name, rule), parts, show, numbers, method, others
     )
 
 
-def reached_test() -> Test:
-    """Effort over plan, at most 1, that claim (a) wants at `REACHED`."""
-    return Test(lambda e: e[f"held_effort@{REFERENCE}"].clip(upper=1.0), REACHED)
-
-
-def bound_test() -> Test:
-    """Adhesion used by the unit that uses least, which claim (b) wants at `ABOUT_BOUND`."""
-    return Test(lambda e: e[f"unit_use_low@{REFERENCE}"], ABOUT_BOUND)
-
-
-def over_test() -> Test:
-    """Adhesion used under limits somewhat too high, which claim (c) wants at `ABOUT_95`."""
-    return Test(lambda e: e[f"use_over@{REFERENCE}"], ABOUT_95)
-
-
-def claim_statements(events: pd.DataFrame) -> list[Statement]:
-    """One statement per claim from rows of `studies.claims.study` in which every rule succeeded."""
-    pairs = pairs_of(events)
-    claims = {"a": _reaches, "b": _at_bound, "c": _about_95, "d": _ride, "e": _preset}
-    return [claim(claim_population(pairs, name)) for name, claim in claims.items()]
-
-
-def _statement(
-    name: str, claim: str, events: pd.DataFrame, test: Test, numbers: Numbers, method: str,
-    others: Sequence[tuple[str, Test]] = (),
-    show: Callable[[Interval], str] = POINTS,
-    parts: Mapping[str, Part] = PARTS,
-) -> Statement:  # fmt: skip
-    method = f"{method}; {INTERVALS}"
-    return compared(name, claim, events, test, parts, show, numbers, method, others)
-
-
-def _less(events: pd.DataFrame, other: str, rule: str = REFERENCE, **words: str) -> Numbers:
+def _less(events: pd.DataFrame, rule: str, other: str, **words: str) -> Numbers:
     """Paired differences of numbers by name, `rule` less `other`; `words`: what a statement calls them."""
     return {
-        f"{text}, {rule} less {other}": difference(name, rule, other).quantity(events)
+        f"{text}, {rule} less {other}": events[f"{name}@{rule}"] - events[f"{name}@{other}"]
         for name, text in words.items()
     }
 
 
-def _reaches(events: pd.DataFrame) -> Statement:
-    test, at_most = reached_test(), f"{EFFORT}, greedy (at most 1)"
+def _share(name: str) -> str:
+    return f"{THRESHOLDS[name].value:.0%}"
+
+
+def _reaches(events: pd.DataFrame, rule: str) -> Claim:
+    at_most = f"{EFFORT}, {rule} (at most 1)"
+    effort = events[f"{UP_TO_PLAN}@{rule}"]
     reached = {
-        rule: events[f"held_effort@{rule}"] >= REACHED
-        for rule in ("alone", REFERENCE, "exact", "oracle")
+        one: events[f"held_effort@{one}"] >= REACHED
+        for one in dict.fromkeys(("alone", rule, "exact", "oracle"))
     }
-    return _statement(
+    return _claim(
         "a", "redistribution reaches the planned effort where adhesion on the whole allows it and alone does not",
-        events, test,
+        events, rule,
         {
-            at_most: test.quantity(events),
-            **_less(events, "alone", held_effort=EFFORT),
-            **_less(events, "alone", "exact", held_effort=EFFORT),
-            f"{at_most}, where the oracle reaches it": test.quantity(events[reached["oracle"]]),
-            **{f"share of events that reach the plan, {rule}": met for rule, met in reached.items()},
+            at_most: effort,
+            **_less(events, rule, "alone", held_effort=EFFORT),
+            **_less(events, "exact", "alone", held_effort=EFFORT),
+            f"{at_most}, where the oracle reaches it": effort[reached["oracle"]],
+            **{f"share of events that reach the plan, {one}": met for one, met in reached.items()},
         },
-        f"events whose whole adhesion is at or above the plan 95 % of the time, and alone below {REACHED:.0%} of it; "
-        f"holds if the mean effort is {REACHED:.0%} of the plan",
-        [("effort over alone", difference("held_effort", REFERENCE, "alone"))],
+        f"events whose whole adhesion is at or above the plan 95 % of the time, and alone below "
+        f"{_share('a short alone')} of it; holds if the mean effort is {_share('a')} of the plan", "effort over alone",
     )  # fmt: skip
 
 
-def _at_bound(events: pd.DataFrame) -> Statement:
-    test, least = bound_test(), "adhesion used by the unit that uses least"
-    return _statement(
-        "b", "in case A every unit works at about its bound", events, test,
+def _at_bound(events: pd.DataFrame, rule: str) -> Claim:
+    least = "adhesion used by the unit that uses least"
+    use = events[f"unit_use_low@{rule}"]
+    return _claim(
+        "b", "in case A every unit works at about its bound", events, rule,
         {
-            f"{least}, greedy": test.quantity(events),
-            "adhesion used, mean of the units, greedy": events[f"unit_use_mean@{REFERENCE}"],
-            **_less(events, "alone", unit_use_low=least),
+            f"{least}, {rule}": use,
+            f"adhesion used, mean of the units, {rule}": events[f"unit_use_mean@{rule}"],
+            **_less(events, rule, "alone", unit_use_low=least),
             f"{least}, oracle": events["unit_use_low@oracle"],
-            f"share of events with every unit above {ABOUT_BOUND:.0%}": test.quantity(events) >= ABOUT_BOUND,
+            f"share of events with every unit above {_share('b')}": use >= THRESHOLDS["b"].value,
         },
         "events whose whole adhesion is below the plan 95 % of the time; holds if the unit that uses least uses "
-        f"{ABOUT_BOUND:.0%} on the mean",
+        f"{_share('b')} on the mean",
     )  # fmt: skip
 
 
-def _about_95(events: pd.DataFrame) -> Statement:
-    test = over_test()
-    return _statement(
+def _about_95(events: pd.DataFrame, rule: str) -> Claim:
+    return _claim(
         "c", "about 95 % of the adhesion is used under readhesion control when a cap is somewhat too high",
-        events, test,
+        events, rule,
         {
-            "adhesion used, limit up to 15 % too high": test.quantity(events),
-            **{f"adhesion used, limit {low:.0%} to {high:.0%} too high": events[f"{excess_column(k)}@{REFERENCE}"]
+            "adhesion used, limit up to 15 % too high": events[f"use_over@{rule}"],
+            **{f"adhesion used, limit {low:.0%} to {high:.0%} too high": events[f"{excess_column(k)}@{rule}"]
                for k, (low, high) in enumerate(pairwise(EXCESS_EDGES))},
         },
-        f"events with {LEAST_OVER_TIME:g} unit second or more under a limit of greedy above the true adhesion; holds if "
-        f"{ABOUT_95:.0%} is used on the mean",
+        f"events with {THRESHOLDS['c over'].value:g} unit second or more under a limit of {rule} above the true adhesion; "
+        f"holds if {_share('c')} is used on the mean",
     )  # fmt: skip
 
 
-def _ride(events: pd.DataFrame) -> Statement:
-    own, other, peak = (
-        events[f"jerk_rms@{REFERENCE}"],
-        events["jerk_rms@sharing"],
-        "jerk peak [m/s3]",
-    )
-    return _statement(
-        "d", "better ride (jerk) than dynamic sharing",
-        events, difference("jerk_rms", REFERENCE, "sharing", -1.0),
+def _ride(events: pd.DataFrame, rule: str) -> Claim:
+    own, other = (events[f"jerk_rms@{one}"] for one in (rule, "sharing"))
+    peak = "jerk peak [m/s3]"
+    return _claim(
+        "d", "better ride (jerk) than dynamic sharing", events, rule,
         {
-            **_less(events, "sharing", jerk_rms=JERK),
+            **_less(events, rule, "sharing", jerk_rms=JERK),
             f"{JERK}, sharing": other,
-            **_less(events, "sharing", jerk_peak=peak),
+            **_less(events, rule, "sharing", jerk_peak=peak),
             f"{peak}, sharing": events["jerk_peak@sharing"],
-            **_less(events, "sharing", limit_travel="way of the limits over plan", held_effort=EFFORT, slip_time=SLIP),
+            **_less(events, rule, "sharing", limit_travel="way of the limits over plan", held_effort=EFFORT, slip_time=SLIP),
             "share of events with less jerk": own < other,
         },
         "events in which a unit slips under alone; holds if the jerk is lower on the mean, rms and peak",
-        [(peak, difference("jerk_peak", REFERENCE, "sharing", -1.0))],
-        in_words("{:.3g} [{:.3g}, {:.3g}], n = {}"),
+        peak, in_words("{:.3g} [{:.3g}, {:.3g}], n = {}"),
     )  # fmt: skip
 
 
-def _preset(events: pd.DataFrame) -> Statement:
-    test, less = difference("held_effort", REFERENCE, "preset"), f"{EFFORT}, greedy less preset"
-    return _statement(
+def _preset(events: pd.DataFrame, rule: str) -> Claim:
+    more = events[f"held_effort@{rule}"] - events["held_effort@preset"]
+    text = f"{EFFORT}, {rule} less preset"
+    return _claim(
         "e", "better than a preset pattern when adhesion differs from what the preset assumed, summer and winter",
-        events, test,
+        events, rule,
         {
-            less: test.quantity(events),
-            **{f"{less}, {season}": test.quantity(events[PARTS[season](events)]) for season in ("summer", "winter")},
-            **_less(events, "preset", slip_time=SLIP, damage="wheel damage [kJ]", jerk_rms=JERK),
+            text: more,
+            **{f"{text}, {season}": more[PARTS[season](events)] for season in ("summer", "winter")},
+            **_less(events, rule, "preset", slip_time=SLIP, damage="wheel damage [kJ]", jerk_rms=JERK),
         },
-        f"events in which a limit of the preset exceeds the adhesion in {PRESET_WRONG:.0%} of units and time; holds if the "
-        "effort is higher on the mean",
-        [(SLIP, difference("slip_time", REFERENCE, "preset", -1.0))], parts=PARTS | REACH_PARTS,
+        f"events in which a limit of the preset exceeds the adhesion in {_share('e preset wrong')} of units and time; holds "
+        "if the effort is higher on the mean",
+        SLIP, parts=PARTS | REACH_PARTS,
     )  # fmt: skip

@@ -27,6 +27,9 @@ def analyse(
     at the wheel or axle1_force_kn (or _n) at the rim ...; if measured coupler1_force_kn ... and car1_acceleration_ms2 ...
     Axles and cars count from the front; traction and tension are positive. `readhesion list` has them all.
 
+    Without a column of the train's speed it is estimated from speed and force of the axles, of all driven ones at least,
+    as on board (docs/reference-speed.md), with gradient_permille if there is one; the estimate's error is stated.
+
     Found are: slips and slides; the coefficient of each axle; its value as slips begin, which estimates the adhesion,
     since the true one is unknown; wheel damage Q (JP4209318); the share of that adhesion used in slips; and the brake
     force of each car where coupler forces are there.

@@ -131,6 +131,10 @@ class StudyOptions:
     """wsp-acceptance: name of a train or path of its file; motors rest [default: that of JP4209318, 1 to 8 cars]."""
     law: str | None = None
     """wsp-acceptance: law of the slide protection [default: fuzzy]."""
+    source: str | None = None
+    """sanders: speed that slip is measured from, estimate or truth [default: estimate]."""
+    controllers: Names = None
+    """headroom: readhesion controllers, one by one or with commas [default: cut-and-ramp, perturb-observe]."""
 
     def settings(self, study: "Study") -> dict[str, object]:
         """What was given, by name; raises `StudyError` where `study` has no such option, or a value is none."""
@@ -139,8 +143,9 @@ class StudyOptions:
             option = name.replace("_", "-")
             raise StudyError(f"--{option} is no option of the sweep {study.name!r}")
         values: dict[str, object] = {**given}
-        if self.curve is not None:
-            values["curve"] = split_names(self.curve)
+        for name in ("curve", "controllers"):
+            if name in given:
+                values[name] = split_names(getattr(self, name))
         if self.adhesion is not None:
             values["adhesion"] = split_numbers("--adhesion", self.adhesion)
         return values

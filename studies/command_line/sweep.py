@@ -51,7 +51,7 @@ def sweep(
     """
     from studies.core.collection import find_study, study_folder
     from studies.core.shard import read_shard
-    from studies.core.statement_report import about, printed, rows_of, shown_rows
+    from studies.core.statement_report import about, frozen_words, printed, rows_of, shown_rows
 
     chosen = find_study(name)
     count = chosen.default_events if events is None else events
@@ -67,7 +67,7 @@ def sweep(
     all_failed = failed == len(table) > 0
     found = [] if all_failed or work.shard else chosen.statements(table)
     if as_json:
-        content = about(name, count, seed, folder, len(table), failed) | {"shard": work.shard}
+        content = about(chosen, count, seed, folder, len(table), failed) | {"shard": work.shard}
         content["statements"] = [statement.content() for statement in found]
         if chosen.shown:
             content["rows"] = rows_of(table)
@@ -78,5 +78,7 @@ def sweep(
             screen.print(shown_rows(table, chosen.shown))
         for item in printed(found):
             screen.print(item)
+        if words := frozen_words(chosen, folder, seed):
+            screen.print(words)
         screen.print(f"{counted(table, 'rows')}{of_shard(work)}; tables in {folder}")
     return ALL_FAILED if all_failed else 0

@@ -11,12 +11,13 @@ from studies.scenario.scenario import Scenario
 
 DEFAULT_SEEDS = 5
 """Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
-DEFAULT_CONTROLLERS = ("cut-and-ramp",)
+DEFAULT_CONTROLLERS = ("cut-and-ramp", "perturb-observe")
+"""One that waits for a slip signal, and one that limits torque without any: rules differ by what they need to act."""
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
 """Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
 another answer only where the train believes in deviations of its caps, which no shipped scenario does."""
 MPC_CELLS = tuple(
-    (name, "exact")
+    (name, "cooperative")
     for name in (
         "very-low-adhesion",
         "wet-patch",
@@ -24,7 +25,7 @@ MPC_CELLS = tuple(
     )
 )
 """Where the default grid also runs the MPC, several times as slow as what is compiled: one event of each kind."""
-KEPT_RUNS = ("wet-patch/alone/*/0", "wet-patch/exact/*/0")
+KEPT_RUNS = ("wet-patch/alone/*/0", "wet-patch/exact/*/0", "wet-patch/cooperative/*/0")
 """Runs that a comparison records as netCDF."""
 
 

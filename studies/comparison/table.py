@@ -29,6 +29,9 @@ class Column:
 COLUMNS = (
     Column("acceleration_ratio", "accel.\n% plan", 100.0),
     Column("effort_ratio", "effort\n% plan", 100.0),
+    Column("bound_use", "% of\nbound", 100.0),
+    Column("headroom", "head-\nroom %", 100.0, 2, spare=3),
+    Column("over_delivery", "over\nplan %", 100.0, 2, spare=4),
     Column("utilisation", "adhesion\nused %", 100.0),
     Column("time_to_speed", "time to\nspeed s", spare=2),
     Column("slip_time", "slip\naxle s"),

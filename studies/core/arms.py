@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from studies.core.statement import Interval, mean_interval
-
 
 class Arm(NamedTuple):
     """A rule under a controller."""
@@ -14,10 +12,10 @@ class Arm(NamedTuple):
     controller: str
 
 
-def arm_difference(rows: pd.DataFrame, one: Arm, other: Arm, metric: str) -> Interval:
-    """Mean over events of a metric's difference, `one` less `other`; events that both have met count."""
+def arm_difference(rows: pd.DataFrame, one: Arm, other: Arm, metric: str) -> "pd.Series[float]":
+    """Difference of a metric by event, `one` less `other`; nan where only one has met the event."""
     values = []
     for arm in (one, other):
         chosen = (rows["rule"] == arm.rule) & (rows["controller"] == arm.controller)
         values.append(rows[chosen].set_index("event")[metric])
-    return mean_interval(values[0] - values[1])
+    return (values[0] - values[1]).astype(float)

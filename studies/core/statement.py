@@ -5,18 +5,22 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from scipy.special import ndtri, stdtrit  # scipy.stats, which calls them, takes a second to import
 
 HOLDS = "holds"
 CONDITIONS = "holds with conditions"
 FAILS = "does not hold"
+UNDECIDED = "undecided"
 TOO_FEW = "too few events"
-VERDICTS = (HOLDS, CONDITIONS, FAILS, TOO_FEW)
-"""Every verdict; the last where the table does not hold enough events that bear on the claim."""
+VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
+"""Every verdict. Undecided: the interval contains the threshold. The last: too few events bear on the claim."""
 
 CONFIDENCE = 0.95
-"""Confidence of every interval of a whole; those of parts are widened by their number (see `studies.core.verdict`)."""
+"""Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.family`)."""
+LEAST_AGREEMENT = 0.95
+"""Share of bootstrap resamples that must give a verdict again; one with less is fragile."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,27 @@ class Interval:
     low: float
     high: float
     count: int
+
+
+@dataclass(frozen=True)
+class Tested:
+    """The mean that decides a statement, against its threshold."""
+
+    direction: str
+    """Side of the threshold that is claimed: "at least" or "at most"."""
+    threshold: float
+    estimate: Interval
+    """Mean with its interval by Student's t at `CONFIDENCE`."""
+    adjusted: Interval
+    """The same at the level that Holm's procedure gives it among the claims of the study; it decides."""
+    level: float
+    """Confidence of `adjusted`."""
+    bootstrap: Interval
+    """The same from bootstrap resamples of the events, percentiles at `CONFIDENCE`."""
+    p: float
+    """Two-sided p-value by Student's t, paired where the claim compares."""
+    p_holm: float
+    """The same adjusted after Holm over the claims of the study: below 1 - `CONFIDENCE` it is decided."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +69,32 @@ class Statement:
     """Where it holds and where it does not, each in words."""
     method: str = ""
     """How the intervals were made, and the thresholds of the verdict."""
+    test: Tested | None = None
+    """Of a claim about one mean."""
+    agreement: float = math.nan
+    """Share of bootstrap resamples of the events that give this verdict; nan where it does not rest on means."""
+
+    @property
+    def fragile(self) -> bool:
+        """Whether it says more than undecided, and too few resamples say the same."""
+        return self.verdict in (HOLDS, CONDITIONS, FAILS) and self.agreement < LEAST_AGREEMENT
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether it holds in some parts of the events while the whole is undecided."""
+        whole = self.test is not None and self.test.p_holm >= 1.0 - CONFIDENCE
+        return whole and self.verdict == CONDITIONS
 
     def content(self) -> dict[str, Any]:
         """The statement as plain values for JSON; nan becomes None."""
-        content = asdict(self)
-        for numbers in content["numbers"].values():
-            for key, value in numbers.items():
-                numbers[key] = value if math.isfinite(value) else None
+        content: dict[str, Any] = _plain(asdict(self) | {"fragile": self.fragile})
         return content
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def interval_of(number: "Interval | float | pd.Series[Any]") -> Interval:
@@ -85,24 +128,32 @@ def mean_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
     mean = float(known.mean())
     if n == 1:
         return Interval(mean, math.nan, math.nan, 1)
-    half = half_width(float(known.std(ddof=1)), n, confidence)
+    half = float(half_width(float(known.std(ddof=1)), n, confidence))
     return Interval(mean, mean - half, mean + half, n)
 
 
-def half_width(deviation: float, count: int, confidence: float = CONFIDENCE) -> float:
+def half_width(deviation: Any, count: Any, confidence: Any = CONFIDENCE) -> Any:
     """Half-width of the interval of a mean by Student's t, from the standard deviation of `count` > 1 events."""
-    return float(stdtrit(count - 1, 0.5 + 0.5 * confidence)) * deviation / math.sqrt(count)
+    return stdtrit(count - 1, 0.5 + 0.5 * confidence) * deviation / np.sqrt(count)
 
 
 def share_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
-    """Share of the events that are true, with Wilson's score interval (Wilson 1927, JASA 22)."""
+    """Share of the events that are true, with Wilson's score interval."""
     n = len(values)
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0)
     p = float(values.mean())
-    z = float(ndtri(0.5 + 0.5 * confidence))
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low, high = share_limits(p, n, confidence)
+    return Interval(p, float(low), float(high), n)
+
+
+def share_limits(share: Any, count: Any, confidence: Any = CONFIDENCE) -> tuple[Any, Any]:
+    """Limits of Wilson's score interval (Wilson 1927, JASA 22) of a share of `count` > 0 events."""
+    z = ndtri(0.5 + 0.5 * confidence)
+    centre = (share + z * z / (2 * count)) / (1 + z * z / count)
+    half = (
+        z / (1 + z * z / count) * np.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
+    )
     # at the ends one limit is the share itself; rounding must not miss it
-    low = 0.0 if p == 0.0 else max(centre - half, 0.0)
-    return Interval(p, low, 1.0 if p == 1.0 else min(centre + half, 1.0), n)
+    low = np.where(share == 0.0, 0.0, np.maximum(centre - half, 0.0))
+    return low, np.where(share == 1.0, 1.0, np.minimum(centre + half, 1.0))

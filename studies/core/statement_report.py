@@ -12,9 +12,20 @@ from rich.table import Table
 
 from alloc.recording import provenance
 from alloc.sources import code_hash
-from studies.core.statement import CONDITIONS, CONFIDENCE, FAILS, HOLDS, Interval, Statement
+from studies.core.statement import (
+    CONDITIONS,
+    CONFIDENCE,
+    FAILS,
+    HOLDS,
+    UNDECIDED,
+    Interval,
+    Statement,
+    Tested,
+)
+from studies.core.study import Study
+from studies.core.threshold import fingerprint, frozen
 
-COLOURS = {HOLDS: "green", CONDITIONS: "yellow", FAILS: "red"}
+COLOURS = {HOLDS: "green", CONDITIONS: "yellow", FAILS: "red", UNDECIDED: "blue"}
 
 
 def printed(statements: list[Statement]) -> list[Group]:
@@ -23,20 +34,33 @@ def printed(statements: list[Statement]) -> list[Group]:
 
 
 def about(
-    name: str, events: int, seed: int, folder: Path, rows: int, failed: int
+    study: Study, events: int, seed: int, folder: Path, rows: int, failed: int
 ) -> dict[str, Any]:
-    """What a sweep was: events, seed, table, code and versions."""
+    """What a sweep was: events, seed, table, thresholds, code and versions."""
     return {
-        "sweep": name,
+        "sweep": study.name,
         "events": events,
         "seed": seed,
         "folder": str(folder),
         "rows": rows,
         "failed": failed,
         "confidence": CONFIDENCE,
+        "thresholds": fingerprint(study.thresholds) if study.thresholds else None,
+        "thresholds_since": frozen(folder, seed),
         "code": code_hash("studies.core.job"),
         **provenance(),
     }
+
+
+def frozen_words(study: Study, folder: Path, seed: int) -> str:
+    """Which thresholds judged events of `seed`, and whether others stood before them; empty for a study without."""
+    if not study.thresholds:
+        return ""
+    now = fingerprint(study.thresholds)
+    since = frozen(folder, seed)
+    others = [f"{one} since {when}" for one, when in since.items() if one != now]
+    words = f"thresholds {now}, with seed {seed} since {since[now]}"
+    return words + (f"; CHANGED: also judged by {', '.join(others)}" if others else "")
 
 
 def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -70,8 +94,29 @@ def shown_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> Table:
     return shown
 
 
-def _block(statement: Statement) -> Group:
+def _verdict(statement: Statement) -> str:
+    """The verdict in its colour, and how many resamples agree."""
     colour = COLOURS.get(statement.verdict, "magenta")
+    agree = (
+        "" if math.isnan(statement.agreement) else f"{statement.agreement:.0%} of resamples agree"
+    )
+    parts = "in parts; the whole is undecided" if statement.in_parts else ""
+    fragile = "fragile" if statement.fragile else ""
+    words = ", ".join(word for word in (parts, fragile, agree) if word)
+    return f"[bold {colour}]{statement.verdict}[/bold {colour}]" + (f" ({words})" if words else "")
+
+
+def _tested(test: Tested) -> str:
+    """The mean that decides, against its threshold."""
+    limits = {"t": test.estimate, f"t at {test.level:.1%} (Holm)": test.adjusted, "bootstrap": test.bootstrap}  # fmt: skip
+    words = ", ".join(f"[{i.low:.4g}, {i.high:.4g}] {name}" for name, i in limits.items())
+    return (
+        f"{test.estimate.value:.4g} {words}; claimed {test.direction} {test.threshold:g}, "
+        f"p {test.p:.3g}, after Holm {test.p_holm:.3g}"
+    )
+
+
+def _block(statement: Statement) -> Group:
     table = Table(show_header=False, box=None, padding=(0, 1))
     table.add_column(overflow="fold")
     for _ in range(3):
@@ -79,8 +124,8 @@ def _block(statement: Statement) -> Group:
     for quantity, interval in statement.numbers.items():
         table.add_row(escape(quantity), *_cells(interval))
     return Group(
-        f"[bold]{escape(statement.name)}[/bold]  {escape(statement.claim)}: "
-        f"[bold {colour}]{statement.verdict}[/bold {colour}]",
+        f"[bold]{escape(statement.name)}[/bold]  {escape(statement.claim)}: {_verdict(statement)}",
+        *([f"  {escape(_tested(statement.test))}"] if statement.test else []),
         table,
         *(f"  - {escape(condition)}" for condition in statement.conditions),
         f"[dim]  {escape(statement.method)}[/dim]",

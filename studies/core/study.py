@@ -13,6 +13,7 @@ from studies.core.runner import run_cells
 from studies.core.shard import ALL, Shard
 from studies.core.statement import Statement
 from studies.core.store import Store
+from studies.core.threshold import Threshold, freeze
 from studies.core.workers import Jobs, workers
 from studies.files.study_error import StudyError
 
@@ -49,6 +50,8 @@ class Study:
     """Settings that the command line may give, by the names that `studies.command_line.options` has for them."""
     shown: Mapping[str, str] = field(default_factory=dict)
     """Columns that `readhesion sweep` prints of every row, each with its heading. With `--json` it gives all of them."""
+    thresholds: Sequence[Threshold] = ()
+    """Those of its claims, kept beside the rows before the first event of a seed is drawn."""
 
     def run(
         self,
@@ -68,6 +71,8 @@ class Study:
         blocks = self._blocks(seed, events, shard, settings)
         blocks = chain([next(blocks)], blocks)  # what cannot be asked for leaves no folder behind
         store = Store(folder)
+        if self.thresholds:
+            freeze(store.folder, seed, self.thresholds)
         tables: list[pd.DataFrame] = []
         with workers(jobs) as others:  # the same for all blocks and stages
             for cells, block in blocks:

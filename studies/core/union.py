@@ -1,6 +1,7 @@
 """Stores of several folders united in one: what jobs on many machines computed apart."""
 
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ from studies.core.checked_file import DIGITS, Gone, StoreWarning, read_checked
 from studies.core.parts import NAME, Parts
 from studies.core.single_table import TABLE, take_over
 from studies.core.store import ROWS, RUNS, Store
+from studies.core.threshold import FOLDER
 from studies.files.study_error import StudyError
 
 MEASURED = ("wall_time", "solve_time", "rule_time", "controller_time", "controller_median", "controller_p99",
@@ -78,6 +80,11 @@ def _take(place: Path, target: Store) -> None:
         if CHECKED_RUN.fullmatch(path.name):
             with suppress(Gone):
                 _copy(path, target.folder / path.relative_to(place))
+    for path in (place / FOLDER).glob("*.json"):
+        kept = target.folder / path.relative_to(place)
+        kept.parent.mkdir(exist_ok=True)
+        if not kept.exists():
+            shutil.copyfile(path, kept)
 
 
 def _copy(source: Path, target: Path) -> None:

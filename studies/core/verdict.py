@@ -1,22 +1,26 @@
-"""From numbers to a verdict: bounds and parts of a whole stated as data, and the one place that decides."""
+"""From numbers to a verdict: thresholds stated as data, and the one place that decides."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from studies.core.resampling import resampled
 from studies.core.statement import (
     CONDITIONS,
     CONFIDENCE,
     FAILS,
     HOLDS,
     TOO_FEW,
+    UNDECIDED,
     Interval,
     Statement,
     interval_of,
-    mean_interval,
 )
 
 LEAST_EVENTS = 10
@@ -24,13 +28,25 @@ LEAST_EVENTS = 10
 
 Numbers = Mapping[str, "Interval | float | pd.Series[Any]"]
 """Quantity, with its unit where it has one, and what `interval_of` makes its interval from."""
-Part = Callable[[pd.DataFrame], "pd.Series[bool]"]
-"""Which events belong to a part."""
+Met = bool | None
+"""Whether something is met; None where that is undecided."""
+MET: Mapping[int, Met] = MappingProxyType({1: True, 0: None, -1: False})
+"""What `side` says."""
+
+
+def side(low: Any, high: Any, least: Any, most: Any = math.inf) -> NDArray[np.int_]:
+    """Where intervals lie: 1 wholly between two thresholds, -1 wholly beyond one, 0 where they contain one.
+
+    Every claim about random events is decided here. It is 0 where there is no interval.
+    """
+    inside = (np.asarray(low) > least) & (np.asarray(high) < most)
+    outside = (np.asarray(high) < least) | (np.asarray(low) > most)
+    return inside.astype(int) - outside
 
 
 def decide(
-    essential: Iterable[bool],
-    further: Iterable[bool] = (),
+    essential: Iterable[Met],
+    further: Iterable[Met] = (),
     partly: bool = False,
     enough: bool = True,
 ) -> str:
@@ -40,9 +56,21 @@ def decide(
     """
     if not enough:
         return TOO_FEW
-    if all(essential):
+    needed = list(essential)
+    if all(needed):
         return HOLDS if all(further) else CONDITIONS
-    return CONDITIONS if partly else FAILS
+    if partly:
+        return CONDITIONS
+    return UNDECIDED if all(met or met is None for met in needed) else FAILS
+
+
+def agreement(rows: Iterable[Any], verdict: Callable[[Any], str]) -> float:
+    """Share of rows that have the verdict of the first, which is not counted; nan where that has too few events."""
+    drawn, *others = rows
+    found = verdict(drawn)
+    if found == TOO_FEW:
+        return math.nan
+    return sum(n for row, n in Counter(others).items() if verdict(row) == found) / len(others)
 
 
 def intervals_of(numbers: Numbers) -> dict[str, Interval]:
@@ -50,36 +78,91 @@ def intervals_of(numbers: Numbers) -> dict[str, Interval]:
     return {quantity: interval_of(number) for quantity, number in numbers.items()}
 
 
+class Bound(NamedTuple):
+    """A mean over events, or a share of them, and the thresholds between which the claim puts it."""
+
+    text: str
+    values: "pd.Series[Any]"
+    """A number per event, or a truth; nan where the event does not bear on it."""
+    least: float = -math.inf
+    most: float = math.inf
+
+    @property
+    def words(self) -> str:
+        """The thresholds in words; empty where there are none."""
+        sides = (("at least", self.least), ("at most", self.most))
+        return ", ".join(f"{word} {value:g}" for word, value in sides if math.isfinite(value))
+
+    @property
+    def enough(self) -> bool:
+        """Whether events enough bear on it."""
+        return int(self.values.notna().sum()) >= LEAST_EVENTS
+
+
+def sides_of(bounds: Sequence[Bound]) -> list[tuple[int, ...]]:
+    """On which side of its thresholds the interval of each bound lies: of the events as drawn, then of each resample."""
+    if not bounds:
+        return [()]
+    limits = resampled([bound.values for bound in bounds]).limits(1.0 - CONFIDENCE)
+    found = side(*limits, [bound.least for bound in bounds], [bound.most for bound in bounds])
+    return list(map(tuple, found.tolist()))
+
+
+Item = Met | Bound
+"""What a statement rests on: what is met or not as it stands, or a bound that 95 % intervals are to decide."""
+
+
 def decided(
     name: str,
     claim: str,
-    essential: Mapping[str, bool],
+    essential: Mapping[str, Item],
     numbers: Numbers,
     method: str = "",
-    further: Mapping[str, bool] = MappingProxyType({}),
+    further: Mapping[str, Item] = MappingProxyType({}),
     partly: bool = False,
+    some: bool = False,
     enough: bool = True,
 ) -> Statement:
-    """A statement over what is met or not, as `decide` has it: the words of what is not met are its conditions."""
+    """A statement over what is met or not, as `decide` has it: the words of what is not met are its conditions.
+
+    `some`: with conditions where something essential is met. A bound on fewer than `LEAST_EVENTS` events is not enough.
+    """
+    items = [*essential.items(), *further.items()]
+    bounds = [item for _, item in items if isinstance(item, Bound)]
+    rows = sides_of(bounds)
+    enough = enough and all(bound.enough for bound in bounds)
+
+    def met(row: tuple[int, ...]) -> list[Met]:
+        left = iter(row)
+        return [MET[next(left)] if isinstance(item, Bound) else item for _, item in items]
+
+    def verdict(row: tuple[int, ...]) -> str:
+        found = met(row)
+        needed = found[: len(essential)]
+        return decide(needed, found[len(essential) :], partly or (some and any(needed)), enough)
+
+    unmet = [(words, one) for (words, _), one in zip(items, met(rows[0]), strict=True) if words and not one]  # fmt: skip
     return Statement(
         name,
         claim,
-        decide(essential.values(), further.values(), partly, enough),
+        verdict(rows[0]),
         intervals_of(numbers),
-        tuple(words for words, met in (*essential.items(), *further.items()) if words and not met),
+        tuple(words if one is not None else f"{words} (undecided)" for words, one in unmet),
         method,
+        agreement=agreement(rows, verdict) if bounds else math.nan,
     )
 
 
 def over_cases(
     name: str,
     claim: str,
-    met: Mapping[str, bool],
+    met: Mapping[str, Item],
     numbers: Numbers,
     method: str = "",
+    enough: bool = True,
 ) -> Statement:
     """A statement over cases that count alike: with conditions where some are met, which are those not met in words."""
-    return decided(name, claim, met, numbers, method, partly=any(met.values()))
+    return decided(name, claim, met, numbers, method, some=True, enough=enough)
 
 
 def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
@@ -90,25 +173,6 @@ def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
     )
 
 
-class Bound(NamedTuple):
-    """A mean over days and the side of a threshold on which the claim puts it."""
-
-    text: str
-    values: "pd.Series[float]"
-    least: float = -math.inf
-    most: float = math.inf
-
-    @property
-    def words(self) -> str:
-        """The thresholds in words; empty where there are none."""
-        sides = (("at least", self.least), ("at most", self.most))
-        return ", ".join(f"{word} {value:g}" for word, value in sides if math.isfinite(value))
-
-    def met(self, interval: Interval) -> bool:
-        """Whether the whole interval lies within."""
-        return interval.low >= self.least and interval.high <= self.most
-
-
 BOUNDS_METHOD = (
     "mean over days with its 95 % interval, which must lie wholly within the bound stated"
 )
@@ -116,101 +180,13 @@ BOUNDS_METHOD = (
 
 def judged(name: str, claim: str, bounds: Sequence[Bound], note: str = "") -> Statement:
     """A statement over bounds: the first is essential, the others are conditions."""
-    intervals = [mean_interval(bound.values) for bound in bounds]
-    unmet = [b for b, interval in zip(bounds, intervals, strict=True) if not b.met(interval)]
-    enough = min(interval.count for interval in intervals) >= LEAST_EVENTS
-    return Statement(
+    words = {f"not within its bound: {bound.text} ({bound.words})": bound for bound in bounds}
+    first = next(iter(words))
+    return decided(
         name,
         claim,
-        decide([bounds[0] not in unmet], [not unmet], enough=enough),
-        {
-            bound.text + (f" ({bound.words})" if bound.words else ""): interval
-            for bound, interval in zip(bounds, intervals, strict=True)
-        },
-        tuple(f"not within its bound: {b.text} ({b.words})" for b in unmet) if enough else (),
+        {first: words.pop(first)},
+        {b.text + (f" ({b.words})" if b.words else ""): b.values.astype(float) for b in bounds},
         BOUNDS_METHOD + (f"; {note}" if note else ""),
+        words,
     )
-
-
-class Test(NamedTuple):
-    """A mean over events against a threshold."""
-
-    quantity: Callable[[pd.DataFrame], "pd.Series[float]"]
-    """One number per event; nan where the event does not bear on it."""
-    threshold: float = 0.0
-    wanted: Literal[-1, 1] = 1
-    """Side of the threshold on which the claim says that the mean lies."""
-
-    def interval(self, events: pd.DataFrame, confidence: float = CONFIDENCE) -> Interval:
-        """The mean over these events."""
-        return mean_interval(self.quantity(events), confidence)
-
-    def sign(self, interval: Interval) -> int:
-        """1 where the whole interval lies on the wanted side, -1 where it lies on the other, 0 undecided."""
-        if interval.count < LEAST_EVENTS:
-            return 0
-        ahead = [self.wanted * (end - self.threshold) for end in (interval.low, interval.high)]
-        if all(distance > 0.0 for distance in ahead):
-            return 1
-        return -1 if all(distance < 0.0 for distance in ahead) else 0
-
-
-class Judgement(NamedTuple):
-    """Verdict, interval of the whole, and the conditions in words."""
-
-    verdict: str
-    whole: Interval
-    conditions: tuple[str, ...]
-
-
-def judge(
-    events: pd.DataFrame,
-    test: Test,
-    parts: Mapping[str, Part],
-    show: Callable[[Interval], str],
-    others: Sequence[tuple[str, Test]] = (),
-    every: bool = False,
-) -> Judgement:
-    """Judge a claim over `events` (one row each).
-
-    The whole must pass `test`; parts that fail it and `others` that fail (what the claim implies besides) are conditions.
-    Where the whole does not pass, it holds with conditions if a part does. Intervals of parts are widened after Bonferroni:
-    (1 - CONFIDENCE) is shared among them. `show` puts an interval of `test` into words. `every`: parts that show neither
-    are conditions too.
-    """
-    whole = test.interval(events)
-    if whole.count < LEAST_EVENTS:
-        return Judgement(decide((), enough=False), whole, ())
-    confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(parts), 1)
-    found: dict[int, list[str]] = {1: [], 0: [], -1: []}
-    for name, part in parts.items():
-        interval = test.interval(events[part(events)], confidence)
-        found[test.sign(interval)].append(f"with {name}: {show(interval)}")
-    broken = [
-        f"otherwise with {name}: {interval.value:.3g} [{interval.low:.3g}, {interval.high:.3g}]"
-        for name, other in others
-        for interval in (other.interval(events),)
-        if other.sign(interval) < 0
-    ]
-    unmet = [*(f"not {text}" for text in found[-1]), *broken]
-    unmet += [f"not shown {text}" for text in found[0]] if every else []
-    holds = test.sign(whole) > 0
-    verdict = decide([holds], [not unmet], partly=bool(found[1]))
-    return Judgement(verdict, whole, tuple(unmet if holds else [*found[1], *unmet]))
-
-
-def compared(
-    name: str,
-    claim: str,
-    events: pd.DataFrame,
-    test: Test,
-    parts: Mapping[str, Part],
-    show: Callable[[Interval], str],
-    numbers: Numbers,
-    method: str,
-    others: Sequence[tuple[str, Test]] = (),
-    every: bool = False,
-) -> Statement:
-    """The statement of `judge`, with `numbers`."""
-    found = judge(events, test, parts, show, others, every)
-    return Statement(name, claim, found.verdict, intervals_of(numbers), found.conditions, method)

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
-from studies.core.statement import CONFIDENCE, Interval, Statement
-from studies.core.verdict import LEAST_EVENTS, decided
+from studies.core.statement import CONFIDENCE, Statement
+from studies.core.verdict import Bound, agreement, decide, intervals_of, sides_of
 
 CURVES: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},
@@ -50,29 +50,39 @@ def curve_statements(table: pd.DataFrame) -> list[Statement]:
     return [_statement(table, pair, metric) for pair in PAIRS for metric in METRICS]
 
 
-def paired_difference(table: pd.DataFrame, curve: str, pair: Pair, metric: str) -> Interval:
-    """Mean over events of a metric's difference between the arms of `pair`, on rails of `curve`."""
+def paired_difference(
+    table: pd.DataFrame, curve: str, pair: Pair, metric: str
+) -> "pd.Series[float]":
+    """A metric's difference between the arms of `pair` by event, on rails of `curve`."""
     return arm_difference(table[table["curve"] == curve], pair.one, pair.other, metric)
-
-
-def sign(interval: Interval) -> int:
-    """1 or -1 where the whole interval lies on one side of zero, else 0."""
-    if interval.low > 0.0:
-        return 1
-    return -1 if interval.high < 0.0 else 0
 
 
 def _statement(table: pd.DataFrame, pair: Pair, metric: str) -> Statement:
     found = {curve: paired_difference(table, curve, pair, metric) for curve in CURVES}
-    signs = {curve: sign(interval) for curve, interval in found.items()}
+    bounds = [Bound("", values, least=0.0) for values in found.values()]
+    rows = sides_of(bounds)
+    signs = dict(zip(CURVES, rows[0], strict=True))
     base, direction = signs[BASE], {1: "more", -1: "less", 0: "neither more nor less"}
-    return decided(
+
+    def verdict(row: tuple[int, ...]) -> str:
+        first, *others = row
+        return decide(
+            # without a sign on the piecewise curve there is none to keep
+            [first != 0 or None, *(s * first >= 0 for s in others)],
+            [s == first for s in others],
+            enough=all(bound.enough for bound in bounds),
+        )
+
+    return Statement(
         f"{pair.name}: {METRICS[metric]}",
         f"{direction[base]} {METRICS[metric]}, as on the piecewise curve, under every curve",
-        {f"the other way round with {curve}": s * base >= 0 for curve, s in signs.items()},
-        found,
+        verdict(rows[0]),
+        intervals_of(found),
+        tuple(
+            f"the other way round with {curve}" if s * base < 0 else f"{direction[s]} with {curve}"
+            for curve, s in signs.items() if s != base
+        ),
         "mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one is "
-        f"opposite; Student's t, {CONFIDENCE:.0%}",
-        {f"{direction[s]} with {curve}": s == base or s * base < 0 for curve, s in signs.items()},
-        enough=min(interval.count for interval in found.values()) >= LEAST_EVENTS,
-    )
+        f"opposite, undecided where that has none; Student's t, {CONFIDENCE:.0%}",
+        agreement=agreement(rows, verdict),
+    )  # fmt: skip

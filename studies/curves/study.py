@@ -4,14 +4,15 @@ from typing import Any
 
 import pandas as pd
 
-from studies.claims.events import DURATION
+from alloc.plant.adhesion import POLACH_WET
+from alloc.plant.environment import level_for
+from studies.claims.events import DURATION, REFERENCE_SPEED
 from studies.claims.events import scenario as claim_event
 from studies.claims.measures import measure
 from studies.claims.quantities import draw, event_name
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.curves.statements import BASE, CURVES, INFORMED, RULES, curve_statements
-from studies.ladder.events import polach_level
 from studies.scenario.scenario import Scenario
 
 EVENTS_PER_MPC = 2
@@ -38,7 +39,8 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
     rail: dict[str, Any] = base.rail.model_dump() | {"curve": CURVES[curve]}
     if CURVES[curve]["kind"] == "polach":  # its level is the friction coefficient, above the peak
         adhesion = draw(seed, k)["level"]  # "level" may be a factor on a law of speed
-        rail["level"] *= polach_level(adhesion, base.event(0).model.train) / adhesion
+        train = base.event(0).model.train
+        rail["level"] *= level_for(POLACH_WET, adhesion, REFERENCE_SPEED, train) / adhesion
     belief = base.belief.model_dump() | {"curve": {"kind": "piecewise"}}
     return base.changed(name=name_of(seed, k, curve), rail=rail, belief=belief)
 

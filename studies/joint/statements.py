@@ -4,7 +4,7 @@ import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
 from studies.core.statement import CONFIDENCE, Statement
-from studies.core.verdict import LEAST_EVENTS, decided
+from studies.core.verdict import Bound, decided
 from studies.curves.statements import METRICS
 
 OPTIMUM = Arm("alone", "mpc-train-ideal")
@@ -32,14 +32,10 @@ def _statement(table: pd.DataFrame, arm: Arm) -> Statement:
         f"{text}, less the optimum's": arm_difference(table, arm, OPTIMUM, metric)
         for metric, text in METRICS.items()
     }
-    effort = arm_difference(table, arm, OPTIMUM, "held_effort")
-    enough = effort.count >= LEAST_EVENTS
-    above, below = effort.low > -NEAR, effort.high < -NEAR
+    effort = next(iter(found.values()))
     return decided(
         f"{arm.rule} under {arm.controller}", "reaches the effort of the joint optimum to within a point",
-        {"": not below}, found,
-        f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below; Student's t, "
-        f"{CONFIDENCE:.0%}",
-        {"the interval holds the bound: more events would decide": above or below or not enough},
-        enough=enough,
+        {"": Bound("", effort, least=-NEAR)}, found,
+        f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below, else undecided; "
+        f"Student's t, {CONFIDENCE:.0%}",
     )  # fmt: skip

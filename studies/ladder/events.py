@@ -4,8 +4,7 @@ from functools import lru_cache
 from typing import Any
 
 from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.environment import axle_contacts
-from alloc.plant.structure import structure_of
+from alloc.plant.environment import level_for
 from alloc.plant.train import Train
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.files.units import stated
@@ -63,17 +62,6 @@ EVENTS = DrawnEvents("ladder", QUANTITIES, stream=(7,), numbered=True)
 draw, event_name = EVENTS.draw, EVENTS.event_name
 
 
-def polach_level(adhesion: float, train: Train) -> float:
-    """Friction coefficient at rest whose Polach curve of wet rail peaks at `adhesion`, at `REFERENCE_SPEED`.
-
-    On the mean over the train's axles, of which the heavy ones have the softer contact.
-    """
-    level, contact = adhesion, axle_contacts(POLACH_WET, structure_of(train)[0])
-    for _ in range(20):  # the peak grows a little less than in proportion
-        level *= adhesion / float(POLACH_WET.limit(level, REFERENCE_SPEED, contact)[0].mean())
-    return level
-
-
 @lru_cache
 def train_of(name: str) -> Train:
     """The train called `name` in `TRAINS`, as it runs."""
@@ -84,7 +72,8 @@ def train_of(name: str) -> Train:
 def rail_keys(curve: str, residual_ratio: float, level: float, train: Train) -> dict[str, Any]:
     """Keys of a rail that offers `level` to `train` at `REFERENCE_SPEED` under this curve."""
     if curve == "polach":
-        return {"level": polach_level(level, train), "curve": {"kind": "polach"}}
+        rest = level_for(POLACH_WET, level, REFERENCE_SPEED, train)
+        return {"level": rest, "curve": {"kind": "polach"}}
     return {"level": level, "curve": {"kind": "piecewise", "residual_ratio": residual_ratio}}
 
 

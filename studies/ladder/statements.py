@@ -6,8 +6,9 @@ from itertools import pairwise
 import pandas as pd
 
 from studies.core.drawn_events import paired
+from studies.core.family import Claim, Part, Test, compared
 from studies.core.statement import CONFIDENCE, Statement, in_words
-from studies.core.verdict import Numbers, Part, Test, compared
+from studies.core.verdict import Numbers
 
 LADDER = (
     "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",
@@ -25,7 +26,7 @@ YARDSTICKS = {
 """Share of adhesion used, and whose it is."""
 NOTICED = 0.01
 """Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
-STUDENT = f"Student's t, {CONFIDENCE:.0%}"
+STUDENT = f"Student's t, {CONFIDENCE:.0%}, after Holm over all claims"
 PERCENT = in_words("{:.1f} % [{:.1f}, {:.1f}] (n = {})", 100)
 SECONDS = in_words("{:.2f} s [{:.2f}, {:.2f}] (n = {})")
 
@@ -58,13 +59,14 @@ def ladder_statements(table: pd.DataFrame) -> list[Statement]:
     numbers = [*METRICS, "wrong_steps_still", "wrong_steps_changing"]
     drawn = ("train", "curve", "scatter", "patch_factor")
     events = paired(table, "controller", numbers, drawn)
-    return [
+    claims = [
         *(_yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
         *(_rung(events, below, name) for below, name in pairwise(LADDER)),
         *(_slow(events, name) for name in SEARCHING),
         *(_restless(events, name) for name in SEARCHING),
         *(_misled(events, name) for name in SEARCHING),
     ]
+    return compared(claims)
 
 
 def difference(events: pd.DataFrame, metric: str, name: str, other: str) -> "pd.Series[float]":
@@ -80,8 +82,8 @@ def _less(events: pd.DataFrame, metric: str, name: str, others: Sequence[str]) -
     }
 
 
-def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
-    return compared(
+def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Claim:
+    return Claim(
         f"{bar:.0%}: {name}", f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
         events, Test(lambda e: e[f"utilisation_short@{name}"], bar), PARTS, PERCENT,
         {text: events[f"{metric}@{name}"] for metric, text in METRICS.items()},
@@ -89,8 +91,8 @@ def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Statement:
     )  # fmt: skip
 
 
-def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
-    return compared(
+def _rung(events: pd.DataFrame, below: str, name: str) -> Claim:
+    return Claim(
         f"rung: {name}", f"{name} uses more of the adhesion where a unit is short of it than {below}",
         events, Test(lambda e: difference(e, "utilisation_short", name, below)), PARTS, PERCENT,
         {f"{text}, less {below}": difference(events, metric, name, below) for metric, text in METRICS.items()},
@@ -98,8 +100,8 @@ def _rung(events: pd.DataFrame, below: str, name: str) -> Statement:
     )  # fmt: skip
 
 
-def _slow(events: pd.DataFrame, name: str) -> Statement:
-    return compared(
+def _slow(events: pd.DataFrame, name: str) -> Claim:
+    return Claim(
         f"slow: {name}", f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
         events, Test(lambda e: difference(e, "search_time", name, "mpc")), PARTS, SECONDS,
         _less(events, "search_time", name, ("mpc", "pi-creep", "cut-and-ramp")),
@@ -107,9 +109,9 @@ def _slow(events: pd.DataFrame, name: str) -> Statement:
     )  # fmt: skip
 
 
-def _restless(events: pd.DataFrame, name: str) -> Statement:
+def _restless(events: pd.DataFrame, name: str) -> Claim:
     test = Test(lambda e: difference(e, "torque_fluctuation", name, "pi-creep"), NOTICED)
-    return compared(
+    return Claim(
         f"restless: {name}", f"{name} lets the torque fluctuate about the peak (arXiv 2406.13650)",
         events, test, PARTS, PERCENT,
         _less(events, "torque_fluctuation", name, ("pi-creep", "cut-and-ramp", "mpc")),
@@ -118,12 +120,12 @@ def _restless(events: pd.DataFrame, name: str) -> Statement:
     )  # fmt: skip
 
 
-def _misled(events: pd.DataFrame, name: str) -> Statement:
+def _misled(events: pd.DataFrame, name: str) -> Claim:
     changing, still = f"wrong_steps_changing@{name}", f"wrong_steps_still@{name}"
     test = Test(lambda e: (e[changing] - e[still]).astype(float))
     # without a free axle slip is not known, and no step can be called an answer to another
     free = events[events["train"] != LOCOMOTIVE]
-    return compared(
+    return Claim(
         f"misled: {name}", f"{name} steps away from the peak more often while the rail changes (arXiv 2406.13650)",
         free, test, PARTS, PERCENT,
         {

@@ -5,7 +5,7 @@ from typing import get_args
 import pandas as pd
 
 from alloc.estimation.increment_data import Reference
-from studies.core.verdict import Part
+from studies.core.family import Part
 
 TOLERANCE = 0.002
 """Largest error of any unit's increment with which it counts as learnt: a tenth of what the increments reach."""

@@ -97,7 +97,9 @@ def _start(series: Series, direction: str, station: int, memory: Path) -> dict[s
     belief = replace(
         event.onboard.belief, unit_increments=tuple(believed.tolist()), unit_deviation=tuple(deviation.tolist())
     )  # fmt: skip
-    run = simulate(replace(event, onboard=replace(event.onboard, belief=belief)), arm.rule)
+    # as printed: it learns from what the foremost unit holds at its slip
+    onboard = replace(event.onboard, belief=belief, trigger="slip")
+    run = simulate(replace(event, onboard=onboard), arm.rule)
     data = increment_data(run, arm.reference)
     for datum in data:
         learner.add(datum.unit, datum.increment)

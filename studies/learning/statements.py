@@ -6,16 +6,9 @@ from typing import Any, Literal, get_args
 import pandas as pd
 
 from alloc.estimation.increment_data import Reference
-from studies.core.statement import Interval, Statement, in_words, mean_interval, share_interval
-from studies.core.verdict import (
-    LEAST_EVENTS,
-    Numbers,
-    Test,
-    compared,
-    decide,
-    intervals_of,
-    with_and_without,
-)
+from studies.core.family import Claim, Test, compared
+from studies.core.statement import Interval, Statement, in_words, mean_interval
+from studies.core.verdict import LEAST_EVENTS, Bound, Numbers, over_cases
 from studies.learning.series import COARSE, PARTS, TOLERANCE, per_series
 
 LITTLE_EFFORT = 0.01
@@ -28,7 +21,7 @@ SHARE = in_words("{:.1%} ({:.1%} to {:.1%})")
 """What puts intervals into words."""
 METHOD = (
     "one event = one train in one running direction, all its stations; 95 % intervals by Student's t over the paired "
-    "differences of the series (those of parts widened after Bonferroni)"
+    "differences of the series; verdicts after Holm over all claims of this kind, parts after Bonferroni"
 )
 LATE = f"second half of the stations; {METHOD}"
 
@@ -39,26 +32,26 @@ LEARNERS = {"running mean": "patent", "running mean, held": "held", "Gaussian": 
 def learning_statements(table: pd.DataFrame) -> list[Statement]:
     """Every statement of the sweep."""
     series = per_series(table)
-    return [
-        *(_learnt(series, arm) for arm in LEARNERS),
+    claims = [
         *(_closer(series, arm) for arm in LEARNERS),
         _gain(series, "effort", "effort_ratio", 1, "more effort", PERCENT),
         _gain(series, "slip", "slip_time", -1, "less slip", AXLE_SECONDS),
         _gain(series, "damage", "damage", -1, "less wheel damage", KILOJOULES),
         *(_as_good_as_truth(series, arm) for arm in LEARNERS),
-        _unbiased(series),
         _held_is_better(series),
         _robust(series),
         _covered(series),
     ]
+    learnt = [_learnt(series, arm) for arm in LEARNERS]
+    return [*learnt, *compared(claims), _unbiased(series)]
 
 
-def _compared(
+def _claim(
     series: pd.DataFrame, name: str, claim: str, test: Test, show: Callable[[Interval], str],
     numbers: Numbers, method: str = METHOD, others: Sequence[tuple[str, Test]] = (),
-) -> Statement:  # fmt: skip
+) -> Claim:  # fmt: skip
     """What a kind of series does not show is a condition too: kinds differ in everything."""
-    return compared(name, claim, series, test, PARTS, show, numbers, method, others, every=True)
+    return Claim(name, claim, series, test, PARTS, show, numbers, method, others, every=True)
 
 
 def difference(series: pd.DataFrame, quantity: str, arm: str, other: str) -> "pd.Series[float]":
@@ -93,7 +86,7 @@ def _minus(
 def _learnt(series: pd.DataFrame, arm: str) -> Statement:
     """Verdict by the majority of the series of each kind: Wilson's interval lies above one half, or it does not."""
     numbers: dict[str, Any] = {}
-    met: dict[str, bool] = {}
+    met: dict[str, Bound] = {}
     for name, part in PARTS.items():
         rows = series[part(series)]
         if len(rows) < LEAST_EVENTS:
@@ -103,20 +96,21 @@ def _learnt(series: pd.DataFrame, arm: str) -> Statement:
         numbers[f"stations until then, {name}"] = until
         numbers[f"share learnt within {COARSE:g}, {name}"] = coarse.notna()
         numbers[f"stations until within {COARSE:g}, {name}"] = coarse
-        within = share_interval(until.notna())
-        met[f"{name}: {within.value:.0%} of the series"] = within.low > 0.5
-    return Statement(
+        words = f"not with {name}: {until.notna().mean():.0%} of the series"
+        met[words] = Bound("", until.notna(), least=0.5)
+    return over_cases(
         f"learnt-{LEARNERS[arm]}",
         f"the learner {arm!r} brings the increments of all units within {TOLERANCE:g} of the truth",
-        decide(met.values(), partly=any(met.values()), enough=bool(met)), intervals_of(numbers), with_and_without(met),
+        met, numbers,
         f"a kind of series learns where Wilson's interval of the share that stays within {TOLERANCE:g} from some "
         "station on lies above one half; stations until then are those of the series that get there",
+        enough=bool(met),
     )  # fmt: skip
 
 
-def _closer(series: pd.DataFrame, arm: str) -> Statement:
+def _closer(series: pd.DataFrame, arm: str) -> Claim:
     test = Test(lambda e: difference(e, "error", "no learning", arm))
-    return _compared(
+    return _claim(
         series, f"closer-{LEARNERS[arm]}",
         f"after all stations the increments of the learner {arm!r} are closer to the truth than the stored ones",
         test, COEFFICIENT,
@@ -131,19 +125,19 @@ def _closer(series: pd.DataFrame, arm: str) -> Statement:
 def _gain(
     series: pd.DataFrame, name: str, quantity: str, wanted: Literal[-1, 1], words: str,
     show: Callable[[Interval], str],
-) -> Statement:  # fmt: skip
+) -> Claim:  # fmt: skip
     numbers = _minus(series, [quantity], "running mean", "no learning")
     for arm in (*LEARNERS, "truth"):
         numbers |= _minus(series, [quantity], arm, "no learning", by_part=True)
-    return _compared(
+    return _claim(
         series, f"gain-{name}", f"learning by (16), (17) gives {words} than keeping the wrong increments",
         Test(lambda e: difference(e, quantity, "running mean", "no learning"), wanted=wanted),
         show, numbers, LATE,
     )  # fmt: skip
 
 
-def _as_good_as_truth(series: pd.DataFrame, arm: str) -> Statement:
-    return _compared(
+def _as_good_as_truth(series: pd.DataFrame, arm: str) -> Claim:
+    return _claim(
         series, f"as-good-as-truth-{LEARNERS[arm]}",
         f"with the increments of the learner {arm!r} the train loses less than {LITTLE_EFFORT:.0%} of the plan's effort "
         "against true ones",
@@ -158,15 +152,16 @@ def _as_good_as_truth(series: pd.DataFrame, arm: str) -> Statement:
 def _unbiased(series: pd.DataFrame) -> Statement:
     """Data taken with right caps should lie about the truth; but a unit slips where its rail is below its cap only."""
     numbers: dict[str, Interval] = {}
-    met: dict[str, bool] = {}
+    met: dict[str, Bound] = {}
     for reference in get_args(Reference):
         for rail in series["rail"].unique():
-            interval = mean_interval(series[series["rail"] == rail][f"excess {reference}, truth"])
+            excess = series[series["rail"] == rail][f"excess {reference}, truth"]
+            interval = mean_interval(excess)
             words = f"{reference} reference, {rail} rail"
             numbers[f"excess over the truth with true increments stored, {words}"] = interval
             if interval.count >= LEAST_EVENTS:
-                inside = interval.low > -TOLERANCE and interval.high < TOLERANCE
-                met[f"{words}: {COEFFICIENT(interval)}"] = inside
+                case = f"not with {words}: {COEFFICIENT(interval)}"
+                met[case] = Bound("", excess, -TOLERANCE, TOLERANCE)
         for name, part in PARTS.items():
             rows, never = series[part(series)], f"{reference} reference, never corrected, {name}"
             for text, quantity in (
@@ -176,16 +171,15 @@ def _unbiased(series: pd.DataFrame) -> Statement:
                 numbers[f"{text}, {never}"] = mean_interval(
                     rows[f"{quantity} {reference}, no learning"]
                 )
-    return Statement(
-        "unbiased", "the data of slips lie about the truth where the stored increments are right",
-        decide(met.values(), partly=any(met.values()), enough=bool(met)), numbers, with_and_without(met),
-        f"holds where the whole interval of the mean excess lies within ±{TOLERANCE:g}",
+    return over_cases(
+        "unbiased", "the data of slips lie about the truth where the stored increments are right", met, numbers,
+        f"holds where the whole interval of the mean excess lies within ±{TOLERANCE:g}", enough=bool(met),
     )  # fmt: skip
 
 
-def _held_is_better(series: pd.DataFrame) -> Statement:
+def _held_is_better(series: pd.DataFrame) -> Claim:
     test = Test(lambda e: difference(e, "error", "running mean, held", "running mean"), wanted=-1)
-    return _compared(
+    return _claim(
         series, "held-reference",
         "the foremost unit's estimate at its own last slip is the better reference than that at the telegram's receipt "
         "(par. 0064)",
@@ -197,11 +191,11 @@ def _held_is_better(series: pd.DataFrame) -> Statement:
     )  # fmt: skip
 
 
-def _robust(series: pd.DataFrame) -> Statement:
+def _robust(series: pd.DataFrame) -> Claim:
     arms = ("Gaussian, robust", "Gaussian", "robust minus plain")
     test = Test(lambda e: difference(e, "slip_time", *arms[:2]), wanted=-1)
     cost = Test(lambda e: difference(e, "effort_ratio", *arms[:2]), -LITTLE_EFFORT)
-    return _compared(
+    return _claim(
         series, "robust",
         f"the chance-constrained rule saves slip and costs less than {LITTLE_EFFORT:.0%} of the plan's effort",
         test, AXLE_SECONDS,
@@ -215,9 +209,9 @@ def _robust(series: pd.DataFrame) -> Statement:
     )  # fmt: skip
 
 
-def _covered(series: pd.DataFrame) -> Statement:
+def _covered(series: pd.DataFrame) -> Claim:
     test = Test(lambda e: e["covered, Gaussian, robust"], 0.9 - 1e-9)
-    return _compared(
+    return _claim(
         series, "coverage",
         "the increments that the robust rule allows lie below the true ones as often as it says, in 90 %",
         test, SHARE,

@@ -21,7 +21,12 @@ class Quantity(NamedTuple):
 QUANTITIES: dict[str, Quantity] = {
     "time": Quantity({"s": 1.0}, "time since any origin, growing from row to row", True),
     "speed": Quantity(
-        {"kmh": 1.0 / 3.6, "ms": 1.0}, "speed of the train over ground, not of a wheel", True
+        {"kmh": 1.0 / 3.6, "ms": 1.0},
+        "speed of the train over ground, not of a wheel; without it the speed is estimated from speed and torque or "
+        "force of the axles, of all driven ones at least",
+    ),
+    "gradient": Quantity(
+        {"permille": 1e-3}, "rise per run where the train is, for the estimate of its speed"
     ),
     "axleN_speed": Quantity(
         {"kmh": 1.0 / 3.6, "ms": 1.0, "rads": float("nan")},

@@ -16,6 +16,7 @@ from studies.files.writable import LOG
 from studies.logs import checks
 from studies.logs.checks import Remark, faulty
 from studies.logs.columns import QUANTITIES, Column, near_column, parse_column
+from studies.logs.estimated_speed import estimated_speed
 
 Floats = NDArray[np.float64]
 
@@ -85,53 +86,79 @@ def check_log(table: pd.DataFrame, train: MeasuredTrain, source: str) -> Measure
         remarks.extend(checks.missing_values(column.name, raw, time))
         return raw * QUANTITIES[column.quantity].units[column.unit]
 
-    speed_column = by_quantity["speed", 0]
-    speed = values(speed_column)
-    checks.check_speed(speed_column.name, speed, source)
-    count, axles, cars = time.size, train.radius.size, train.car_mass.size
-    rim, force = np.full((count, axles), np.nan), np.full((count, axles), np.nan)
-    for i in range(axles):
-        turning = by_quantity.get(("axleN_speed", i + 1))
-        if turning is None:
-            remarks.append(
-                Remark("missing", f"axle{i + 1}_speed", f"axle {i + 1} is not analysed: no speed")
-            )
-            continue
-        if turning.unit == "rads":
-            raw = table[turning.name].to_numpy(float)
-            remarks += checks.missing_values(turning.name, raw, time)
-            rim[:, i] = raw * train.radius[i]
-        else:
-            rim[:, i] = values(turning)
-        checks.check_speed(turning.name, rim[:, i], source)
-        checks.check_ratio(turning.name, rim[:, i], speed_column.name, speed, source)
-        column = by_quantity.get(("axleN_torque", i + 1)) or by_quantity.get(("axleN_force", i + 1))
-        if column is None:
-            text = f"axle {i + 1}: slips only, neither coefficient nor Q: no torque and no force"
-            remarks.append(Remark("missing", f"axle{i + 1}_force", text))
-            continue
-        lever = train.radius[i] if column.quantity == "axleN_torque" else 1.0
-        force[:, i] = values(column) / lever
-        checks.check_force(column.name, force[:, i], float(train.axle_load[i]), source)
-        remarks += checks.check_constant(column.name, force[:, i], time)
+    speed_column = by_quantity.get(("speed", 0))
+    speed, deviation = None, None
+    if speed_column is not None:
+        speed = values(speed_column)
+        checks.check_speed(speed_column.name, speed, source)
+    rim, force = _axle_series(table, by_quantity, time, train, values, remarks, source)
+    if speed_column is not None and speed is not None:
+        for (quantity, number), column in by_quantity.items():
+            if quantity == "axleN_speed":
+                own = rim[:, number - 1]
+                checks.check_ratio(column.name, own, speed_column.name, speed, source)
     remarks += _cut_out_stuck(by_quantity, time, speed, rim)
-    if not np.isfinite(speed[:, None] * rim).any():
-        raise faulty(source, speed_column.name, None, "at no instant are train and a wheel known")
-    for i in range(axles):
+    if speed is None:
+        gradient = by_quantity.get(("gradient", 0))
+        grade = None if gradient is None else values(gradient)
+        ground, found = estimated_speed(time, part, rim, force, grade, train, source)
+        speed, deviation = ground.speed, ground.deviation
+        remarks += found
+    elif not np.isfinite(speed[:, None] * rim).any():
+        name = by_quantity["speed", 0].name
+        raise faulty(source, name, None, "at no instant are train and a wheel known")
+    for i in range(train.radius.size):
         if ("axleN_speed", i + 1) in by_quantity:
             name = by_quantity["axleN_speed", i + 1].name
             share = force[:, i] / train.axle_load[i]
             remarks += checks.check_radius(name, rim[:, i], speed, share)
     remarks += checks.check_balance(time, part, speed, rim, force, train)
-    coupler = _all_of("couplerK_force", cars - 1, by_quantity, values, remarks)
-    acceleration = _all_of("carK_acceleration", cars, by_quantity, values, remarks)
+    coupler = _all_of("couplerK_force", train.car_mass.size - 1, by_quantity, values, remarks)
+    acceleration = _all_of("carK_acceleration", train.car_mass.size, by_quantity, values, remarks)
     return MeasuredLog(
         source=source,
-        run=MeasuredRun(time, part, speed, rim, force, coupler, acceleration),
+        run=MeasuredRun(time, part, speed, rim, force, coupler, acceleration, deviation),
         train=train,
         remarks=tuple(remarks),
         period=float(np.median(np.diff(time))),
     )
+
+
+def _axle_series(
+    table: pd.DataFrame,
+    by_quantity: dict[tuple[str, int], Column],
+    time: Floats,
+    train: MeasuredTrain,
+    values: Callable[[Column], Floats],
+    remarks: list[Remark],
+    source: str,
+) -> tuple[Floats, Floats]:
+    """Rim speeds [m/s] and forces at the rim [N] of all axles, (instants, axles); nan where there are none."""
+    rim, force = (np.full((time.size, train.radius.size), np.nan) for _ in range(2))
+    for i in range(train.radius.size):
+        turning = by_quantity.get(("axleN_speed", i + 1))
+        column = by_quantity.get(("axleN_torque", i + 1)) or by_quantity.get(("axleN_force", i + 1))
+        if turning is None:
+            remarks.append(
+                Remark("missing", f"axle{i + 1}_speed", f"axle {i + 1} is not analysed: no speed")
+            )
+        elif turning.unit == "rads":
+            raw = table[turning.name].to_numpy(float)
+            remarks += checks.missing_values(turning.name, raw, time)
+            rim[:, i] = raw * train.radius[i]
+        else:
+            rim[:, i] = values(turning)
+        if turning is not None:
+            checks.check_speed(turning.name, rim[:, i], source)
+        if column is not None:
+            lever = train.radius[i] if column.quantity == "axleN_torque" else 1.0
+            force[:, i] = values(column) / lever
+            checks.check_force(column.name, force[:, i], float(train.axle_load[i]), source)
+            remarks += checks.check_constant(column.name, force[:, i], time)
+        elif turning is not None:
+            text = f"axle {i + 1}: slips only, neither coefficient nor Q: no torque and no force"
+            remarks.append(Remark("missing", f"axle{i + 1}_force", text))
+    return rim, force
 
 
 def _columns(
@@ -162,8 +189,11 @@ def _columns(
             raise faulty(source, column.name, None, f"is the same as {seen[key]!r}; give one")
         seen[key] = column.name
     for stem, quantity in QUANTITIES.items():
-        if quantity.required and not any(key[0] == stem for key in seen):
-            meant = [r.column for r in remarks if _quantity_meant(r.column) == stem]
+        if any(key[0] == stem for key in seen):
+            continue
+        meant = [r.column for r in remarks if _quantity_meant(r.column) == stem]
+        # a speed that is only misspelt shall not be estimated
+        if quantity.required or (stem == "speed" and meant):
             hint = f"; is it {meant[0]!r}?" if meant else ""
             wanted = " or ".join(f"{stem}_{unit}" for unit in quantity.units)
             raise faulty(source, wanted, None, f"is missing: {quantity.description}{hint}")
@@ -196,9 +226,12 @@ def _all_of(
 
 
 def _cut_out_stuck(
-    by_quantity: dict[tuple[str, int], Column], time: Floats, speed: Floats, rim: Floats
+    by_quantity: dict[tuple[str, int], Column], time: Floats, speed: Floats | None, rim: Floats
 ) -> list[Remark]:
-    """Cut out, in place, speeds that do not move while the others do; a wheel at rest may be locked and stays."""
+    """Cut out, in place, speeds that do not move while the others do; a wheel at rest may be locked and stays.
+
+    Without the train's speed the wheels' median stands for it.
+    """
     remarks = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # rows without any wheel
@@ -209,10 +242,13 @@ def _cut_out_stuck(
         text += f", {time[begin]:.6g} s to {time[end]:.6g} s"
         remarks.append(Remark("stuck", name, text, begin + 1, float(time[begin])))
 
+    if speed is None:
+        speed = wheels
+    else:
+        for inside in list(checks.stuck(speed, wheels, time)):
+            note(by_quantity["speed", 0].name, inside, "stuck: the wheels' speeds change; cut out")
+            speed[inside] = np.nan
     under_way = speed > checks.STUCK_CHANGE
-    for inside in list(checks.stuck(speed, wheels, time)):
-        note(by_quantity["speed", 0].name, inside, "stuck: the wheels' speeds change; cut out")
-        speed[inside] = np.nan
     for (quantity, number), column in by_quantity.items():
         if quantity != "axleN_speed":
             continue

@@ -8,9 +8,22 @@ wheel_radius_mm = 430.0        # or one per axle
 wheel_inertia_kgm2 = [155.0, 155.0, 65.0, 65.0]   # of each wheelset with everything geared to it
 driven = [true, true, false, false]
 axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
+
+What follows is for logs without the speed over ground, and may be left out: the running resistance of each car, and the
+draft gear between the cars, one for each coupler; without it the train counts as rigid.
+
+[[cars]]
+resistance_n = 400.0
+resistance_ns_per_m = 10.0
+resistance_ns2_per_m2 = 2.0
+
+[[couplers]]
+stiffness_n_per_m = 2e7
+damping_ns_per_m = 2e5
 """
 
 import json
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,11 +33,16 @@ from pydantic import Field, model_validator
 from alloc.estimation.measured_run import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 from studies.files.strict import Strict, parse, read_toml
+from studies.scenario.train_keys import CouplerKeys
 
 Mass = Annotated[float, Field(gt=0.5, lt=500.0)]
 Radius = Annotated[float, Field(ge=200.0, le=800.0)]
 Inertia = Annotated[float, Field(ge=5.0, le=5000.0)]
 """Bounds that no car leaves: a value outside them has another unit."""
+
+RESISTANCE = ("resistance_n", "resistance_ns_per_m", "resistance_ns2_per_m2")
+COUPLER = ("stiffness_n_per_m", "stiffening_n_per_m3", "damping_ns_per_m", "slack_mm")
+"""Keys in the order of `MeasuredTrain.resistance` and `MeasuredTrain.coupler`."""
 
 
 class LoggedCar(Strict):
@@ -35,6 +53,9 @@ class LoggedCar(Strict):
     wheel_inertia_kgm2: tuple[Inertia, ...] = Field(min_length=1)
     driven: tuple[bool, ...] | None = None
     axle_load_t: tuple[Mass, ...] | None = None
+    resistance_n: float = Field(0.0, ge=0.0)
+    resistance_ns_per_m: float = Field(0.0, ge=0.0)
+    resistance_ns2_per_m2: float = Field(0.0, ge=0.0)
 
     @model_validator(mode="after")
     def _one_of_each_axle(self) -> "LoggedCar":
@@ -55,6 +76,13 @@ class LoggedTrain(Strict):
 
     name: str
     cars: tuple[LoggedCar, ...] = Field(min_length=1)
+    couplers: tuple[CouplerKeys, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_between_two_cars(self) -> "LoggedTrain":
+        if self.couplers and len(self.couplers) != len(self.cars) - 1:
+            raise ValueError(f"{len(self.couplers)} couplers for {len(self.cars)} cars")
+        return self
 
     def measured(self) -> MeasuredTrain:
         """The same in SI units."""
@@ -78,6 +106,10 @@ class LoggedTrain(Strict):
             ),
             inertia=np.concatenate([np.array(car.wheel_inertia_kgm2) for car in self.cars]),
             driven=np.concatenate([np.array(values, dtype=bool) for values in driven]),
+            resistance=np.array([[getattr(car, name) for name in RESISTANCE] for car in self.cars]),
+            coupler=np.array([astuple(one.coupler()) for one in self.couplers])
+            if self.couplers
+            else None,
         )
 
 
@@ -108,7 +140,15 @@ def write_log_train(train: MeasuredTrain, path: Path) -> None:
             f"driven = {_list(train.driven[own])}",
             f"axle_load_t = {_list(train.axle_load[own] / (1e3 * GRAVITY))}",
         ]
+        if train.resistance is not None:
+            lines += _keys(RESISTANCE, train.resistance[car])
+    for values in () if train.coupler is None else train.coupler:
+        lines += ["", "[[couplers]]", *_keys(COUPLER, values * (1.0, 1.0, 1.0, 1e3))]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _keys(names: tuple[str, ...], values: Any) -> list[str]:
+    return [f"{name} = {float(value)!r}" for name, value in zip(names, values, strict=True)]
 
 
 def _list(values: Any) -> str:

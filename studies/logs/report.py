@@ -26,6 +26,8 @@ def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict
         "rows": int(log.run.time.size),
         "duration_s": float(log.run.time[-1] - log.run.time[0]),
         "period_s": log.period,
+        "speed_source": "measured" if log.run.speed_deviation is None else "estimated",
+        "speed_error_ms": _speed_error(log),
         "parts": int(log.run.part[-1]) + 1,
         "force_window_s": found.window,
         "criterion": {"slip_velocity_ms": criterion.velocity, "slip_ratio": criterion.ratio},
@@ -64,6 +66,14 @@ def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict
         if found.car_force is None
         else ("of the train" if log.run.car_acceleration is None else "of each car"),
     }
+
+
+def _speed_error(log: MeasuredLog) -> dict[str, float] | None:
+    """Mean and largest standard deviation of an estimated speed [m/s]."""
+    if log.run.speed_deviation is None:
+        return None
+    known = log.run.speed_deviation[np.isfinite(log.run.speed_deviation)]
+    return {"mean": float(known.mean()), "largest": float(known.max())}
 
 
 def _number(value: float) -> float | None:
@@ -113,6 +123,11 @@ def _mean(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float | Non
 def tables(report: dict[str, Any]) -> list[RenderableType]:
     """The same for a terminal, from what `content` gives."""
     items: list[RenderableType] = []
+    error = report["speed_error_ms"]
+    if error is not None:
+        items.append(
+            f"speed source: estimated, stated error {error['mean']:.2g} m/s (largest {error['largest']:.2g} m/s)"
+        )
     if report["remarks"]:
         rows = [(r["kind"], r["column"], r["text"]) for r in report["remarks"]]
         items += _limited("remarks on the log", ("what", "column", ""), rows, "")

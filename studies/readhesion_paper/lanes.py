@@ -72,7 +72,7 @@ class Axle(NamedTuple):
     load: float
     mass: float
     resistance: Floats  # (3,)
-    lag: float
+    inverse_lag: float
     drive_table: Floats
     curve_kind: int
     curve: Floats
@@ -134,12 +134,12 @@ def _rates(axle, lanes, time, x, v, omega, torque, command):
     force, r, a = mu * axle.load, axle.radius, axle.resistance
     inverse = 1.0 / axle.inertia
     _, turning = wheelset(axle.gear * torque, force, r, omega, spread(0.0), axle.inertia, inverse)
-    drag = car_drag(v, a[0], a[1], a[2], 1.0, axle.mass, 0.0)
+    drag = car_drag(v, a[0], a[1], a[2], 1.0, 0.0)
     knot = minimum(
         absolute(r * omega) * (1.0 / EFFORT_SPEED_STEP), axle.drive_table.size - 1.000001
     )
     bound = look_up(axle.drive_table, knot)
-    rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.lag)
+    rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.inverse_lag)
     return (force - drag) / axle.mass, turning, rising
 
 
@@ -268,7 +268,7 @@ def simulate_tables(
         float(s.static_load[0]),
         float(s.body_mass[0]),
         s.car_resistance[0].copy(),
-        float(s.unit_lag[0]),
+        float(1.0 / s.unit_lag[0]),
         s.drive_table[0].copy(),
         e.curve_kind,
         e.curve,

@@ -205,7 +205,7 @@ def reduced_model(
     eq = equipment(model, Onboard())
     radius, inverse, gear, load = s.radius[0], 1.0 / s.inertia[0], s.gear[0], s.static_load[0]
     to_torque = eq.axle_load[0] * eq.radius[0] / eq.gear[0] * (1.0 + eq.own_inertia[0])
-    rate = motor_torque_rate(0.0, 1.0, math.inf, math.inf, 1.0, s.unit_lag[0])
+    rate = motor_torque_rate(0.0, 1.0, math.inf, math.inf, 1.0, 1.0 / s.unit_lag[0])
     return ReducedModel(
         torque_gain=float(radius * wheel_acceleration(gear, 0.0, radius, 0.0, inverse)),
         wheel_gain=float(-radius * wheel_acceleration(0.0, load, radius, 0.0, inverse)),

@@ -1,6 +1,6 @@
 """Which law of sand makes the trials of RSSB T1107 come out: three rows are fitted, the others predicted.
 
-`python -m studies.sanders.calibration --units 2 --source truth` prints law and distances.
+`python -m studies.sanders.calibration --units 2 --source estimate` prints law and distances.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from alloc.plant.rail import Rail
-from studies.sanders.trial import DISTANCES, SOURCE, SandLaw, Source, measures, stop
+from studies.sanders.trial import DISTANCES, SOURCE, SOURCES, SandLaw, Source, stop
 
 FITTED = ("one fixed", "two fixed", "two variable")
 TOLERANCE = 0.05
@@ -30,7 +30,7 @@ def distances(
     kinds: Sequence[str] = tuple(DISTANCES),
 ) -> dict[str, float]:  # fmt: skip
     """Stopping distances [m] of the trial's rows."""
-    return {kind: measures(stop(kind, law, units, curve, source))["distance"] for kind in kinds}
+    return {kind: stop(kind, law, units, curve, source)["distance"] for kind in kinds}
 
 
 def calibrate(
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--units", type=int, default=2)
     parser.add_argument("--curve", default="slip-ratio")
-    parser.add_argument("--source", default=SOURCE, choices=("truth", "estimate"))
+    parser.add_argument("--source", default=SOURCE, choices=SOURCES)
     given = parser.parse_args(arguments)
     law = calibrate(given.units, given.curve, given.source)
     print(law)

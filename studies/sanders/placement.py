@@ -7,16 +7,17 @@ from alloc.plant.field import sanded_peak
 from alloc.plant.sets import gb_unit
 from alloc.plant.train import Sander, Train
 from alloc.rules import AllocationProblem, find_rule
-from alloc.simulation import simulate
 from studies.core.drawn_events import DrawnEvents, uniform
 from studies.sanders.calibration import CALIBRATED
 from studies.sanders.trial import (
     AXLES_PER_UNIT,
     DEMAND,
     INITIAL_SPEED,
+    SOURCE,
+    Source,
     brake_event,
     equipment,
-    measures,
+    measured_stop,
     rail,
 )
 
@@ -95,16 +96,20 @@ def shares(train: Train, level: float, speed: float, sharing: str) -> tuple[floa
 
 
 def place_row(
-    axles: tuple[int, ...], sharing: str, drawn: dict[str, Any], curve: str, seed: int
-) -> dict[str, Any]:
+    axles: tuple[int, ...],
+    sharing: str,
+    drawn: dict[str, Any],
+    curve: str,
+    seed: int,
+    source: Source = SOURCE,
+) -> dict[str, float]:
     """One stop: `drawn` as in `EVENTS`; the train believes the mean level and the calibrated law."""
     train, speed = placed(axles), drawn["speed"] / 3.6
     law = CALIBRATED._replace(sand_saturation=CALIBRATED.sand_saturation * drawn["wear"])
     scatter = drawn["scatter"] * drawn["level"]
     own = rail(law, curve, drawn["level"], scatter=scatter, seed=seed)
-    onboard = equipment(shares=shares(train, drawn["level"], speed, sharing))
-    event = brake_event(train, own, DURATION, onboard, initial_speed=speed)
-    return measures(simulate(event, "alone", "none"))
+    onboard = equipment(source, shares(train, drawn["level"], speed, sharing))
+    return measured_stop(brake_event(train, own, DURATION, onboard, initial_speed=speed))
 
 
 NOMINAL: dict[str, Any] = {"level": 0.02, "scatter": 0.0, "speed": 3.6 * INITIAL_SPEED, "wear": 1.0}

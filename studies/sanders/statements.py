@@ -3,7 +3,7 @@
 import pandas as pd
 
 from studies.core.statement import Interval, Statement, mean_interval
-from studies.core.verdict import LEAST_EVENTS, decided, over_cases
+from studies.core.verdict import LEAST_EVENTS, Bound, decided, over_cases
 from studies.sanders.calibration import FITTED, TOLERANCE
 from studies.sanders.placement import PLACEMENTS, SHARINGS, USUAL
 from studies.sanders.trial import DISTANCES
@@ -49,7 +49,7 @@ def _fit(table: pd.DataFrame) -> Statement:
     return over_cases(
         "fitted", f"the rows of the trial that the law is fitted to come out within {TOLERANCE:.0%}",
         {f"not {kind}": _met(kind, miss) for kind, miss in found.items()}, _rows(found),
-        "sanded coefficient, saturation and decay by least squares; slip measured from the true speed",
+        "sanded coefficient, saturation and decay by least squares, slip measured from the estimated speed",
     )  # fmt: skip
 
 
@@ -95,15 +95,13 @@ def _best(table: pd.DataFrame) -> Statement:
     found = {place: interval for (place, how), interval in arms(table).items() if how == EQUAL}
     best = min(found, key=lambda place: found[place].value)
     wide = relative(table)
-    ahead = {place: mean_interval(wide[(place, EQUAL)] - wide[(best, EQUAL)])
-             for place in PLACEMENTS if place != best}  # fmt: skip
-    return decided(
+    ahead = {place: wide[(place, EQUAL)] - wide[(best, EQUAL)] for place in PLACEMENTS if place != best}  # fmt: skip
+    return over_cases(
         "placement", f"with the brake force shared equally, the same sand stops soonest at {best}",
-        {f"not shown against {place}": interval.low > 0.0 for place, interval in ahead.items()},
+        {f"not against {place}": Bound("", longer, least=0.0) for place, longer in ahead.items()},
         {f"{place}, distance over that of {USUAL}": interval for place, interval in found.items()},
         "mean over events of the ratio of distances; holds if the paired difference from every other placement is above 0 "
-        "with 95 %", partly=any(interval.low > 0.0 for interval in ahead.values()),
-        enough=len(wide) >= LEAST_EVENTS,
+        "with 95 %",
     )  # fmt: skip
 
 
@@ -112,36 +110,35 @@ def _together(table: pd.DataFrame) -> Statement:
     wide, found = relative(table), arms(table)
     alone = min(PLACEMENTS, key=lambda place: found[(place, EQUAL)].value)
     place, sharing = min(found, key=lambda arm: found[arm].value)
-    gain = mean_interval(wide[(alone, EQUAL)] - wide[(place, sharing)])
+    gain = wide[(alone, EQUAL)] - wide[(place, sharing)]
     return decided(
         "together", f"placement and sharing chosen together stop sooner: {place}, shared {sharing}",
-        {"not shown": gain.low > 0.0},
+        {"": sharing != EQUAL and Bound("", gain, least=0.0)},
         {
             f"distance over that of {USUAL} with equal sharing": found[(place, sharing)],
             f"{alone} with equal sharing, the best place then": found[(alone, EQUAL)],
             f"the same place with equal sharing ({place})": found[(place, EQUAL)],
             "shorter than the best with equal sharing by": gain,
         },
-        "holds if the paired difference is above 0 with 95 %", enough=len(wide) >= LEAST_EVENTS,
+        "holds if the paired difference is above 0 with 95 %, does not where equal sharing is best",
+        enough=len(wide) >= LEAST_EVENTS,
     )  # fmt: skip
 
 
 def _sharing(table: pd.DataFrame, sharing: str) -> Statement:
     wide, found = relative(table), arms(table)
-    gain = {place: mean_interval(wide[(place, EQUAL)] - wide[(place, sharing)]) for place in PLACEMENTS}  # fmt: skip
+    gain = {place: wide[(place, EQUAL)] - wide[(place, sharing)] for place in PLACEMENTS}
     damage = _ratio(table, "damage", sharing)
-    return decided(
+    return over_cases(
         f"sharing: {sharing}",
         f"brake force shared {sharing} instead of equally shortens the stop by {COUNTS:.0%} or more",
-        {f"not with the sand at {place}": interval.low >= COUNTS for place, interval in gain.items()},
+        {f"not with the sand at {place}": Bound("", shorter, least=COUNTS) for place, shorter in gain.items()},
         {
             **{f"{place}: shorter by, of the distance of {USUAL}": value for place, value in gain.items()},
             **{f"{place}: distance over that of {USUAL}": found[(place, sharing)] for place in PLACEMENTS},
             "wheel damage over that of equal sharing": damage,
         },
         SHARING_METHOD,
-        partly=any(interval.low >= COUNTS for interval in gain.values()),
-        enough=len(wide) >= LEAST_EVENTS,
     )  # fmt: skip
 
 

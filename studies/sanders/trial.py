@@ -4,9 +4,8 @@ Read: demand, speed, friction, five distances, two four-car units with sanders a
 and assumed: that both units sand, the second sander's place, the rates, the slide protection and its use of adhesion.
 """
 
-from typing import Any, Literal, NamedTuple
-
-import xarray as xr
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, get_args
 
 from alloc.event import DriverCommand, Event
 from alloc.metrics.motion import damage, distance
@@ -15,6 +14,7 @@ from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
 from alloc.onboard.sanding import Sanding
 from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import POLACH_WET, AdhesionCurve, SlipRatioCurve
+from alloc.plant.environment import level_for
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import gb_unit
@@ -39,12 +39,15 @@ DURATIONS = {"none": 130.0, "one fixed": 95.0, "two fixed": 80.0, "one variable"
 """Time [s] longer than a stop of about these distances."""
 CURVES: dict[str, AdhesionCurve] = {"slip-ratio": SlipRatioCurve(), "polach": POLACH_WET}
 STEP = 1e-3
+RECORD_PERIOD = 0.1
+"""Time [s] between records, whose adhesion limits take as long as their run; at the end of a stop it is less than 3 cm."""
 Source = Literal["estimate", "truth"]
 """Speed that slide protection measures slip from."""
-SOURCE: Source = "truth"
+SOURCES: tuple[Source, ...] = get_args(Source)
+SOURCE: Source = "estimate"
 """Where nothing else is said."""
 END_SPEED = 1.0 / 3.6
-"""Speed [m/s] to which distances count; the rest is 5 cm. The driver releases at half of it."""
+"""Speed [m/s] to which stops are measured; the rest is 5 cm."""
 
 
 class SandLaw(NamedTuple):
@@ -65,19 +68,16 @@ def sanders(kind: str, units: int = 2) -> dict[int, Sander]:
     return {place: make(0) for place in places}
 
 
-def _friction(curve: AdhesionCurve, adhesion: float) -> float:
-    """Level whose curve peaks at `adhesion` at the initial speed; Polach's level is the friction coefficient."""
-    level = adhesion
-    for _ in range(20):
-        level *= adhesion / float(curve.limit(level, INITIAL_SPEED)[0])
-    return level
+@lru_cache
+def _level(curve: str, adhesion: float) -> float:
+    """Level that offers the units `adhesion` at the initial speed; all their axles are alike."""
+    return level_for(CURVES[curve], adhesion, INITIAL_SPEED, gb_unit.train())
 
 
 def rail(law: SandLaw, curve: str = "slip-ratio", level: float = FRICTION, **others: Any) -> Rail:
     """Rail whose adhesion coefficient peaks at `level`, and at that of the law under much sand, whatever the curve."""
-    own = CURVES[curve]
-    sanded = law._replace(sanded_coefficient=_friction(own, law.sanded_coefficient))
-    return Rail(level=_friction(own, level), curve=own, **sanded._asdict(), **others)
+    sanded = law._replace(sanded_coefficient=_level(curve, law.sanded_coefficient))
+    return Rail(level=_level(curve, level), curve=CURVES[curve], **sanded._asdict(), **others)
 
 
 def brake_event(
@@ -97,13 +97,13 @@ def brake_event(
         duration=duration,
         initial_speed=initial_speed,
         step=STEP,
-        record_period=0.02,
+        record_period=RECORD_PERIOD,
         target_speed=END_SPEED,
     )
 
 
 def equipment(source: Source = SOURCE, shares: tuple[float, ...] | None = None) -> Onboard:
-    """Fuzzy slide protection, measuring slip from the true speed or the estimate; sand throughout."""
+    """Fuzzy slide protection, measuring slip from the estimated speed or the true one; sand throughout."""
     protection = SlideProtection(law="fuzzy")
     return Onboard(
         rise_time=0.01,  # asked for at once: the cylinders are all the delay
@@ -115,15 +115,18 @@ def equipment(source: Source = SOURCE, shares: tuple[float, ...] | None = None) 
 
 def stop(
     kind: str, law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = SOURCE
-) -> xr.Dataset:
-    """The recorded run of a row of `DISTANCES`."""
+) -> dict[str, float]:
+    """Measures of a row of `DISTANCES`."""
     train = gb_unit.sanded(gb_unit.train(units), sanders(kind, units))
-    event = brake_event(train, rail(law, curve), DURATIONS[kind], equipment(source))
-    return simulate(event, "alone", "none")  # there are no motors
+    return measured_stop(brake_event(train, rail(law, curve), DURATIONS[kind], equipment(source)))
 
 
-def measures(run: xr.Dataset) -> dict[str, float]:
-    """Distance [m] (nan for a train that still runs), Q [kJ], locked axle-seconds, and sand laid on both rails [kg]."""
+def measured_stop(event: Event) -> dict[str, float]:
+    """Distance [m] (nan for a train that still runs), Q [kJ], locked axle-seconds, and sand laid on both rails [kg].
+
+    There are no motors, so rule and controller have nothing to do.
+    """
+    run = simulate(event, "alone", "none", until_speed=END_SPEED)
     period = float(run["time"].values[1] - run["time"].values[0])
     sand = 2.0 * period * float(run["sand_rate"].sum()) if "sand_rate" in run else 0.0
     return {

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from alloc.event import STEP, DriverCommand, Event
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
@@ -13,14 +14,20 @@ from alloc.plant.adhesion import (
     PiecewiseCurve,
     SlipRatioCurve,
 )
-from alloc.plant.equations import GRAVITY
+from alloc.plant.environment import level_for
+from alloc.plant.equations import gradient_force, running_resistance
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Car, Train
 from alloc.run_size import longest_duration
 from studies.files.study_error import StudyError
 from studies.slides.jp4209318 import CYCLE, FULL_BRAKE, slide_protection
-from studies.wsp_acceptance.perfect_stop import LONGEST_STOP, perfect_stop, rest_friction
+from studies.wsp_acceptance.perfect_stop import (
+    LONGEST_STOP,
+    REFERENCE_SPEED,
+    PerfectStop,
+    perfect_stop,
+)
 
 CURVES: dict[str, AdhesionCurve] = {
     "piecewise": PiecewiseCurve(),
@@ -71,7 +78,8 @@ def rail_of(curve: str, levels: Levels, train: Train) -> Rail:
     """Rail of a curve, named in `CURVES`, whose maximum under `train` at 15 m/s is the level."""
     law = CURVES[curve]
     steps = [(-math.inf, levels)] if isinstance(levels, (int, float)) else list(levels)
-    friction = [rest_friction(law, adhesion, train) for _, adhesion in steps]
+    level = {a: level_for(law, a, REFERENCE_SPEED, train) for a in {a for _, a in steps}}
+    friction = [level[adhesion] for _, adhesion in steps]
     ends = [start for start, _ in steps[1:]] + [1e6]
     patches = tuple(
         Patch(factor / friction[0], start, end)
@@ -81,33 +89,44 @@ def rail_of(curve: str, levels: Levels, train: Train) -> Rail:
     return Rail(friction[0], patches=patches, curve=law)
 
 
-def stop_event(
+class Stop(NamedTuple):
+    """A stop asked for, and the perfect one from the same speed."""
+
+    event: Event
+    perfect: PerfectStop
+
+    def under(self, reference: ReferenceSpeed) -> "Stop":
+        """The same stop with another reference speed of the train's computers."""
+        onboard = replace(self.event.onboard, reference=reference)
+        return self._replace(event=replace(self.event, onboard=onboard))
+
+
+def stop_of(
     train: Train,
     curve: str,
     mu: Levels,
     speed: float,
     grade: float = 0.0,
     protection: SlideProtection = PROTECTION,
-    reference: ReferenceSpeed | None = None,
     duration: float | None = None,
     rolling: float = ROLLING,
-) -> Event:
+) -> Stop:
     """Full braking with air alone from `speed` [m/s] to a stand on a rail of adhesion `mu`.
 
-    `grade`: rise per run. `reference`: of the train's computers; `ReferenceSpeed(source="truth")` gives them the true
-    speed. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the adhesion, or as long
-    as a run may be. The train rolls for `rolling` [s], and brakes from position 0 on.
+    `grade`: rise per run. `duration` [s]: where none is given, long enough for a train that uses `USED_LEAST` of the
+    adhesion, or as long as a run may be. The train rolls for `rolling` [s], and brakes from position 0 on.
     Raises `StudyError` where the train has no air brake.
     """
     braked, rail, line = air_braked(train), rail_of(curve, mu, train), Line(grades=(grade,))
+    model = build(braked, rail, line, span=(0.0, float(LONGEST_STOP)))
+    best = perfect_stop(model, speed)
     if duration is None:
-        model = build(braked, rail, line, span=(0.0, float(LONGEST_STOP)))
-        best = perfect_stop(model, speed)
         wanted = ENDLESS if math.isinf(best.time) else APPLICATION + best.time / USED_LEAST
         duration = min(wanted, longest_duration(model, STEP, CYCLE) - rolling)
-    fall = GRAVITY * grade / math.sqrt(1.0 + grade**2)
-    start, way = speed + fall * rolling, (speed + 0.5 * fall * rolling) * rolling
-    return Event(
+    held = gradient_force(train.mass, grade) + running_resistance(speed, *train.resistance, 1.0)
+    slowing = held / (train.mass + train.rotating_mass)
+    start, way = speed + slowing * rolling, (speed + 0.5 * slowing * rolling) * rolling
+    event = Event(
         name=event_name(curve, mu, grade),
         model=build(braked, rail, line, span=(-way, start * duration)),
         command=DriverCommand((rolling,), (FULL_BRAKE,)),
@@ -116,7 +135,6 @@ def stop_event(
             period=CYCLE,
             rise_time=CYCLE,
             braking=Braking(slide_protection=protection, release_speed=0.0),
-            reference=ReferenceSpeed() if reference is None else reference,
         ),
         duration=rolling + duration,
         initial_speed=start,
@@ -124,6 +142,7 @@ def stop_event(
         record_period=CYCLE,
         target_speed=0.0,
     )
+    return Stop(event, best)
 
 
 def event_name(curve: str, mu: Levels, grade: float = 0.0) -> str:

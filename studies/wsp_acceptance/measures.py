@@ -11,7 +11,8 @@ from alloc.metrics.motion import damage
 from alloc.metrics.registry import record_period, series
 from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED, air_consumption, locked_time
 from alloc.simulation import simulate
-from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered, perfect_stop
+from studies.wsp_acceptance.events import Stop
+from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered
 
 STANDSTILL = 0.05
 """Speed [m/s] from which on a train stands. Down a slope it creeps, slower than this; on level rail it has 6 mm to go."""
@@ -38,8 +39,8 @@ def longest_lock(run: xr.Dataset) -> float:
     return longest * record_period(run)
 
 
-def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
-    """Measures of the stop that `event` asked for, from its command to the stand, or to the end if it never stood.
+def measured(run: xr.Dataset, asked: Stop) -> dict[str, Any]:
+    """Measures of the stop that was `asked` for, from its command to the stand, or to the end if it never stood.
 
     The train rolls before its command.
 
@@ -52,8 +53,7 @@ def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
     position = series(stop, "position")
     distance = float(position[-1] - position[0])
     left = 0.0 if standing.any() else float(speed[-1])
-    model, start = event.model, float(speed[0])
-    best = perfect_stop(model, start)
+    model, start = asked.event.model, float(speed[0])
     against = series(stop, "resistance_work")  # and against the gradient
     by_rail = 0.5 * (start**2 - left**2) - float(against[-1] - against[0]) / model.train.mass
     return {
@@ -65,6 +65,6 @@ def measured(run: xr.Dataset, event: Event) -> dict[str, Any]:
         "damage_kj": damage(stop),
         "air_nl": air_consumption(stop),
         "distance_m": distance,
-        "over_perfect": distance / best.distance if standing.any() else float("nan"),
+        "over_perfect": distance / asked.perfect.distance if standing.any() else float("nan"),
         "time_s": float(series(stop, "time")[-1] - series(stop, "time")[0]),
     }

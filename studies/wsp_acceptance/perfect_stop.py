@@ -6,12 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from alloc.plant.adhesion import AdhesionCurve
-from alloc.plant.environment import axle_contacts
 from alloc.plant.equations import GRAVITY, gradient_force
 from alloc.plant.model import Floats, Model
-from alloc.plant.structure import structure_of
-from alloc.plant.train import Train
 
 REFERENCE_SPEED = 15.0
 """Speed [m/s] at which a rail of any curve offers the level that it is named after."""
@@ -26,19 +22,6 @@ class PerfectStop(NamedTuple):
 
     distance: float
     time: float
-
-
-def rest_friction(curve: AdhesionCurve, adhesion: float, train: Train) -> float:
-    """Level of a rail whose `curve` has its maximum at `adhesion` at `REFERENCE_SPEED`, on the mean over the axles."""
-    level, s = adhesion, structure_of(train)[0]
-    contact, share = (
-        axle_contacts(curve, s),
-        s.static_load / s.static_load.sum(),
-    )
-    for _ in range(20):  # the maximum of Polach's curve grows a little less than in proportion
-        limit = curve.limit(level, REFERENCE_SPEED, contact)[0]
-        level *= adhesion / float(np.broadcast_to(limit, share.shape) @ share)
-    return level
 
 
 def adhesion_offered(model: Model, front: ArrayLike) -> Floats:

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any
 
-from alloc.event import Event
-from alloc.onboard.parameters import ReferenceSpeed
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car
@@ -21,10 +19,11 @@ from studies.wsp_acceptance.events import (
     CURVES,
     ROLLING,
     Levels,
+    Stop,
     air_braked,
     gripping,
     rail_of,
-    stop_event,
+    stop_of,
 )  # fmt: skip
 from studies.wsp_acceptance.perfect_stop import REFERENCE_SPEED, perfect_stop
 
@@ -71,11 +70,11 @@ class StopCase:
         """Level at the begin of the stop."""
         return self.levels if isinstance(self.levels, (int, float)) else self.levels[0][1]
 
-    def event(self, reference: ReferenceSpeed | None = None) -> Event:
-        """The stop under a reference speed; estimated where none is given."""
-        return stop_event(
+    def stop(self) -> Stop:
+        """The stop under the estimated reference speed."""
+        return stop_of(
             gripping(self.train, self.friction_factor), self.curve, self.levels, self.speed, self.grade,
-            slide_protection(law=self.law), reference,
+            slide_protection(law=self.law),
             # where beliefs are wrong the gradient begins with the brakes: nobody could have learnt it
             rolling=0.0 if self.part == BELIEF else ROLLING,
         )  # fmt: skip

@@ -23,12 +23,13 @@ TRUE = "true_speed_"
 
 def stop_row(case: StopCase) -> dict[str, Any]:
     """Measures of a stop and, where it is compared, those of the same one with the true speed."""
-    event = case.event()
-    row = case.columns | {"event": event.name, "reference": "estimated"}
-    row |= measured(stopped_run(event), event)
+    stop = case.stop()
+    row = case.columns | {"event": stop.event.name, "reference": "estimated"}
+    row |= measured(stopped_run(stop.event), stop)
     if case.compared:
-        told = case.event(ReferenceSpeed(source="truth"))
-        row |= {TRUE + name: value for name, value in measured(stopped_run(told), told).items()}
+        told = stop.under(ReferenceSpeed(source="truth"))
+        found = measured(stopped_run(told.event), told)
+        row |= {TRUE + name: value for name, value in found.items()}
     return row
 
 

@@ -21,8 +21,17 @@ OFFERED_BRAKED = 10 * (5600 + 12600 + 15000 + 14400 + 20000 + 23400)
 ASKED = 30 * 0.8 + 10 * 0.5
 REACHED = 29 * 0.6 - 0.2 + 10 * 0.4
 # Torque of the plan: mean coefficient x load x radius / (gear x axles)
-PLAN = (30 * 0.16 + 10 * 0.10) / 40
+PLAN = (29 * 0.16 + 0.09 + 10 * 0.10) / 40
 PLAN_0, PLAN_1 = PLAN * 1.5e5 * 0.5 / (6 * 2), PLAN * 3e5 * 0.4 / (7 * 3)
+# Room, from 2 s after the demand has grown: instants 20 to 43. The plan is 0.16 and once, at 33, 0.09 of 450 kN; under
+# brakes it is 0.10 of these and of the trailer's 52 kN.
+ROOM_PLAN = 13 * 72000 + 40500 + 10 * (45000 + 5200)
+# Unit 0 is bound by the rail, 2 x 5600, then by its motors, 400 x 24 less 900 kg x 0.6; unit 1 by its motors, 640 x 52.5
+# less 2100 kg x 0.6. Under brakes air makes up for the motors: 2 x 5600 and 3 x 14400 N exceed the plan together.
+MOST_0, MOST_0_LATE, MOST_1 = 11200, 9600 - 540, 33600 - 1260
+BOUND = 10 * (MOST_0 + MOST_1) + 3 * (MOST_0_LATE + MOST_1) + 40500 + 10 * (45000 + 5200)
+# what unit 1 could deliver beyond its own part of the plan
+HEADROOM = 40500 - (MOST_0_LATE + 27000) + 10 * (45000 - 11200 - 30000)
 
 EXPECTED = {
     # attributes; times in ms
@@ -38,6 +47,9 @@ EXPECTED = {
     # unit 0 signals at 11, 12, 13, 16 and 28, unit 1 at 25 and 35; what is signalled while coasting is left out
     "utilisation_slipping": (15200 + 2 * 12000 + 8000 + 11000 + 36000 + 22000)
     / ((7000 + 12600) + 4 * (5600 + 12600) + (14400 + 12000 + 23400) + (14400 + 20000 + 23400)),
+    "bound_use": (11 * 47000 + 2 * 41000 + 40500 + 10 * (27000 + 4000)) / BOUND,
+    "headroom": HEADROOM / ROOM_PLAN,
+    "over_delivery": (41000 - 40500) / ROOM_PLAN,
     # beyond twice the peak: 2 of axle 0, 2 of axle 1, 1 of axle 2, 1 + 4 of axle 3, 1 of axle 4
     "slip_time": 11 * 0.125,
     "slip_peak": 0.7,
@@ -93,9 +105,11 @@ def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
         "slip_time", "slip_peak", "damage", "time_to_speed", "jerk_rms", "jerk_peak", "coupler_peak", "detection_delay",
         "missed_slips", "false_alarms", "search_time", "unfinished_searches", "torque_fluctuation", "locked_time",
         "air_consumption", "detections", "unit_detections", "locks", "time_outs", "rule_failures", "controller_failures",
+        "over_delivery",
     }  # fmt: skip
     more = {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "utilisation_slipping", "utilisation_short",
+        "bound_use",
     }  # fmt: skip
     units = {
         "acceleration": "m/s2", "slip_time": "s", "slip_peak": "m/s", "damage": "kJ", "distance": "m",
@@ -115,6 +129,7 @@ OF_UNITS = {
     "estimate_error", "utilisation_slipping", "utilisation_short", "torque_fluctuation", "detection_delay",
     "search_time", "unfinished_searches",
 }  # fmt: skip
+OF_ROOM = {"bound_use", "headroom", "over_delivery"}
 
 
 def test_without_demand_what_counts_under_demand_is_nan():
@@ -122,6 +137,7 @@ def test_without_demand_what_counts_under_demand_is_nan():
     run["driver_command"] = 0.0 * run["driver_command"]
     assert nan_of(run) == OF_UNITS - {"estimate_error"} | {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "time_to_speed", "jerk_rms", "jerk_peak",
+        *OF_ROOM,
     }  # fmt: skip
     result = evaluate(run)
     assert result["missed_slips"] == result["false_alarms"] == 0.0
@@ -132,7 +148,7 @@ def test_without_demand_what_counts_under_demand_is_nan():
 def test_a_train_without_units_couplers_and_brake_groups_has_none_of_theirs():
     run = recorded(blended_brakes=0).isel(unit=slice(0), coupler=slice(0), brake_group=slice(0))
     run["axle_unit"] = ("axle", [-1] * 6)
-    assert nan_of(run) == OF_UNITS | {"utilisation", "coupler_peak", "air_consumption"}
+    assert nan_of(run) == OF_UNITS | OF_ROOM | {"utilisation", "coupler_peak", "air_consumption"}
     result = evaluate(run)
     assert result["effort_ratio"] == result["missed_slips"] == result["false_alarms"] == 0.0
 

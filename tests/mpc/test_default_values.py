@@ -50,7 +50,7 @@ ONBOARD = {
     "sanding": {
         "on_slide": True, "delay": 1.0, "hold": 5.0, "begin": math.inf, "until": math.inf, "least_speed": 16.0 * KMH,
     },
-    "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
+    "trigger": "limited", "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
 }  # fmt: skip
 MPC = {
     "horizon": 20, "step": 0.01, "slip_limit": 1.0, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,

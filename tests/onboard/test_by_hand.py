@@ -5,48 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from alloc.onboard import distribution, sensing
+from alloc.onboard import sensing
 from alloc.onboard.controllers.cut_and_ramp import CUT, FOLLOW, CutAndRamp, cut_and_ramp_unit
 
 
 def plain(part):
     """The Python function of a compiled part."""
     return getattr(part, "py_func", part)
-
-
-def train_memory(first=0, estimate=0.10, units=3):
-    """What the foremost unit keeps: it detected a slip at 1 s and must allocate."""
-    lead = {"unit": first, "slipped": 1.0, "detected": 1.0, "estimate": estimate, "allocate": True}
-    return SimpleNamespace(
-        lead=SimpleNamespace(**{name: np.array([value]) for name, value in lead.items()}),
-        train=SimpleNamespace(expected=np.zeros(1), case=np.ones(1), level=np.ones(1)),
-        cap=np.zeros(units),
-        limit_wanted=np.zeros(units),
-    )
-
-
-SETTINGS = SimpleNamespace(
-    hold_time=5.0,
-    rule=SimpleNamespace(periodic=False, needs_truth=False),
-    telegrams=SimpleNamespace(ticks=10),
-)
-
-
-@pytest.mark.parametrize(
-    ("first", "caps"), [(0, [0.10, 0.12, 0.15]), (1, [0.08, 0.10, 0.13]), (2, [0.05, 0.07, 0.10])]
-)
-def test_increments_count_from_the_unit_that_leads(first, caps):
-    """(5) with the increments 0.01, 0.03, 0.06: where units ahead have failed, the first sound one is the reference."""
-    equipment = SimpleNamespace(
-        increment=np.array([0.01, 0.03, 0.06]), blended=False, brake_share=0.3, planned_share=0.2
-    )
-    memory = train_memory(first)
-    assert plain(distribution.prepare_allocation)(equipment, SETTINGS, memory, 2.0, 7, 0.8)
-    assert memory.cap == pytest.approx(caps, rel=1e-12)
-    assert memory.train.expected[0] == pytest.approx(0.16, rel=1e-12)
-    memory.lead.estimate[0] = 0.03
-    plain(distribution.prepare_allocation)(equipment, SETTINGS, memory, 2.0, 7, 0.8)
-    assert memory.cap == pytest.approx(np.maximum(np.array(caps) - 0.07, 0.0), abs=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import each_unit, unit_contexts
-from alloc.onboard.memory import SLOTS, memory
+from alloc.onboard.mail import SLOTS
+from alloc.onboard.memory import memory
 from alloc.onboard.parameters import (
     Belief,
     Braking,
@@ -156,6 +157,7 @@ def test_a_dropout_of_the_last_axle_fits_and_of_the_next_does_not():
         (lambda: Belief(loads=(np.inf,)), "finite"),
         (lambda: Onboard(limit_rate=0.0), "limit_rate = 0.0"),
         (lambda: Onboard(period=0.2), "must not be below the control period"),
+        (lambda: Onboard(trigger="skid"), "trigger = 'skid' must be one of limited, slip"),
         (lambda: ReferenceSpeed("forecast"), "source = 'forecast' must be one of estimate, truth"),
     ],
 )  # fmt: skip
@@ -176,8 +178,9 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     onboard = Onboard(
         period=0.02, telegrams=Telegrams(period=0.13), sensors=Sensors(speed_noise=0.01, speed_quantum=0.03, dropouts=lost)
     )  # fmt: skip
-    st = settings(onboard, RuleSettings(1, True, False), "cut-and-ramp")
+    st = settings(onboard, RuleSettings(1, True, False, False, False, False), "cut-and-ramp")
     assert (st.period, st.hold_time, st.rise_time) == (0.02, onboard.hold_time, onboard.rise_time)
+    assert not st.rule.on_slip
     assert not st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"
     assert st.telegrams.ticks == 6
@@ -195,9 +198,10 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     assert (st.brakes.inertia_in_estimate, st.brakes.by_pressure) == (True, True)
     other = replace(
         onboard, sensors=Sensors(sensorless_pole=4.0), telegrams=Telegrams(period=0.02), hosted={"mpc": 3},
-        reference=ReferenceSpeed("truth"), braking=Braking(inertia_in_estimate=False, air_force="command"),
+        reference=ReferenceSpeed("truth"), braking=Braking(inertia_in_estimate=False, air_force="command"), trigger="slip",
     )  # fmt: skip
-    st = settings(other, RuleSettings(1, True, False), "mpc")
+    st = settings(other, RuleSettings(1, True, False, False, False, False), "mpc")
+    assert st.rule.on_slip
     assert st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"  # its reserve
     assert (st.sensors.noisy, st.sensors.pole, st.telegrams.ticks) == (False, 4.0, 1)
@@ -213,13 +217,24 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
         "reference": [9.0] * 5, "mean_speed": [9.0] * 4, "speed": [9.0] * 4,
         "differentiator": [9.0] * 4, "observer": [np.nan] * 4, "limit_max": [np.inf] * 4, "in_service": [True] * 4,
         "cap": [0.07] * 4, "limit_wanted": [0.07] * 4, "delivered": [0.07] * 4, "received": [np.inf] * 4,
-        "last_heard": [0.0] * 4, "rise": [0.0] * 4, "axle_seen": [True] * 20,
+        "rise": [0.0] * 4, "axle_seen": [True] * 20, "shown": [np.inf] * 4, "limited": [False] * 4,
+        "slipping": [False] * 4, "air_most": [np.inf] * 8, "told": [[np.inf]] * 4,
     }  # fmt: skip
     for name, value in start.items():
         np.testing.assert_array_equal(getattr(m, name), value, err_msg=name)
     np.testing.assert_allclose(m.axle_omega * eq.axle_radius, 9.0)
-    assert m.mail_time.shape == m.mail_limit.shape == (4, SLOTS)
-    assert np.isinf(m.mail_time).all()
+    for line, fields, nothing in (
+        (m.orders, 1, [np.inf]),
+        (m.report.line, 4, [0.07, np.nan, 0.0, 0.0]),
+    ):
+        assert line.arrival.shape == line.sent.shape == (4, SLOTS)
+        assert line.content.shape == (4, SLOTS, fields)
+        assert np.isinf(line.arrival).all()
+        np.testing.assert_array_equal(line.heard, [0.0] * 4)
+        np.testing.assert_array_equal(line.newest, [-np.inf] * 4)
+        np.testing.assert_array_equal(line.read, [nothing] * 4)
+    np.testing.assert_array_equal(m.report.own, [[0.07, np.nan, 0.0, 0.0]] * 4)
+    np.testing.assert_array_equal(m.report.limited_at, [-np.inf] * 4)
     unit = dict.fromkeys(m.unit._fields, 0.0) | {
         "limit": 0.07,
         "axles_seen": eq.axles,

@@ -19,7 +19,7 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
 from studies.ladder.events import scenario
-from studies.wsp_acceptance.events import gripping, stop_event
+from studies.wsp_acceptance.events import gripping, stop_of
 from studies.wsp_acceptance.measures import measured, stopped_run
 from studies.wsp_acceptance.stop_cases import discs
 
@@ -57,17 +57,10 @@ def ladder(k, source="estimate", noise=None):
 
 @cache
 def stop(curve, level, source="estimate", grip=1.0, rolling=3.0, grade=0.0):
-    event = stop_event(
-        gripping(discs(1), grip),
-        curve,
-        level,
-        20.0,
-        grade,
-        reference=SOURCES[source],
-        rolling=rolling,
-    )
-    run = stopped_run(event)
-    return run, measured(run, event)
+    asked = stop_of(gripping(discs(1), grip), curve, level, 20.0, grade, rolling=rolling)
+    asked = asked.under(SOURCES[source])
+    run = stopped_run(asked.event)
+    return run, measured(run, asked)
 
 
 def used_share(run):

@@ -6,16 +6,23 @@ from matplotlib.collections import LineCollection
 
 from paper_figs.claims import (
     CLAIM_TABLE,
+    CONTROLLER,
     FEW_EVENTS,
+    RULE,
     claim_a,
     claim_b,
     claim_c,
     claim_d,
     claim_e,
+    claim_verdicts,
 )
 from paper_figs.differences import differences
 from paper_figs.source import Source
+from paper_figs.verdicts import LOOKS
+from studies.claims.statements import statement_name
 from studies.claims.study import CLAIMS as CLAIM_STUDY
+from studies.core.arms import Arm
+from studies.core.statement import FAILS
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.differences.study import DIFFERENCES
@@ -33,7 +40,8 @@ def whole(axes) -> float:
 def test_the_forest_starts_with_the_number_of_the_statement(claim):
     table = synthetic(80)
     figure = CLAIMS[claim](table)
-    statement = next(s for s in CLAIM_STUDY.statements(table) if s.name == claim)
+    name = statement_name(claim, Arm(RULE, CONTROLLER))
+    statement = next(s for s in CLAIM_STUDY.statements(table) if s.name == name)
     value = next(iter(statement.numbers.values())).value
     factor = 1.0 if claim == "d" else 100.0
     assert whole(figure.axes[1]) == pytest.approx(factor * value)
@@ -48,7 +56,7 @@ def test_few_events_leave_marks_out_but_draw(claim):
 
 def test_a_part_that_fails_stands_on_the_other_side():
     def change(row):
-        worse = row["rule"] == "greedy" and row["season"] == "winter"
+        worse = row["rule"] == RULE and row["season"] == "winter"
         return row | {"jerk_rms": 0.6} if worse else row
 
     axes = claim_d(synthetic(120, change)).axes[1]
@@ -81,3 +89,38 @@ def test_differences_show_the_quartiles_of_the_problems(tmp_path):
     rows = chosen[(chosen["rule"] == "greedy") & chosen["within_reach"].astype(bool)]
     median = np.quantile(100 * (rows["over"] - rows["short"]), 0.5)
     assert axes.get_lines()[2].get_xdata()[0] == pytest.approx(median)
+
+
+def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
+    """Dots are the estimates in the colour of the verdict; the line is the threshold; the shade the side claimed."""
+    for module in ("studies.claims.statements", "paper_figs.claims"):
+        monkeypatch.setattr(f"{module}.ARMS", (Arm("greedy", "cut-and-ramp"),))
+    table = synthetic(
+        120, lambda row: row | ({"unit_use_low": 0.8} if row["rule"] == "greedy" else {})
+    )
+    found = {s.name: s for s in CLAIM_STUDY.statements(table)}
+    figure = claim_verdicts(table)
+    assert [axes.get_title(loc="left")[1] for axes in figure.axes] == list("abcde")
+    for axes, statement in zip(figure.axes, found.values(), strict=True):
+        factor, test = 1.0 if statement.name == "d" else 100.0, statement.test
+        look = LOOKS[statement.verdict]
+        (dot,) = [line for line in axes.lines if line.get_marker() == look["marker"]]
+        assert dot.get_xdata()[0] == pytest.approx(factor * test.estimate.value)
+        assert dot.get_color() == look["color"]
+        threshold = factor * test.threshold
+        assert any(list(line.get_xdata()) == [threshold, threshold] for line in axes.lines)
+        (shade,) = axes.patches
+        ends = sorted((shade.get_x(), shade.get_x() + shade.get_width()))
+        assert ends[0 if test.direction == "at least" else 1] == pytest.approx(threshold)
+        low, high = axes.get_xlim()
+        ends = [factor * end for end in (test.adjusted.low, test.adjusted.high)]
+        assert low < min(*ends, threshold)
+        assert high > max(*ends, threshold)
+        (words,) = axes.texts
+        assert words.get_text().startswith(f"{statement.verdict}, n = {test.estimate.count}\n")
+    assert found["b"].verdict == FAILS
+
+
+def test_verdicts_on_few_events_say_so():
+    figure = claim_verdicts(synthetic(4))
+    assert all(axes.texts[0].get_text().startswith("too few events") for axes in figure.axes)

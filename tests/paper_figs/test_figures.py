@@ -27,11 +27,12 @@ from paper_figs.brake_force import (
     brake_locomotive_only,
     faulty_car,
 )
-from paper_figs.claims import claim_a, claim_b, claim_c, claim_d, claim_e
+from paper_figs.claims import claim_a, claim_b, claim_c, claim_d, claim_e, claim_verdicts
 from paper_figs.comparison import rule_comparison, utilisation_damage
 from paper_figs.differences import differences
 from paper_figs.drawing import draw_comparison, draw_run, save_figure
 from paper_figs.events import blended_braking, sharing_wanders, slip_detection, slip_event
+from paper_figs.headroom import headroom
 from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
 from paper_figs.lines import real_line
@@ -85,6 +86,7 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.acceptance_tables import acceptance_table
 from tests.studies.brake_tables import brake_table
+from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.readhesion_tables import calibration_table, sweep_table
@@ -164,6 +166,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "rule-comparison": rule_comparison(source.table),
         "utilisation-damage": utilisation_damage(source.table),
         **{f"claim-{claim}": draw(claim_table(60)) for claim, draw in CLAIMS.items()},
+        "claim-verdicts": claim_verdicts(claim_table(60)),
         "differences": differences(difference_table()),
         "blended-braking": blended_braking(stop),
         "sharing-wanders": sharing_wanders(*runs),
@@ -173,6 +176,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "axle-shifts": axle_shifts(read_slide_counts(SYNTHETIC_TABLE)),
         "unit-increments": unit_increments(),
         "learning": learning(synthetic(falling, trains=2)),
+        "headroom": headroom(headroom_table()),
         "ladder": ladder(ladder_table()),
         "curves": curves(curve_table()),
         "torque-table": torque_table(),

@@ -9,7 +9,7 @@ import itertools
 from fractions import Fraction
 
 MOVED = Fraction(1, 10)
-HANDED = Fraction(1, 2)
+HANDED = Fraction(1, 4)
 OVERLOOKED = Fraction(1, 50)
 
 

@@ -92,18 +92,18 @@ def test_sharing_is_its_transcription(problem):
 
 
 def test_sharing_takes_back_what_is_too_much_but_asks_no_unit_to_brake():
-    # by hand: both deliver 0.3 where 0.2 is wanted; half of 2 x 0.1 over two units is 0.05 less for each
+    # by hand: both deliver 0.3 where 0.2 is wanted; a quarter of 2 x 0.1 over two units is 0.025 less for each
     problem = AllocationProblem([0.3] * 2, 0.2, previous=[0.01, 0.3], delivered=[0.3, 0.3])
-    assert find_rule("sharing")(problem).limit == pytest.approx([0.0, 0.25], rel=1e-14, abs=0.0)
+    assert find_rule("sharing")(problem).limit == pytest.approx([0.0, 0.275], rel=1e-14, abs=0.0)
 
 
 def test_sharing_counts_a_negative_estimate_as_nothing():
-    # by hand: unit 1 lacks 0.2 of its limit and falls by half of it; unit 2, of twice the mass, gets half of 0.2 / 2
+    # by hand: unit 1 lacks 0.2 of its limit and falls by a quarter of it; unit 2, twice as heavy, gets a quarter of 0.2 / 2
     units = units_of(AllocationProblem([0.2, 0.2], 0.2, mass=[1.0, 2.0]))
     units = units._replace(delivered=np.array([-0.1, 0.2]), previous=np.array([0.2, 0.2]))
     limit = np.empty(2)
     find_rule("sharing").law(units, 0.2, limit)
-    assert limit == pytest.approx([0.1, 0.25], rel=1e-14)
+    assert limit == pytest.approx([0.15, 0.225], rel=1e-14)
 
 
 @many
@@ -235,11 +235,13 @@ def test_fields_of_a_law_are_those_of_the_problem():
         [0.1, 0.2], 0.15, mass=[3.0, 4.0], limit_max=[0.5, 0.6], previous=[0.11, 0.12], delivered=[0.07, 0.08],
         truth=[0.13, 0.14],
     )  # fmt: skip
-    assert [field.tolist() for field in units_of(problem)] == [
-        [0.1, 0.2], [3.0, 4.0], [0.5, 0.6], [0.11, 0.12], [0.07, 0.08], [0.13, 0.14]
+    assert [np.asarray(field).tolist() for field in units_of(problem)] == [
+        [0.1, 0.2], [3.0, 4.0], [0.5, 0.6], [0.11, 0.12], [0.07, 0.08], [0.13, 0.14], [np.inf] * 2, 0.15
     ]  # fmt: skip
     bare = AllocationProblem([0.1, 0.2], 0.15)
-    assert [field.tolist() for field in units_of(bare)] == [
-        [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2]
+    assert [np.asarray(field).tolist() for field in units_of(bare)] == [
+        [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2], [np.inf] * 2, 0.15
     ]  # fmt: skip
-    assert Units._fields == ("cap", "mass", "limit_max", "previous", "delivered", "truth")
+    assert Units._fields == (
+        "cap", "mass", "limit_max", "previous", "delivered", "truth", "open_to", "plan"
+    )  # fmt: skip

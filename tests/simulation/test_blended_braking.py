@@ -167,9 +167,9 @@ def test_allocation_brakes_better_than_each_unit_alone():
     """It did not while limits froze the air brake."""
     scenario = load_scenario("wet-stop")
     found = {}
-    for rule in ("alone", "greedy", "oracle"):
+    for rule in ("alone", "greedy-literal", "oracle"):
         found[rule] = evaluate(simulate(scenario.event(1), rule))
-    alone, greedy = found["alone"], found["greedy"]
+    alone, greedy = found["alone"], found["greedy-literal"]
     assert greedy["utilisation"] > alone["utilisation"]
     for worse in ("distance", "slip_time", "damage"):
         assert greedy[worse] < alone[worse]
@@ -216,7 +216,7 @@ def test_fuzzy_slide_protection_of_trailers_saves_damage_and_air_at_the_same_dis
     for law in ("threshold", "fuzzy"):
         protection = SlideProtection(law=law, period=0.02)
         event = stop(0.07, braking=Braking(slide_protection=protection), duration=20.0)
-        found[law] = evaluate(simulate(event, "greedy"))
+        found[law] = evaluate(simulate(event, "greedy-literal"))
     plain, fuzzy = found["threshold"], found["fuzzy"]
     assert fuzzy["damage"] < 0.85 * plain["damage"]
     assert fuzzy["air_consumption"] < plain["air_consumption"]

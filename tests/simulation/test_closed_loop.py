@@ -64,6 +64,7 @@ def test_hosted_rule_and_compiled_rule_make_the_same_run(make_event, dip):
         inner = find_rule("exact")
         name = "exact"
         periodic, needs_truth = inner.periodic, inner.needs_truth
+        always, own_caps, on_slip, law = inner.always, inner.own_caps, inner.on_slip, None
 
         def __call__(self, problem):
             return self.inner(problem)
@@ -85,7 +86,8 @@ def test_qp_in_the_loop_equals_the_exact_level(make_event):
 
 
 def test_limits_are_set_once_per_detection_and_reset_after_the_hold_time(make_event, dip):
-    onboard = Onboard(hold_time=2.0, telegrams=Telegrams(period=0.1, latency=0.05))
+    lines = Telegrams(period=0.1, latency=0.05)
+    onboard = Onboard(hold_time=2.0, telegrams=lines, trigger="slip")
     run = simulate(make_event(0.155, patches=[dip], onboard=onboard, duration=12.0), "greedy")
     onsets = run["time"].values[_b1_onsets(run)]
     assert onsets.size > 0
@@ -105,7 +107,7 @@ def test_limits_are_set_once_per_detection_and_reset_after_the_hold_time(make_ev
 
 
 def test_in_case_a_every_limit_is_the_cap(make_event):
-    run = simulate(make_event(0.09), "greedy", "cut-and-ramp")
+    run = simulate(make_event(0.09, onboard=Onboard(trigger="slip")), "greedy", "cut-and-ramp")
     k = _b1_onsets(run)[0] + 30
     assert run["case"].values[k] == 1
     held = run["limit"].values[k, 0]
@@ -140,7 +142,7 @@ def test_without_slip_nothing_acts(make_event):
 
 
 def test_lost_telegrams_make_units_fall_back_to_the_plan(make_event):
-    onboard = Onboard(telegrams=Telegrams(loss=1.0, silence=0.5))
+    onboard = Onboard(telegrams=Telegrams(loss=1.0, silence=0.5), trigger="slip")
     run = simulate(make_event(0.10, onboard=onboard), "greedy")
     assert run.attrs["fallbacks"] == 2
     assert run.attrs["telegrams_lost"] == run.attrs["telegrams_sent"] > 0
@@ -162,7 +164,7 @@ def test_when_b1_fails_the_next_motor_car_takes_over(make_event):
 
 
 def test_wrong_increments_show_in_the_limits_only(make_event, train):
-    wrong = Onboard(belief=Belief(increments=tuple(np.zeros(train.axle_count))))
+    wrong = Onboard(belief=Belief(increments=tuple(np.zeros(train.axle_count))), trigger="slip")
     right, belief = make_event(0.10), make_event(0.10, onboard=wrong)
     np.testing.assert_array_equal(
         right.model.environment.increment, belief.model.environment.increment

@@ -16,6 +16,10 @@ TRAIN = find_set("commuter-8car")
 GROWTH = tuple(logarithmic_increments(TRAIN.axle_count))
 
 
+PATENT = Onboard(belief=Belief(increments=GROWTH), trigger="slip")
+"""Computers that follow (5) from the leader's detection."""
+
+
 def start(train, rail, onboard=None, **options):
     """A start of `train` that believes the increments (15)."""
     onboard = onboard or Onboard(belief=Belief(increments=GROWTH))
@@ -36,7 +40,7 @@ def test_reversed_the_other_end_leads_and_the_increments_follow():
     train = replace(TRAIN, cars=cars)
     rail = Rail(0.125, increments=GROWTH)
     ahead, back = (
-        simulate(start(t, rail, duration=4.0), "greedy") for t in (train, train.reversed())
+        simulate(start(t, rail, PATENT, duration=4.0), "greedy") for t in (train, train.reversed())
     )
     assert ahead["unit_static_load"].values[0] < back["unit_static_load"].values[0]
     for run in (ahead, back):
@@ -72,7 +76,7 @@ def test_every_inverter_group_redistributes(group):
         replace(car, motors=replace(car.motors, group=group)) if car.motors else car
         for car in TRAIN.cars
     )
-    event = start(replace(TRAIN, cars=cars), Rail(0.12, increments=GROWTH), duration=4.0)
+    event = start(replace(TRAIN, cars=cars), Rail(0.12, increments=GROWTH), PATENT, duration=4.0)
     run = simulate(event, "greedy")
     allocated = run["case"].values > 0
     assert allocated.any()

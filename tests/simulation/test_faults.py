@@ -46,8 +46,9 @@ def test_an_axle_without_signal_slips_unnoticed_while_the_others_hold(make_event
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
-def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, share):
-    onboard = dropouts(range(4, 8))
+@pytest.mark.parametrize("trigger", ["slip", "limited"])
+def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, trigger, share):
+    onboard = replace(dropouts(range(4, 8)), trigger=trigger)
     onboard = replace(onboard, sensors=replace(onboard.sensors, blind_share=share))
     run = simulate(make_event(0.30, onboard=onboard), "greedy")
     whole = simulate(make_event(0.30), "greedy")
@@ -56,12 +57,17 @@ def test_a_blind_unit_pulls_its_share_and_recovers_afterwards(make_event, share)
     np.testing.assert_allclose(
         blind["torque_command"].values[:, 0], share * target[:, 0], rtol=0.01
     )
-    np.testing.assert_allclose(blind["torque_command"].values[:, 1], target[:, 1], rtol=0.01)
+    if trigger == "slip":
+        np.testing.assert_allclose(blind["torque_command"].values[:, 1], target[:, 1], rtol=0.01)
+    else:  # the others make up for what it leaves
+        late = blind["torque_command"].values[150:]
+        np.testing.assert_allclose(late.sum(axis=1), target[150:].sum(axis=1), rtol=0.03)
+        np.testing.assert_allclose(late[:, 1], late[:, 2], rtol=0.01)
     assert set(blind["axles_seen"].values[:, 0]) == {0.0}
-    after = run.sel(time=slice(5.02, None))["torque_command"].values[:, 0]
-    np.testing.assert_allclose(
-        after, whole["torque_target"].sel(time=slice(5.02, None)).values[:, 0], rtol=0.01
-    )
+    # who is told of it goes by the report for another second
+    late = slice(5.02 if trigger == "slip" else 7.0, None)
+    after = run["torque_command"].sel(time=late).values
+    np.testing.assert_allclose(after, whole["torque_target"].sel(time=late).values, rtol=0.01)
     assert run.attrs["blinded"] == 1
 
 
@@ -107,7 +113,7 @@ def test_dropouts_that_cannot_be_are_refused():
 def test_telegrams_are_counted_and_units_fall_back_in_silence(make_event, loss):
     onboard = Onboard(telegrams=Telegrams(loss=loss, silence=0.35))
     run = simulate(make_event(0.10, onboard=onboard, duration=12.0), "greedy")
-    sent = 2 * 120  # two units hear of B1 ten times a second
+    sent = 2 * 2 * 120  # two units and B1 tell each other ten times a second
     assert run.attrs["telegrams_sent"] == sent
     spread = 4.0 * math.sqrt(sent * loss * (1.0 - loss))
     assert run.attrs["telegrams_lost"] == pytest.approx(sent * loss, abs=spread)
@@ -140,6 +146,8 @@ class FailingRule:
         inner = find_rule("sharing")
         self.inner, self.every, self.calls, self.failed = find_rule("exact"), every, 0, 0
         self.periodic, self.needs_truth = inner.periodic, False
+        self.always = self.own_caps = self.on_slip = False
+        self.law = None
 
     def __call__(self, problem):
         self.calls += 1
@@ -218,9 +226,11 @@ def test_a_controller_that_fails_throughout_is_cut_and_ramp(make_event):
         np.testing.assert_array_equal(run[name], reserve[name])
 
 
-def test_a_failed_unit_costs_its_share_and_no_more(make_event):
-    whole = simulate(make_event(0.30), "greedy")
-    failed = simulate(make_event(0.30, failures={1: 3.0}), "greedy")
+@pytest.mark.parametrize(("rule", "trigger"), [("greedy", "slip"), ("alone", "limited")])
+def test_a_failed_unit_costs_its_share_and_no_more(make_event, rule, trigger):
+    onboard = Onboard(trigger=trigger)
+    whole = simulate(make_event(0.30, onboard=onboard), rule)
+    failed = simulate(make_event(0.30, onboard=onboard, failures={1: 3.0}), rule)
     late = slice(4.0, None)
     force, left = (r["rail_force"].sel(time=late).values.sum() for r in (whole, failed))
     assert left == pytest.approx(2.0 / 3.0 * force, rel=0.03)
@@ -228,3 +238,21 @@ def test_a_failed_unit_costs_its_share_and_no_more(make_event):
     np.testing.assert_allclose(
         others, whole["torque_command"].sel(time=late).values[:, [0, 2]], rtol=0.01
     )
+
+
+@pytest.mark.parametrize("rule", ["greedy", "greedy-claim", "exact", "qp", "cooperative"])
+def test_the_others_make_up_for_a_failed_unit_where_the_rail_lets_them(make_event, rule):
+    """At once, and with no more than the plan, though nothing slips that would tell how far they may go."""
+    run = simulate(make_event(0.40, failures={1: 3.0}), rule)
+    before, after = (
+        run["rail_force"].sel(time=slice(*span)).values.sum(axis=1)
+        for span in ((2.0, 2.9), (5.0, 7.9))
+    )
+    assert run["motor_torque"].sel(time=slice(3.5, None)).values[:, 1].max() < 1e-6
+    np.testing.assert_allclose(after, before.mean(), rtol=0.04)
+    # a failure is known after 0.1 s, and told with the next telegrams
+    later = run.sel(time=slice(2.0, None))
+    limits = later["limit"].values[:, [0, 2]] / later["expected"].values[:, None]
+    assert limits[:100].max() < 1.005
+    first = later["time"].values[np.argmax(limits > 1.005, axis=0)]
+    assert np.all((first > 3.09) & (first < 3.0 + 0.1 + 2 * 0.1 + 0.05))

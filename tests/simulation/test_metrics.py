@@ -36,6 +36,11 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "slipping": (("time", "unit"), np.zeros((time.size, 1), dtype=np.int8)),
         "coefficient_estimate": (("time", "unit"), 0.08 * one[:, None]),
         "axle_unit": ("axle", [0, -1]),
+        "axle_group": ("axle", [-1, -1]),
+        "axle_static_load": ("axle", [1e5, 1e5]),
+        "axle_turning_mass": ("axle", [500.0, 200.0]),
+        "drive_limit": (("time", "unit"), 1e3 * one[:, None]),
+        "brake_limit": (("time", "unit"), 1e3 * one[:, None]),
         "torque_command": (("time", "unit"), 600.0 * one[:, None]),
         "torque_target": (("time", "unit"), 900.0 * one[:, None]),
         "air_brake_force": (("time", "unit"), 0.0 * one[:, None]),
@@ -61,6 +66,8 @@ def test_metrics_by_hand():
     assert result["utilisation"] == pytest.approx(
         0.8
     )  # the undriven axle's adhesion does not count
+    assert result["bound_use"] == pytest.approx(0.8)  # 10 kN of rail; motors give 13.75 kN
+    assert result["headroom"] == result["over_delivery"] == 0.0
     assert result["slip_time"] == pytest.approx(10.0)  # one of two axles beyond twice the peak slip
     assert result["slip_peak"] == pytest.approx(0.2)
     assert result["damage"] == pytest.approx(8e3 * 0.2 * 9.99 / 1e3)

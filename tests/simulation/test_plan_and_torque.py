@@ -68,3 +68,12 @@ def test_a_coupled_cars_reference_speed_is_its_own():
     error = np.abs(run["reference_speed"].values - run["car_speed"].values[:, 0])
     assert error.max() < 0.5 * spread.max()
     assert not run["slipping"].values.any()
+    own = run["slide_reference"].values
+    np.testing.assert_array_equal(own[:, 0], run["reference_speed"])
+    assert np.abs(own[:, -1] - run["car_speed"].values[:, -1]).max() < 0.5 * spread.max()
+
+
+def test_the_reference_speed_of_a_rigid_train_is_recorded_once():
+    train = find_set("jp4209318-3car")
+    event = Event("start", build(train, Rail(0.6)), DriverCommand((0.0,), (-0.1,)), duration=0.1)
+    assert "slide_reference" not in simulate(event, "alone", "none")

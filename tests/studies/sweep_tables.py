@@ -1,6 +1,7 @@
 """Synthetic tables of the sweeps `claims` and `differences`, on which it is known what holds."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pandas as pd
 
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import drawn_table
+from studies.claims.statements import CONTROLLERS
 from studies.claims.study import RULES
 from studies.differences.answers import RULES as DIFFERENCE_RULES
 
@@ -17,7 +19,7 @@ Change = Callable[[Row], Row]
 WITHIN, OUT = {"reach_low": 1.03, "reach_high": 1.2}, {"reach_low": 0.8, "reach_high": 0.9}
 EFFORT = {"alone": 0.96, "preset": 0.97, "sharing": 0.97, "oracle": 1.0}
 JERK = {"sharing": 0.30}
-SLIP = {"oracle": 0.0, "greedy": 3.0, "exact": 3.0, "greedy-claim": 3.0}
+SLIP = {"oracle": 0.0, "greedy": 3.0, "greedy-literal": 3.0, "cooperative": 3.0, "exact": 3.0}
 
 
 def claim_table(events: int = 120, change: Change = lambda row: row) -> pd.DataFrame:
@@ -26,12 +28,13 @@ def claim_table(events: int = 120, change: Change = lambda row: row) -> pd.DataF
     rows = []
     for k, drawn in enumerate(drawn_table(0, events).to_dict("records")):
         common = float(noise.normal())
-        for rule in RULES:
+        for controller, rule in product(CONTROLLERS, RULES):
             own = 0.002 * float(noise.normal())
             reach = WITHIN if k % 2 == 0 else OUT
             scale = 1.0 if k % 2 == 0 else 0.85
             row = {
                 "rule": rule,
+                "controller": controller,
                 "status": "ok",
                 "seed": k,
                 **reach,

@@ -308,6 +308,7 @@ SCENARIO_FILES = [
     added("[line]\ncurves = [{ start_m = 5.0, end_m = 9.0, radius_m = 0.0 }]\n", "radius"),
     added('[line]\ncurve_law = "900/R"\n', "curve_law"),
     added('[onboard.braking]\nair_force = "sensor"\n', "air_force"),
+    added('[onboard]\ntrigger = "slips"\n', "onboard.trigger"),
     added("[receptivity]\nperiod_s = 0.0\n", "period = 0.0"),
     added("[belief]\nincrements = { law = 'given' }\n", "'belief.increments': values go with law"),
     added("[belief]\nunit_increments = []\n", "0 unit_increments"),

@@ -1,5 +1,6 @@
 """Verdicts follow from the numbers: a table made so that a claim holds, fails, or holds in part says so."""
 
+import json
 import math
 
 import numpy as np
@@ -9,19 +10,26 @@ from scipy.stats import bootstrap, ttest_rel
 
 from studies.claims.statements import PARTS
 from studies.claims.study import CLAIMS
+from studies.core.arms import Arm
 from studies.core.drawn_events import complete
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
     HOLDS,
     TOO_FEW,
+    UNDECIDED,
     VERDICTS,
     mean_interval,
     share_interval,
 )
-from studies.core.verdict import LEAST_EVENTS, judge
-from studies.core.verdict import Test as Criterion  # a name that pytest does not take for a test
+from studies.core.verdict import LEAST_EVENTS
 from tests.studies.sweep_tables import claim_table
+
+
+@pytest.fixture(autouse=True)
+def _one_arm(monkeypatch):
+    """Most of these ask what the numbers of one rule under one controller say."""
+    monkeypatch.setattr("studies.claims.statements.ARMS", (Arm("greedy", "cut-and-ramp"),))
 
 
 def verdicts(change=lambda row: row, events=120):
@@ -105,6 +113,41 @@ def test_statements_are_plain_values():
     assert content["verdict"] in VERDICTS
     text = content["numbers"]["jerk rms [m/s3], greedy less sharing"]
     assert set(text) == {"value", "low", "high", "count"}
+    json.dumps(content, allow_nan=False)
+
+
+def test_json_has_what_decides_each_claim():
+    for statement in verdicts().values():
+        content = statement.content()
+        test = content["test"]
+        assert {"threshold", "direction", "p", "p_holm", "level"} <= set(test)
+        for kind in ("estimate", "adjusted", "bootstrap"):
+            assert test[kind]["low"] <= test[kind]["value"] <= test[kind]["high"]
+        assert test["adjusted"]["low"] <= test["estimate"]["low"]
+        assert test["p"] <= test["p_holm"] < 0.05
+        assert content["agreement"] == 1.0
+        assert content["fragile"] is False
+
+
+def test_the_claims_are_one_family():
+    noise = np.random.default_rng(2)
+    found = verdicts(lambda row: row | {"unit_use_low": 0.9 + 0.01 * noise.normal()})
+    levels = sorted(s.test.level for s in verdicts().values())
+    np.testing.assert_allclose(levels, [1.0 - 0.05 / m for m in (1, 2, 3, 4, 5)])
+    assert found["b"].verdict == UNDECIDED
+    assert not found["b"].fragile
+
+
+def test_each_arm_is_judged_by_each_claim(monkeypatch):
+    both = (Arm("greedy", "cut-and-ramp"), Arm("exact", "cut-and-ramp"))
+    monkeypatch.setattr("studies.claims.statements.ARMS", both)
+    found = verdicts()
+    assert list(found) == [f"{c}: {' under '.join(arm)}" for arm in both for c in "abcde"]
+    assert max(s.test.level for s in found.values()) == pytest.approx(1.0 - 0.05 / 10)
+    broken = verdicts(only("exact", unit_use_low=0.8))
+    assert [name for name, s in broken.items() if s.verdict == FAILS] == [
+        "b: exact under cut-and-ramp"
+    ]
 
 
 def test_the_interval_of_pairs_is_students():
@@ -132,26 +175,6 @@ def test_one_value_has_no_interval_and_missing_ones_do_not_count():
     assert mean_interval(pd.Series([1.0, np.nan])).count == 1
     assert math.isnan(mean_interval(pd.Series([1.0])).low)
     assert mean_interval(pd.Series([], dtype=float)).count == 0
-
-
-def test_a_whole_that_is_undecided_but_for_a_part_holds_with_it():
-    value = np.repeat([1.0, -1.0], 20) + 0.01 * np.random.default_rng(0).normal(size=40)
-    events = pd.DataFrame({"x": value, "good": [True] * 20 + [False] * 20})
-    test = Criterion(lambda e: e["x"])
-    parts = {"good": lambda e: e["good"], "bad": lambda e: ~e["good"]}
-    found = judge(events, test, parts, lambda i: f"{i.value:.0f}")
-    assert found.verdict == CONDITIONS
-    assert found.conditions == ("with good: 1", "not with bad: -1")
-    assert judge(events, test, {}, lambda i: "").verdict == FAILS
-
-
-def test_the_side_that_a_test_wants_counts():
-    values = pd.DataFrame({"x": np.linspace(0.9, 1.1, 20)})
-    above, below = (Criterion(lambda e: e["x"], threshold=0.0, wanted=w) for w in (1, -1))
-    assert above.sign(above.interval(values)) == 1
-    assert below.sign(below.interval(values)) == -1
-    centre = Criterion(lambda e: e["x"], threshold=1.0)
-    assert centre.sign(centre.interval(values)) == 0
 
 
 def test_parts_cover_every_event():

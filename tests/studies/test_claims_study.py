@@ -11,6 +11,7 @@ from alloc.rules import RULES
 from studies.claims.events import scenario
 from studies.claims.measures import EXCESS_EDGES, excess_column, measure
 from studies.claims.quantities import QUANTITIES, draw, drawn_table
+from studies.claims.statements import ARMS, CONTROLLERS, statement_name
 from studies.claims.study import CLAIMS
 from studies.claims.study import RULES as CLAIM_RULES
 from studies.core.collection import all_studies, find_study, study_folder
@@ -33,9 +34,9 @@ def swept(tmp_path_factory):
 def test_every_rule_meets_every_event(swept):
     _, table = swept
     assert (table["status"] == "ok").all(), table["reason"].tolist()
-    assert len(table) == 2 * len(CLAIM_RULES)
+    assert len(table) == 2 * len(CONTROLLERS) * len(CLAIM_RULES)
     for _, event in table.groupby("scenario"):
-        assert event["rule"].tolist() == list(CLAIM_RULES)
+        assert event["rule"].tolist() == len(CONTROLLERS) * list(CLAIM_RULES)
         assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
     assert table.groupby("scenario")["seed"].first().tolist() == [0, 1]
 
@@ -75,7 +76,7 @@ def test_what_a_folder_holds_is_counted_by_whole_events(swept, tmp_path):
 def test_a_few_events_give_statements_without_a_verdict_of_their_own(swept):
     _, table = swept
     found = CLAIMS.statements(table)
-    assert [s.name for s in found] == list("abcde")
+    assert [s.name for s in found] == [statement_name(c, arm) for arm in ARMS for c in "abcde"]
     assert {s.verdict for s in found} <= set(VERDICTS)
 
 
@@ -161,8 +162,9 @@ def stub(monkeypatch):
         ("on rails",),
     )
     study = SimpleNamespace(
-        default_events=7, run=study_run, statements=lambda _: [statement], options=(), shown={}
-    )
+        name="claims", default_events=7, run=study_run, statements=lambda _: [statement],
+        options=(), shown={}, thresholds=(),
+    )  # fmt: skip
     monkeypatch.setattr("studies.core.collection.find_study", {"claims": study}.__getitem__)
     return calls
 

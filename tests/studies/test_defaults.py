@@ -7,6 +7,7 @@ import pytest
 
 from alloc.rules import RULES
 from studies.comparison.defaults import (
+    DEFAULT_CONTROLLERS,
     DEFAULT_SEEDS,
     KEPT_RUNS,
     MPC_CELLS,
@@ -31,9 +32,11 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
     seeds = Counter(
         job.controller
         for job in grid.jobs()
-        if job.scenario.name == "wet-patch" and job.rule == "exact"
+        if job.scenario.name == "wet-patch" and job.rule == "cooperative"
     )
-    assert seeds == {"cut-and-ramp": DEFAULT_SEEDS, "mpc": DEFAULT_SEEDS}
+    assert seeds == {
+        "cut-and-ramp": DEFAULT_SEEDS, "perturb-observe": DEFAULT_SEEDS, "mpc": DEFAULT_SEEDS,
+    }  # fmt: skip
 
 
 def test_the_mpc_joins_in_where_it_is_meant_to():
@@ -67,4 +70,4 @@ def test_at_least_one_seed_is_needed(seeds):
 
 def test_the_default_grid_leaves_the_joint_controllers_out():
     # they take several times as long, and answer another question
-    assert {job.controller for job in default_grid().jobs()} <= {"cut-and-ramp", "mpc"}
+    assert {job.controller for job in default_grid().jobs()} <= {*DEFAULT_CONTROLLERS, "mpc"}

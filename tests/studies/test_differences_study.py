@@ -6,7 +6,7 @@ import pytest
 
 from alloc.rules import AllocationProblem
 from studies.core.cell import key_of
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.core.store import Store
 from studies.differences.answers import RULES, answer_rows
 from studies.differences.kinds import EVENTS, KINDS, event, problem
@@ -119,6 +119,15 @@ def test_greedy_against_exact(values, expected):
     assert found.verdict == expected
     if expected == CONDITIONS:
         assert "over" in found.conditions[0]
+
+
+def test_a_share_about_its_threshold_is_undecided():
+    table = difference_table()
+    own = table.index[(table["part"] == "problem") & (table["rule"] == "greedy")]
+    table.loc[own[::20], "short"] = 0.03
+    found = verdict(table, "greedy: plain")
+    assert found.verdict == UNDECIDED
+    assert 0.5 < found.agreement < 1.0
 
 
 def test_the_quadratic_program_must_agree_everywhere():

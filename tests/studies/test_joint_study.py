@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.core.statement import FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.curves.statements import METRICS
 from studies.joint.statements import ARMS, OPTIMUM
 from studies.joint.study import JOINT
@@ -28,7 +28,7 @@ def table(short: float, events: int = 20, spread: float = 0.002) -> pd.DataFrame
 
 @pytest.mark.parametrize(
     ("short", "spread", "verdict"),
-    [(0.0, 0.002, HOLDS), (0.05, 0.002, FAILS), (0.01, 0.01, CONDITIONS)],
+    [(0.0, 0.002, HOLDS), (0.05, 0.002, FAILS), (0.01, 0.01, UNDECIDED)],
 )
 def test_the_verdict_follows_the_effort_missed(short, spread, verdict):
     found = JOINT.statements(table(short, spread=spread))

@@ -5,17 +5,17 @@ import pandas as pd
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET
+from alloc.plant.environment import level_for
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.drawn_events import complete
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.ladder.events import (
     QUANTITIES,
     REFERENCE_SPEED,
     TRAINS,
     draw,
-    polach_level,
     scenario,
     train_of,
 )
@@ -87,10 +87,11 @@ def test_the_locomotive_has_no_free_axle_and_the_multiple_unit_has():
 @pytest.mark.parametrize("adhesion", [0.08, 0.13, 0.19])
 def test_rails_of_both_curves_offer_the_same_peak(adhesion):
     for name in TRAINS:
-        level = polach_level(adhesion, train_of(name))
+        level = level_for(POLACH_WET, adhesion, REFERENCE_SPEED, train_of(name))
         model = build(train_of(name), Rail(level, curve=POLACH_WET))
         found = POLACH_WET.limit(level, REFERENCE_SPEED, model.environment.contact)[0]
-        assert float(found.mean()) == pytest.approx(adhesion, rel=1e-9)
+        load = model.structure.static_load
+        assert float(found @ load / load.sum()) == pytest.approx(adhesion, rel=1e-9)
         assert np.ptp(found) < 0.03 * adhesion
 
 
@@ -146,15 +147,15 @@ def test_every_rung_is_above_the_one_below(name):
 
 @pytest.mark.parametrize("name", SEARCHING)
 @pytest.mark.parametrize(
-    ("claim", "metric", "value"),
+    ("claim", "metric", "value", "without"),
     [
-        ("slow", "search_time", 2.0),
-        ("restless", "torque_fluctuation", 0.08),
-        ("misled", "wrong_steps_changing", 0.8),
+        ("slow", "search_time", 2.0, UNDECIDED),
+        ("restless", "torque_fluctuation", 0.08, FAILS),  # its threshold is not 0
+        ("misled", "wrong_steps_changing", 0.8, UNDECIDED),
     ],
 )
-def test_a_weakness_is_found_where_it_is(name, claim, metric, value):
-    assert verdict(ladder_table(), f"{claim}: {name}").verdict == FAILS
+def test_a_weakness_is_found_where_it_is(name, claim, metric, value, without):
+    assert verdict(ladder_table(), f"{claim}: {name}").verdict == without
     weak = ladder_table(
         change=lambda row: row | ({metric: value} if row["controller"] == name else {})
     )

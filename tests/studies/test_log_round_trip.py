@@ -44,9 +44,9 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope="module")
 def cases() -> dict[str, Case]:
-    """Cars that meet a wet patch under the greedy rule, a coupled train that slides and readheres, runaway wheels."""
+    """Cars that meet a wet patch under the patent's rule, a coupled train that slides and readheres, runaway wheels."""
     scenario = load_scenario("wet-patch")
-    patch = simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
+    patch = simulate_job(Job(scenario, "greedy-literal", "cut-and-ramp", 0))
     coupled = TRAIN.coupled(Coupler())
     return {
         "patch": Case(patch, scenario.event(0).model.train),

@@ -1,5 +1,7 @@
 """Faulty logs: what can be analysed is, with a remark, and what cannot is refused by file, column and row."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -214,7 +216,18 @@ FAULTS = {
         "'time_s', row 10: has no time",
     ),
     "short": (lambda t: t.head(5), "5 rows; give 10"),
-    "missing speed": (lambda t: t.drop(columns="speed_ms"), "'speed_kmh or speed_ms': is missing"),
+    "neither speed nor forces": (
+        lambda t: t[
+            ["time_s", *(name for name in t if name.startswith("axle") and "speed" in name)]
+        ],
+        "'speed_kmh or speed_ms': is missing and cannot be estimated: axle 1 has no force",
+    ),
+    "neither speed nor wheels": (
+        lambda t: t.drop(columns="speed_ms").assign(
+            **{f"axle{n}_speed_ms": np.nan for n in range(1, 5)}
+        ),
+        "cannot be estimated: at no instant are forces and a wheel known",
+    ),
     "misspelt": (lambda t: t.rename(columns={"speed_ms": "sped_ms"}), "is it 'sped_ms'?"),
     "missing time": (lambda t: t.drop(columns="time_s"), "'time_s': is missing"),
     "no wheels": (lambda t: t[["time_s", "speed_ms"]], "axleN_speed_kmh"),
@@ -300,14 +313,19 @@ def test_csv_and_parquet_hold_the_same_log(table, tmp_path):
         np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), rtol=1e-14)
 
 
-def test_a_trains_file_reads_back(tmp_path):
-    write_log_train(TRAIN, tmp_path / "train.toml")
+@pytest.mark.parametrize("coupler", [None, np.array([[2e7, 1e9, 2e5, 0.01]])])
+def test_a_trains_file_reads_back(tmp_path, coupler):
+    resistance = np.array([[300.0, 5.0, 2.0], [200.0, 4.0, 1.0]])
+    train = replace(TRAIN, resistance=resistance, coupler=coupler)
+    write_log_train(train, tmp_path / "train.toml")
     back = read_log_train(str(tmp_path / "train.toml"))
-    for name, value in vars(TRAIN).items():
+    for name, value in vars(train).items():
         if name == "name":
             assert back.name == value
         else:
-            np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14)
+            np.testing.assert_equal(value is None, getattr(back, name) is None)
+            if value is not None:
+                np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -329,6 +347,11 @@ def test_a_trains_file_reads_back(tmp_path):
             "name = 'x'\n[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [90.0]\n"
             "driven = [true, false]\n",
             "driven has 2 entries for 1",
+        ),
+        (
+            "name = 'x'\n[[couplers]]\nstiffness_n_per_m = 2e7\n"
+            "[[cars]]\nmass_t = 30.0\nwheel_radius_mm = 430.0\nwheel_inertia_kgm2 = [90.0]\n",
+            "1 couplers for 1 cars",
         ),
         ("name = \n", "is not TOML"),
     ],

@@ -40,6 +40,7 @@ def test_defaults_stand(tmp_path):
     assert found.inertia_in_limit == Onboard().inertia_in_limit
     assert found.sensors.sensorless_pole is None
     assert found.belief.unit_increments is None
+    assert found.trigger == "limited"
 
 
 def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
@@ -47,6 +48,7 @@ def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
         tmp_path,
         """
 [onboard]
+trigger = "slip"
 inertia_in_limit = false
 [onboard.sensors]
 sensorless_pole_per_s = 20.0
@@ -99,6 +101,7 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
     assert found.reference == ReferenceSpeed(
         "truth", sensor=0.01, creep_speed=2.0, sounding=Sounding(doubt=0.1, time=0.1)
     )
+    assert found.trigger == "slip"
     assert not found.inertia_in_limit
     assert found.belief.unit_increments == (0.0, 0.004, 0.008, 0.009)
     assert found.belief.unit_deviation == (0.002, 0.003, 0.003, 0.003)
@@ -121,6 +124,7 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
             "[onboard.braking.slide_protection.fuzzy]\nslip = [0.0, 0.2, 0.1]\n",
             "three growing numbers",
         ),
+        ('[onboard]\ntrigger = "slips"\n', "onboard.trigger.*'limited' or 'slip'"),
         ("[onboard.braking]\nblend_time_s = 0.0\n", "blend_time = 0.0"),
         ("[onboard.sensors]\nsensorless_pole_per_s = -1.0\n", "sensorless_pole = -1.0"),
         ("[onboard.braking]\nblendd = true\n", "blendd"),

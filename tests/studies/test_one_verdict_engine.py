@@ -4,14 +4,26 @@ import ast
 from itertools import product
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import studies
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
-from studies.core.verdict import decide, decided, over_cases, with_and_without
+from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED, VERDICTS
+from studies.core.verdict import (
+    LEAST_EVENTS,
+    Bound,
+    decide,
+    decided,
+    judged,
+    over_cases,
+    side,
+    with_and_without,
+)
 
 ROOT = Path(studies.__file__).parent
-CHOSEN = {"HOLDS", "FAILS", "CONDITIONS", "TOO_FEW", "VERDICTS"}
+CHOSEN = {"HOLDS", "FAILS", "CONDITIONS", "UNDECIDED", "TOO_FEW", "VERDICTS"}
+LIMITS = {"low", "high"}
 OUTSIDE = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT / "core")
 
 
@@ -26,6 +38,30 @@ def test_no_study_chooses_a_verdict(path):
             assert node.value not in VERDICTS
 
 
+@pytest.mark.parametrize(
+    "path",
+    [path for path in OUTSIDE if path.stem == "statements"],
+    ids=lambda path: path.parent.name,
+)
+def test_no_study_compares_an_interval_with_a_threshold(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Compare):
+            compared = {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+            assert not LIMITS & compared, f"{path}:{node.lineno}"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "least", "most", "expected"),
+    [(0.1, 0.3, 0.0, np.inf, 1), (-0.3, -0.1, 0.0, np.inf, -1), (-0.1, 0.1, 0.0, np.inf, 0),
+     (0.0, 0.1, 0.0, np.inf, 0), (-0.1, 0.0, 0.0, np.inf, 0), (-0.3, -0.1, -np.inf, 0.0, 1), (0.1, 0.3, -np.inf, 0.0, -1),
+     (-0.1, 0.1, -0.2, 0.2, 1), (0.1, 0.3, -0.2, 0.2, 0), (0.3, 0.4, -0.2, 0.2, -1), (-0.4, 0.4, -0.2, 0.2, 0),
+     (np.nan, np.nan, 0.0, np.inf, 0)],
+)  # fmt: skip
+def test_an_interval_that_contains_a_threshold_decides_nothing(low, high, least, most, expected):
+    assert side(low, high, least, most) == expected
+    assert side([low, 1.0], [high, 2.0], least, most)[0] == expected
+
+
 @pytest.mark.parametrize(("essential", "further", "partly"), list(product([True, False], repeat=3)))
 def test_a_verdict_follows_from_what_is_met(essential, further, partly):
     expected = (
@@ -33,6 +69,38 @@ def test_a_verdict_follows_from_what_is_met(essential, further, partly):
     )
     assert decide([True, essential], [further], partly) == expected
     assert decide([essential], [further], partly, enough=False) == TOO_FEW
+
+
+@pytest.mark.parametrize(
+    ("essential", "verdict"),
+    [((True, None), UNDECIDED), ((None, None), UNDECIDED), ((None, False), FAILS), ((np.True_, None), UNDECIDED)],
+)  # fmt: skip
+def test_what_is_undecided_neither_holds_nor_fails(essential, verdict):
+    assert decide(essential) == decide(essential, [False]) == verdict
+    assert decide(essential, partly=True) == CONDITIONS
+    assert decide([True], [None]) == CONDITIONS
+    assert decide(essential, enough=False) == TOO_FEW
+
+
+def test_a_bound_is_decided_by_its_interval_and_judged_again_on_resamples():
+    noise = np.random.default_rng(0).normal(size=60)
+    noise -= noise.mean()
+    shifts = {1.0: HOLDS, 0.0: UNDECIDED, -1.0: FAILS}
+    for shift, verdict in shifts.items():
+        found = decided("x", "", {"not so": Bound("", pd.Series(noise + shift), least=0.0)}, {})
+        assert found.verdict == verdict
+        assert found.agreement > 0.9
+    assert found.conditions == ("not so",)
+    both = judged(
+        "x", "", [Bound("a", pd.Series(noise + 1.0), 0.0), Bound("b", pd.Series(noise), 0.0)]
+    )
+    assert both.verdict == CONDITIONS
+    assert both.conditions == ("not within its bound: b (at least 0) (undecided)",)
+    few = Bound("", pd.Series(noise[: LEAST_EVENTS - 1]), least=0.0)
+    assert decided("x", "", {"": few}, {}).verdict == TOO_FEW
+    share = pd.Series([True] * 57 + [False] * 3)  # Wilson's interval of 0.95 is [0.863, 0.983]
+    for least, verdict in ((0.86, HOLDS), (0.87, UNDECIDED), (0.98, UNDECIDED), (0.99, FAILS)):
+        assert decided("x", "", {"": Bound("", share, least=least)}, {}).verdict == verdict
 
 
 def test_what_is_not_met_is_a_condition_in_its_words():

@@ -11,6 +11,7 @@ import xarray as xr
 from alloc.loop import CHUNKS
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard, ReferenceSpeed
+from alloc.plant.environment import level_for
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
@@ -24,14 +25,13 @@ from studies.wsp_acceptance.events import (
     air_braked,
     gripping,
     rail_of,
-    stop_event,
+    stop_of,
 )
 from studies.wsp_acceptance.measures import longest_lock, measured, stopped_run
 from studies.wsp_acceptance.perfect_stop import (
     REFERENCE_SPEED,
     adhesion_share,
     perfect_stop,
-    rest_friction,
 )
 from studies.wsp_acceptance.statements import acceptance_statements
 from studies.wsp_acceptance.stop_cases import (
@@ -49,13 +49,14 @@ from tests.studies.acceptance_tables import acceptance_table
 
 TRAIN = discs(2)
 SPEED = 20.0
+TRUTH = ReferenceSpeed(source="truth")
 MANY = ((-math.inf, 0.05), (80.0, 0.02), (120.0, 0.08), (260.0, 0.03))
 
 
 @pytest.mark.parametrize("curve", CURVES)
 @pytest.mark.parametrize("level", [0.02, 0.08, 0.3])
 def test_a_level_is_the_maximum_of_its_curve_at_15_m_per_s(curve, level):
-    friction = rest_friction(CURVES[curve], level, TRAIN)
+    friction = level_for(CURVES[curve], level, REFERENCE_SPEED, TRAIN)
     contact = build(TRAIN, Rail(0.1, curve=CURVES[curve])).environment.contact
     found = CURVES[curve].limit(friction, REFERENCE_SPEED, contact)[0]
     assert np.mean(found) == pytest.approx(level)
@@ -143,13 +144,13 @@ def test_the_longest_lock_is_one_of_one_axle_above_5_km_per_h():
 
 @pytest.fixture(scope="module")
 def stop():
-    event = stop_event(TRAIN, "slip-ratio", 0.08, SPEED, reference=ReferenceSpeed(source="truth"))
-    return event, stopped_run(event)
+    asked = stop_of(TRAIN, "slip-ratio", 0.08, SPEED).under(TRUTH)
+    return asked, stopped_run(asked.event)
 
 
 def test_a_stop_is_measured_from_the_command_to_the_stand(stop):
-    event, run = stop
-    found = measured(run, event)
+    asked, run = stop
+    found = measured(run, asked)
     assert found["stopped"]
     assert found["locked_axle_s"] == found["longest_lock_s"] == 0.0
     assert found["adhesion_used"] == pytest.approx(
@@ -157,7 +158,7 @@ def test_a_stop_is_measured_from_the_command_to_the_stand(stop):
     )
     assert 0.85 < found["adhesion_used"] < 1.0
     assert 1.0 < found["over_perfect"] < 1.15
-    best = perfect_stop(event.model, SPEED)
+    best = perfect_stop(asked.event.model, SPEED)
     assert found["over_perfect"] == pytest.approx(found["distance_m"] / best.distance)
     assert found["damage_kj"] > 0.0
     assert found["air_nl"] > 0.0
@@ -165,11 +166,22 @@ def test_a_stop_is_measured_from_the_command_to_the_stand(stop):
     assert found["adhesion_used_at_rail"] == pytest.approx(found["adhesion_used"], rel=1e-9)
 
 
+@pytest.mark.parametrize("grade", [0.0, 0.03, -0.03])
+def test_a_train_that_rolls_before_its_command_has_then_the_speed_asked_for(grade):
+    """Running resistance and wheelsets count too: the perfect stop is one from this speed."""
+    train = replace(find_set("freight-5"), resistance=(3000.0, 100.0, 10.0))
+    asked = stop_of(train, "slip-ratio", 0.08, SPEED, grade, duration=ROLLING)
+    run = stopped_run(asked.event)
+    at = int(np.argmax(run["driver_command"].values < 0.0))
+    assert run["speed"].values[at] == pytest.approx(SPEED, rel=2e-4)
+    assert run["position"].values[at] == pytest.approx(0.0, abs=0.05)
+
+
 def test_what_running_resistance_takes_the_rail_does_not():
     train = replace(TRAIN, resistance=(3000.0, 0.0, 0.0))
-    event = stop_event(train, "slip-ratio", 0.05, 8.0, reference=ReferenceSpeed(source="truth"))
-    run = stopped_run(event)
-    found = measured(run, event)
+    asked = stop_of(train, "slip-ratio", 0.05, 8.0).under(TRUTH)
+    run = stopped_run(asked.event)
+    found = measured(run, asked)
     share = 3000.0 / (0.05 * GRAVITY * train.mass)
     less = found["adhesion_used"] - found["adhesion_used_at_rail"]
     assert less == pytest.approx(share, rel=5e-3)
@@ -180,12 +192,12 @@ def test_what_running_resistance_takes_the_rail_does_not():
 
 
 def test_a_stop_that_would_be_too_long_a_run_is_cut_off():
-    event = stop_event(find_set("high-speed-16car"), "polach", 0.02, 80.0)
-    assert event.duration > perfect_stop(event.model, 80.0).time
+    asked = stop_of(find_set("high-speed-16car"), "polach", 0.02, 80.0)
+    assert asked.event.duration > asked.perfect.time
 
 
 def test_a_run_ends_soon_after_its_train_stands_and_is_the_beginning_of_the_whole(stop):
-    event, run = stop
+    event, run = stop[0].event, stop[1]
     assert run["speed"].values[-1] < 0.05 < run["speed"].values[0]
     assert run.sizes["time"] < 0.6 * event.duration / event.record_period
     short = replace(event, duration=run.sizes["time"] * event.record_period)
@@ -196,7 +208,7 @@ def test_a_run_ends_soon_after_its_train_stands_and_is_the_beginning_of_the_whol
 
 @pytest.mark.parametrize("every", [1, 5])
 def test_the_speed_at_which_a_run_ends_is_recorded(stop, every):
-    event, whole = stop
+    event, whole = stop[0].event, stop[1]
     chunk = round(event.duration / event.record_period) // CHUNKS
     least = float(
         whole["speed"].values[20 * chunk]
@@ -208,9 +220,9 @@ def test_the_speed_at_which_a_run_ends_is_recorded(stop, every):
 
 
 def test_who_does_not_stand_in_time_says_so(stop):
-    event, _ = stop
-    short = replace(event, duration=ROLLING + 5.0)
-    found = measured(stopped_run(short), short)
+    asked, _ = stop
+    short = asked._replace(event=replace(asked.event, duration=ROLLING + 5.0))
+    found = measured(stopped_run(short.event), short)
     assert not found["stopped"]
     assert math.isnan(found["over_perfect"])
     assert 0.5 < found["adhesion_used"] < 1.0
@@ -233,7 +245,7 @@ def test_drawn_stops_are_near_the_tables_and_end():
         assert case.part == DRAWN
         assert 0.02 <= case.adhesion <= 0.1
         assert abs(case.grade) <= 0.03
-        assert math.isfinite(perfect_stop(case.event().model, case.speed).distance)
+        assert math.isfinite(case.stop().perfect.distance)
 
 
 @pytest.mark.parametrize(

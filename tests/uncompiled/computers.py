@@ -11,8 +11,24 @@ import numpy as np
 GRAVITY = 9.80665
 
 
+class Line:
+    """Telegrams to one receiver, who believes the one that was sent last."""
+
+    def __init__(self, nothing):
+        self.queue, self.sent, self.heard, self.read = [], -math.inf, 0.0, nothing
+
+    def receive(self, time):
+        arrived = [item for item in self.queue if item[0] <= time + 1e-9]
+        self.queue = [item for item in self.queue if item[0] > time + 1e-9]
+        if arrived:
+            self.heard = time
+            _, sent, told = max(arrived, key=lambda item: item[1])
+            if sent > self.sent:
+                self.sent, self.read = sent, told
+
+
 class Computers:
-    """What `sense`, `prepare_allocation`, `distribute` and the actuation do."""
+    """What `sense`, the reports, `prepare_allocation`, `distribute` and the actuation do."""
 
     def __init__(self, eq, st, speed, expected):
         self.eq, self.st = eq, st
@@ -29,9 +45,17 @@ class Computers:
         self.slipped = self.detected = -math.inf
         self.estimate = self.case = 0.0
         self.limit_wanted, self.delivered = np.full(n, expected), np.full(n, expected)
-        self.received, self.last_heard = np.full(n, np.inf), np.zeros(n)
+        self.cap, self.most, self.limit_max = np.full(n, expected), np.zeros(n), np.full(n, np.inf)
+        self.first = 0
         self.fallen_back = np.zeros(n)
-        self.mail = [[] for _ in range(n)]
+        self.orders = [Line(np.inf) for _ in range(n)]
+        # what each would report: delivered, limited by what, slipping
+        self.own = [(expected, "", 0.0)] * n
+        self.reports = [Line(self.own[j]) for j in range(n)]
+        self.limited_at, self.by_rail = np.full(n, -np.inf), np.zeros(n, bool)
+        self.slipped_at = np.full(n, -np.inf)
+        self.gained, self.before = 0.0, speed
+        self.marks, self.open_to = np.full(n, np.inf), np.full(n, np.inf)
         self.counts = dict.fromkeys(
             ("detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded"), 0
         )  # fmt: skip
@@ -57,7 +81,6 @@ class Computers:
         rim = eq.axle_radius * self.axle_omega
         slip = sign * (rim - self.reference[eq.axle_body])
         self.worst_slip = np.array([slip[eq.axle_unit == j].max() for j in range(n)])
-        self.first = int(np.argmax(in_service)) if in_service.any() else n - 1
         anew = np.isnan(self.differentiator)
         self.differentiator[anew] = self.speed[anew]
         self.acceleration = d.pole * (self.speed - self.differentiator)
@@ -97,12 +120,14 @@ class Computers:
         self.air_there = self.air.copy()
         if not (self.blended and self.st.brakes.by_pressure):
             return
-        a, b, c = eq.group.friction.T
-        friction = a / (3.6 * np.abs(self.reference[eq.group.body]) + b) + c
-        of_group = eq.group.gain * pressure * friction
+        shod = eq.axle_group >= 0
+        g = eq.axle_group[shod]
+        a, b, c = eq.group.friction[g].T
+        rim = (eq.axle_radius * self.axle_omega)[shod]
+        force = eq.group.gain[g] * pressure[g] * (a / (3.6 * np.abs(rim) + b) + c)
         for j in range(eq.axles.size):
-            groups = eq.axle_group[eq.axle_unit == j]
-            self.air_there[j] = of_group[groups[groups >= 0]].sum() / groups.size
+            own = eq.axle_unit == j
+            self.air_there[j] = force[own[shod]].sum() / own.sum()
 
     def _coefficients(self, torque):
         eq, o = self.eq, self.st.observer
@@ -139,42 +164,122 @@ class Computers:
                     )
                     self.allocate = True
 
-    # --- distribution
+    # --- telegrams
 
-    def prepare(self, time, tick, commanded):
-        eq, st = self.eq, self.st
-        share = eq.brake_share if self.blended else eq.planned_share
-        changed, self.expected = share * abs(commanded) != self.expected, share * abs(commanded)
-        held = time - (self.slipped if st.rule.periodic else self.detected) <= st.hold_time
-        self.cap = np.maximum(self.estimate + eq.increment - eq.increment[self.first], 0.0)
-        if self.expected == 0.0 or not (held or st.rule.needs_truth):
-            self.limit_wanted[:], self.case = self.expected, 0.0
-            return False
-        return changed or (tick % st.telegrams.ticks == 0 if st.rule.periodic else self.allocate)
-
-    def distribute(self, time, tick, delay, fate):
+    def _send(self, lines, told, time, tick, delay, fate):
+        """Tell each line's receiver; the leader's own is told at once."""
         t = self.st.telegrams
-        now = self.limit_wanted if self.case else np.full(self.limit_wanted.size, np.inf)
-        others = [j for j in range(now.size) if j != self.first]
-        if tick % t.ticks == 0:
-            self.delivered = self.coefficient.copy()
-            self.counts["telegrams_sent"] += len(others)
-            for j in others:
+        for j, line in enumerate(lines):
+            if j == self.first:
+                line.sent, line.heard, line.read = time, time, told[j]
+                continue
+            if tick % t.ticks == 0:
+                self.counts["telegrams_sent"] += 1
                 if fate[j] < t.loss:
                     self.counts["telegrams_lost"] += 1
                 else:
-                    self.mail[j].append((time + t.latency + t.jitter * delay[j], now[j]))
-        self.received[self.first], self.last_heard[self.first] = now[self.first], time
-        for j in others:
-            arrived = sorted(item for item in self.mail[j] if item[0] <= time + 1e-9)
-            self.mail[j] = [item for item in self.mail[j] if item not in arrived]
-            if arrived:
-                self.received[j], self.last_heard[j] = arrived[-1][1], time
+                    line.queue.append((time + t.latency + t.jitter * delay[j], time, told[j]))
+            line.receive(time)
+
+    def report(self, time, tick, commanded, delay, fate, factor, relieved, sliding):
+        """`factor`: of the targets; `relieved`: units that are sounded; `sliding`: whose slide protection acts."""
+        eq, gain = self.eq, self.st.period / (0.2 + self.st.period)
+        self.gained += gain * ((self.reference[0] - self.before) / self.st.period - self.gained)
+        self.before = self.reference[0]
+        reached = float(np.clip(self.gained / commanded, 0.0, 1.0)) if commanded else 0.0
+        turning = eq.brake_inertia if self.blended else eq.own_inertia
+        at_rail = np.maximum(self.coefficient, 0.0) + turning * reached * self.expected
+        wanted = np.abs(self.target) * eq.gear / (eq.axle_load * eq.radius)
+        rail = (factor < 0.985) & (wanted > 0.5 * self.expected) | (sliding & self.blended)
+        limited = np.where(rail, "rail", "")
+        limited[~self.in_service | (self.axles_seen == 0.0)] = "self"
+        for j in range(factor.size):
+            if not (relieved[j] and self.in_service[j]):
+                old, new = self.own[j][0], at_rail[j] / (1.0 + turning[j])
+                by = limited[j] if commanded else ""
+                self.own[j] = (old + gain * (new - old), by, self.slipping[j])
+        self._send(self.reports, self.own, time, tick, delay, fate)
+        told = [line.read for line in self.reports]
+        self.delivered, by, self.slips = map(np.array, zip(*told, strict=True))
+        self.limited = by != ""
+        self.by_rail = np.where(self.limited, by == "rail", self.by_rail)
+        sent = np.array([line.sent for line in self.reports])
+        self.limited_at = np.where(self.limited, sent, self.limited_at)
+        self.slipped_at = np.where(self.slips > 0.0, sent, self.slipped_at)
+
+    # --- distribution
+
+    def prepare(self, time, tick, commanded, failed):
+        eq, st = self.eq, self.st
+        share = eq.brake_share if self.blended else eq.planned_share
+        changed, self.expected = share * abs(commanded) != self.expected, share * abs(commanded)
+        before = self.first
+        working = np.flatnonzero(self.in_service)
+        self.first = int(working[0]) if working.size else eq.axles.size - 1
+        self.estimate += eq.increment[self.first] - eq.increment[before]
+        on_telegram = tick % st.telegrams.ticks == 0
+        if st.rule.on_slip:
+            active = time - (self.slipped if st.rule.periodic else self.detected) <= st.hold_time
+            asked = changed or (on_telegram if st.rule.periodic else self.allocate)
+            self.cap = np.maximum(self.estimate + eq.increment - eq.increment[self.first], 0.0)
+        else:
+            recent = (time - self.limited_at < 1.0) | ~self.in_service
+            active = (recent | (self.limit_max < self.expected)).any()
+            asked = on_telegram or failed or changed
+        if self.expected == 0.0 or not active:
+            self.limit_wanted[:], self.case = self.expected, 0.0
+            self.marks[:] = self.open_to[:] = np.inf
+            return False
+        if asked and not st.rule.on_slip:
+            self._find_caps(recent, time)
+        return asked
+
+    def _find_caps(self, recent, time):
+        eq, st = self.eq, self.st
+        step = 0.6 * self.expected * st.telegrams.ticks * st.period / st.rise_time
+        self.most = np.minimum(self.limit_max, np.maximum(self.limit_wanted, self.expected) + step)
+        period, got = st.telegrams.ticks * st.period, self.delivered
+        weight = period / 5.0
+        known = np.where(np.isinf(self.marks), got, self.marks)
+        fallen = (1.0 - weight) * known + weight * got
+        risen = self.marks + 0.01 * self.expected * period
+        self.marks = np.maximum(got, np.where(self.limited, fallen, risen))
+        self.open_to = np.where(self.limited, np.maximum(self.marks, 1.06 * got), self.marks)
+        itself = recent & ~self.by_rail
+        bound = np.where(itself, np.minimum(self.limit_max, got), self.limit_max)
+        spare = bound > self.expected
+        short = (eq.mass * (self.expected - bound))[bound < self.expected].sum()
+        open_cap = self.expected + (short / eq.mass[spare].sum() if spare.any() else 0.0)
+        by_front = np.full(recent.size, open_cap)
+        sound = np.flatnonzero(recent & self.in_service & self.by_rail)
+        if sound.size:
+            base = self.marks[sound[0]] - eq.increment[sound[0]]
+            by_front = np.maximum(base + eq.increment, 0.0)
+        least = np.minimum(self.marks, np.maximum(self.expected, got))
+        free = np.where(self.slips > 0.0, by_front, np.maximum(by_front, least))
+        slipped = time - self.slipped_at <= st.hold_time
+        held = np.where(slipped, 0.995 * self.marks, self.open_to)
+        own = ~(self.by_rail & self.in_service)
+        kept = np.minimum(np.where(self.in_service, got, held), self.expected)
+        held = np.where(own, kept, held)
+        self.cap = np.where(recent & np.isfinite(self.marks), held, free)
+
+    def distribute(self, time, tick, delay, fate):
+        now = self.limit_wanted.copy() if self.case else np.full(self.limit_wanted.size, np.inf)
+        self._send(self.orders, now, time, tick, delay, fate)
+        for j, line in enumerate(self.orders):
+            if j == self.first:
+                continue
+            if line.heard == time:
                 self.fallen_back[j] = 0.0
-            if time - self.last_heard[j] > t.silence:
+            if time - line.heard > self.st.telegrams.silence:
                 self.counts["fallbacks"] += int(self.fallen_back[j] == 0.0)
-                self.fallen_back[j], self.received[j] = 1.0, np.inf
+                self.fallen_back[j], line.read = 1.0, np.inf
+        self.received = np.array([line.read for line in self.orders])
         self.limit = np.where(np.isinf(self.received), self.expected, self.received)
+        if not self.st.rule.on_slip:
+            blind = self.axles_seen == 0.0
+            self.limit[blind] = np.maximum(self.limit[blind], self.expected)
 
     # --- actuation
 

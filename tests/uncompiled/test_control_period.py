@@ -23,8 +23,10 @@ from alloc.onboard.parameters import (
     Sensors,
     Telegrams,
 )
+from alloc.onboard.reports import hear_reports, write_reports
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train
@@ -72,18 +74,20 @@ def compare(m, twin, names):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("trigger", ["limited", "slip"])
 @pytest.mark.parametrize("case", ONBOARDS)
-def test_periods_equal_their_second_transcription(case, seed):
+def test_periods_equal_their_second_transcription(case, trigger, seed):
     onboard, options, periodic = ONBOARDS[case]
+    onboard = replace(onboard, trigger=trigger)
     rng = np.random.default_rng(seed)
     model = build(uneven_train(**options), Rail(0.15))
     eq = equipment(model, onboard)
-    st = settings(onboard, RuleSettings(0, periodic, False), "none")
+    st = settings(onboard, RuleSettings(0, periodic, False, False, False, False), "none")
     speed, n, groups = 12.0, eq.axles.size, eq.group.unit.size
     m, twin = memory(eq, speed, 0.08), Computers(eq, st, speed, 0.08)
     pressure, valve = np.zeros(groups), np.zeros(groups)
     direction, commanded = (1.0, -1.0, -1.0)[seed], 0.0
-    failing, away = rng.random(n) < 0.3, rng.random() < 0.5
+    failing, away, asked = rng.random(n) < 0.3, rng.random() < 0.5, 0
     for tick in range(45):
         time = tick * st.period
         if tick % 6 == 0:
@@ -94,6 +98,7 @@ def test_periods_equal_their_second_transcription(case, seed):
         noise = 0.02 * rng.standard_normal(omega.size)
         torque = direction * rng.uniform(-50.0, 600.0, n)
         service = ~(failing & (tick > 20)) | (tick > 35)
+        failed = bool((service != m.in_service).any())
         m.in_service[:] = service
         cylinders = rng.uniform(0.0, 300e3, groups)
         twin.reference = m.reference[:] = speed + 0.05 * rng.standard_normal(m.reference.size)
@@ -102,14 +107,33 @@ def test_periods_equal_their_second_transcription(case, seed):
         compare(m, twin, {
             "speed": m.speed, "reference": m.reference, "axle_omega": m.axle_omega, "worst_slip": m.worst_slip,
             "acceleration": m.unit.computed_acceleration, "coefficient": m.unit.coefficient_estimate,
-            "slipping": m.unit.slipping, "first": m.lead.unit[0], "drive_limit": m.drive_limit,
+            "slipping": m.unit.slipping, "drive_limit": m.drive_limit,
             "brake_limit": m.brake_limit, "limit_max": m.limit_max, "torque": m.torque,
             "estimate": m.lead.estimate[0], "slipped": m.lead.slipped[0], "detected": m.lead.detected[0],
             "axles_seen": m.unit.axles_seen, "allocate": m.lead.allocate[0], "air_there": m.air_force,
         })  # fmt: skip
-        needed = prepare_allocation(eq, st, m, time, tick, commanded)
-        assert needed == twin.prepare(time, tick, commanded)
-        agree("cap", m.cap, twin.cap)
+        delay, fate = rng.random((2, n))
+        factor = m.unit.torque_factor[:] = np.where(
+            rng.random(n) < 0.7, 1.0, rng.uniform(0.9, 1.0, n)
+        )
+        relieved, slides = rng.random(n) < 0.1, rng.random(groups) < 0.03
+        m.estimate.sounding.share[:] = 1.0 - 0.5 * relieved
+        m.slide.action[:] = np.where(slides, 2, SUPPLY)
+        sliding = np.isin(np.arange(n), eq.group.unit[slides])
+        write_reports(eq, st, m, commanded)
+        hear_reports(eq, st, m, time, tick, delay, fate)
+        twin.report(time, tick, commanded, delay, fate, factor, relieved, sliding)
+        m.estimate.sounding.share[:] = 1.0
+        compare(m, twin, {"delivered": m.delivered, "limited": m.limited, "slips": m.slipping,
+                          "limited_at": m.report.limited_at, "slipped_at": m.report.slipped_at,
+                          "by_rail": m.by_rail})  # fmt: skip
+        needed = prepare_allocation(eq, st, m, time, tick, commanded, failed)
+        assert needed == twin.prepare(time, tick, commanded, failed)
+        asked += needed
+        compare(m, twin, {"cap": m.cap, "first": m.lead.unit[0], "estimate": m.lead.estimate[0],
+                          "marks": m.shown, "open_to": m.open_to})  # fmt: skip
+        if needed and trigger == "limited":
+            agree("most", m.most, twin.most)
         if needed:  # any answer will do
             twin.limit_wanted = m.limit_wanted[:] = twin.expected * rng.uniform(0.3, 1.2, n)
             twin.limit_wanted = twin.limit_wanted.copy()
@@ -123,7 +147,7 @@ def test_periods_equal_their_second_transcription(case, seed):
         distribute(eq, st, m, time, tick, delay, fate)
         twin.distribute(time, tick, delay, fate)
         compare(m, twin, {
-            "limit": m.unit.limit, "limit_wanted": m.limit_wanted, "delivered": m.delivered, "received": m.received,
+            "limit": m.unit.limit, "limit_wanted": m.limit_wanted, "received": m.received,
             "fallen_back": m.unit.fallen_back, "case": m.train.case[0], "expected": m.train.expected[0],
         })  # fmt: skip
         braking = eq.blended and commanded < 0.0
@@ -143,6 +167,7 @@ def test_periods_equal_their_second_transcription(case, seed):
         twin.torque_command = twin.torque_command.copy()
         brake_receiver(eq, st, m, tick, braking, pressure, valve)
         agree("pressure", pressure, twin.pressures(braking))
+    assert asked > 2
 
 
 def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
@@ -150,12 +175,14 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     model = build(replace(train, cars=(train.cars[0], train.cars[4])), Rail(0.15))
     onboard = Onboard(rise_time=0.02, reference=ReferenceSpeed(source="truth"))
     eq = equipment(model, onboard)
-    st = settings(onboard, RuleSettings(0, True, True), "none")
+    st = settings(onboard, RuleSettings(0, True, True, False, False, False), "none")
     m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros(4), np.zeros(4)
     empty, omega = np.zeros(0), 10.0 / eq.axle_radius
     for tick in range(3):
         sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, pressure, np.zeros(8))
-        assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8)
+        write_reports(eq, st, m, -0.8)
+        hear_reports(eq, st, m, 0.01 * tick, tick, empty, empty)
+        assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8, False)
         distribute(eq, st, m, 0.01 * tick, tick, empty, empty)
         set_brake_targets(eq, st, m)
         brake_receiver(eq, st, m, tick, True, pressure, valve)

@@ -13,6 +13,7 @@ from alloc.onboard.reference_speed import kalman_filter
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.parameters import Sounding
 from alloc.onboard.reference_speed.sounding import sound
+from alloc.onboard.reference_speed.state import BOUND_SHARE, reference_pace
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import build
@@ -30,7 +31,7 @@ class Computers:
         onboard = Onboard(period=PERIOD, **options)
         self.model = build(train, Rail(0.1))
         self.eq = equipment(self.model, onboard)
-        self.st = settings(onboard, RuleSettings(0, False, False), "none")
+        self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
         self.m = memory(self.eq, SPEED, 0.1)
         self.filter = self.m.estimate
 
@@ -79,18 +80,18 @@ def test_the_covariance_stays_symmetric_and_positive_whatever_is_read(direction,
     assert max(deviations) > 3.0 * min(deviations)  # it has known more, and less
 
 
-def braked(monkeypatch, rim, share=kalman_filter.BOUND_SHARE):
+def braked(rim, share=BOUND_SHARE):
     """Two braked cars whose wheels turn at `rim` [m/s], none of them at ease or light; their bound counts by `share`."""
-    monkeypatch.setattr(kalman_filter, "BOUND_SHARE", share)
     train = Computers(jp4209318_3car.train(2))
+    train.st = train.st._replace(pace=train.st.pace._replace(bound_share=share))
     train.filter.full[:] = 3e5
     for _ in range(30):
         train.estimate(rim, 2e5)
     return train
 
 
-def test_a_braking_wheel_that_runs_ahead_lifts_the_estimate_and_makes_nobody_surer(monkeypatch):
-    bound, free = braked(monkeypatch, SPEED + 0.5), braked(monkeypatch, SPEED + 0.5, 0.0)
+def test_a_braking_wheel_that_runs_ahead_lifts_the_estimate_and_makes_nobody_surer():
+    bound, free = braked(SPEED + 0.5), braked(SPEED + 0.5, 0.0)
     assert free.m.reference[0] < SPEED - 0.1
     assert bound.m.reference[0] > SPEED + 0.2
     np.testing.assert_allclose(bound.filter.covariance, free.filter.covariance, rtol=1e-9)
@@ -99,8 +100,8 @@ def test_a_braking_wheel_that_runs_ahead_lifts_the_estimate_and_makes_nobody_sur
     assert bound.filter.state[1] > free.filter.state[1]
 
 
-def test_a_braking_wheel_that_lags_tells_nothing(monkeypatch):
-    bound, free = braked(monkeypatch, SPEED - 2.0), braked(monkeypatch, SPEED - 2.0, 0.0)
+def test_a_braking_wheel_that_lags_tells_nothing():
+    bound, free = braked(SPEED - 2.0), braked(SPEED - 2.0, 0.0)
     np.testing.assert_array_equal(bound.m.reference, free.m.reference)
 
 
@@ -240,3 +241,20 @@ def test_a_reading_is_as_uncertain_as_its_sensor(noise):
     )
     expected = ReferenceSpeed().sensor ** 2 + noise**2 + 0.03**2 / 12.0
     assert train.st.reference.noise**2 == pytest.approx(expected)
+
+
+def test_what_depends_on_the_period_is_the_same_over_a_second():
+    given = ReferenceSpeed()
+    usual, slow = (reference_pace(given, period) for period in (PERIOD, 4.0 * PERIOD))
+    assert usual.bound_share == pytest.approx(BOUND_SHARE)
+    assert usual.repeat == pytest.approx(given.repeat)
+    for kept in (
+        lambda pace: 1.0 - pace.observer_gain,
+        lambda pace: pace.carried_kept,
+        lambda pace: pace.slid_kept,
+    ):
+        assert kept(slow) == pytest.approx(kept(usual) ** 4)
+    for name in ("repeat", "light_repeat", "sounded_repeat"):
+        assert getattr(slow, name) == pytest.approx(getattr(usual, name) / 4.0)
+    long = reference_pace(given, 0.5)
+    assert max(long.mean_share, long.bound_share) <= 0.5  # beyond 1 they would overshoot

@@ -24,22 +24,16 @@ import math
 from alloc.compilation import inlined_jit
 from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.reference_speed.state import OBSERVER_POLE
+from alloc.onboard.shoe_force import believed_shoe_force
 from alloc.plant.equations import (
     coupler_damper_force,
     coupler_spring_force,
     coupler_stretch,
-    hyperbolic_speed_law,
     running_resistance,
 )
 
 SPEED, FORCE, SLIP, MASS = range(4)
 """States."""
-
-MEAN_TIME = 0.1
-"""Time [s] over which an axle's lead is averaged."""
-
-BOUND_SHARE = 0.2
-"""Share of its violation by which the bound of an axle moves the estimate per period."""
 
 STANDING = 0.1
 """Rim speed [m/s] below which a braked wheel counts as standing."""
@@ -58,7 +52,7 @@ COMMON_ERROR = 0.7
 
 
 @inlined_jit
-def _update(f, p, slip, innovation, variance):
+def take_reading(f, p, slip, innovation, variance):
     """Kalman update with a measurement of v + `slip` c."""
     row = (
         p[0, 0] + slip * p[0, 2], p[1, 0] + slip * p[1, 2],
@@ -72,13 +66,10 @@ def _update(f, p, slip, innovation, variance):
 
 
 @inlined_jit
-def _start(eq, o, m, k):
+def start(eq, o, m, k):
     """Begin with the reference speed that the computers have."""
     k.ready[0] = 1
     k.state[SPEED], k.state[FORCE], k.state[SLIP], k.state[MASS] = m.reference[0], 0.0, o.slip, 0.0
-    for i in range(4):
-        for j in range(4):
-            k.covariance[i, j] = 0.0
     k.covariance[SPEED, SPEED] = o.noise**2
     k.covariance[FORCE, FORCE] = o.unknown_force**2
     k.covariance[SLIP, SLIP] = o.slip_deviation**2
@@ -100,10 +91,8 @@ def _apply_forces(eq, st, m, k, sign, torque, pressure):
         force, shoe = 0.0, 0.0
         if j >= 0:
             force = eq.gear[j] * 0.5 * (torque[j] + m.torque[j]) / r
-        if g >= 0:
-            f = eq.group.friction[g]
-            friction = hyperbolic_speed_law(y, f[0], f[1], f[2])
-            shoe = eq.group.gain[g] * pressure[g] * friction
+        if g >= 0 and pressure[g] > 0.0:
+            shoe = believed_shoe_force(eq.group, g, pressure[g], y)
             if y < STANDING and m.reference[b] > STANDING:
                 shoe = min(shoe, k.carried[i])  # a standing wheel's shoe gives what the rail does
             force -= shoe
@@ -161,16 +150,16 @@ def _predict(st, k, acting, of_shoes):
 
 
 @inlined_jit
-def _follow_rims(eq, o, k, sign, i):
+def _follow_rims(eq, st, k, sign, i):
     """Rail force and acceleration of axle `i` against the train's [m/s2], both behind one filter."""
-    y = k.rim[i]
+    o, gain, y = st.reference, st.pace.observer_gain, k.rim[i]
     rate = OBSERVER_POLE * (y - k.smooth_rim[i])
-    k.smooth_rim[i] += o.observer_gain * (y - k.smooth_rim[i])
-    k.smooth_applied[i] += o.observer_gain * (k.applied[i] - k.smooth_applied[i])
+    k.smooth_rim[i] += gain * (y - k.smooth_rim[i])
+    k.smooth_applied[i] += gain * (k.applied[i] - k.smooth_applied[i])
     relative = sign * (rate - OBSERVER_POLE * (k.state[SPEED] - k.smooth_speed[0]))
     rail = k.smooth_applied[i] - sign * eq.chain.turning[i] * rate
     slides = relative < -o.returning or relative > 3.0 * o.returning
-    kept = o.slid_kept if slides else o.carried_kept
+    kept = st.pace.slid_kept if slides else st.pace.carried_kept
     standing = sign < 0.0 and y < STANDING
     k.carried[i] = max(k.carried[i] * kept, 0.0 if standing else rail)
     return relative, standing
@@ -180,12 +169,10 @@ def _follow_rims(eq, o, k, sign, i):
 def _at_ease(eq, st, m, k, i):
     """Time for which nobody has limited the force of axle `i`."""
     j, g = eq.axle_unit[i], eq.axle_group[i]
-    free = True
-    if j >= 0 and (m.unit.torque_factor[j] < 0.99 or is_relieved(m, j)):
-        free = False
-    if g >= 0 and (m.slide.action[g] > 0.0 or k.pressure[g] < 0.95 * k.full[g]):
-        free = False
-    k.ease[i] = k.ease[i] + st.period if free else 0.0
+    limited = j >= 0 and (m.unit.torque_factor[j] < 0.99 or is_relieved(m, j))
+    if g >= 0:
+        limited = limited or m.slide.action[g] > 0.0 or k.pressure[g] < 0.95 * k.full[g]
+    k.ease[i] = 0.0 if limited else k.ease[i] + st.period
     return k.ease[i]
 
 
@@ -208,7 +195,7 @@ def _believe(o, k, slip, innovation, variance, trusted):
     if odd and trusted:
         _forget(o, p, innovation)
     if trusted or not odd:
-        _update(k.state, p, slip, innovation, variance)
+        take_reading(k.state, p, slip, innovation, variance)
 
 
 @inlined_jit
@@ -223,7 +210,7 @@ def _adhesion(eq, o, k, i, sign):
 @inlined_jit
 def _measure(eq, st, m, k, sign):
     """Take what the axles tell; returns whether one of them rolls as it pleases."""
-    o, f, p = st.reference, k.state, k.covariance
+    o, pace, f, p = st.reference, st.pace, k.state, k.covariance
     white = 2.0 * o.noise**2
     lead, lightest, least, anyone = 1e9, -1, 0.0, False
     free, together = 0.0, 0.0
@@ -232,7 +219,7 @@ def _measure(eq, st, m, k, sign):
     for i in range(k.rim.size):
         if not m.axle_seen[i]:
             continue
-        relative, standing = _follow_rims(eq, o, k, sign, i)
+        relative, standing = _follow_rims(eq, st, k, sign, i)
         ease = _at_ease(eq, st, m, k, i)
         j = eq.axle_unit[i]
         y, applied = k.rim[i], max(k.applied[i], 0.0)
@@ -240,7 +227,7 @@ def _measure(eq, st, m, k, sign):
         body = m.reference[eq.axle_body[i]] + f[SPEED] - before
         mu, creep = _adhesion(eq, o, k, i, sign)
         innovation = y - body - f[SLIP] * mu
-        k.ahead[i] += st.period / MEAN_TIME * (sign * (y - body) - k.ahead[i])
+        k.ahead[i] += st.pace.mean_share * (sign * (y - body) - k.ahead[i])
         settled = relative > -o.returning and not standing
         sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
         # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
@@ -254,7 +241,7 @@ def _measure(eq, st, m, k, sign):
             free, together = free + 1.0, together + y - body
         elif sounded:
             if sign * (y - k.rim_before[i]) > -FALLING * st.period:
-                _believe(o, k, mu, innovation, white + o.sounded_repeat * creep**2, True)
+                _believe(o, k, mu, innovation, white + pace.sounded_repeat * creep**2, True)
         elif light:
             if settled and k.ahead[i] < lead:
                 lead, lightest = k.ahead[i], i
@@ -264,27 +251,22 @@ def _measure(eq, st, m, k, sign):
             and relative < o.away + doubt * unknown
             and k.ahead[i] - sign * f[SLIP] * mu < o.gate * math.sqrt(p[0, 0] + creep**2 + white)
         ):
-            _believe(o, k, mu, innovation, white + o.repeat * creep**2, False)
+            _believe(o, k, mu, innovation, white + pace.repeat * creep**2, False)
             anyone = True
         if not (light and settled):
             least = min(least, k.ahead[i] + sign * (before - f[SPEED]))
     if free > 0.0:
         creep = LEAST_SHARE * o.creep * max(abs(f[SPEED]), o.creep_speed)
         innovation = together / free + before - f[SPEED]
-        _believe(o, k, 0.0, innovation, (white + o.light_repeat * creep**2) / free, True)
+        _believe(o, k, 0.0, innovation, (white + pace.light_repeat * creep**2) / free, True)
         anyone = True
     if lightest >= 0:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
         anyone = True
-    _project(f, p, sign * min(least + o.noise, 0.0) * BOUND_SHARE)
+    change = sign * min(least + o.noise, 0.0) * pace.bound_share
+    for a in range(4):  # a bound moves all states and tells no more than that, so P stays
+        f[a] += p[a, 0] / p[0, 0] * change
     return anyone
-
-
-@inlined_jit
-def _project(f, p, change):
-    """Move the speed by `change` and the other states with it; a bound tells no more than that, so P stays."""
-    for i in range(4):
-        f[i] += p[i, 0] / p[0, 0] * change
 
 
 @inlined_jit
@@ -293,7 +275,7 @@ def _take_light(eq, st, m, k, sign, i, moved):
     o, f = st.reference, k.state
     mu, creep = _adhesion(eq, o, k, i, sign)
     innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
-    variance = 2.0 * o.noise**2 + o.light_repeat * creep**2
+    variance = 2.0 * o.noise**2 + st.pace.light_repeat * creep**2
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
     if k.telling[i] > (0.5 * o.persist if braked_by_air else 0.1):
         trusted = k.telling[i] > o.persist or not braked_by_air
@@ -301,20 +283,25 @@ def _take_light(eq, st, m, k, sign, i, moved):
 
 
 @inlined_jit
-def estimate_speed(eq, st, m, sign, torque, pressure):
-    """One control period: fills `m.reference` (bodies,) [m/s]; returns whether an axle told the speed.
+def predict(eq, st, m, sign, torque, pressure):
+    """Move the estimate through one period; returns the specific force of all axles, and of the shoes [m/s2].
 
     `sign` of the demand, `torque` (units,) of the motors [N m], `pressure` (groups,) of the cylinders [Pa].
     """
-    k, f = m.estimate, m.estimate.state
-    if k.ready[0] == 0:
-        _start(eq, st.reference, m, k)
+    k = m.estimate
     for g in range(pressure.size):
         k.pressure[g] = pressure[g]
     acting, of_shoes = _apply_forces(eq, st, m, k, sign, torque, pressure)
     _move(eq, st, m, k)
-    f[SPEED] = m.reference[0]
+    k.state[SPEED] = m.reference[0]
     _predict(st, k, acting, of_shoes)
+    return acting, of_shoes
+
+
+@inlined_jit
+def correct(eq, st, m, sign, of_shoes):
+    """Take what the axles tell: fills `m.reference` (bodies,) [m/s]; returns whether an axle told the speed."""
+    k, f = m.estimate, m.estimate.state
     anyone = _measure(eq, st, m, k, sign)
     most = st.reference.slip + 2.0 * st.reference.slip_deviation
     f[SLIP] = min(max(f[SLIP], 0.0), most)
@@ -322,9 +309,18 @@ def estimate_speed(eq, st, m, sign, torque, pressure):
     f[FORCE] = min(max(f[FORCE], -bound), bound)
     if sign < 0.0:
         f[SPEED] = max(f[SPEED], 0.0)
-    k.smooth_speed[0] += st.reference.observer_gain * (f[SPEED] - k.smooth_speed[0])
+    k.smooth_speed[0] += st.pace.observer_gain * (f[SPEED] - k.smooth_speed[0])
     change = f[SPEED] - m.reference[0]
     for b in range(m.reference.size):
         m.reference[b] += change
     m.train.reference_deviation[0] = math.sqrt(max(k.covariance[0, 0], 0.0))
     return anyone
+
+
+@inlined_jit
+def estimate_speed(eq, st, m, sign, torque, pressure):
+    """One control period; arguments as of `predict`, result as of `correct`."""
+    if m.estimate.ready[0] == 0:
+        start(eq, st.reference, m, m.estimate)
+    _, of_shoes = predict(eq, st, m, sign, torque, pressure)
+    return correct(eq, st, m, sign, of_shoes)

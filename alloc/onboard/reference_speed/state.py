@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from alloc.compilation import equation
 from alloc.onboard.quantity import filled
 from alloc.plant.model import Floats, Ints
 
@@ -18,6 +19,18 @@ OBSERVER_POLE = 12.0
 
 NOISE_MARGIN = 2.5
 """Deviations of a noisy acceleration within which a wheel counts as at rest against the train."""
+
+USUAL_PERIOD = 0.01
+"""Period [s] for which the parameters count samples, and for which `BOUND_SHARE` is."""
+
+MEAN_TIME = 0.1
+"""Time [s] over which an axle's lead is averaged."""
+
+BOUND_SHARE = 0.2
+"""Share of its violation by which the bound of an axle moves the estimate per period."""
+
+SLOWEST_SHARE = 0.25
+"""Share of a new value that the mean takes at most: over fewer samples noise would not cancel."""
 
 
 class SoundingSettings(NamedTuple):
@@ -59,10 +72,38 @@ class ReferenceSettings(NamedTuple):
     returning: float
     gate: float
     persist: float
-    observer_gain: float  # share of a new value that a filter of `OBSERVER_POLE` takes per period
-    carried_kept: float  # share of a wheel's greatest force that is remembered after one period
-    slid_kept: float
+    carried_time: float
+    slid_time: float
     sounding: SoundingSettings
+
+
+class ReferencePace(NamedTuple):
+    """What depends on the period."""
+
+    observer_gain: float  # share of a new value that a filter of `OBSERVER_POLE` takes
+    carried_kept: float  # share of a wheel's greatest force that is remembered
+    slid_kept: float
+    mean_share: float  # as observer_gain, of the mean over `MEAN_TIME`
+    bound_share: float  # as `BOUND_SHARE`
+    repeat: float  # number of samples, as those of `ReferenceSpeed`
+    light_repeat: float
+    sounded_repeat: float
+
+
+@equation
+def reference_pace(o, period):
+    """`ReferencePace` of a period [s]; `o`: `ReferenceSettings`, or `ReferenceSpeed`."""
+    usual = USUAL_PERIOD / period
+    return ReferencePace(
+        -math.expm1(-OBSERVER_POLE * period),
+        math.exp(-period / o.carried_time),
+        math.exp(-period / o.slid_time),
+        min(period / MEAN_TIME, SLOWEST_SHARE),
+        min(BOUND_SHARE / usual, 2.0 * SLOWEST_SHARE),
+        o.repeat * usual,
+        o.light_repeat * usual,
+        o.sounded_repeat * usual,
+    )
 
 
 class SoundingMemory(NamedTuple):
@@ -110,9 +151,6 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
         noise=noise,
         # what is taken for a motion of the wheel must exceed what noise makes of its speed
         returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
-        observer_gain=-math.expm1(-OBSERVER_POLE * onboard.period),
-        carried_kept=math.exp(-onboard.period / given.carried_time),
-        slid_kept=math.exp(-onboard.period / given.slid_time),
         sounding=filled(SoundingSettings, given.sounding),
     )
 

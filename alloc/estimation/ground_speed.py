@@ -1,0 +1,199 @@
+"""Speed over ground of a measured run whose log has none, from the rim speeds and forces of its axles, and its error.
+
+The filter of the on-board computers runs over the log (`alloc.estimation.logged_computers`), and a smoother back
+(`alloc.estimation.speed_smoother`). Gaps restart both.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.by_reference import ByReference
+from alloc.errors import EstimationError
+from alloc.estimation.logged_computers import (
+    FilterTrace,
+    LoggedSeries,
+    logged_equipment,
+    logged_memory,
+    run_filter,
+)
+from alloc.estimation.measured_run import SHORTEST_PART, MeasuredTrain
+from alloc.estimation.speed_smoother import smooth
+from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
+from alloc.onboard.reference_speed.kalman_filter import SPEED
+from alloc.onboard.reference_speed.state import reference_settings
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
+
+LOGGED = ReferenceSpeed(creep=0.02, repeat=500.0)
+"""The filter trusts axles at ease less than on board: that nobody limits them is concluded, and they may creep together."""
+LONGEST_HOLD = 0.2
+"""Time [s] for which a force that is missing counts as unchanged; the estimate ends where it is missing for longer."""
+FREE = 2e-3
+"""Force over load below which an axle without motor rolls freely."""
+UNKNOWN_START = (0.1, 0.03)
+"""Deviation of the first speed where no axle rolls freely [m/s], and its part that grows with the speed."""
+COARSE = 0.01
+"""Quantum of the speeds [m/s] from which on their readings are steps."""
+LONGEST_STEP = 2.0
+"""Time [s] between two of them above which the speed counts as constant in between."""
+MEDIAN_DEVIATION = 1.4826
+"""Standard deviation over the median of the magnitude, of normally distributed numbers."""
+
+
+class GroundSpeed(NamedTuple):
+    """Estimated speed over ground, (instants,) each; nan where nothing is known."""
+
+    speed: Floats
+    """Of the train [m/s]."""
+    deviation: Floats
+    """Standard deviation that the estimate states of itself [m/s]."""
+    told: Flags
+    """Whether an axle told the speed; else it is carried on by the forces."""
+
+
+def estimate_ground_speed(
+    time: Floats,
+    part: Numbers,
+    rim_speed: Floats,
+    applied_force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None = None,
+) -> GroundSpeed:
+    """Estimate the speed over ground from what every axle does.
+
+    `time` [s] and `part` (instants,), `rim_speed` [m/s] and `applied_force` [N] (instants, axles) as of `MeasuredRun`, nan
+    where not known; `grade` (instants,), the rise per run where the train is. Raises `EstimationError` where a driven axle
+    has no forces, and if at no instant forces and a wheel are known.
+    """
+    told = np.asarray(np.isfinite(applied_force).any(axis=0))
+    _check(told, train)
+    held = _held(time, part, applied_force)
+    grade = np.zeros(time.size) if grade is None else grade
+    known = np.isfinite(held).all(axis=1) & np.isfinite(grade)
+    seen = np.isfinite(rim_speed) & (np.isfinite(applied_force) | ~told)
+    found = GroundSpeed(
+        np.full(time.size, np.nan), np.full(time.size, np.nan), np.zeros(time.size, dtype=bool)
+    )
+    for stretch in _stretches(known, part):
+        begin = stretch.start + int(np.argmax(seen[stretch].any(axis=1)))
+        inside = slice(begin, stretch.stop)
+        if not seen[begin].any() or inside.stop - begin <= SHORTEST_PART:
+            continue
+        step = np.diff(time[inside])
+        series = LoggedSeries(
+            np.concatenate([[np.median(step)], step]), np.ascontiguousarray(rim_speed[inside]),
+            np.ascontiguousarray(seen[inside]), np.ascontiguousarray(held[inside]), told,
+            np.ascontiguousarray(grade[inside]),
+        )  # fmt: skip
+        for whole, own in zip(found, _estimate(series, train), strict=True):
+            whole[inside] = own
+    if not np.isfinite(found.speed).any():
+        raise EstimationError("speed over ground: at no instant are forces and a wheel known")
+    return found
+
+
+def _check(told: Flags, train: MeasuredTrain) -> None:
+    """Raise for driven axles without forces, and where there are none at all."""
+    lacking = np.flatnonzero((train.driven | ~told.any()) & ~told)
+    if lacking.size:
+        raise EstimationError(
+            f"speed over ground: axle {lacking[0] + 1} has no force; the estimate needs those of all driven axles"
+        )
+
+
+def _held(time: Floats, part: Numbers, force: Floats) -> Floats:
+    """Forces with the last value where one is missing for a moment, and 0 for an axle that has none at all."""
+    held = force.copy()
+    held[:, ~np.isfinite(force).any(axis=0)] = 0.0
+    for values in held.T:
+        last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(time.size), -1))
+        fills = (last >= 0) & (part[last] == part) & (time - time[last] <= LONGEST_HOLD)
+        values[fills] = values[last[fills]]
+    return held
+
+
+def _stretches(known: Flags, part: Numbers) -> Iterator[slice]:
+    """Stretches of known instants that no gap divides."""
+    number = np.where(known, part, -1)
+    bounds = np.flatnonzero(np.diff(number)) + 1
+    for begin, end in pairwise([0, *bounds.tolist(), number.size]):
+        if known[begin]:
+            yield slice(begin, end)
+
+
+def _estimate(series: LoggedSeries, train: MeasuredTrain) -> tuple[Floats, Floats, Flags]:
+    """Speed, its deviation, and whether an axle told it, in one stretch."""
+    count, axles = series.rim.shape
+    noise, quantum = _sensor_errors(series)
+    coarse = quantum if quantum > max(COARSE, 2.0 * noise) else 0.0
+    if coarse > 0.0:
+        series = series._replace(rim=_between_steps(series))
+    onboard = Onboard(
+        sensors=Sensors(speed_noise=noise, speed_quantum=quantum), reference=LOGGED
+    )  # fmt: skip
+    equipment = logged_equipment(train, float(series.step.max()))
+    speed, deviation = _first_speed(series, train)
+    memory = logged_memory(equipment.chain.mass.size, axles, speed)
+    states = (np.zeros((count, 4)), np.zeros((count, 4, 4)))
+    trace = FilterTrace(
+        *states, states[0].copy(), states[1].copy(), np.zeros(count), np.zeros(count),
+        np.zeros(count, dtype=bool),
+    )  # fmt: skip
+    trace.covariance[0, SPEED, SPEED] = deviation**2
+    run_filter(
+        *map(ByReference, (equipment, reference_settings(onboard), memory, series, trace))
+    )  # fmt: skip
+    state, covariance = smooth(series.step, trace)
+    # what the smoother had to move the estimate by, beyond what the filter held possible
+    moved = (state[:, SPEED] - trace.state[:, SPEED]) ** 2 - 9.0 * trace.covariance[:, SPEED, SPEED]
+    variance = covariance[:, SPEED, SPEED] + coarse**2 / 12.0 + np.maximum(moved, 0.0)
+    return state[:, SPEED] + trace.lead, np.sqrt(variance), trace.told
+
+
+def _sensor_errors(series: LoggedSeries) -> tuple[float, float]:
+    """Noise and quantum of the speeds [m/s], by their second differences and their smallest change."""
+    noise, quantum = [0.0], [np.inf]
+    for rim, seen in zip(series.rim.T, series.seen.T, strict=True):
+        values = rim[seen]
+        if values.size > SHORTEST_PART:
+            bend = MEDIAN_DEVIATION * np.median(np.abs(np.diff(values, 2)))
+            noise.append(float(bend) / math.sqrt(6.0))
+            changes = np.abs(np.diff(values))
+            quantum.append(float(changes[changes > 1e-9].min(initial=np.inf)))
+    least = min(quantum)
+    return float(np.median(noise[1:] or noise)), least if np.isfinite(least) else 0.0
+
+
+def _between_steps(series: LoggedSeries) -> Floats:
+    """Rim speeds on straight lines between the instants at which their quantised readings change; others as they are.
+
+    All axles have the same rounding error where they roll, which no mean over them removes.
+    """
+    time, lines = np.cumsum(series.step), series.rim.copy()
+    for rim, line in zip(series.rim.T, lines.T, strict=True):
+        change = np.flatnonzero(np.diff(rim) != 0.0)  # nan: both before and after it count
+        change = change[np.isfinite(rim[change] + rim[change + 1])]
+        for a, b in pairwise(change.tolist()):
+            if time[b] - time[a] < LONGEST_STEP and np.isfinite(rim[a + 1 : b + 1]).all():
+                ends = 0.5 * (rim[a] + rim[a + 1]), 0.5 * (rim[b] + rim[b + 1])
+                at = 0.5 * (time[a] + time[a + 1]), 0.5 * (time[b] + time[b + 1])
+                line[a + 1 : b + 1] = np.interp(time[a + 1 : b + 1], at, ends)
+    return lines
+
+
+def _first_speed(series: LoggedSeries, train: MeasuredTrain) -> tuple[float, float]:
+    """First speed and its deviation [m/s]: of axles that roll freely, or the bound that the others are."""
+    rim, force, seen = series.rim[0], series.force[0], series.seen[0]
+    free = seen & ~train.driven & (np.abs(force) < FREE * train.axle_load)
+    free &= series.told | (force.sum() > 0.0)
+    if free.any():
+        return float(np.median(rim[free])), 0.0
+    speed = float(rim[seen].min() if force.sum() > 0.0 else rim[seen].max())
+    return speed, UNKNOWN_START[0] + UNKNOWN_START[1] * abs(speed)

@@ -1,0 +1,130 @@
+"""What the rail and the motors allowed a train, how much of it was used, and how much of it only sharing could reach.
+
+All forces are at the rail, summed over the axles of a traction unit [N]. A unit has one torque for all its axles, so its
+weakest axle bounds it. Where a trailer brakes with air, nobody but itself can use its adhesion.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from alloc.metrics.registry import (
+    direction,
+    force_along,
+    force_available,
+    metric,
+    once_per_run,
+    record_period,
+    series,
+    under_demand,
+)
+
+SETTLING = 2.0
+"""Time [s] after the driver asks for more that is left out: torque rises in 1 s, and cylinders take as long to fill."""
+
+Floats = NDArray[np.float64]
+
+
+class Room(NamedTuple):
+    """Forces [N] at the instants that count, (instants,) each."""
+
+    plan: Floats
+    """What the driver asks for."""
+    bound: Floats
+    """The most that the train can deliver, the plan at most."""
+    apart: Floats
+    """The most where each unit delivers its own part of the plan at most."""
+    force: Floats
+    """What was delivered."""
+
+
+@once_per_run
+def settled(run: xr.Dataset) -> NDArray[np.bool_]:
+    """Instants under demand at least `SETTLING` after the demand has grown, (time,)."""
+    asked = np.abs(series(run, "driver_command"))
+    wait = max(1, round(SETTLING / record_period(run))) if asked.size > 1 else 1
+    grown = np.flatnonzero(np.diff(asked, prepend=0.0) > 0.0)
+    calm = under_demand(run).copy()
+    for k in grown:
+        calm[k : k + wait] = False
+    return calm
+
+
+def _weakest(values: Floats, groups: NDArray[np.int64], count: int) -> Floats:
+    """Number of its axles times the least of them, (time, group)."""
+    found = np.empty((values.shape[0], count))
+    for g in range(count):
+        own = groups == g
+        found[:, g] = own.sum() * values[:, own].min(axis=1)
+    return found
+
+
+@once_per_run
+def room(run: xr.Dataset) -> Room:
+    """Plan, bounds and force at the instants that count.
+
+    The bound is min(plan, sum over units of min(motor limit, axles x force available at the weakest axle)). Blended brakes:
+    air makes up for the motors, and each trailer's brake group adds its own part of the plan, as far as the rail carries it.
+    """
+    chosen = settled(run)
+    blended = bool(run.attrs["blended_brakes"])
+    braking = direction(run)[chosen] < 0.0
+    unit, group = series(run, "axle_unit"), series(run, "axle_group")
+    available, force = force_available(run)[chosen], force_along(run)[chosen]
+    expected = series(run, "expected")[chosen]
+    driven = unit >= 0
+    own = expected[:, None] * series(run, "unit_static_load")
+    units = run.sizes["unit"]
+    most = _weakest(available, unit, units)
+    axles = np.bincount(unit[driven], minlength=units)
+    at_rail = axles * series(run, "unit_gear") / series(run, "unit_radius")
+    signed = np.where(
+        braking[:, None],
+        series(run, "brake_limit")[chosen],
+        series(run, "drive_limit")[chosen],
+    )
+    # what turns the wheelsets comes from the motors and does not reach the rail
+    turning = np.bincount(unit[driven], series(run, "axle_turning_mass")[driven], minlength=units)
+    gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
+    motors = at_rail * signed - turning * gained[:, None]
+    most = np.minimum(most, np.where(braking[:, None] & blended, np.inf, motors))
+    plan, bound = own.sum(axis=1), most.sum(axis=1)
+    apart = np.minimum(own, most).sum(axis=1)
+    delivered = force[:, driven].sum(axis=1)
+    if blended:
+        trailing = ~driven & (group >= 0)
+        numbers, inside = np.unique(group[trailing], return_inverse=True)
+        planned = expected[:, None] * np.bincount(inside, series(run, "axle_static_load")[trailing])
+        carried = np.minimum(planned, _weakest(available[:, trailing], inside, numbers.size))
+        for total, part in (
+            (plan, planned), (bound, carried), (apart, carried), (delivered, force[:, trailing]),
+        ):  # fmt: skip
+            total += np.where(braking, part.sum(axis=1), 0.0)
+    return Room(plan, np.minimum(plan, bound), np.minimum(plan, apart), delivered)
+
+
+def _share(part: Floats, whole: Floats) -> float:
+    return float(part.sum() / whole.sum()) if whole.sum() else float("nan")
+
+
+@metric("bound_use", "1", "effort, at most the plan, over the most that rail and motors allow", +1)
+def bound_use(run: xr.Dataset) -> float:
+    """Effort, instant by instant the plan at most, over the true bound of the run; nan without demand."""
+    found = room(run)
+    return _share(np.minimum(found.force, found.plan), found.bound)
+
+
+@metric("headroom", "1", "share of the plan that only sharing between units can reach", 0)
+def headroom(run: xr.Dataset) -> float:
+    """Bound of the train less the sum of what each unit can deliver of its own part of the plan, over the plan."""
+    found = room(run)
+    return _share(found.bound - found.apart, found.plan)
+
+
+@metric("over_delivery", "1", "effort beyond the plan, relative to it", -1)
+def over_delivery(run: xr.Dataset) -> float:
+    """Effort beyond the plan, instant by instant, over the plan; `bound_use` does not count it."""
+    found = room(run)
+    return _share(np.maximum(found.force - found.plan, 0.0), found.plan)

@@ -1,0 +1,77 @@
+"""Telegrams between the foremost unit and the others inside compiled code: what was sent arrives late, or never.
+
+`alloc.onboard.telegram_line` is the same for computers in Python.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alloc.compilation import inlined_jit
+from alloc.plant.model import Floats
+
+SLOTS = 16
+"""Telegrams that can be on their way on one line."""
+
+ROUNDING = 1e-9
+"""Tolerance [s] of comparing instants, which are multiples of a period."""
+
+
+class Mail(NamedTuple):
+    """Lines of telegrams, one per unit, with `fields` numbers in each."""
+
+    arrival: Floats  # (units, SLOTS) [s]; inf: empty
+    sent: Floats  # (units, SLOTS) [s]
+    content: Floats  # (units, SLOTS, fields)
+    newest: Floats  # (units,) when the newest that has arrived was sent [s]
+    heard: Floats  # (units,) when the last one arrived [s]
+    read: Floats  # (units, fields) what the newest said
+
+
+def mail(units: int, fields: int, nothing: float) -> Mail:
+    """Lines on which nothing was sent yet; a receiver reads `nothing`."""
+    return Mail(
+        arrival=np.full((units, SLOTS), np.inf),
+        sent=np.zeros((units, SLOTS)),
+        content=np.zeros((units, SLOTS, fields)),
+        newest=np.full(units, -np.inf),
+        heard=np.zeros(units),
+        read=np.full((units, fields), nothing),
+    )
+
+
+@inlined_jit
+def post(line, j, time, delay, told):
+    """Send `told[j]` (units, fields) on line `j` at `time`; it arrives after `delay` [s]."""
+    for k in range(SLOTS):
+        if np.isinf(line.arrival[j, k]):
+            line.arrival[j, k] = time + delay
+            line.sent[j, k] = time
+            for f in range(told.shape[1]):
+                line.content[j, k, f] = told[j, f]
+            break
+
+
+@inlined_jit
+def tell(line, j, time, told):
+    """Sender and receiver of line `j` are one computer: it knows at once."""
+    line.newest[j] = line.heard[j] = time
+    for f in range(told.shape[1]):
+        line.read[j, f] = told[j, f]
+
+
+@inlined_jit
+def collect(line, j, time):
+    """Read the newest of what has arrived on line `j` by `time`; returns whether anything has."""
+    found = False
+    for k in range(SLOTS):
+        if line.arrival[j, k] <= time + ROUNDING:
+            found = True
+            if line.sent[j, k] > line.newest[j]:
+                line.newest[j] = line.sent[j, k]
+                for f in range(line.read.shape[1]):
+                    line.read[j, f] = line.content[j, k, f]
+            line.arrival[j, k] = np.inf
+    if found:
+        line.heard[j] = time
+    return found

@@ -1,0 +1,120 @@
+"""What traction units tell the foremost one: whether they are limited, what they deliver and find, whether they slip.
+
+A good readhesion controller takes torque away without any slip signal. So "limited" means that a unit's torque stays below
+its target for want of adhesion, or that it has failed or sees none of its axles. The latter says nothing of the rail.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alloc.compilation import inlined_jit
+from alloc.onboard.mail import Mail, collect, mail, post, tell
+from alloc.onboard.reference_speed.sounding import is_relieved
+from alloc.onboard.slide_protection.fuzzy import SUPPLY
+from alloc.plant.model import Floats
+
+DELIVERED, ESTIMATE, LIMITED, SLIPPING = range(4)
+"""What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
+nan before it; what limits it; a flag."""
+
+BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
+"""What limits a unit: its target is within reach, the rail, its failure or blindness."""
+
+WHOLE = 0.985
+"""Share of its target from which on a unit counts as not limited: creep control on the rising branch of the curve keeps
+within a hundredth of its target."""
+
+ACTING = 0.5
+"""Share of the plan that a unit's target must reach: what is less says nothing of the rail."""
+
+FILTER_TIME = 0.2
+"""Time constant [s] of the delivered coefficient: two telegrams, and one step of a searching controller."""
+
+
+class ReportMemory(NamedTuple):
+    """What the units tell, and what the foremost one has heard."""
+
+    own: Floats  # (units, 4) what each would say now
+    line: Mail  # to the foremost unit
+    acceleration: Floats  # (1,) of the train behind the same filter [m/s2]
+    speed: Floats  # (1,) reference speed a period ago [m/s]
+    slipped_at: Floats  # (units,) when a unit slipped for the last time, as heard [s]
+    limited_at: Floats  # (units,) when a unit was limited for the last time, as heard [s]
+
+
+def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
+    """Memory at the start of a run: everyone delivers the plan."""
+    own = np.tile([expected, np.nan, 0.0, 0.0], (units, 1))
+    line = mail(units, 4, 0.0)
+    line.read[:] = own
+    return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((2, units), -np.inf))
+
+
+@inlined_jit
+def _limited_by(eq, m, j, expected, braking):
+    """What keeps unit `j` from its target."""
+    if not m.in_service[j] or m.unit.axles_seen[j] == 0.0:
+        return BY_ITSELF
+    to_coefficient = eq.gear[j] / (eq.axle_load[j] * eq.radius[j])
+    target = abs(m.unit.torque_target[j]) * to_coefficient
+    if m.unit.torque_factor[j] < WHOLE and target > ACTING * expected:
+        return BY_RAIL
+    if braking:
+        for g in range(eq.group.unit.size):
+            if eq.group.unit[g] == j and m.slide.action[g] != SUPPLY:
+                return BY_RAIL
+    return BY_NOTHING
+
+
+@inlined_jit
+def write_reports(eq, st, m, commanded):
+    """What each unit would say now; one that is sounded says what it said before.
+
+    A limit counts what turns the wheelsets in proportion, though the train turns them all alike. So a limit at what is
+    delivered would deliver less, and marks would sink and sink: told is the limit that delivers as much.
+    """
+    gain = st.period / (FILTER_TIME + st.period)
+    r = m.report
+    speed = m.reference[0]
+    r.acceleration[0] += gain * ((speed - r.speed[0]) / st.period - r.acceleration[0])
+    r.speed[0] = speed
+    # share of the planned acceleration that the train reaches
+    reached = min(max(r.acceleration[0] / commanded, 0.0), 1.0) if commanded != 0.0 else 0.0
+    own = m.report.own
+    braking = eq.blended and commanded < 0.0
+    for j in range(eq.axles.size):
+        if is_relieved(m, j) and m.in_service[j]:
+            continue
+        turning = eq.brake_inertia[j] if braking else eq.own_inertia[j]
+        at_rail = max(m.unit.coefficient_estimate[j], 0.0)
+        delivered = (at_rail + turning * reached * m.train.expected[0]) / (1.0 + turning)
+        limited_by = _limited_by(eq, m, j, m.train.expected[0], braking)
+        own[j, DELIVERED] += gain * (delivered - own[j, DELIVERED])
+        own[j, LIMITED] = limited_by if commanded != 0.0 else BY_NOTHING
+        own[j, SLIPPING] = m.unit.slipping[j]
+
+
+@inlined_jit
+def hear_reports(eq, st, m, time, tick, delay, fate):
+    """Reports go up with the periodic telegrams; `delay`, `fate` (units,): draws of their jitter and loss."""
+    own, line, first = m.report.own, m.report.line, m.lead.unit[0]
+    sending = tick % st.telegrams.ticks == 0
+    for j in range(eq.axles.size):
+        if j == first:
+            tell(line, j, time, own)
+        else:
+            if sending:
+                m.counter.telegrams_sent[0] += 1
+                if fate[j] < st.telegrams.loss:
+                    m.counter.telegrams_lost[0] += 1
+                else:
+                    post(line, j, time, st.telegrams.latency + st.telegrams.jitter * delay[j], own)
+            collect(line, j, time)
+        limited_by = line.read[j, LIMITED]
+        m.limited[j], m.slipping[j] = limited_by != BY_NOTHING, line.read[j, SLIPPING] > 0.0
+        if m.slipping[j]:
+            m.report.slipped_at[j] = line.newest[j]
+        if m.limited[j]:
+            m.report.limited_at[j], m.by_rail[j] = line.newest[j], limited_by == BY_RAIL
+        m.delivered[j] = max(line.read[j, DELIVERED], 0.0)

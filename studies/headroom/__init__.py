@@ -1,0 +1,1 @@
+"""What sharing gains over random events in which there is something to share."""

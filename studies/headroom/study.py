@@ -1,0 +1,36 @@
+"""What sharing gains where there is something to gain: every rule meets the same random events with headroom."""
+
+from collections.abc import Sequence
+
+from studies.core.controllers import check_controller
+from studies.core.drawn_events import complete
+from studies.core.job import Job
+from studies.core.study import EachEvent, Study
+from studies.headroom.events import DURATION, scenario
+from studies.headroom.measures import measure
+from studies.headroom.statements import RULES, headroom_statements
+from studies.headroom.what_makes_room import EVENTS
+
+CONTROLLERS = ("cut-and-ramp", "perturb-observe")
+"""The simplest controller that works without a free axle, and one that searches for the peak."""
+
+
+def cells(
+    seed: int, k: int, duration: float = DURATION, controllers: Sequence[str] = CONTROLLERS
+) -> list[Job]:
+    """Event `k` under every rule and controller."""
+    for controller in controllers:
+        check_controller(controller)
+    one = scenario(seed, k, duration)
+    return [Job(one, rule, controller, k, measure) for controller in controllers for rule in RULES]
+
+
+HEADROOM = Study(
+    name="headroom",
+    question="what each rule gains over alone by how much there is to gain, and what it costs",
+    default_events=60,
+    cells=EachEvent(cells),
+    finish=EVENTS.joined,
+    judge=lambda table: headroom_statements(complete(table)),
+    options=("controllers",),
+)

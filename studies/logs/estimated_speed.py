@@ -1,0 +1,53 @@
+"""The speed over ground of a log that has no column of it, and where it is doubtful."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.errors import EstimationError
+from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
+from alloc.estimation.measured_run import MeasuredTrain
+from alloc.spans import bridged_spans
+from studies.logs.checks import Remark, faulty
+
+Floats = NDArray[np.float64]
+
+BLIND_TIME = 2.0
+"""Time [s] from which on it is reported that no axle tells the speed."""
+MOMENT = 0.2
+"""Time [s] for which an axle that tells it in between does not count."""
+
+
+def estimated_speed(
+    time: Floats,
+    part: NDArray[np.int64],
+    rim: Floats,
+    force: Floats,
+    grade: Floats | None,
+    train: MeasuredTrain,
+    source: str,
+) -> tuple[GroundSpeed, list[Remark]]:
+    """As `estimate_ground_speed`, with remarks; raises `Faulty` where it cannot be estimated."""
+    try:
+        found = estimate_ground_speed(time, part, rim, force, train, grade)
+    except EstimationError as error:
+        reason = str(error).removeprefix("speed over ground: ")
+        raise faulty(
+            source, "speed_kmh or speed_ms", None, f"is missing and cannot be estimated: {reason}"
+        ) from None
+    return found, _blind(time, found)
+
+
+def _blind(time: Floats, found: GroundSpeed) -> list[Remark]:
+    """Where no axle rolls in a way that tells the speed, for long."""
+    remarks = []
+    blind = np.isfinite(found.speed) & ~found.told
+    for begin, end in bridged_spans(blind, lambda end, begin: time[begin] - time[end - 1] < MOMENT):
+        if time[end - 1] - time[begin] < BLIND_TIME:
+            continue
+        worst = found.deviation[begin:end].max()
+        text = (
+            f"no axle tells the speed from {time[begin]:.6g} s to {time[end - 1]:.6g} s: estimated from the forces, "
+            f"standard deviation up to {worst:.2g} m/s"
+        )
+        remarks.append(Remark("estimate", "speed", text, int(begin) + 1, float(time[begin])))
+    return remarks

@@ -1,0 +1,76 @@
+"""The project's own rule: the plan at least, room to search for who is limited, and everyone who can helps."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from alloc.metrics import evaluate
+from alloc.rules import find_rule
+from alloc.rules.cooperative import cooperative_law
+from alloc.rules.rule import Units, units_of
+from alloc.simulation import simulate
+from studies.scenario.loading import load_scenario
+from tests.rules.strategies import EXPECTED, problems
+
+PLAN = 0.16
+
+
+@given(problem=problems(bounded=True))
+def test_a_call_is_the_exact_level(problem):
+    exact, own = find_rule("exact")(problem), find_rule("cooperative")(problem)
+    assert own.limit.tolist() == exact.limit.tolist()
+    np.testing.assert_equal(own.level, exact.level)
+    assert own.case == exact.case
+
+
+@given(problem=problems(bounded=True))
+def test_its_law_gives_the_plan_at_least_and_within_reach_no_more_than_exact_needs(problem):
+    problem = problem.changed(rate=None, previous=None)
+    limit = np.empty(problem.n)
+    units = units_of(problem)
+    level, reached = cooperative_law(units, EXPECTED, limit)
+    exact = find_rule("exact")(problem)
+    np.testing.assert_equal(level, exact.level)
+    assert reached == (exact.case == "B")
+    most = np.minimum(max(EXPECTED, level) if reached else np.inf, units.limit_max)
+    assert np.all(limit >= np.minimum(EXPECTED, units.limit_max))
+    assert np.all(limit <= most + 1e-15)
+
+
+def limits(cap, open_to, most=1.0, plan=PLAN):
+    """Limits and level of units of equal mass that are limited at `cap` and open to `open_to`."""
+    cap, open_to = np.asarray(cap, dtype=float), np.asarray(open_to, dtype=float)
+    same = np.ones(cap.size)
+    out = np.empty(cap.size)
+    units = Units(cap, same, most * same, out, cap, cap, open_to, plan)
+    level, reached = cooperative_law(units, plan, out)
+    return out, level, reached
+
+
+def test_others_make_up_for_what_a_limited_unit_lacks():
+    found, level, reached = limits([0.10, np.inf, np.inf, np.inf], [0.106, np.inf, np.inf, np.inf])
+    assert reached
+    assert level == pytest.approx(0.18)
+    assert found == pytest.approx([PLAN, 0.18, 0.18, 0.18])
+
+
+def test_no_limit_is_below_the_plan_or_above_what_motors_can():
+    found, _, _ = limits([0.10, 0.12, 0.2], [0.106, 0.127, 0.212], most=0.15)
+    assert found == pytest.approx([0.15, 0.15, 0.15])
+
+
+def test_out_of_reach_each_unit_has_room_to_search_the_best_one_too():
+    found, _, reached = limits([0.10, 0.15, 0.17], [0.106, 0.159, 0.1802])
+    assert not reached
+    assert found == pytest.approx([PLAN, PLAN, 0.1802])
+
+
+@pytest.mark.parametrize(("name", "gain"), [("wet-front", 0.03), ("long-train", 0.015)])
+def test_where_there_is_headroom_a_searching_controller_gains_most_of_it(name, gain):
+    event = load_scenario(name).event()
+    alone, own = (
+        evaluate(simulate(event, rule, "perturb-observe")) for rule in ("alone", "cooperative")
+    )
+    assert own["bound_use"] - alone["bound_use"] > gain
+    assert own["bound_use"] > 0.99
+    assert own["over_delivery"] < 0.005
