@@ -65,6 +65,7 @@ class Parts:
         self.folder = folder
         self._known: dict[str, pa.Table] = {}
         self._index = _indexed({})
+        self._added: set[str] = set()
         self._newest = 0
         self._tail: pa.Table | None = None
         self._tail_path: Path | None = None
@@ -72,19 +73,25 @@ class Parts:
     def add(self, rows: pa.Table, added: int | None = None) -> None:
         """Add rows of whole cells [at the time `added`, now if nothing is said]."""
         if added is None:
-            self._newest = added = max(time.time_ns(), self._newest + 1)
+            added = self._stamp()
         table = rows.append_column(ADDED, pa.repeat(added, len(rows)))
         replaced = None
         if self._tail is not None:
             with suppress(pa.ArrowTypeError):  # columns of another type: a file of their own
                 table, replaced = _joined([self._tail, table]), self._tail_path
-        self._tail_path = self._write(table)
+        self._tail_path = self._write(table, added)
         self._tail = table if table.num_rows < FULL else None
+        self._added.update(rows["cell"].to_pylist())
         if replaced is not None:
             replaced.unlink(missing_ok=True)
 
     def index(self) -> Index:
-        """The rows that count, by what the folder holds now."""
+        """The rows that count, by what the folder holds now.
+
+        A list of a folder in which others join files may miss some. It is asked for again while a cell is missing that was
+        there before or was added here.
+        """
+        before = pa.chunked_array([*self._index.cell.chunks, pa.array(self._added, pa.string())])
         for _ in range(TRIES):
             names = self._listed()
             new = sorted(names - self._known.keys())
@@ -97,9 +104,13 @@ class Parts:
                 self._index = _indexed(self._known)
                 pa.default_memory_pool().release_unused()  # half of what this took
                 self._newest = max([self._newest, *(int(name[:20]) for name in names)])
-            if len(read) == len(new):
+            if (
+                len(read) == len(new)
+                and pc.all(pc.is_in(before, self._index.cell), min_count=0).as_py()
+            ):
                 break
             time.sleep(0.02)
+        self._added.clear()
         return self._index
 
     def read(self, choose: Choice) -> pd.DataFrame:
@@ -134,22 +145,32 @@ class Parts:
             return
         sizes = np.cumsum([len(self._known[index.names[k]]) for k in small])
         for batch in np.split(small, np.flatnonzero(np.diff(sizes // LARGE)) + 1):
+            if len(batch) < 2:
+                continue
             places = np.flatnonzero(np.isin(index.part, batch))
             places = places[np.argsort(index.part[places], kind="stable")]
             with suppress(Gone, pa.ArrowTypeError):  # another process joins them; types differ
-                old = {self.folder / index.names[k] for k in batch}
-                if len(places):  # after a crash the whole may be there already, among the small
-                    old.discard(self._write(_joined(self._tables(index, places))))
-                for path in old:
-                    path.unlink(missing_ok=True)
+                if len(places):
+                    self._write(_joined(self._tables(index, places)), self._stamp())
+                for k in batch:
+                    (self.folder / index.names[k]).unlink(missing_ok=True)
 
-    def _write(self, table: pa.Table) -> Path:
+    def _stamp(self) -> int:
+        """Now [ns], or just after all that this writer has seen.
+
+        Where rows stand twice, those of the latest file count. A file is removed only where a later one has its rows. So
+        what several writers remove at once, each by what it has seen, is never the last copy.
+        """
+        self._newest = max(time.time_ns(), self._newest + 1)
+        return self._newest
+
+    def _write(self, table: pa.Table, stamp: int) -> Path:
         self.folder.mkdir(parents=True, exist_ok=True)
         repeated = [name for name, kind in zip(table.column_names, table.schema.types, strict=True)
                     if name != "cell" and not pa.types.is_floating(kind)]  # fmt: skip
         table = table.replace_schema_metadata({"readhesion": str(SCHEMA)}).combine_chunks()
         return write_checked(
-            self.folder / f"{pc.max(table[ADDED]).as_py():020d}", ".parquet",
+            self.folder / f"{stamp:020d}", ".parquet",
             lambda aside: pq.write_table(table, aside, use_dictionary=repeated, write_statistics=False),
         )  # fmt: skip
 

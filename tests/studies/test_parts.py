@@ -3,6 +3,7 @@
 import hashlib
 import os
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -122,6 +123,43 @@ def test_a_crash_while_files_are_joined_loses_nothing(tmp_path, small_files, mon
     assert len(files(tmp_path)) <= 2
 
 
+@given(schedule=st.lists(st.integers(0, 3), max_size=30), joins=st.integers(1, 4))
+@settings(
+    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_no_order_of_what_several_joiners_do_loses_a_row(
+    schedule, joins, small_files, tmp_path_factory
+):
+    folder = tmp_path_factory.mktemp("store")
+    for k in range(7):
+        Store(folder).add([row(k % 5, k), row(5 + k)])
+    before = Store(folder).read()
+    unlink, remaining, depth = Path.unlink, list(schedule), [0]
+
+    def interrupted(path: Path, **options) -> None:
+        """Remove a file; before that a new joiner may do its whole work, or this one may be killed."""
+        turn = remaining.pop() if remaining else 0
+        if turn == 3:
+            raise KeyboardInterrupt
+        if turn and path.suffix == ".parquet" and depth[0] < 3:
+            depth[0] += 1
+            join()
+            depth[0] -= 1
+        unlink(path, **options)
+
+    def join() -> None:
+        with suppress(KeyboardInterrupt):
+            Store(folder).cells()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "unlink", interrupted)
+        for _ in range(joins):
+            join()
+    after = Store(folder).read()
+    columns = ["cell", "value"]
+    assert sorted(after[columns].values.tolist()) == sorted(before[columns].values.tolist())
+
+
 def test_a_file_that_another_process_joins_meanwhile_is_found_again(
     tmp_path, small_files, monkeypatch
 ):
@@ -155,6 +193,23 @@ def test_writers_that_join_files_at_the_same_time_lose_nothing(tmp_path, small_f
     table = Store(tmp_path).read()
     assert len(table) == len(set(table["cell"])) == 32
     assert table["value"][table["cell"].isin([f"{100 * w:016x}" for w in range(4)])].eq(7).all()
+
+
+@pytest.mark.parametrize("looked", [False, True])
+def test_a_list_that_misses_what_this_writer_knows_is_asked_for_again(
+    tmp_path, small_files, monkeypatch, looked
+):
+    store = Store(tmp_path)
+    store.add([row(1)])
+    if looked:
+        store.read()
+    other = Store(tmp_path)
+    other.add([row(2)])
+    (missing,) = {path.name for path in files(tmp_path)} - {store.parts._tail_path.name}
+    present, short = os.listdir, [[missing]] * 4  # the list of a folder whose files are joined
+    monkeypatch.setattr(os, "listdir", lambda path: short.pop() if short else present(path))
+    assert store.cells().keys() == {f"{k:016x}" for k in (1, 2)}
+    assert not short
 
 
 def test_a_list_of_files_that_comes_late_is_asked_for_again(tmp_path, small_files, monkeypatch):
