@@ -3,7 +3,7 @@
 import numpy as np
 
 from alloc.compilation import inlined_jit
-from alloc.onboard.mail import collect, post, tell
+from alloc.onboard.mail import exchange, tell
 from alloc.onboard.shoe_force import believed_shoe_force
 
 HELD = 1.0
@@ -212,21 +212,14 @@ def distribute(eq, st, m, time, tick, delay, fate):
         return
     first = m.lead.unit[0]
     limited = m.train.case[0] != 0.0
+    sending = tick % st.telegrams.ticks == 0
     for j in range(units):
         m.told[j, 0] = m.limit_wanted[j] if limited else np.inf
     for j in range(units):
         if j == first or st.rule.needs_truth:
             tell(m.orders, j, time, m.told)
             continue
-        if tick % st.telegrams.ticks == 0:
-            m.counter.telegrams_sent[0] += 1
-            if fate[j] < st.telegrams.loss:
-                m.counter.telegrams_lost[0] += 1
-            else:
-                post(
-                    m.orders, j, time, st.telegrams.latency + st.telegrams.jitter * delay[j], m.told
-                )
-        if collect(m.orders, j, time):
+        if exchange(m.orders, j, time, m.told, sending, st.telegrams, m.counter, delay[j], fate[j]):
             m.unit.fallen_back[j] = 0.0
         if time - m.orders.heard[j] > st.telegrams.silence:
             if m.unit.fallen_back[j] == 0.0:

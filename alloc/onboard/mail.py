@@ -75,3 +75,18 @@ def collect(line, j, time):
     if found:
         line.heard[j] = time
     return found
+
+
+@inlined_jit
+def exchange(line, j, time, told, sending, telegrams, counter, delay, fate):
+    """Send on line `j` where it is time to, unless the telegram is lost, and read what has arrived; returns whether any has.
+
+    `delay`, `fate`: draws from 0 to 1 of the telegram's jitter and loss.
+    """
+    if sending:
+        counter.telegrams_sent[0] += 1
+        if fate < telegrams.loss:
+            counter.telegrams_lost[0] += 1
+        else:
+            post(line, j, time, telegrams.latency + telegrams.jitter * delay, told)
+    return collect(line, j, time)

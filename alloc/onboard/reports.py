@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.compilation import inlined_jit
-from alloc.onboard.mail import Mail, collect, mail, post, tell
+from alloc.onboard.mail import Mail, exchange, mail, tell
 from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
@@ -104,13 +104,7 @@ def hear_reports(eq, st, m, time, tick, delay, fate):
         if j == first:
             tell(line, j, time, own)
         else:
-            if sending:
-                m.counter.telegrams_sent[0] += 1
-                if fate[j] < st.telegrams.loss:
-                    m.counter.telegrams_lost[0] += 1
-                else:
-                    post(line, j, time, st.telegrams.latency + st.telegrams.jitter * delay[j], own)
-            collect(line, j, time)
+            exchange(line, j, time, own, sending, st.telegrams, m.counter, delay[j], fate[j])
         limited_by = line.read[j, LIMITED]
         m.limited[j], m.slipping[j] = limited_by != BY_NOTHING, line.read[j, SLIPPING] > 0.0
         if m.slipping[j]:

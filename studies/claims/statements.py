@@ -9,7 +9,7 @@ import pandas as pd
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import BELIEVED_SLOPE, QUANTITIES
 from studies.claims.thresholds import POPULATIONS, REACHED, THRESHOLDS, bears, threshold_test
-from studies.core.arms import Arm
+from studies.core.arms import COMPARED, Arm
 from studies.core.drawn_events import paired
 from studies.core.family import Claim, Part, compared
 from studies.core.statement import Interval, Statement, in_words
@@ -18,8 +18,7 @@ from studies.core.verdict import Numbers
 LAYERS = ("greedy-literal", "greedy", "cooperative")
 """The patent judged in three layers: as printed, asked at the foremost unit's slip; its caps and its level on what all units
 report; its idea, that the rear makes up for the front, on what each unit finds itself."""
-CONTROLLERS = ("cut-and-ramp", "perturb-observe")
-ARMS = tuple(Arm(rule, controller) for controller in CONTROLLERS for rule in LAYERS)
+ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS)
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 
 INTERVALS = (

@@ -3,8 +3,9 @@
 from studies.claims.events import DURATION, scenario
 from studies.claims.measures import measure
 from studies.claims.quantities import EVENTS
-from studies.claims.statements import CONTROLLERS, LAYERS, claim_statements
+from studies.claims.statements import LAYERS, claim_statements
 from studies.claims.thresholds import TABLE
+from studies.core.arms import COMPARED
 from studies.core.drawn_events import complete
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
@@ -15,7 +16,7 @@ RULES = ("alone", "preset", "sharing", *LAYERS, "exact", "oracle")
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
     """Event `k` under every rule and controller, with the seed `k` for all of them, so that they meet the same event."""
     one = scenario(seed, k, duration)
-    return [Job(one, rule, controller, k, measure) for controller in CONTROLLERS for rule in RULES]
+    return [Job(one, rule, controller, k, measure) for controller in COMPARED for rule in RULES]
 
 
 CLAIMS = Study(

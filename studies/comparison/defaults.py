@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
+from studies.core.arms import COMPARED
 from studies.core.controllers import check_controller
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.loading import default_scenarios
@@ -11,8 +12,6 @@ from studies.scenario.scenario import Scenario
 
 DEFAULT_SEEDS = 5
 """Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
-DEFAULT_CONTROLLERS = ("cut-and-ramp", "perturb-observe")
-"""One that waits for a slip signal, and one that limits torque without any: rules differ by what they need to act."""
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
 """Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
 another answer only where the train believes in deviations of its caps, which no shipped scenario does."""
@@ -64,7 +63,7 @@ def make_grid(
             "give it a table [variation], or leave --seeds out"
         )
     chosen = tuple(dict.fromkeys(default_rules() if rules is None else rules))
-    built_in = tuple(dict.fromkeys(DEFAULT_CONTROLLERS if controllers is None else controllers))
+    built_in = tuple(dict.fromkeys(COMPARED if controllers is None else controllers))
     check_names(chosen, built_in)
     extra: tuple[tuple[Scenario, str, str], ...] = ()
     if controllers is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from studies.core.arms import COMPARED
 from studies.core.controllers import check_controller
 from studies.core.drawn_events import complete
 from studies.core.job import Job
@@ -11,12 +12,9 @@ from studies.headroom.measures import measure
 from studies.headroom.statements import RULES, headroom_statements
 from studies.headroom.what_makes_room import EVENTS
 
-CONTROLLERS = ("cut-and-ramp", "perturb-observe")
-"""The simplest controller that works without a free axle, and one that searches for the peak."""
-
 
 def cells(
-    seed: int, k: int, duration: float = DURATION, controllers: Sequence[str] = CONTROLLERS
+    seed: int, k: int, duration: float = DURATION, controllers: Sequence[str] = COMPARED
 ) -> list[Job]:
     """Event `k` under every rule and controller."""
     for controller in controllers:

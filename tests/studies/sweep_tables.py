@@ -9,8 +9,8 @@ import pandas as pd
 
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import drawn_table
-from studies.claims.statements import CONTROLLERS
 from studies.claims.study import RULES
+from studies.core.arms import COMPARED
 from studies.differences.answers import RULES as DIFFERENCE_RULES
 
 Row = dict[str, Any]
@@ -28,7 +28,7 @@ def claim_table(events: int = 120, change: Change = lambda row: row) -> pd.DataF
     rows = []
     for k, drawn in enumerate(drawn_table(0, events).to_dict("records")):
         common = float(noise.normal())
-        for controller, rule in product(CONTROLLERS, RULES):
+        for controller, rule in product(COMPARED, RULES):
             own = 0.002 * float(noise.normal())
             reach = WITHIN if k % 2 == 0 else OUT
             scale = 1.0 if k % 2 == 0 else 0.85

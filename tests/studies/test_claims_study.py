@@ -11,9 +11,10 @@ from alloc.rules import RULES
 from studies.claims.events import scenario
 from studies.claims.measures import EXCESS_EDGES, excess_column, measure
 from studies.claims.quantities import QUANTITIES, draw, drawn_table
-from studies.claims.statements import ARMS, CONTROLLERS, statement_name
+from studies.claims.statements import ARMS, statement_name
 from studies.claims.study import CLAIMS
 from studies.claims.study import RULES as CLAIM_RULES
+from studies.core.arms import COMPARED
 from studies.core.collection import all_studies, find_study, study_folder
 from studies.core.job import Job, simulate_job
 from studies.core.shard import ALL
@@ -34,9 +35,9 @@ def swept(tmp_path_factory):
 def test_every_rule_meets_every_event(swept):
     _, table = swept
     assert (table["status"] == "ok").all(), table["reason"].tolist()
-    assert len(table) == 2 * len(CONTROLLERS) * len(CLAIM_RULES)
+    assert len(table) == 2 * len(COMPARED) * len(CLAIM_RULES)
     for _, event in table.groupby("scenario"):
-        assert event["rule"].tolist() == len(CONTROLLERS) * list(CLAIM_RULES)
+        assert event["rule"].tolist() == len(COMPARED) * list(CLAIM_RULES)
         assert event["scenario_hash"].nunique() == event["seed"].nunique() == 1
     assert table.groupby("scenario")["seed"].first().tolist() == [0, 1]
 

@@ -7,7 +7,6 @@ import pytest
 
 from alloc.rules import RULES
 from studies.comparison.defaults import (
-    DEFAULT_CONTROLLERS,
     DEFAULT_SEEDS,
     KEPT_RUNS,
     MPC_CELLS,
@@ -15,6 +14,7 @@ from studies.comparison.defaults import (
     default_grid,
     make_grid,
 )
+from studies.core.arms import COMPARED
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 
@@ -70,4 +70,4 @@ def test_at_least_one_seed_is_needed(seeds):
 
 def test_the_default_grid_leaves_the_joint_controllers_out():
     # they take several times as long, and answer another question
-    assert {job.controller for job in default_grid().jobs()} <= {*DEFAULT_CONTROLLERS, "mpc"}
+    assert {job.controller for job in default_grid().jobs()} <= {*COMPARED, "mpc"}
