@@ -127,7 +127,7 @@ def simulate(
     except OnboardError as error:
         raise SimulationError(str(error)) from None
     chosen = find_rule(rule) if isinstance(rule, str) else rule
-    onboard, model = event.onboard, event.model
+    onboard, model = event.onboard.with_settings(chosen.onboard), event.model
     eq = equipment(model, onboard)
     ticks = round(event.duration / onboard.period)
     commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))

@@ -23,7 +23,7 @@ BOTTOM = 0.12
 """Lower end of the axes; all limits lie far above zero."""
 NOTES = 0.024
 """Height above the longest bar that the notes take up."""
-SAME = ("qp-robust", "greedy-literal", "cooperative")
+SAME = ("qp-robust", "greedy-literal", "greedy-tuned", "cooperative")
 """Rules that answer as others where they are only called: as `qp`, `greedy` and `exact`."""
 SHOWN = tuple(name for name in RULES if name not in SAME)
 """Rules shown."""

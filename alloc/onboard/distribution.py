@@ -4,6 +4,7 @@ import numpy as np
 
 from alloc.compilation import inlined_jit
 from alloc.onboard.mail import exchange, tell
+from alloc.onboard.own_slips import caps_by_slips, count_slips
 from alloc.onboard.shoe_force import believed_shoe_force
 
 HELD = 1.0
@@ -152,6 +153,17 @@ def _asked_on_slip(st, m, time, tick, changed):
 
 
 @inlined_jit
+def _asked_on_own_slips(eq, st, m, time, changed):
+    """At every unit's detection, and where one is too old to count, while any counts."""
+    some, others = count_slips(st, m, time)
+    if m.train.expected[0] == 0.0 or not some:
+        _keep_plan(m, m.train.expected[0])
+        return False
+    caps_by_slips(eq, m)
+    return others or changed
+
+
+@inlined_jit
 def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
     expected = m.train.expected[0]
@@ -195,6 +207,8 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
         m.most[j] = m.limit_max[j]
     if st.rule.needs_truth:
         return True
+    if st.rule.own_slips:
+        return _asked_on_own_slips(eq, st, m, time, changed)
     if st.rule.on_slip and not st.rule.own_caps:
         _caps_at_detection(eq, m)
         return _asked_on_slip(st, m, time, tick, changed)

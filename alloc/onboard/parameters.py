@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, replace
 from typing import Any, Literal
 
 from alloc.errors import OnboardError
@@ -223,3 +223,20 @@ class Onboard(BuiltInControllers):
                 f"telegrams: period = {self.telegrams.period!r} must not be below the control period "
                 f"{self.period!r}"
             )
+
+    def with_settings(self, settings: Mapping[str, Any]) -> "Onboard":
+        """The same equipment but for `settings`: values by the path of their fields, as "detector.pole".
+
+        Raises `OnboardError` for a path that is no field, and for a value out of range.
+        """
+        changed = self
+        for path, value in settings.items():
+            part, _, name = path.rpartition(".")
+            inner = getattr(changed, part, None) if part else changed
+            if not hasattr(inner, name):
+                raise OnboardError(
+                    f"a rule's setting {path!r} is no field of the equipment; see alloc.onboard.parameters.Onboard"
+                )
+            one: Any = replace(inner, **{name: value})  # type: ignore[type-var]
+            changed = replace(changed, **{part: one}) if part else one
+        return changed

@@ -14,9 +14,9 @@ from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
 
-DELIVERED, ESTIMATE, LIMITED, SLIPPING = range(4)
+DELIVERED, ESTIMATE, LIMITED, SLIPPING, DETECTED = range(5)
 """What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
-nan before it; what limits it; a flag."""
+nan before it; what limits it; a flag; time of the last detection [s], -inf before it."""
 
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
 """What limits a unit: its target is within reach, the rail, its failure or blindness."""
@@ -35,20 +35,21 @@ FILTER_TIME = 0.2
 class ReportMemory(NamedTuple):
     """What the units tell, and what the foremost one has heard."""
 
-    own: Floats  # (units, 4) what each would say now
+    own: Floats  # (units, 5) what each would say now
     line: Mail  # to the foremost unit
     acceleration: Floats  # (1,) of the train behind the same filter [m/s2]
     speed: Floats  # (1,) reference speed a period ago [m/s]
     slipped_at: Floats  # (units,) when a unit slipped for the last time, as heard [s]
     limited_at: Floats  # (units,) when a unit was limited for the last time, as heard [s]
+    counted: Floats  # (units,) detection that counts for a rule asked on slip [s]; -inf: none
 
 
 def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
     """Memory at the start of a run: everyone delivers the plan."""
-    own = np.tile([expected, np.nan, 0.0, 0.0], (units, 1))
-    line = mail(units, 4, 0.0)
+    own = np.tile([expected, np.nan, 0.0, 0.0, -np.inf], (units, 1))
+    line = mail(units, 5, 0.0)
     line.read[:] = own
-    return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((2, units), -np.inf))
+    return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((3, units), -np.inf))
 
 
 @inlined_jit

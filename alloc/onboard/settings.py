@@ -39,6 +39,8 @@ class RuleSettings(NamedTuple):
     """Whether it is asked at the foremost unit's slip, whatever units report."""
     own_caps: bool
     """Whether its caps are what the units themselves find, else what the foremost one implies."""
+    own_slips: bool = False
+    """Whether, asked on slip, it hears of every unit's detections."""
 
 
 class DetectorSettings(NamedTuple):

@@ -65,3 +65,10 @@ GREEDY_LITERAL = replace(
     description="greedy asked as JP5484215 is printed: at the foremost unit's slip, held, lifted at once",
 )  # fmt: skip
 RULES.register("greedy-literal", GREEDY_LITERAL)
+
+GREEDY_TUNED = replace(
+    GREEDY_LITERAL, name="greedy-tuned", own_slips=True, colour="#f0027f", marker="h",
+    onboard={"hold_time": 5.0},
+    description="greedy at its best within the words of JP5484215",
+)  # fmt: skip
+RULES.register("greedy-tuned", GREEDY_TUNED)

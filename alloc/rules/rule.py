@@ -1,7 +1,7 @@
 """What an allocation rule is, and the registry of all."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -54,6 +54,11 @@ class Rule:
     """Whether its caps are what each unit finds itself, instead of what (5) makes of the foremost one's."""
     on_slip: bool = False
     """Whether it is asked at the foremost unit's slip alone, as JP5484215 says, whatever units report."""
+    own_slips: bool = False
+    """Whether, asked on slip, it hears of every unit's detections, each of which is that unit's own cap."""
+    onboard: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Settings of the equipment that it brings along, whatever the event says: values by the path of their fields in
+    `alloc.onboard.parameters.Onboard`, as "detector.pole"."""
     needs_truth: bool = False
     """Whether it reads what nobody on board can know."""
     colour: str = "#882255"
@@ -97,8 +102,8 @@ def plan(problem: AllocationProblem) -> Allocation:
 RULES: Registry[Rule] = Registry(
     "rule", "readhesion.rules", AllocationError, "alloc.rules",
     (
-        "alone", "preset", "sharing", "greedy", "greedy-literal", "greedy-claim", "exact", "qp", "qp-cvxpy", "qp-robust",
-        "cooperative", "oracle",
+        "alone", "preset", "sharing", "greedy", "greedy-literal", "greedy-tuned", "greedy-claim", "exact", "qp", "qp-cvxpy",
+        "qp-robust", "cooperative", "oracle",
     ),
 )  # fmt: skip
 """Every rule by name: what there was before, the patent's, exact ones, and the one that knows the truth."""

@@ -18,6 +18,7 @@ NAMES = [
     "sharing",
     "greedy",
     "greedy-literal",
+    "greedy-tuned",
     "greedy-claim",
     "exact",
     "qp",
@@ -92,7 +93,9 @@ def test_when_rules_are_asked_and_what_they_know():
     assert {name for name in NAMES if RULES[name].periodic} == {"sharing", "oracle"}
     assert {name for name in NAMES if RULES[name].always} == {"preset"}
     assert {name for name in NAMES if RULES[name].own_caps} == {"cooperative"}
-    assert {name for name in NAMES if RULES[name].on_slip} == {"greedy-literal"}
+    assert {name for name in NAMES if RULES[name].on_slip} == {"greedy-literal", "greedy-tuned"}
+    assert {name for name in NAMES if RULES[name].own_slips} == {"greedy-tuned"}
+    assert {name for name in NAMES if RULES[name].onboard} == {"greedy-tuned"}
 
 
 def test_alone_keeps_the_plan():

@@ -65,6 +65,7 @@ def test_hosted_rule_and_compiled_rule_make_the_same_run(make_event, dip):
         name = "exact"
         periodic, needs_truth = inner.periodic, inner.needs_truth
         always, own_caps, on_slip, law = inner.always, inner.own_caps, inner.on_slip, None
+        own_slips, onboard = inner.own_slips, inner.onboard
 
         def __call__(self, problem):
             return self.inner(problem)

@@ -146,7 +146,8 @@ class FailingRule:
         inner = find_rule("sharing")
         self.inner, self.every, self.calls, self.failed = find_rule("exact"), every, 0, 0
         self.periodic, self.needs_truth = inner.periodic, False
-        self.always = self.own_caps = self.on_slip = False
+        self.always = self.own_caps = self.on_slip = self.own_slips = False
+        self.onboard = {}
         self.law = None
 
     def __call__(self, problem):

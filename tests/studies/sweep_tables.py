@@ -9,6 +9,7 @@ import pandas as pd
 
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import drawn_table
+from studies.claims.statements import LAYERS
 from studies.claims.study import RULES
 from studies.core.arms import COMPARED
 from studies.differences.answers import RULES as DIFFERENCE_RULES
@@ -19,7 +20,7 @@ Change = Callable[[Row], Row]
 WITHIN, OUT = {"reach_low": 1.03, "reach_high": 1.2}, {"reach_low": 0.8, "reach_high": 0.9}
 EFFORT = {"alone": 0.96, "preset": 0.97, "sharing": 0.97, "oracle": 1.0}
 JERK = {"sharing": 0.30}
-SLIP = {"oracle": 0.0, "greedy": 3.0, "greedy-literal": 3.0, "cooperative": 3.0, "exact": 3.0}
+SLIP = {"oracle": 0.0, "exact": 3.0} | dict.fromkeys(LAYERS, 3.0)
 
 
 def claim_table(events: int = 120, change: Change = lambda row: row) -> pd.DataFrame:

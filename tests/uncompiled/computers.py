@@ -49,8 +49,10 @@ class Computers:
         self.first = 0
         self.fallen_back = np.zeros(n)
         self.orders = [Line(np.inf) for _ in range(n)]
-        # what each would report: delivered, limited by what, slipping
-        self.own = [(expected, "", 0.0)] * n
+        # what each would report: delivered, limited by what, slipping, coefficient and time of the last detection
+        self.own = [(expected, "", 0.0, math.nan, -math.inf)] * n
+        self.found = [(math.nan, -math.inf)] * n
+        self.counted = [-math.inf] * n
         self.reports = [Line(self.own[j]) for j in range(n)]
         self.limited_at, self.by_rail = np.full(n, -np.inf), np.zeros(n, bool)
         self.slipped_at = np.full(n, -np.inf)
@@ -156,6 +158,8 @@ class Computers:
                 self.slipped = time
             if self.slipping[j] and not was:
                 self.counts["unit_detections"] += 1
+                when = time if commanded else self.found[j][1]
+                self.found[j] = (float(np.clip(self.coefficient[j], 0.0, 1.0)), when)
                 if j == self.first and commanded:
                     self.counts["detections"] += 1
                     self.estimate, self.detected = (
@@ -197,10 +201,14 @@ class Computers:
             if not (relieved[j] and self.in_service[j]):
                 old, new = self.own[j][0], at_rail[j] / (1.0 + turning[j])
                 by = limited[j] if commanded else ""
-                self.own[j] = (old + gain * (new - old), by, self.slipping[j])
+                self.own[j] = (old + gain * (new - old), by, self.slipping[j], *self.found[j])
+            else:  # nothing is detected while a unit is sounded
+                self.own[j] = (*self.own[j][:3], *self.found[j])
         self._send(self.reports, self.own, time, tick, delay, fate)
         told = [line.read for line in self.reports]
-        self.delivered, by, self.slips = map(np.array, zip(*told, strict=True))
+        self.delivered, by, self.slips, self.told_estimate, self.told_at = map(
+            np.array, zip(*told, strict=True)
+        )
         self.limited = by != ""
         self.by_rail = np.where(self.limited, by == "rail", self.by_rail)
         sent = np.array([line.sent for line in self.reports])
@@ -218,7 +226,14 @@ class Computers:
         self.first = int(working[0]) if working.size else eq.axles.size - 1
         self.estimate += eq.increment[self.first] - eq.increment[before]
         on_telegram = tick % st.telegrams.ticks == 0
-        if st.rule.on_slip:
+        if st.rule.own_slips:
+            before = list(self.counted)
+            self.counted = [at if time - at <= st.hold_time else -math.inf for at in self.told_at]
+            active = max(self.counted) > -math.inf
+            asked = changed or self.counted != before
+            if active and self.expected:
+                self.cap = self._caps_of_slips()
+        elif st.rule.on_slip:
             active = time - (self.slipped if st.rule.periodic else self.detected) <= st.hold_time
             asked = changed or (on_telegram if st.rule.periodic else self.allocate)
             self.cap = np.maximum(self.estimate + eq.increment - eq.increment[self.first], 0.0)
@@ -233,6 +248,14 @@ class Computers:
         if asked and not st.rule.on_slip:
             self._find_caps(recent, time)
         return asked
+
+    def _caps_of_slips(self):
+        slipped = np.isfinite(self.counted)
+        front = int(np.flatnonzero(slipped)[0])
+        implied = self.told_estimate[front] + self.eq.increment - self.eq.increment[front]
+        caps = np.where(slipped, self.told_estimate, np.maximum(implied, 0.0))
+        caps[:front] = self.expected
+        return caps
 
     def _find_caps(self, recent, time):
         eq, st = self.eq, self.st

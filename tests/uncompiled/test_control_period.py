@@ -74,15 +74,16 @@ def compare(m, twin, names):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("trigger", ["limited", "slip"])
+@pytest.mark.parametrize("trigger", ["limited", "slip", "own slips"])
 @pytest.mark.parametrize("case", ONBOARDS)
 def test_periods_equal_their_second_transcription(case, trigger, seed):
     onboard, options, periodic = ONBOARDS[case]
-    onboard = replace(onboard, trigger=trigger)
+    own_slips = trigger == "own slips"
+    onboard = replace(onboard, trigger="slip" if own_slips else trigger)
     rng = np.random.default_rng(seed)
     model = build(uneven_train(**options), Rail(0.15))
     eq = equipment(model, onboard)
-    st = settings(onboard, RuleSettings(0, periodic, False, False, False, False), "none")
+    st = settings(onboard, RuleSettings(0, periodic, False, False, False, False, own_slips), "none")
     speed, n, groups = 12.0, eq.axles.size, eq.group.unit.size
     m, twin = memory(eq, speed, 0.08), Computers(eq, st, speed, 0.08)
     pressure, valve = np.zeros(groups), np.zeros(groups)

@@ -47,6 +47,7 @@ def rules(**choices):
         "always": False,
         "on_slip": False,
         "own_caps": False,
+        "own_slips": False,
     }
     return SimpleNamespace(
         hold_time=5.0, rise_time=1.0, period=0.01,
