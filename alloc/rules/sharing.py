@@ -6,12 +6,13 @@ from alloc.compilation import jit
 from alloc.rules.reach import bounds_allow_plan
 from alloc.rules.rule import RULES, Rule
 
-GAIN = 0.25
-"""Share of the shortfall handed on per telegram; its source names none. Of 0.5, 0.25 and 0.1 this one used most of the bound
-over 30 events of the claims (seed 100): 98.80 % under perturb-observe, against 98.53 and 98.79 %, with the least slip; under
-cut-and-ramp 95.8 %, against 95.4 and 96.0 %, but with a third less slip than 0.1."""
-TOLERANCE = 0.02
-"""Shortfall, as a share of the plan, that counts as none."""
+GAIN = 0.15
+"""Share of the shortfall handed on per telegram; its source names none. With `TOLERANCE` it was tuned on 80 events of the
+claims (seeds 1000 and 1001, 40 each), over 0.05, 0.1, 0.15, 0.25, 0.5 and tolerances of 0.5, 1, 2, 4, 8 %. Of all 25 pairs
+this one uses most of the bound, both controllers together: 96.25 % under cut-and-ramp, 99.20 % under perturb-observe. A gain
+of 0.25 with 2 % uses 96.04 and 99.11 %, with 2.3 axle s less slip under the former and 1.8 axle s more under the latter."""
+TOLERANCE = 0.04
+"""Shortfall, as a share of the plan, that counts as none; see `GAIN`."""
 
 
 @jit

@@ -9,8 +9,8 @@ import itertools
 from fractions import Fraction
 
 MOVED = Fraction(1, 10)
-HANDED = Fraction(1, 4)
-OVERLOOKED = Fraction(1, 50)
+HANDED = Fraction(3, 20)
+OVERLOOKED = Fraction(1, 25)
 
 
 def reach(cap, mass, torque_limit, expected):

@@ -33,9 +33,9 @@ def test_a_rate_bounds_the_change_but_adhesion_and_torque_prevail():
 
 
 def test_a_unit_that_is_short_gets_nothing_of_what_lacks():
-    # unit 1 delivers 0.1 of its 0.2: lowered by a quarter of what it lacks; as much is unit 2's
+    # unit 1 delivers 0.1 of its 0.2: lowered by 0.15 of what it lacks; as much is unit 2's
     problem = AllocationProblem([0.3, 0.3], 0.2, previous=[0.2, 0.2], delivered=[0.1, 0.2])
-    assert find_rule("sharing")(problem).limit == pytest.approx([0.175, 0.225], rel=1e-12)
+    assert find_rule("sharing")(problem).limit == pytest.approx([0.185, 0.215], rel=1e-12)
 
 
 @pytest.mark.parametrize(
