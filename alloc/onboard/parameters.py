@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
 from alloc.errors import OnboardError
@@ -232,11 +232,11 @@ class Onboard(BuiltInControllers):
         changed = self
         for path, value in settings.items():
             part, _, name = path.rpartition(".")
-            inner = getattr(changed, part, None) if part else changed
-            if not hasattr(inner, name):
+            inner: Any = getattr(changed, part, None) if part else changed
+            if name not in ({one.name for one in fields(inner)} if is_dataclass(inner) else ()):
                 raise OnboardError(
                     f"a rule's setting {path!r} is no field of the equipment; see alloc.onboard.parameters.Onboard"
                 )
-            one: Any = replace(inner, **{name: value})  # type: ignore[type-var]
-            changed = replace(changed, **{part: one}) if part else one
+            inner = replace(inner, **{name: value})
+            changed = replace(changed, **{part: inner}) if part else inner
         return changed

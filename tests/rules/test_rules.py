@@ -98,6 +98,12 @@ def test_when_rules_are_asked_and_what_they_know():
     assert {name for name in NAMES if RULES[name].onboard} == {"greedy-tuned"}
 
 
+def test_what_a_rule_brings_along_stands_in_its_description():
+    for rule in RULES.values():
+        for value in rule.onboard.values():
+            assert f" {value:g} " in rule.description
+
+
 def test_alone_keeps_the_plan():
     answer = find_rule("alone")(AllocationProblem([0.10, 0.30], 0.17, limit_max=[np.inf, 0.16]))
     assert answer.limit.tolist() == [0.17, 0.16]

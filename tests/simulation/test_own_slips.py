@@ -77,7 +77,9 @@ def test_a_rules_own_settings_stand_in_place_of_the_events(all_slip):
         equal(brought, simulate(all_slip, PLAIN))
 
 
-@pytest.mark.parametrize("path", ["hold", "detector.pol", "detektor.pole", "detector.", ""])
+@pytest.mark.parametrize(
+    "path", ["hold", "detector.pol", "detektor.pole", "detector.", "", "with_settings"]
+)
 def test_a_setting_that_is_no_field_is_named(path):
     with pytest.raises(OnboardError, match=f"'{path}' is no field"):
         Onboard().with_settings({path: 1.0})
