@@ -30,7 +30,9 @@ WORTH_SHARING = 0.01
 GOAL_OF_BOUND, GOAL_OF_HEADROOM, GOAL_OF_EXCESS = 0.995, 0.8, 0.005
 """Least use of the bound and least share of the headroom, most delivery beyond the plan."""
 
-NUMBERS = ("bound_use", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "jerk_rms")
+NUMBERS = (
+    "bound_use", "held_back", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "jerk_rms",
+)  # fmt: skip
 COSTS = {
     "slip_time": "slip [axle s]",
     "damage": "wheel damage [kJ]",
@@ -105,6 +107,8 @@ def _numbers(events: pd.DataFrame, rule: str) -> Numbers:
         "bound used": events[f"bound_use@{rule}"],
         **{f"bound used, {name}": own[f"bound_use@{rule}"] for name, own in strata.items()},
         "bound used, alone": events[f"bound_use@{BASE}"],
+        "lost by controllers at the units they limit": events[f"held_back@{rule}"],
+        "left by the sharing": 1.0 - events[f"bound_use@{rule}"] - events[f"held_back@{rule}"],
         f"share of headroom gained, above {100 * WORTH_SHARING:g} point": gained(events, rule),
         **{f"gain over plan, {name}": gain(own, rule) for name, own in strata.items()},
         "delivered beyond the plan": events[f"over_delivery@{rule}"],
