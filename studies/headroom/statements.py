@@ -17,6 +17,8 @@ SHARERS = ("preset", "sharing", "greedy", "exact", "cooperative")
 RULES = (BASE, *SHARERS, BOUND)
 OWN = "cooperative"
 """This project's own rule, which has goals."""
+NEEDED = (BASE, OWN, BOUND)
+"""Rules that its goals are judged by; controllers that live in Python run no others."""
 
 STRATA: Mapping[str, tuple[float, float]] = {
     "0 to 1 points": (-1.0, 0.01),
@@ -52,6 +54,11 @@ def pairs_of(table: pd.DataFrame, controller: str) -> pd.DataFrame:
     own = table[table["controller"] == controller]
     wide = paired(own, "rule", NUMBERS, ("train", "source", "curve"))
     return wide.assign(headroom=wide[f"headroom@{BOUND}"])
+
+
+def rules_of(events: pd.DataFrame) -> tuple[str, ...]:
+    """Which rules the pairs of a controller hold."""
+    return tuple(rule for rule in RULES if f"bound_use@{rule}" in events)
 
 
 def in_stratum(events: pd.DataFrame, name: str) -> "pd.Series[bool]":
@@ -96,7 +103,7 @@ def headroom_statements(table: pd.DataFrame) -> list[Statement]:
     claims = []
     for controller in dict.fromkeys(table["controller"]):
         events = pairs_of(table, controller)
-        claims += [_gain(events, rule, controller) for rule in SHARERS]
+        claims += [_gain(events, rule, controller) for rule in rules_of(events) if rule in SHARERS]
         claims += [_goal_of_bound(events, controller), _goal_of_headroom(events, controller)]
     return compared(claims)
 
