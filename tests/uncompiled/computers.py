@@ -244,7 +244,9 @@ class Computers:
         known = np.where(np.isinf(self.marks), got, self.marks)
         fallen = (1.0 - weight) * known + weight * got
         held = self.slipped_at >= self.limited_at - st.hold_time
-        risen = self.marks + np.where(held, 0.01, 0.1) * self.expected * period
+        risen = (
+            self.marks + np.where(held | (not st.rule.own_caps), 0.01, 0.1) * self.expected * period
+        )
         self.marks = np.maximum(got, np.where(self.limited, fallen, risen))
         self.open_to = np.where(self.limited, np.maximum(self.marks, 1.06 * got), self.marks)
         itself = recent & ~self.by_rail
