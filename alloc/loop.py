@@ -163,7 +163,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 given.noise[tick if st.sensors.noisy else 0],
             )  # fmt: skip
             row = (tick // st.telegrams.ticks) % given.delay.shape[0]
-            write_reports(eq, st, m, a)
+            write_reports(eq, st, m, time, a)
             hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_fate[row])
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.needs_truth:

@@ -22,7 +22,7 @@ from paper_figs.style import (
 )
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
-from studies.headroom.statements import RULES, SHARERS, STRATA, gain, in_stratum, pairs_of
+from studies.headroom.statements import RULES, SHARERS, STRATA, gain, in_stratum, pairs_of, rules_of
 
 FEW_EVENTS = 20
 """Events that are run for the figure where the results hold fewer: every train in every class of headroom."""
@@ -72,7 +72,7 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
     )
     axes.plot([0.0, reach], [0.0, reach], **BOUND)
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=0)
-    for place, rule in enumerate(RULES[1:]):
+    for place, rule in enumerate(rules_of(events)[1:]):
         shift = APART * reach * (place - 0.5 * (len(RULES) - 2))
         centres, means = [], []
         for name in STRATA:
@@ -95,14 +95,14 @@ def _costs(axes: Axes, panel: Panel, pairs: dict[str, pd.DataFrame]) -> None:
     """Mean of what each rule adds to a cost, a mark per controller."""
     shifts = np.linspace(-0.17, 0.17, len(pairs)) if len(pairs) > 1 else np.zeros(1)
     for shift, (controller, events) in zip(shifts, pairs.items(), strict=True):
-        for y, rule in enumerate(RULES[1:]):
+        for rule in rules_of(events)[1:]:
             found = mean_interval(gain(events, rule, panel.metric))
             look = rule_look(rule) | {"markersize": 4.5, "elinewidth": 1.0}
             look |= {
                 "fillstyle": CONTROLLER_FILL.get(controller, "left"),
                 "markerfacecoloralt": "white",
             }
-            interval_mark(axes, found, y + shift, panel.factor, look)
+            interval_mark(axes, found, RULES.index(rule) - 1 + shift, panel.factor, look)
     axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=0)
     axes.set_xlabel(panel.label)
     bare_rows(axes)

@@ -20,6 +20,7 @@ from alloc.metrics.registry import (
     series,
     under_demand,
 )
+from alloc.onboard.reports import WHOLE
 
 SETTLING = 2.0
 """Time [s] after the driver asks for more that is left out: torque rises in 1 s, and cylinders take as long to fill."""
@@ -38,6 +39,8 @@ class Room(NamedTuple):
     """The most where each unit delivers its own part of the plan at most."""
     force: Floats
     """What was delivered."""
+    held_back: Floats
+    """What is missing from the bound at units that deliver less than they could while their own controllers limit them."""
 
 
 @once_per_run
@@ -102,7 +105,16 @@ def room(run: xr.Dataset) -> Room:
             (plan, planned), (bound, carried), (apart, carried), (delivered, force[:, trailing]),
         ):  # fmt: skip
             total += np.where(braking, part.sum(axis=1), 0.0)
-    return Room(plan, np.minimum(plan, bound), np.minimum(plan, apart), delivered)
+    bound = np.minimum(plan, bound)
+    limited = series(run, "torque_factor")[chosen] < WHOLE
+    unused = np.maximum(most - _of_units(force, unit, units), 0.0)
+    held_back = np.minimum((limited * unused).sum(axis=1), np.maximum(bound - delivered, 0.0))
+    return Room(plan, bound, np.minimum(plan, apart), delivered, held_back)
+
+
+def _of_units(values: Floats, unit: NDArray[np.int64], units: int) -> Floats:
+    """Sum over the axles of each unit, (time, unit)."""
+    return values @ (unit[:, None] == np.arange(units)).astype(float)
 
 
 def _share(part: Floats, whole: Floats) -> float:
@@ -114,6 +126,21 @@ def bound_use(run: xr.Dataset) -> float:
     """Effort, instant by instant the plan at most, over the true bound of the run; nan without demand."""
     found = room(run)
     return _share(np.minimum(found.force, found.plan), found.bound)
+
+
+@metric(
+    "held_back",
+    "1",
+    "share of the bound that readhesion controllers lose at the units they limit",
+    -1,
+)
+def held_back(run: xr.Dataset) -> float:
+    """What is missing from the bound and lies at units whose own controllers limit them, over the bound.
+
+    1 - `bound_use` - `held_back` is what sharing leaves: units that could carry more and are not asked to.
+    """
+    found = room(run)
+    return _share(found.held_back, found.bound)
 
 
 @metric("headroom", "1", "share of the plan that only sharing between units can reach", 0)

@@ -15,6 +15,11 @@ RISE = 0.01
 """Speed [1/s] at which a mark rises, as a share of the plan: a peak of a few hundredths is tried again after some seconds,
 and adhesion that grows with the cleaned rail is followed."""
 
+FREE_RISE = 0.1
+"""The same [1/s] where the unit was limited without any slip, for rules with own caps: there trying costs nothing, and the
+mark of a unit says nothing of others. Of 0.01, 0.03, 0.1 and 0.3 over forty events with headroom (seed 100, perturb-observe)
+the sharing itself left 0.27, 0.18, 0.17 and 0.14 % of the bound."""
+
 FORGET = 5.0
 """Time constant [s] of a mark that is no longer reached: longer than a cycle of cut and ramp, whose best must count."""
 
@@ -64,7 +69,9 @@ def _move_marks(st, m):
             m.shown[j] = max(got, m.shown[j] + (got - m.shown[j]) * period / FORGET)
             m.open_to[j] = max(m.shown[j], PROBE * got)
         else:
-            m.shown[j] = max(m.shown[j] + RISE * m.train.expected[0] * period, got)
+            slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
+            rise = FREE_RISE if st.rule.own_caps and not slipped else RISE
+            m.shown[j] = max(m.shown[j] + rise * m.train.expected[0] * period, got)
             m.open_to[j] = m.shown[j]
 
 

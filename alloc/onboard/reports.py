@@ -14,9 +14,10 @@ from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
 
-DELIVERED, ESTIMATE, LIMITED, SLIPPING, DETECTED = range(5)
+DELIVERED, ESTIMATE, LIMITED, SLIPPED, DETECTED = range(5)
 """What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
-nan before it; what limits it; a flag; time of the last detection [s], -inf before it."""
+nan before it; what limits it; when it slipped for the last time [s]: a flag would miss slips between two telegrams; when it
+detected its last slip [s]."""
 
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
 """What limits a unit: its target is within reach, the rail, its failure or blindness."""
@@ -46,7 +47,7 @@ class ReportMemory(NamedTuple):
 
 def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
     """Memory at the start of a run: everyone delivers the plan."""
-    own = np.tile([expected, np.nan, 0.0, 0.0, -np.inf], (units, 1))
+    own = np.tile([expected, np.nan, 0.0, -np.inf, -np.inf], (units, 1))
     line = mail(units, 5, 0.0)
     line.read[:] = own
     return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((3, units), -np.inf))
@@ -69,7 +70,7 @@ def _limited_by(eq, m, j, expected, braking):
 
 
 @inlined_jit
-def write_reports(eq, st, m, commanded):
+def write_reports(eq, st, m, time, commanded):
     """What each unit would say now; one that is sounded says what it said before.
 
     A limit counts what turns the wheelsets in proportion, though the train turns them all alike. So a limit at what is
@@ -93,7 +94,8 @@ def write_reports(eq, st, m, commanded):
         limited_by = _limited_by(eq, m, j, m.train.expected[0], braking)
         own[j, DELIVERED] += gain * (delivered - own[j, DELIVERED])
         own[j, LIMITED] = limited_by if commanded != 0.0 else BY_NOTHING
-        own[j, SLIPPING] = m.unit.slipping[j]
+        if m.unit.slipping[j] > 0.0:
+            own[j, SLIPPED] = time
 
 
 @inlined_jit
@@ -107,9 +109,10 @@ def hear_reports(eq, st, m, time, tick, delay, fate):
         else:
             exchange(line, j, time, own, sending, st.telegrams, m.counter, delay[j], fate[j])
         limited_by = line.read[j, LIMITED]
-        m.limited[j], m.slipping[j] = limited_by != BY_NOTHING, line.read[j, SLIPPING] > 0.0
-        if m.slipping[j]:
-            m.report.slipped_at[j] = line.newest[j]
+        m.limited[j] = limited_by != BY_NOTHING
+        m.report.slipped_at[j] = line.read[j, SLIPPED]
+        before = line.newest[j] - st.telegrams.ticks * st.period  # the telegram before this one
+        m.slipping[j] = line.read[j, SLIPPED] > before
         if m.limited[j]:
             m.report.limited_at[j], m.by_rail[j] = line.newest[j], limited_by == BY_RAIL
         m.delivered[j] = max(line.read[j, DELIVERED], 0.0)

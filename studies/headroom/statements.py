@@ -17,6 +17,8 @@ SHARERS = ("preset", "sharing", "greedy", "exact", "cooperative")
 RULES = (BASE, *SHARERS, BOUND)
 OWN = "cooperative"
 """This project's own rule, which has goals."""
+NEEDED = (BASE, OWN, BOUND)
+"""Rules that its goals are judged by; controllers that live in Python run no others."""
 
 STRATA: Mapping[str, tuple[float, float]] = {
     "0 to 1 points": (-1.0, 0.01),
@@ -30,7 +32,9 @@ WORTH_SHARING = 0.01
 GOAL_OF_BOUND, GOAL_OF_HEADROOM, GOAL_OF_EXCESS = 0.995, 0.8, 0.005
 """Least use of the bound and least share of the headroom, most delivery beyond the plan."""
 
-NUMBERS = ("bound_use", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "jerk_rms")
+NUMBERS = (
+    "bound_use", "held_back", "plan_use", "headroom", "over_delivery", "slip_time", "damage", "jerk_rms",
+)  # fmt: skip
 COSTS = {
     "slip_time": "slip [axle s]",
     "damage": "wheel damage [kJ]",
@@ -50,6 +54,11 @@ def pairs_of(table: pd.DataFrame, controller: str) -> pd.DataFrame:
     own = table[table["controller"] == controller]
     wide = paired(own, "rule", NUMBERS, ("train", "source", "curve"))
     return wide.assign(headroom=wide[f"headroom@{BOUND}"])
+
+
+def rules_of(events: pd.DataFrame) -> tuple[str, ...]:
+    """Which rules the pairs of a controller hold."""
+    return tuple(rule for rule in RULES if f"bound_use@{rule}" in events)
 
 
 def in_stratum(events: pd.DataFrame, name: str) -> "pd.Series[bool]":
@@ -94,7 +103,7 @@ def headroom_statements(table: pd.DataFrame) -> list[Statement]:
     claims = []
     for controller in dict.fromkeys(table["controller"]):
         events = pairs_of(table, controller)
-        claims += [_gain(events, rule, controller) for rule in SHARERS]
+        claims += [_gain(events, rule, controller) for rule in rules_of(events) if rule in SHARERS]
         claims += [_goal_of_bound(events, controller), _goal_of_headroom(events, controller)]
     return compared(claims)
 
@@ -105,6 +114,8 @@ def _numbers(events: pd.DataFrame, rule: str) -> Numbers:
         "bound used": events[f"bound_use@{rule}"],
         **{f"bound used, {name}": own[f"bound_use@{rule}"] for name, own in strata.items()},
         "bound used, alone": events[f"bound_use@{BASE}"],
+        "lost by controllers at the units they limit": events[f"held_back@{rule}"],
+        "left by the sharing": 1.0 - events[f"bound_use@{rule}"] - events[f"held_back@{rule}"],
         f"share of headroom gained, above {100 * WORTH_SHARING:g} point": gained(events, rule),
         **{f"gain over plan, {name}": gain(own, rule) for name, own in strata.items()},
         "delivered beyond the plan": events[f"over_delivery@{rule}"],

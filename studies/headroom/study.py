@@ -3,24 +3,28 @@
 from collections.abc import Sequence
 
 from studies.core.arms import COMPARED
-from studies.core.controllers import check_controller
+from studies.core.controllers import check_controller, is_hosted
 from studies.core.drawn_events import complete
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
 from studies.headroom.events import DURATION, scenario
 from studies.headroom.measures import measure
-from studies.headroom.statements import RULES, headroom_statements
+from studies.headroom.statements import NEEDED, RULES, headroom_statements
 from studies.headroom.what_makes_room import EVENTS
 
 
 def cells(
     seed: int, k: int, duration: float = DURATION, controllers: Sequence[str] = COMPARED
 ) -> list[Job]:
-    """Event `k` under every rule and controller."""
+    """Event `k` under every controller and rule; under a controller that lives in Python, under the rules of the goals."""
     for controller in controllers:
         check_controller(controller)
     one = scenario(seed, k, duration)
-    return [Job(one, rule, controller, k, measure) for controller in controllers for rule in RULES]
+    return [
+        Job(one, rule, controller, k, measure)
+        for controller in controllers
+        for rule in (NEEDED if is_hosted(controller) else RULES)
+    ]
 
 
 HEADROOM = Study(

@@ -97,6 +97,7 @@ VARIABLES = {
     "torque_command": (("time", "unit"), beside(
         course(500.0, (0, 3, 0.0), (19, 19, 590.625)), course(700.0, (0, 3, 0.0), (43, 43, 865.0)),
     )),
+    "torque_factor": (("time", "unit"), beside(course(1.0, (20, 24, 0.5), (34, 35, 0.5)), course(1.0, (38, 43, 0.9)))),
     "air_brake_force": (("time", "unit"), beside(course(0.0), course(0.0, (34, 43, 500.0)))),
     "drive_limit": (("time", "unit"), beside(course(500.0, (30, 33, 400.0)), course(640.0))),
     "brake_limit": (("time", "unit"), beside(course(10.0), course(20.0))),

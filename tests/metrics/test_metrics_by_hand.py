@@ -48,6 +48,9 @@ EXPECTED = {
     "utilisation_slipping": (15200 + 2 * 12000 + 8000 + 11000 + 36000 + 22000)
     / ((7000 + 12600) + 4 * (5600 + 12600) + (14400 + 12000 + 23400) + (14400 + 20000 + 23400)),
     "bound_use": (11 * 47000 + 2 * 41000 + 40500 + 10 * (27000 + 4000)) / BOUND,
+    # unit 0 is limited while the train delivers more than its bound, and at 34 and 35: there it brakes with 5000 N of
+    # 11200; unit 1 from 38 to 43, with 22000 N of 43200: more than the train lacks
+    "held_back": (2 * (11200 - 5000) + 6 * (50200 - 31000)) / BOUND,
     "headroom": HEADROOM / ROOM_PLAN,
     "over_delivery": (41000 - 40500) / ROOM_PLAN,
     # beyond twice the peak: 2 of axle 0, 2 of axle 1, 1 of axle 2, 1 + 4 of axle 3, 1 of axle 4
@@ -105,7 +108,7 @@ def test_direction_of_better_and_unit_are_those_of_the_quantity(name):
         "slip_time", "slip_peak", "damage", "time_to_speed", "jerk_rms", "jerk_peak", "coupler_peak", "detection_delay",
         "missed_slips", "false_alarms", "search_time", "unfinished_searches", "torque_fluctuation", "locked_time",
         "air_consumption", "detections", "unit_detections", "locks", "time_outs", "rule_failures", "controller_failures",
-        "over_delivery",
+        "over_delivery", "held_back",
     }  # fmt: skip
     more = {
         "acceleration", "acceleration_ratio", "effort_ratio", "utilisation", "utilisation_slipping", "utilisation_short",
@@ -129,7 +132,7 @@ OF_UNITS = {
     "estimate_error", "utilisation_slipping", "utilisation_short", "torque_fluctuation", "detection_delay",
     "search_time", "unfinished_searches",
 }  # fmt: skip
-OF_ROOM = {"bound_use", "headroom", "over_delivery"}
+OF_ROOM = {"bound_use", "held_back", "headroom", "over_delivery"}
 
 
 def test_without_demand_what_counts_under_demand_is_nan():

@@ -16,7 +16,14 @@ LAST = 9
 
 
 def made(
-    adhesion=0.2, force=EXPECTED, braking=False, blended=True, motor=1.0, turning=0.0, command=None
+    adhesion=0.2,
+    force=EXPECTED,
+    braking=False,
+    blended=True,
+    motor=1.0,
+    turning=0.0,
+    command=None,
+    factor=1.0,
 ):
     """Two units of two axles and a trailer of two, of which all that is given is a coefficient of the load, per axle.
 
@@ -36,6 +43,7 @@ def made(
         "adhesion_limit": (("time", "axle"), adhesion * over_time * np.ones(6)),
         "axle_load": (("time", "axle"), LOAD * over_time * np.ones(6)),
         "rail_force": (("time", "axle"), sign * LOAD * force * over_time),
+        "torque_factor": (("time", "unit"), factor * over_time * np.ones(2)),
         "drive_limit": (("time", "unit"), 0.0 * limits if braking else limits),
         "brake_limit": (("time", "unit"), limits if braking else 0.0 * limits),
         "axle_unit": ("axle", [0, 0, 1, 1, -1, -1]),
@@ -53,7 +61,7 @@ def made(
 
 def found(run):
     """Room in loads of an axle at the last instant, plan first, and the three metrics."""
-    forces = [float(values[-1]) / LOAD for values in room(run)]
+    forces = [float(values[-1]) / LOAD for values in room(run)[:4]]
     return forces, [
         METRICS[name].function(run) for name in ("bound_use", "headroom", "over_delivery")
     ]
@@ -116,6 +124,22 @@ def test_a_trailer_brakes_its_own_part_at_most_and_what_it_lacks_the_units_make_
     agree(made(rail, 0.06), [0.4, 0.32, 0.32, 0.24], [0.75, 0.0, 0.0])
 
 
+def test_what_controllers_hold_back_is_told_apart_from_what_nobody_asks_for():
+    """Unit 0 delivers 0.04 of 0.06, unit 1 0.08 of 0.2, of which the plan of 0.4 leaves it 0.28."""
+    rail, force = weak(0.06, 0.06), np.array([0.04, 0.04, 0.08, 0.08, 0.0, 0.0])
+    for factor, lost in (
+        ([1.0, 1.0], 0.0),
+        ([0.9, 1.0], 0.04),
+        ([1.0, 0.9], 0.16),
+        ([0.5, 0.9], 0.16),
+    ):
+        run = made(rail, force, factor=np.array(factor))
+        assert METRICS["held_back"].function(run) == pytest.approx(lost / 0.4, rel=1e-12)
+    # a train that reaches its bound has lost nothing, whatever its units could do
+    run = made(rail, np.array([0.04, 0.04, 0.16, 0.16, 0.0, 0.0]), factor=0.5)
+    assert METRICS["held_back"].function(run) == 0.0
+
+
 def test_what_exceeds_the_plan_is_over_delivery_and_no_use():
     agree(made(force=0.13), [0.4, 0.4, 0.4, 0.52], [1.0, 0.0, 0.3])
     run = made(force=0.13)
@@ -154,4 +178,5 @@ def test_bounds_stand_in_their_order(seed):
     assert bound <= plan
     assert 0.0 <= headroom <= 1.0
     assert use <= 1.0 + 1e-12
+    assert use + METRICS["held_back"].function(run) <= 1.0 + 1e-12
     assert over == pytest.approx(max(force / plan - 1.0, 0.0), rel=1e-9, abs=1e-15)

@@ -43,6 +43,7 @@ def _constant_run(acceleration=0.5, speed=10.0, duration=10.0, period=0.01):
         "brake_limit": (("time", "unit"), 1e3 * one[:, None]),
         "torque_command": (("time", "unit"), 600.0 * one[:, None]),
         "torque_target": (("time", "unit"), 900.0 * one[:, None]),
+        "torque_factor": (("time", "unit"), one[:, None]),
         "air_brake_force": (("time", "unit"), 0.0 * one[:, None]),
         "expected": ("time", 0.15 * one),
         "unit_static_load": ("unit", [1e5]),

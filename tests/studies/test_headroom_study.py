@@ -11,6 +11,7 @@ from studies.files.study_error import StudyError
 from studies.headroom.events import scenario
 from studies.headroom.statements import (
     BOUND,
+    NEEDED,
     OWN,
     RULES,
     STRATA,
@@ -58,6 +59,15 @@ def test_rows_of_each_controller_are_judged_apart():
     rows = pd.concat([headroom_table(1.0), headroom_table(0.0, controller="cut-and-ramp")])
     assert verdict(rows, "bound, perturb-observe") == HOLDS
     assert verdict(rows, "bound, cut-and-ramp") == FAILS
+
+
+def test_a_controller_in_python_meets_the_rules_of_the_goals_alone():
+    assert [job.rule for job in HEADROOM.cells(1, 1, controllers=["mpc"])] == list(NEEDED)
+    rows = headroom_table(1.0, controller="mpc")
+    rows = rows[rows["rule"].isin(NEEDED)]
+    names = [s.name for s in headroom_statements(rows)]
+    assert names == ["cooperative, mpc", "bound, mpc", "headroom gained, mpc"]
+    assert verdict(rows, "headroom gained, mpc") == HOLDS
 
 
 def test_trains_take_turns_and_more_is_wanted_in_turn():

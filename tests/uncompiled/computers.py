@@ -49,8 +49,8 @@ class Computers:
         self.first = 0
         self.fallen_back = np.zeros(n)
         self.orders = [Line(np.inf) for _ in range(n)]
-        # what each would report: delivered, limited by what, slipping, coefficient and time of the last detection
-        self.own = [(expected, "", 0.0, math.nan, -math.inf)] * n
+        # what each would report: delivered, limited by what, last slip; coefficient and time of the last detection
+        self.own = [(expected, "", -math.inf, math.nan, -math.inf)] * n
         self.found = [(math.nan, -math.inf)] * n
         self.counted = [-math.inf] * n
         self.reports = [Line(self.own[j]) for j in range(n)]
@@ -201,19 +201,20 @@ class Computers:
             if not (relieved[j] and self.in_service[j]):
                 old, new = self.own[j][0], at_rail[j] / (1.0 + turning[j])
                 by = limited[j] if commanded else ""
-                self.own[j] = (old + gain * (new - old), by, self.slipping[j], *self.found[j])
+                slipped = time if self.slipping[j] else self.own[j][2]
+                self.own[j] = (old + gain * (new - old), by, slipped, *self.found[j])
             else:  # nothing is detected while a unit is sounded
                 self.own[j] = (*self.own[j][:3], *self.found[j])
         self._send(self.reports, self.own, time, tick, delay, fate)
         told = [line.read for line in self.reports]
-        self.delivered, by, self.slips, self.told_estimate, self.told_at = map(
+        self.delivered, by, self.slipped_at, self.told_estimate, self.told_at = map(
             np.array, zip(*told, strict=True)
         )
         self.limited = by != ""
         self.by_rail = np.where(self.limited, by == "rail", self.by_rail)
         sent = np.array([line.sent for line in self.reports])
         self.limited_at = np.where(self.limited, sent, self.limited_at)
-        self.slipped_at = np.where(self.slips > 0.0, sent, self.slipped_at)
+        self.slips = self.slipped_at > sent - self.st.telegrams.ticks * self.st.period
 
     # --- distribution
 
@@ -265,7 +266,10 @@ class Computers:
         weight = period / 5.0
         known = np.where(np.isinf(self.marks), got, self.marks)
         fallen = (1.0 - weight) * known + weight * got
-        risen = self.marks + 0.01 * self.expected * period
+        held = self.slipped_at >= self.limited_at - st.hold_time
+        risen = (
+            self.marks + np.where(held | (not st.rule.own_caps), 0.01, 0.1) * self.expected * period
+        )
         self.marks = np.maximum(got, np.where(self.limited, fallen, risen))
         self.open_to = np.where(self.limited, np.maximum(self.marks, 1.06 * got), self.marks)
         itself = recent & ~self.by_rail
@@ -279,7 +283,7 @@ class Computers:
             base = self.marks[sound[0]] - eq.increment[sound[0]]
             by_front = np.maximum(base + eq.increment, 0.0)
         least = np.minimum(self.marks, np.maximum(self.expected, got))
-        free = np.where(self.slips > 0.0, by_front, np.maximum(by_front, least))
+        free = np.where(self.slips, by_front, np.maximum(by_front, least))
         slipped = time - self.slipped_at <= st.hold_time
         held = np.where(slipped, 0.995 * self.marks, self.open_to)
         own = ~(self.by_rail & self.in_service)

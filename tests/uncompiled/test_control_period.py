@@ -121,7 +121,7 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
         m.estimate.sounding.share[:] = 1.0 - 0.5 * relieved
         m.slide.action[:] = np.where(slides, 2, SUPPLY)
         sliding = np.isin(np.arange(n), eq.group.unit[slides])
-        write_reports(eq, st, m, commanded)
+        write_reports(eq, st, m, time, commanded)
         hear_reports(eq, st, m, time, tick, delay, fate)
         twin.report(time, tick, commanded, delay, fate, factor, relieved, sliding)
         m.estimate.sounding.share[:] = 1.0
@@ -181,7 +181,7 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     empty, omega = np.zeros(0), 10.0 / eq.axle_radius
     for tick in range(3):
         sense(eq, st, m, 0.01 * tick, -0.8, omega, empty, pressure, np.zeros(8))
-        write_reports(eq, st, m, -0.8)
+        write_reports(eq, st, m, 0.01 * tick, -0.8)
         hear_reports(eq, st, m, 0.01 * tick, tick, empty, empty)
         assert not prepare_allocation(eq, st, m, 0.01 * tick, tick, -0.8, False)
         distribute(eq, st, m, 0.01 * tick, tick, empty, empty)

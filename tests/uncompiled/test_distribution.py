@@ -184,23 +184,27 @@ def test_a_limited_unit_that_slips_is_held_below_its_mark_for_the_hold_time():
         assert memory.cap[1] == pytest.approx(cap, rel=1e-12)
 
 
-def test_a_mark_is_the_best_while_limited_and_moves_slowly():
-    """A telegram lasts 0.1 s: a fiftieth of the way down, with 5 s; 0.001 of the plan up, with 1 % per second."""
-    memory = told([1], delivered=(0.16, 0.15, 0.16))
-    prepare(memory, rules(), tick=20)
+@pytest.mark.parametrize(
+    ("slipping", "own_caps", "rise"), [([1], True, 0.001), ([], True, 0.01), ([], False, 0.001)]
+)
+def test_a_mark_is_the_best_while_limited_and_moves_slowly(slipping, own_caps, rise):
+    """A telegram lasts 0.1 s: a fiftieth of the way down, with 5 s; up 1 % of the plan per second, or 10 % for
+    rules with own caps where there was no slip."""
+    memory = told([1], delivered=(0.16, 0.15, 0.16), slipping=slipping)
+    prepare(memory, rules(own_caps=own_caps), tick=20)
     assert memory.shown.tolist() == [np.inf, 0.15, np.inf]
     # its controller must limit the torque, not its limit: there is room to look for the peak
     assert memory.open_to == pytest.approx([np.inf, PROBE * 0.15, np.inf], rel=1e-12)
     memory.delivered[1] = 0.10
-    prepare(memory, rules(), tick=30)
+    prepare(memory, rules(own_caps=own_caps), tick=30)
     assert memory.open_to[1] == memory.shown[1] == pytest.approx(0.15 - 0.05 / 50, rel=1e-12)
     memory.delivered[1] = 0.155
-    prepare(memory, rules(), tick=40)
+    prepare(memory, rules(own_caps=own_caps), tick=40)
     assert memory.shown[1] == pytest.approx(0.155, rel=1e-12)
     memory.limited[1], memory.delivered[1] = False, 0.14
-    prepare(memory, rules(), tick=50)
-    assert memory.open_to[1] == memory.shown[1] == pytest.approx(0.155 + 0.001 * 0.16, rel=1e-12)
-    assert not prepare(memory, rules(), time=9.0, tick=60)
+    prepare(memory, rules(own_caps=own_caps), tick=50)
+    assert memory.open_to[1] == memory.shown[1] == pytest.approx(0.155 + rise * 0.16, rel=1e-12)
+    assert not prepare(memory, rules(own_caps=own_caps), time=9.0, tick=60)
     assert (
         np.isinf(memory.shown).all() & np.isinf(memory.open_to).all()
     )  # the rail of then is not that of now

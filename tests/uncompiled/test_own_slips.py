@@ -15,7 +15,7 @@ SETTINGS = SimpleNamespace(hold_time=HOLD)
 
 def heard(**slips):
     """Memory of a leader that has heard of slips: `u1=(0.12, 3.0)` is unit 1, which found 0.12 at 3 s."""
-    read = np.tile([PLAN, np.nan, 0.0, 0.0, -np.inf], (4, 1))
+    read = np.tile([PLAN, np.nan, 0.0, -np.inf, -np.inf], (4, 1))
     for unit, (estimate, detected) in slips.items():
         read[int(unit[1:]), [ESTIMATE, DETECTED]] = estimate, detected
     report = SimpleNamespace(line=SimpleNamespace(read=read), counted=np.full(4, -np.inf))

@@ -16,7 +16,7 @@ from alloc.onboard.reports import (
     DELIVERED,
     FILTER_TIME,
     LIMITED,
-    SLIPPING,
+    SLIPPED,
     WHOLE,
     hear_reports,
     write_reports,
@@ -50,7 +50,7 @@ class Train:
         self.m.unit.torque_target[:] = coefficients * eq.axle_load * eq.radius / eq.gear
 
     def write(self, commanded=0.8):
-        write_reports(self.eq, self.st, self.m, commanded)
+        write_reports(self.eq, self.st, self.m, self.tick * self.st.period, commanded)
         return self.m.report.own
 
     def pass_time(self, ticks, commanded=0.8, delay=0.0, fate=1.0):
@@ -112,10 +112,10 @@ def test_a_unit_that_is_sounded_says_what_it_said_before(train):
     train.m.unit.coefficient_estimate[:] = 0.01
     train.m.unit.slipping[:] = 1.0
     own = train.write()
-    assert own[1].tolist() == [PLAN, pytest.approx(np.nan, nan_ok=True), 0.0, 0.0, -np.inf]
+    assert own[1].tolist() == [PLAN, pytest.approx(np.nan, nan_ok=True), 0.0, -np.inf, -np.inf]
     assert own[0, DELIVERED] < PLAN
     assert own[[0, 2, 3], LIMITED].all()
-    assert own[[0, 2, 3], SLIPPING].all()
+    assert own[[0, 2, 3], SLIPPED].tolist() == [0.0] * 3
     train.m.in_service[1] = False  # a failure is told in any case
     assert train.write()[1, LIMITED] == BY_ITSELF
 
@@ -164,6 +164,26 @@ def test_jitter_delays_and_loss_silences_what_goes_up():
     assert lost.m.slipping.tolist() == [True, False, False, False]
     assert lost.m.delivered[1:].tolist() == [PLAN] * 3
     assert lost.m.counter.telegrams_lost[0] == lost.m.counter.telegrams_sent[0] == 10 * 3
+
+
+def test_a_slip_between_two_telegrams_is_told_with_the_next_one(train):
+    train.pass_time(3)
+    train.m.unit.slipping[[0, 2]] = 1.0
+    train.pass_time(2)  # 0.03 and 0.04 s
+    train.m.unit.slipping[:] = 0.0
+    assert train.m.slipping.tolist() == [True, False, False, False]
+    train.pass_time(10)  # to 0.14 s; sent at 0.1 s, it arrives at 0.15 s
+    train.pass_time(1)
+    np.testing.assert_allclose(train.m.report.slipped_at, [0.04, -np.inf, 0.04, -np.inf])
+    assert train.m.slipping.tolist() == [
+        False,
+        False,
+        True,
+        False,
+    ]  # of the leader it is longer ago
+    train.pass_time(10)  # the telegram after that says when, too
+    np.testing.assert_allclose(train.m.report.slipped_at, [0.04, -np.inf, 0.04, -np.inf])
+    assert not train.m.slipping.any()
 
 
 def test_what_is_delivered_is_told_as_it_was_when_it_was_sent(train):
