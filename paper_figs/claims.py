@@ -31,6 +31,7 @@ from studies.claims.statements import (
     statement_name,
 )
 from studies.claims.thresholds import REACHED, THRESHOLDS, bears, threshold_test
+from studies.core.arms import COMPARED
 from studies.core.drawn_events import complete
 from studies.core.family import Part, Test
 from studies.core.statement import CONFIDENCE, mean_interval
@@ -65,13 +66,26 @@ AXES = {
 WIDTHS = {"width_ratios": (1.0, 0.8)}
 
 
-@figure("claim-verdicts", "claims (a) to (e) of JP5484215: each verdict over its threshold",
+@figure("claim-verdicts", "claims (a) to (e) of JP5484215 under cut-and-ramp: each verdict over its threshold",
         CLAIM_TABLE)  # fmt: skip
 def claim_verdicts(table: pd.DataFrame) -> Figure:
     """One panel per claim: the mean that decides, with intervals by Student's t, after Holm, and from resamples."""
+    return _verdicts(table, COMPARED[0])
+
+
+@figure("claim-verdicts-search", "claims (a) to (e) of JP5484215 under perturb-observe: each verdict over its threshold",
+        CLAIM_TABLE)  # fmt: skip
+def claim_verdicts_search(table: pd.DataFrame) -> Figure:
+    """As `claim_verdicts`, under the controller that searches for the peak."""
+    return _verdicts(table, COMPARED[1])
+
+
+def _verdicts(table: pd.DataFrame, controller: str) -> Figure:
+    """Verdicts of the rules under `controller`, after Holm over those under all controllers."""
     found = {s.name: s for s in claim_statements(complete(table))}
+    shown = [arm for arm in ARMS if arm.controller == controller]
     return verdict_strips(
-        Strip(*AXES[claim], {", ".join(arm): found[statement_name(claim, arm)] for arm in ARMS})
+        Strip(*AXES[claim], {arm.rule: found[statement_name(claim, arm)] for arm in shown})
         for claim in AXES
     )
 

@@ -225,7 +225,7 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
     np.testing.assert_allclose(m.axle_omega * eq.axle_radius, 9.0)
     for line, fields, nothing in (
         (m.orders, 1, [np.inf]),
-        (m.report.line, 4, [0.07, np.nan, 0.0, 0.0]),
+        (m.report.line, 5, [0.07, np.nan, 0.0, -np.inf, -np.inf]),
     ):
         assert line.arrival.shape == line.sent.shape == (4, SLOTS)
         assert line.content.shape == (4, SLOTS, fields)
@@ -233,7 +233,8 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
         np.testing.assert_array_equal(line.heard, [0.0] * 4)
         np.testing.assert_array_equal(line.newest, [-np.inf] * 4)
         np.testing.assert_array_equal(line.read, [nothing] * 4)
-    np.testing.assert_array_equal(m.report.own, [[0.07, np.nan, 0.0, 0.0]] * 4)
+    np.testing.assert_array_equal(m.report.own, [[0.07, np.nan, 0.0, -np.inf, -np.inf]] * 4)
+    np.testing.assert_array_equal(m.report.counted, [-np.inf] * 4)
     np.testing.assert_array_equal(m.report.limited_at, [-np.inf] * 4)
     unit = dict.fromkeys(m.unit._fields, 0.0) | {
         "limit": 0.07,

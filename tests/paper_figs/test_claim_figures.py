@@ -15,14 +15,15 @@ from paper_figs.claims import (
     claim_d,
     claim_e,
     claim_verdicts,
+    claim_verdicts_search,
 )
 from paper_figs.differences import differences
 from paper_figs.source import Source
 from paper_figs.verdicts import LOOKS
-from studies.claims.statements import statement_name
+from studies.claims.statements import LAYERS, statement_name
 from studies.claims.study import CLAIMS as CLAIM_STUDY
-from studies.core.arms import Arm
-from studies.core.statement import FAILS
+from studies.core.arms import COMPARED, Arm
+from studies.core.statement import FAILS, HOLDS
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.differences.study import DIFFERENCES
@@ -124,3 +125,14 @@ def test_verdicts_are_drawn_over_their_thresholds(monkeypatch):
 def test_verdicts_on_few_events_say_so():
     figure = claim_verdicts(synthetic(4))
     assert all(axes.texts[0].get_text().startswith("too few events") for axes in figure.axes)
+
+
+def test_each_controller_has_its_own_verdicts():
+    """The claims hold under the one, and under the other claim (b) fails, in its own figure alone."""
+    table = synthetic(
+        120, lambda row: row | ({"unit_use_low": 0.8} if row["controller"] == COMPARED[1] else {})
+    )
+    for draw, verdict in ((claim_verdicts, HOLDS), (claim_verdicts_search, FAILS)):
+        axes = draw(table).axes[1]
+        assert [label.get_text() for label in axes.get_yticklabels()] == list(LAYERS)
+        assert [words.get_text().partition(",")[0] for words in axes.texts] == [verdict] * 4

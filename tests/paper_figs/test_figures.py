@@ -27,7 +27,15 @@ from paper_figs.brake_force import (
     brake_locomotive_only,
     faulty_car,
 )
-from paper_figs.claims import claim_a, claim_b, claim_c, claim_d, claim_e, claim_verdicts
+from paper_figs.claims import (
+    claim_a,
+    claim_b,
+    claim_c,
+    claim_d,
+    claim_e,
+    claim_verdicts,
+    claim_verdicts_search,
+)
 from paper_figs.comparison import rule_comparison, utilisation_damage
 from paper_figs.differences import differences
 from paper_figs.drawing import draw_comparison, draw_run, save_figure
@@ -167,6 +175,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "utilisation-damage": utilisation_damage(source.table),
         **{f"claim-{claim}": draw(claim_table(60)) for claim, draw in CLAIMS.items()},
         "claim-verdicts": claim_verdicts(claim_table(60)),
+        "claim-verdicts-search": claim_verdicts_search(claim_table(60)),
         "differences": differences(difference_table()),
         "blended-braking": blended_braking(stop),
         "sharing-wanders": sharing_wanders(*runs),
