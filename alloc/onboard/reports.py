@@ -14,9 +14,9 @@ from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
 
-DELIVERED, ESTIMATE, LIMITED, SLIPPING = range(4)
+DELIVERED, ESTIMATE, DETECTED, LIMITED, SLIPPING = range(5)
 """What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
-nan before it; what limits it; a flag."""
+nan before it; when that was [s], which tells it from the one before; what limits the unit; a flag."""
 
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
 """What limits a unit: its target is within reach, the rail, its failure or blindness."""
@@ -35,7 +35,7 @@ FILTER_TIME = 0.2
 class ReportMemory(NamedTuple):
     """What the units tell, and what the foremost one has heard."""
 
-    own: Floats  # (units, 4) what each would say now
+    own: Floats  # (units, 5) what each would say now
     line: Mail  # to the foremost unit
     acceleration: Floats  # (1,) of the train behind the same filter [m/s2]
     speed: Floats  # (1,) reference speed a period ago [m/s]
@@ -45,8 +45,8 @@ class ReportMemory(NamedTuple):
 
 def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
     """Memory at the start of a run: everyone delivers the plan."""
-    own = np.tile([expected, np.nan, 0.0, 0.0], (units, 1))
-    line = mail(units, 4, 0.0)
+    own = np.tile([expected, np.nan, -np.inf, 0.0, 0.0], (units, 1))
+    line = mail(units, 5, 0.0)
     line.read[:] = own
     return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((2, units), -np.inf))
 

@@ -7,7 +7,7 @@ from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.sounding import is_relieved, sound
-from alloc.onboard.reports import ESTIMATE
+from alloc.onboard.reports import DETECTED, ESTIMATE
 from alloc.onboard.shoe_force import believed_shoe_force
 
 
@@ -142,7 +142,9 @@ def _detect(st, m, j, sign, time, commanded):
         m.lead.slipped[0] = time
     if slipping and not was:
         m.counter.unit_detections[0] += 1
-        m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
+        if m.in_service[j] and m.unit.axles_seen[j] > 0.0 and commanded != 0.0:
+            m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
+            m.report.own[j, DETECTED] = time
         if j == m.lead.unit[0] and commanded != 0.0:
             m.counter.detections[0] += 1
             m.lead.estimate[0] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
