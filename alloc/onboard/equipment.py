@@ -148,8 +148,8 @@ def _check(model: Model, onboard: Onboard) -> None:
             )
     if belief.learnt is not None and len(belief.learnt.increment) != n.units:
         raise OnboardError(
-            f"belief: learnt increments of {len(belief.learnt.increment)} traction units for {n.units}; give those that this "
-            "train has learnt"
+            f"belief: learnt increments of {len(belief.learnt.increment)} traction units for {n.units}; give what this one "
+            "has learnt"
         )
     shares = onboard.braking.car_shares
     if shares is not None and len(shares) != n.cars:

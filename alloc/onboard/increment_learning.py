@@ -185,7 +185,7 @@ def gaussian_posterior(increment, deviation, datum, noise, drift):
 
 @inlined_jit
 def take_datum(learning, k, j, datum, leader):
-    """Learn from a datum of unit `j`, an increment over the foremost unit of all; `leader`: the unit it was compared with."""
+    """Learn from a datum of unit `j`, an increment over the foremost unit of all; `leader`: unit it was compared with."""
     if learning.learner == GAUSSIAN:
         # it is as uncertain as what the leader itself has over the foremost unit
         noise = np.sqrt(learning.noise**2 + k.deviation[leader] ** 2)
