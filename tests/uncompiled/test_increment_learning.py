@@ -9,8 +9,9 @@ from alloc.onboard.distribution import prepare_allocation
 from alloc.onboard.equipment import equipment
 from alloc.onboard.increment_learning import IncrementLearning
 from alloc.onboard.memory import memory
-from alloc.onboard.parameters import Belief, Onboard, Telegrams
+from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed, Telegrams
 from alloc.onboard.reports import DETECTED, ESTIMATE, hear_reports, write_reports
+from alloc.onboard.sensing import sense
 from alloc.onboard.settings import RuleSettings, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -29,6 +30,7 @@ class Train:
         onboard = Onboard(
             belief=Belief(unit_increments=STORED), learning=learning, trigger=trigger,
             telegrams=Telegrams(period=0.1, latency=0.05, jitter=jitter, loss=0.5),
+            reference=ReferenceSpeed(source="truth"),
         )  # fmt: skip
         self.eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
         self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
@@ -202,6 +204,26 @@ def test_true_increments_are_a_fixed_point(learning, first):
         train.pass_time(0.2)
     assert len(train.data) == 12 * (3 - first)
     assert train.m.learnt.increment == pytest.approx(STORED, abs=1e-15)
+
+
+@pytest.mark.parametrize("hide", ["", "relieved", "failed", "blind", "no demand"])
+def test_a_unit_tells_only_of_slips_under_its_own_control(hide):
+    train = Train(MEAN)
+    m, eq = train.m, train.eq
+    m.estimate.sounding.share[2] = 0.99 if hide == "relieved" else 1.0
+    m.in_service[2] = hide != "failed"
+    if hide == "blind":
+        m.unit.axles_seen[2] = 0.0
+        m.axle_seen[eq.axle_unit == 2] = False
+    commanded = 0.0 if hide == "no demand" else train.command
+    omega = (12.0 + 1.0) / eq.axle_radius
+    sense(eq, train.st, m, 0.3, commanded, omega, m.torque, np.zeros(8), np.zeros(20))
+    told = np.isfinite(m.report.own[:, DETECTED])
+    hidden = {"": [], "no demand": [0, 1, 2, 3]}.get(hide, [2])
+    assert told.tolist() == [j not in hidden for j in range(4)]
+    np.testing.assert_array_equal(m.report.own[told, DETECTED], 0.3)
+    estimate = np.clip(m.unit.coefficient_estimate, 0.0, 1.0)
+    np.testing.assert_array_equal(m.report.own[told, ESTIMATE], estimate[told])
 
 
 def test_a_leader_that_finds_no_coefficient_takes_no_datum():
