@@ -210,7 +210,7 @@ def _leader_knows(st, m, time):
     if st.learning.held:
         return time - m.lead.detected[0] <= st.hold_time
     asked = m.unit.torque_command[first]
-    able = m.in_service[first] and m.unit.axles_seen[first] > 0.0 and not is_relieved(m, first)
+    able = m.unit.axles_seen[first] > 0.0 and not is_relieved(m, first)
     return able and asked != 0.0 and m.torque[first] / asked >= FOLLOWS
 
 

@@ -187,6 +187,7 @@ def test_a_datum_to_a_leader_that_is_itself_uncertain_counts_less():
     gain = 0.010**2 / (0.010**2 + noise)
     assert train.m.learnt.increment[3] == pytest.approx(0.03 + gain * (0.01 + 0.03 - 0.03))
     assert train.m.learnt.deviation[3] == pytest.approx(0.010 * np.sqrt(1.0 - gain))
+    assert train.m.learnt.behind.tolist() == [0.0, 0.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize("learning", [MEAN, HELD, GAUSS])
