@@ -8,6 +8,7 @@ import pytest
 
 from alloc.estimation.learning import learnt_in
 from alloc.onboard.increment_learning import IncrementLearning, gaussian_posterior, running_mean
+from alloc.recorded_variables import VARIABLES
 from alloc.simulation import simulate
 from studies.scenario.loading import shipped_scenario
 
@@ -59,6 +60,8 @@ def test_what_a_run_learns_is_16_and_17_of_its_data(trigger):
         over_time[k:, unit] = increment[unit]
     assert updates.sum() > 0
     np.testing.assert_allclose(run["increment"].values, over_time, rtol=1e-12, atol=1e-15)
+    for name in (name for name in VARIABLES if name.startswith(("increment", "learnt"))):
+        assert (run[name].dims, run[name].attrs["units"]) == (VARIABLES[name].dims, "1")
     learnt = learnt_in(run)
     np.testing.assert_allclose(learnt.increment, increment, rtol=1e-12, atol=1e-15)
     assert learnt.behind == tuple(count)
