@@ -22,6 +22,7 @@ from alloc.onboard.actuation import (
 from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
+from alloc.onboard.increment_learning import NO_LEARNING
 from alloc.onboard.memory import Memory
 from alloc.onboard.reports import hear_reports, write_reports
 from alloc.onboard.sanding import command_sand
@@ -102,12 +103,14 @@ def _copy(values, k, record):
 
 
 @inlined_jit
-def _record_computers(plant, eq, m, commanded, k, record):
+def _record_computers(plant, eq, st, m, commanded, k, record):
     m.train.driver_command[0] = commanded
     body = eq.unit_body[m.lead.unit[0]] if eq.axles.size > 0 else 0
     m.train.reference_speed[0] = m.reference[body]
     _copy(m.unit_block, k, record.unit)
     _copy(m.train_block, k, record.train)
+    if st.learning.learner != NO_LEARNING:
+        _copy(m.learning.block, k, record.learning)
     for g in range(plant.rows.groups):
         record.valve[k, g] = plant.inputs.valve[g]
     for s in range(plant.rows.sanders):
@@ -210,7 +213,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         recorded = tick % timing.record_ticks == 0
         if recorded:
             _record_plant(plant, time, k, record.plant)
-            _record_computers(plant, eq, m, a, k, record)
+            _record_computers(plant, eq, st, m, a, k, record)
         compiled.inlined_advance(
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )

@@ -71,6 +71,9 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
             "acceleration of the unit's axles as its slip detector computes it",
         ),
         "air_brake_force": ("N", "air brake force commanded per axle of the unit, at the rim"),
+        "increment": ("1", "increment of adhesion over the foremost unit, as learnt so far"),
+        "increment_data": ("1", "data of the unit's increment that the run has given so far"),
+        "increment_datum": ("1", "last datum of the unit's increment, nan before the first"),
     },
     ("time", "brake_group"): {
         "cylinder_pressure": ("Pa", "brake cylinder pressure"),
@@ -90,6 +93,12 @@ _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "unit_static_load": ("N", "axle load of the unit's axles, summed"),
         "unit_gear": ("1", "gear ratio"),
         "unit_radius": ("m", "wheel radius"),
+        "learnt_increment": ("1", "increment of adhesion over the foremost unit by the run's end"),
+        "learnt_deviation": ("1", "standard deviation of that, where the learner states one"),
+        "learnt_behind": ("1", "data behind that"),
+        "learnt_waiting_sum": ("1", "sum of the data that wait to be used"),
+        "learnt_waiting": ("1", "number of the data that wait to be used"),
+        "learnt_updates": ("1", "how often the stored increment was changed"),
     },
     ("body",): {"body_mass": ("kg", "mass of a car, or of the whole train where it is rigid")},
 }

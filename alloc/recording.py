@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.event import Event
+from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
 from alloc.plant.model import Floats, Layout, Model
 from alloc.recorded_physics import PlantRecord, physical_variables
@@ -29,10 +30,13 @@ class Record(NamedTuple):
     valve: Floats  # (instants, groups)
     slide_reference: Floats  # (instants, cars)
     sand_rate: Floats  # (instants, sanders)
+    learning: (
+        Floats  # (instants, fields of `LearningSeries`, units); no instants where nothing is learnt
+    )
 
     @classmethod
-    def allocate(cls, records: int, n: Layout) -> "Record":
-        """Empty record of `records` instants."""
+    def allocate(cls, records: int, n: Layout, learns: bool = False) -> "Record":
+        """Empty record of `records` instants; `learns`: whether increments are learnt."""
         return cls(
             PlantRecord.allocate(records, n),
             np.zeros((records, len(UnitMemory._fields), n.units)),
@@ -40,6 +44,7 @@ class Record(NamedTuple):
             np.zeros((records, n.groups)),
             np.zeros((records, n.cars)),
             np.zeros((records, n.sanders)),
+            np.zeros((records if learns else 0, len(LearningSeries._fields), n.units)),
         )
 
     def until(self, records: int) -> "Record":
@@ -64,9 +69,10 @@ class Tally:
 
 
 def to_dataset(
-    event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally
-) -> xr.Dataset:
-    """Turn what the loop wrote into the recorded run."""
+    event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally,
+    learnt: Increments | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """Turn what the loop wrote into the recorded run; `learnt`: by its end."""
     model = event.model
     values = physical_variables(model, record.plant)
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
@@ -74,6 +80,9 @@ def to_dataset(
     values["valve"] = record.valve
     if model.layout.bodies > 1:  # else it is the train's reference speed
         values["slide_reference"] = record.slide_reference
+    if learnt is not None:
+        values |= dict(zip(LearningSeries._fields, record.learning.transpose(1, 0, 2), strict=True))
+        values |= {f"learnt_{name}": found for name, found in learnt._asdict().items()}
     if model.layout.sanders:
         values["sand_rate"] = record.sand_rate
     attributes: dict[str, Any] = {

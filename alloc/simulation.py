@@ -50,7 +50,7 @@ class _RuleInPython:
             rate=self.onboard.limit_rate,
             delivered=np.maximum(m.delivered, 0.0),
             truth=m.truth.copy(),
-            deviation=eq.deviation,
+            deviation=m.learnt.deviation.copy(),
         )
         answer: Allocation = self.rule(problem)
         m.limit_wanted[:] = answer.limit
@@ -157,7 +157,8 @@ def simulate(
         event.initial_speed, event.initial_position,
     )  # fmt: skip
     given = _given(commanded, onboard, model.layout, computers.settings.telegrams.ticks)
-    record = Record.allocate(loop.records, model.layout)
+    learnt = None if onboard.learning.kind == "none" else computers.memory.learnt
+    record = Record.allocate(loop.records, model.layout, learnt is not None)
     tally = Tally()
     parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
     if host is not None:
@@ -170,8 +171,8 @@ def simulate(
     loop.run(go, parts, on_progress, until_speed)
     tally.wall_time = clock.perf_counter() - started
     return to_dataset(
-        event, chosen.name, found.name, record.until(loop.records), computers.memory.counter, tally
-    )
+        event, chosen.name, found.name, record.until(loop.records), computers.memory.counter, tally, learnt
+    )  # fmt: skip
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:

@@ -134,7 +134,8 @@ def _units(axes: Axes, per_axle: NDArray[np.float64], axles: int, **look: str) -
 @figure("learning", "error of the increments against stations, by learner (sweep learning)",
         study("learning", FEW_EVENTS))  # fmt: skip
 def learning(table: pd.DataFrame) -> Figure:
-    """One panel per kind of rail and kind of stored values: largest error of any unit, mean of the trains."""
+    """One panel per kind of rail and kind of stored values: largest error of any unit, mean of the trains that are sound."""
+    table = table[table["case"] == "sound"]
     rails, stored = list(table["rail"].unique()), list(table["stored"].unique())
     shape = {"sharex": True, "sharey": True, "squeeze": False}
     drawn, axes = new_panels(7.1, 4.8, len(rails), len(stored), **shape)

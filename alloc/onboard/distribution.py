@@ -3,8 +3,9 @@
 import numpy as np
 
 from alloc.compilation import inlined_jit
+from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
 from alloc.onboard.mail import exchange, tell
-from alloc.onboard.own_slips import caps_by_slips, count_slips
+from alloc.onboard.own_slips import caps_by_own_slips, caps_by_slips, count_slips
 from alloc.onboard.shoe_force import believed_shoe_force
 
 HELD = 1.0
@@ -45,16 +46,18 @@ def _lead(eq, m):
     while first < units - 1 and not m.in_service[first]:
         first += 1
     if first != before:
-        m.lead.estimate[0] += eq.increment[first] - eq.increment[before]
+        m.lead.estimate[0] += m.learnt.increment[first] - m.learnt.increment[before]
         m.lead.unit[0] = first
 
 
 @inlined_jit
-def _caps_at_detection(eq, m):
+def _caps_at_detection(st, m, time):
     """(5): the coefficient that the leader held at its detection, and the increments."""
-    first = m.lead.unit[0]
+    first, increment = m.lead.unit[0], m.learnt.increment
     for j in range(m.cap.size):
-        m.cap[j] = max(m.lead.estimate[0] + eq.increment[j] - eq.increment[first], 0.0)
+        m.cap[j] = max(m.lead.estimate[0] + increment[j] - increment[first], 0.0)
+    if st.learning.learner != NO_LEARNING:
+        caps_by_own_slips(st, m, time)
 
 
 @inlined_jit
@@ -102,7 +105,7 @@ def _caps_by_front(eq, st, m, time):
     for j in range(m.cap.size):
         m.cap[j] = known
         if front >= 0:
-            m.cap[j] = max(m.shown[front] + eq.increment[j] - eq.increment[front], 0.0)
+            m.cap[j] = max(m.shown[front] + m.learnt.increment[j] - m.learnt.increment[front], 0.0)
         if m.since_limited[j] < HELD and np.isfinite(m.shown[j]):
             slips = time - m.report.slipped_at[j] <= st.hold_time
             m.cap[j] = KEPT * m.shown[j] if slips else m.open_to[j]
@@ -160,13 +163,13 @@ def _asked_on_slip(st, m, time, tick, changed):
 
 
 @inlined_jit
-def _asked_on_own_slips(eq, st, m, time, changed):
+def _asked_on_own_slips(st, m, time, changed):
     """At every unit's detection, and where one is too old to count, while any counts."""
     some, others = count_slips(st, m, time)
     if m.train.expected[0] == 0.0 or not some:
         _keep_plan(m, m.train.expected[0])
         return False
-    caps_by_slips(eq, m)
+    caps_by_slips(st, m, time)
     return others or changed
 
 
@@ -210,14 +213,16 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
     if blended and (st.rule.own_caps or st.rule.needs_truth):
         m.lead.needed[0] += _trailers_shortfall(eq, m, expected)
     _lead(eq, m)
+    if st.learning.learner != NO_LEARNING:
+        learn_increments(st, m, time)
     for j in range(m.cap.size):
         m.most[j] = m.limit_max[j]
     if st.rule.needs_truth:
         return True
     if st.rule.own_slips:
-        return _asked_on_own_slips(eq, st, m, time, changed)
+        return _asked_on_own_slips(st, m, time, changed)
     if st.rule.on_slip and not st.rule.own_caps:
-        _caps_at_detection(eq, m)
+        _caps_at_detection(st, m, time)
         return _asked_on_slip(st, m, time, tick, changed)
     return _asked_on_limited(eq, st, m, time, tick, failed or changed, blended)
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import OnboardError
+from alloc.onboard.increment_learning import Increments, first_increments
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.quantity import filled
 from alloc.onboard.sanding import Sanders
@@ -61,8 +62,7 @@ class Equipment(NamedTuple):
     load_per_axle: Floats
     axle_load: Floats  # with pay load [N]
     mass: Floats  # relative mass on the unit's axles, mean 1
-    increment: Floats  # of each unit; only differences between units count
-    deviation: Floats  # standard deviation of each unit's cap about the truth
+    learnt: Increments  # before the run; only differences between units count
     drive_table: Floats
     brake_table: Floats
     own_inertia: Floats  # torque that turns its own wheelsets, relative to what the rail receives
@@ -112,8 +112,12 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         load_per_axle=load,
         axle_load=(empty + load) * GRAVITY,
         mass=weight / weight.mean() if n.units else weight,
-        increment=_increments(model, onboard.belief),
-        deviation=_of_units(onboard.belief.unit_deviation, np.zeros(n.units)),
+        learnt=first_increments(
+            onboard.learning,
+            onboard.belief.learnt,
+            _increments(model, onboard.belief),
+            onboard.belief.unit_deviation,
+        ),
         **plan,
         group=_brake_groups(model, onboard, weights, plan["brake_share"]),
         chain=_chain(model, onboard, weights),
@@ -142,6 +146,11 @@ def _check(model: Model, onboard: Onboard) -> None:
             raise OnboardError(
                 f"belief: {len(given)} {name} for {count} {places}; give a finite number for each from the front"
             )
+    if belief.learnt is not None and len(belief.learnt.increment) != n.units:
+        raise OnboardError(
+            f"belief: learnt increments of {len(belief.learnt.increment)} traction units for {n.units}; give what this one "
+            "has learnt"
+        )
     shares = onboard.braking.car_shares
     if shares is not None and len(shares) != n.cars:
         raise OnboardError(
@@ -160,15 +169,13 @@ def _unit_means(model: Model, values: Floats) -> Floats:
     return np.array([values[members == j].mean() for j in range(model.layout.units)], dtype=float)
 
 
-def _of_units(given: tuple[float, ...] | None, default: Floats) -> Floats:
-    return default if given is None else np.asarray(given, dtype=float)
-
-
 def _increments(model: Model, belief: Belief) -> Floats:
     per_axle = np.zeros(model.layout.axles)
     if belief.increments is not None:
         per_axle = np.asarray(belief.increments, dtype=float)
-    return _of_units(belief.unit_increments, _unit_means(model, per_axle))
+    if belief.unit_increments is not None:
+        return np.asarray(belief.unit_increments, dtype=float)
+    return _unit_means(model, per_axle)
 
 
 def _weights(model: Model, onboard: Onboard) -> _Weights:

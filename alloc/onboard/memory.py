@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
+from alloc.onboard.increment_learning import Increments, LearningMemory, learning_memory
 from alloc.onboard.mail import Mail, mail
 from alloc.onboard.reference_speed.state import ReferenceMemory, reference_memory
 from alloc.onboard.reports import ReportMemory, report_memory
@@ -115,6 +116,8 @@ class Memory(NamedTuple):
     received: Floats  # last limit received; inf: none
     orders: Mail  # limits to the units
     report: ReportMemory
+    learnt: Increments
+    learning: LearningMemory
 
 
 def _block(kind: Any, size: int) -> tuple[Any, Floats]:
@@ -141,6 +144,7 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
     train.level[:] = np.nan
     lead = _singles(LeadMemory)
     lead.detected[:] = lead.slipped[:] = -np.inf
+    learnt, learning = learning_memory(eq.learnt)
     empty = Memory(*(np.zeros(n) for _ in Memory._fields))  # type: ignore[arg-type]
     return empty._replace(
         unit=unit,
@@ -176,4 +180,6 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         received=np.full(n, np.inf),
         orders=mail(n, 1, np.inf),
         report=report_memory(n, speed, expected),
+        learnt=learnt,
+        learning=learning,
     )

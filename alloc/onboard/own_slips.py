@@ -24,18 +24,29 @@ def count_slips(st, m, time):
 
 
 @inlined_jit
-def caps_by_slips(eq, m):
+def caps_by_own_slips(st, m, time):
+    """Where a unit has slipped within the hold time, its cap is what its own slip has shown, and no increment is needed."""
+    told = m.report.line.read
+    for j in range(m.cap.size):
+        if time - told[j, DETECTED] <= st.hold_time:
+            m.cap[j] = told[j, ESTIMATE]
+
+
+@inlined_jit
+def caps_by_slips(st, m, time):
     """(5) from the foremost unit whose slip counts, of which there must be one; others that slipped have what they found.
 
     Units ahead have not slipped: the plan is their cap, as it is without slip (step S216).
     """
-    told, front = m.report.line.read, 0
+    caps_by_own_slips(st, m, time)
+    increment, front = m.learnt.increment, 0
     while m.report.counted[front] == -np.inf:
         front += 1
+    found = m.report.line.read[front, ESTIMATE]
     for j in range(m.cap.size):
         if j < front:
             m.cap[j] = m.train.expected[0]
-        elif j > front and m.report.counted[j] > -np.inf:
-            m.cap[j] = told[j, ESTIMATE]
-        else:
-            m.cap[j] = max(told[front, ESTIMATE] + eq.increment[j] - eq.increment[front], 0.0)
+        elif (
+            j == front or m.report.counted[j] == -np.inf
+        ):  # (5) rounds as it does in the rule as printed
+            m.cap[j] = max(found + increment[j] - increment[front], 0.0)

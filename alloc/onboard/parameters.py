@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
+from alloc.onboard.increment_learning import IncrementLearning, LearntIncrements
 from alloc.onboard.quantity import NOT_IN_FILES, quantity
 from alloc.onboard.reference_speed.parameters import ReferenceSpeed
 from alloc.onboard.sanding import Sanding
@@ -158,6 +159,7 @@ class Belief:
     `increments` None: all zero. JP5484215 (15) gives Shinkansen values. `unit_increments`: increment of each traction unit
     over the foremost one, as learnt; stands in place of `increments`, from which it is otherwise the mean over the
     unit's axles. `unit_deviation`: standard deviation of each unit's cap about the truth, for rules that know risk.
+    `learnt`: with what the train begins that has learnt before; stands in place of all of these.
     `loads`: pay load of each car [kg] in place of the load sensors, as learnt from the train's motion (JP H07-322414).
     `mass_factor`, `resistance_factor`, `coupler_factor`: believed over true empty mass, running resistance, and stiffness of
     the draft gear, as the reference speed's estimate takes them.
@@ -166,6 +168,7 @@ class Belief:
     increments: tuple[float, ...] | None = None
     unit_increments: tuple[float, ...] | None = None
     unit_deviation: tuple[float, ...] | None = None
+    learnt: LearntIncrements | None = None
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     loads: tuple[float, ...] | None = None
     mass_factor: float = 1.0
@@ -204,6 +207,7 @@ class Onboard(BuiltInControllers):
     belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
     braking: Braking = field(default_factory=Braking)
     sanding: Sanding = field(default_factory=Sanding)
+    learning: IncrementLearning = field(default_factory=IncrementLearning)
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
     trigger: Literal["limited", "slip"] = "limited"
     hold_time: float = quantity(5.0, "s")

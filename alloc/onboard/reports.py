@@ -14,10 +14,10 @@ from alloc.onboard.reference_speed.sounding import is_relieved
 from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
 
-DELIVERED, ESTIMATE, LIMITED, SLIPPED, DETECTED = range(5)
+DELIVERED, ESTIMATE, DETECTED, LIMITED, SLIPPED = range(5)
 """What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
-nan before it; what limits it; when it slipped for the last time [s]: a flag would miss slips between two telegrams; when it
-detected its last slip [s]."""
+nan before it; when that was [s], which tells it from the one before; what limits the unit; when it slipped for the last
+time [s]: a flag would miss slips between two telegrams."""
 
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
 """What limits a unit: its target is within reach, the rail, its failure or blindness."""
@@ -47,7 +47,7 @@ class ReportMemory(NamedTuple):
 
 def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
     """Memory at the start of a run: everyone delivers the plan."""
-    own = np.tile([expected, np.nan, 0.0, -np.inf, -np.inf], (units, 1))
+    own = np.tile([expected, np.nan, -np.inf, 0.0, -np.inf], (units, 1))
     line = mail(units, 5, 0.0)
     line.read[:] = own
     return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((3, units), -np.inf))

@@ -142,8 +142,8 @@ def _detect(st, m, j, sign, time, commanded):
         m.lead.slipped[0] = time
     if slipping and not was:
         m.counter.unit_detections[0] += 1
-        m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
-        if commanded != 0.0:
+        if m.in_service[j] and m.unit.axles_seen[j] > 0.0 and commanded != 0.0:
+            m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
             m.report.own[j, DETECTED] = time
         if j == m.lead.unit[0] and commanded != 0.0:
             m.counter.detections[0] += 1

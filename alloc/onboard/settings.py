@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.collection import BUILT_IN, LawSettings, law_settings
 from alloc.onboard.detector import differentiator_gain
+from alloc.onboard.increment_learning import KINDS, LearningSettings
 from alloc.onboard.observer import observer_gains
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
@@ -118,6 +119,7 @@ class Settings(NamedTuple):
     brakes: BrakeSettings
     slide: SlideSettings
     sanding: SandingSettings
+    learning: LearningSettings
 
 
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
@@ -159,4 +161,10 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
         slide=slide_settings(braking.slide_protection, period),
         sanding=filled(SandingSettings, onboard.sanding),
+        learning=filled(
+            LearningSettings,
+            onboard.learning,
+            learner=KINDS[onboard.learning.kind],
+            held=onboard.learning.reference == "held",
+        ),
     )

@@ -1,28 +1,22 @@
 """The table of the sweep `learning` series by series: one train in one running direction, all its stations."""
 
-from typing import get_args
-
 import pandas as pd
 
-from alloc.estimation.increment_data import Reference
 from studies.core.family import Part
+from studies.learning.starts import KINDS, Kind
 
 TOLERANCE = 0.002
 """Largest error of any unit's increment with which it counts as learnt: a tenth of what the increments reach."""
 COARSE = 0.005
 """A second, coarser tolerance, reported beside it."""
-SERIES = ["rail", "stored", "train", "direction"]
+SERIES = [*Kind._fields, "train", "direction"]
 
 
-def _kind(rail: str, stored: str) -> Part:
-    return lambda series: (series["rail"] == rail) & (series["stored"] == stored)
+def _of(kind: Kind) -> Part:
+    return lambda series: (series[list(kind._fields)] == list(kind)).all(axis=1)
 
 
-PARTS: dict[str, Part] = {
-    f"{rail} rail, stored values {stored}": _kind(rail, stored)
-    for rail in ("even", "scattered")
-    for stored in ("too low", "too high")
-}
+PARTS: dict[str, Part] = {kind.words: _of(kind) for kind in KINDS}
 """The kinds of series."""
 
 
@@ -31,7 +25,7 @@ def per_series(table: pd.DataFrame) -> pd.DataFrame:
 
     Means over the second half of the stations of effort, slip time, damage and detections; `error` (largest of a unit),
     `bias` (mean) and `deviation` after the last station; `stations`: station after which the error stays within `TOLERANCE`
-    (nan: never), `coarse` the same for `COARSE`; `excess <reference>`: mean over all data of what they exceed the truth by.
+    (nan: never), `coarse` the same for `COARSE`; `data`: number of them, `excess`: mean of what they exceed the truth by.
     """
     wide: dict[str, pd.Series] = {}
     for arm, rows in table.groupby("arm", sort=False):
@@ -43,12 +37,10 @@ def per_series(table: pd.DataFrame) -> pd.DataFrame:
         for name in ("error", "bias", "deviation"):
             wide[f"{name}, {arm}"] = groups[name].last()
         wide[f"covered, {arm}"] = groups["covered"].mean()
-        for reference in get_args(Reference):
-            data = ordered[f"data_{reference}"]
-            summed = ordered.assign(excess=data * ordered[f"excess_{reference}"]).groupby(SERIES)
-            total = summed[f"data_{reference}"].sum()
-            wide[f"data {reference}, {arm}"] = total
-            wide[f"excess {reference}, {arm}"] = summed["excess"].sum() / total.where(total > 0.0)
+        total = groups["data"].sum()
+        summed = ordered.assign(excess=ordered["data"] * ordered["excess"]).groupby(SERIES)
+        wide[f"data, {arm}"] = total
+        wide[f"excess, {arm}"] = summed["excess"].sum() / total.where(total > 0.0)
         for name, tolerance in (("stations", TOLERANCE), ("coarse", COARSE)):
             wide[f"{name}, {arm}"] = groups[["station", "error"]].apply(_learnt, tolerance)
     return pd.DataFrame(wide).reset_index()

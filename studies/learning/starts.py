@@ -1,30 +1,30 @@
 """Learning the increments of adhesion along the train, station by station (JP5484215, embodiment 2).
 
-A train with wrong increments stored starts from station after station. After each start the data of its slips go to a
-learner, and the next start uses what it has learnt, read from the file in which the train keeps it. Every arm (learner,
-rule, kind of data) meets the same rails with the same noise; trains, directions, rails and kinds of wrong values are
-drawn independently of each other.
+A train with wrong increments stored starts from station after station. In each start the leader learns from the units'
+reports, and the next start begins with what it has learnt, read from the file in which the train keeps it. Every arm
+(learner, rule, kind of data) meets the same rails with the same noise; trains, directions, rails, cases and kinds of wrong
+values are drawn independently of each other.
 """
 
 import tempfile
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.estimation.increment_data import Reference, detections, increment_data
 from alloc.estimation.increments import unit_increments
-from alloc.estimation.learning import DIRECTIONS, GaussianPosterior, load_learning, save_learning
+from alloc.estimation.learning import DIRECTIONS, learnt_in, load_learning, save_learning
 from alloc.event import Event
 from alloc.metrics import METRICS
+from alloc.onboard.equipment import equipment
 from alloc.rules.qp_robust import PROBABILITY
 from alloc.simulation import simulate
-from studies.learning.arms import ARMS, believed_increments, first_learning
+from studies.learning.arms import ARMS
 from studies.scenario.loading import shipped_scenario
 
 Floats = NDArray[np.float64]
@@ -46,14 +46,58 @@ RAILS: dict[str, float] = {"even": 0.0, "scattered": SCATTER}
 STORED: dict[str, float] = {"too low": 0.0, "too high": 2.0}
 """Increments stored at first, as a multiple of the true ones."""
 
+
+class Case(NamedTuple):
+    """What differs from the rule of the patent on a train in which everything works."""
+
+    trigger: Literal["slip", "limited"] = "slip"
+    """The rule is asked at the leader's detection, as printed. Asked while units report that they are limited, it caps each
+    of them by its own mark, and increments count for the others alone: they are learnt, but decide little."""
+    loss: float = 0.0
+    """Share of the telegrams that are lost."""
+    fails: float | None = None
+    """Instant of every start at which the leader's motors fail [s]."""
+
+
+CASES: dict[str, Case] = {
+    "sound": Case(),
+    "telegrams lost": Case(loss=0.2),
+    "leader fails": Case(fails=5.0),
+    "on reports": Case(trigger="limited"),
+}
+"""Cases by name. The leader fails when units have slipped a few times, and another one leads for the rest of the start."""
+
+
+class Kind(NamedTuple):
+    """A kind of series: rail, stored values, case."""
+
+    rail: str
+    stored: str
+    case: str
+
+    @property
+    def words(self) -> str:
+        """Its name."""
+        words = f"{self.rail} rail, stored values {self.stored}"
+        return words if self.case == "sound" else f"{words}, {self.case}"
+
+
+KINDS: tuple[Kind, ...] = (
+    *(Kind(rail, stored, "sound") for rail, stored in product(RAILS, STORED)),
+    Kind("even", "too high", "telegrams lost"),
+    Kind("even", "too high", "leader fails"),
+    Kind("even", "too low", "on reports"),
+    Kind("scattered", "too low", "on reports"),
+)
+"""Kinds of series. Faults are judged where a sound train learns best; reports, where the rule as printed learns nothing."""
+
 METRIC_NAMES = ("effort_ratio", "utilisation", "slip_time", "damage", "unit_detections")
 
 
 class Series(NamedTuple):
     """One train in one arm: both directions, station by station."""
 
-    rail: str
-    stored: str
+    kind: Kind
     arm: str
     train: int
     stations: int
@@ -63,14 +107,13 @@ class Series(NamedTuple):
     @property
     def label(self) -> str:
         """Name for people and files."""
-        label = f"{self.rail}/{self.stored}/{self.arm}/{self.train}"
+        label = "/".join((*self.kind, self.arm, str(self.train)))
         return label.replace(" ", "-").replace(",", "")
 
 
 def series_of_train(train: int, stations: int, seed: int, duration: float) -> list[Series]:
-    """The series of a train in every arm, on each kind of rail, from each kind of wrong values."""
-    kinds = product(RAILS, STORED, ARMS)
-    return [Series(*kind, train, stations, seed, duration) for kind in kinds]
+    """The series of a train in every arm, of each kind."""
+    return [Series(*both, train, stations, seed, duration) for both in product(KINDS, ARMS)]
 
 
 def series_rows(series: Series) -> list[dict[str, Any]]:
@@ -85,55 +128,51 @@ def series_rows(series: Series) -> list[dict[str, Any]]:
 
 
 def _start(series: Series, direction: str, station: int, memory: Path) -> dict[str, Any]:
-    """One start: allocate with what was learnt before, learn from what happens."""
+    """One start: begin with what was learnt before, and keep what is learnt."""
     arm = ARMS[series.arm]
     event, level = station_event(series, direction, station)
     truth = true_unit_increments(event)
-    stored = STORED[series.stored] * truth
+    stored = (1.0 if arm.learner == "truth" else STORED[series.kind.stored]) * truth
     known = load_learning(memory, event.model.train.name)
-    learner = known.get(direction) or first_learning(arm, stored)
-    believed = believed_increments(arm, learner, stored, truth)
-    deviation = learner.deviation() if isinstance(learner, GaussianPosterior) else 0.0 * truth
     belief = replace(
-        event.onboard.belief, unit_increments=tuple(believed.tolist()), unit_deviation=tuple(deviation.tolist())
-    )  # fmt: skip
-    # as printed: it learns from what the foremost unit holds at its slip
-    onboard = replace(event.onboard, belief=belief, trigger="slip")
+        event.onboard.belief, unit_increments=tuple(stored.tolist()), learnt=known.get(direction)
+    )
+    onboard = replace(event.onboard, belief=belief, learning=arm.learning)
+    believed = equipment(event.model, onboard).learnt
     run = simulate(replace(event, onboard=onboard), arm.rule)
-    data = increment_data(run, arm.reference)
-    for datum in data:
-        learner.add(datum.unit, datum.increment)
-    save_learning(memory, event.model.train.name, known | {direction: learner})
-    learnt = believed_increments(arm, learner, stored, truth)
+    learnt = learnt_in(run)
+    save_learning(memory, event.model.train.name, known | {direction: learnt})
     return {
-        **{name: getattr(series, name) for name in ("rail", "stored", "arm", "train")},
+        **series.kind._asdict(),
+        "arm": series.arm,
+        "train": series.train,
         "direction": direction,
         "station": station,
         "level": level,
         "seed": event.seed,
         **{name: float(METRICS[name].function(run)) for name in METRIC_NAMES},
-        **_judged(run, believed, deviation, learnt, truth),
+        **_judged(run, believed.increment, believed.deviation, np.array(learnt.increment), truth),
         **_excess(run, truth),
-        **{f"increment_{j + 1}": float(value) for j, value in enumerate(learnt) if j},
-        **{f"data_{j + 1}": sum(datum.unit == j for datum in data) for j in range(1, truth.size)},
+        **{f"increment_{j + 1}": value for j, value in enumerate(learnt.increment) if j},
     }
 
 
 def station_event(series: Series, direction: str, station: int) -> tuple[Event, float]:
     """The start of a train at a station, and the rail's level there: the same for all arms."""
+    kind = series.kind
     numbers = (
-        series.seed, series.train, list(RAILS).index(series.rail), list(STORED).index(series.stored),
-        DIRECTIONS.index(direction), station,
+        series.seed, series.train, KINDS.index(kind), DIRECTIONS.index(direction), station
     )  # fmt: skip
     event_seed, level_seed = np.random.SeedSequence(numbers).generate_state(2)
     level = LEVEL + HALF_WIDTH * float(np.random.default_rng(level_seed).uniform(-1.0, 1.0))
-    base = shipped_scenario(BASE)
-    rail = base.rail.model_dump() | {"level": level, "scatter": RAILS[series.rail]}
+    base, case = shipped_scenario(BASE), CASES[kind.case]
     changed = base.changed(
-        rail=rail,
+        rail=base.rail.model_dump() | {"level": level, "scatter": RAILS[kind.rail]},
         variation=None,  # drawn here
         duration_s=series.duration,
         reversed=DIRECTIONS.index(direction) > 0,
+        failures=() if case.fails is None else ({"unit": 1, "time_s": case.fails},),
+        onboard={"trigger": case.trigger, "telegrams": {"loss": case.loss}},
     )
     return changed.event(int(event_seed)), level
 
@@ -150,22 +189,23 @@ def _judged(
     """Errors of what was believed and learnt, over the units behind the foremost unit, and their slips."""
     error = (learnt - truth)[1:]
     lowered = believed - float(norm.ppf(PROBABILITY)) * deviation
+    slips = np.diff(run["slipping"].values, axis=0, prepend=0) > 0
     return {
         "error": float(np.abs(error).max()),
         "bias": float(error.mean()),
         "covered": float((truth >= lowered - 1e-12)[1:].mean()),
         "deviation": float(deviation[1:].mean()),
-        "rear_detections": float(sum(onset.size for onset in detections(run)[1:])),
+        "rear_detections": float(slips[:, 1:].sum()),
     }
 
 
 def _excess(run: xr.Dataset, truth: Floats) -> dict[str, float]:
-    """By reference: number of data, and mean and mean square of what they exceed the truth by (nan: no data)."""
-    found: dict[str, float] = {}
-    for reference in get_args(Reference):
-        data = increment_data(run, reference)
-        excess = np.array([datum.increment - truth[datum.unit] for datum in data])
-        found[f"data_{reference}"] = float(excess.size)
-        for name, values in (("excess", excess), ("square", excess**2)):
-            found[f"{name}_{reference}"] = float(values.mean()) if values.size else np.nan
-    return found
+    """Number of data that the leader took, of each unit too, and mean of what they exceed the truth by (nan: no data)."""
+    number = run["increment_data"].values
+    instant, unit = np.nonzero(np.diff(number, axis=0, prepend=0.0) > 0.0)
+    excess = run["increment_datum"].values[instant, unit] - truth[unit]
+    return {
+        "data": float(excess.size),
+        "excess": float(excess.mean()) if excess.size else np.nan,
+        **{f"data_{j + 1}": float(count) for j, count in enumerate(number[-1]) if j},
+    }

@@ -1,14 +1,14 @@
 """What the sweep `learning` says, computed from its table; a series (one train, one direction) is one event."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import pandas as pd
 
-from alloc.estimation.increment_data import Reference
 from studies.core.family import Claim, Test, compared
 from studies.core.statement import Interval, Statement, in_words, mean_interval
 from studies.core.verdict import LEAST_EVENTS, Bound, Numbers, over_cases
+from studies.learning.arms import EXACT
 from studies.learning.series import COARSE, PARTS, TOLERANCE, per_series
 
 LITTLE_EFFORT = 0.01
@@ -153,9 +153,10 @@ def _unbiased(series: pd.DataFrame) -> Statement:
     """Data taken with right caps should lie about the truth; but a unit slips where its rail is below its cap only."""
     numbers: dict[str, Interval] = {}
     met: dict[str, Bound] = {}
-    for reference in get_args(Reference):
-        for rail in series["rail"].unique():
-            excess = series[series["rail"] == rail][f"excess {reference}, truth"]
+    sound = series[series["case"] == "sound"]
+    for reference, arm in EXACT.items():
+        for rail in sound["rail"].unique():
+            excess = sound[sound["rail"] == rail][f"excess, {arm}"]
             interval = mean_interval(excess)
             words = f"{reference} reference, {rail} rail"
             numbers[f"excess over the truth with true increments stored, {words}"] = interval
@@ -163,14 +164,15 @@ def _unbiased(series: pd.DataFrame) -> Statement:
                 case = f"not with {words}: {COEFFICIENT(interval)}"
                 met[case] = Bound("", excess, -TOLERANCE, TOLERANCE)
         for name, part in PARTS.items():
-            rows, never = series[part(series)], f"{reference} reference, never corrected, {name}"
-            for text, quantity in (
-                ("excess over the truth", "excess"),
-                ("data per series", "data"),
-            ):
-                numbers[f"{text}, {never}"] = mean_interval(
-                    rows[f"{quantity} {reference}, no learning"]
-                )
+            words = f"with true increments stored, {reference} reference, {name}"
+            numbers[f"excess over the truth {words}"] = mean_interval(
+                series[part(series)][f"excess, {arm}"]
+            )
+    for name, part in PARTS.items():
+        for text, quantity in (("excess over the truth", "excess"), ("data per series", "data")):
+            numbers[f"{text}, received reference, never corrected, {name}"] = mean_interval(
+                series[part(series)][f"{quantity}, no learning"]
+            )
     return over_cases(
         "unbiased", "the data of slips lie about the truth where the stored increments are right", met, numbers,
         f"holds where the whole interval of the mean excess lies within ±{TOLERANCE:g}", enough=bool(met),
@@ -201,7 +203,7 @@ def _robust(series: pd.DataFrame) -> Claim:
         test, AXLE_SECONDS,
         {
             "slip_time [axle s], robust minus plain": test.quantity(series),
-            **_minus(series, ("effort_ratio", "damage", "rear_detections", "error", "data held"), *arms),
+            **_minus(series, ("effort_ratio", "damage", "rear_detections", "error", "data"), *arms),
             **_minus(series, ("effort_ratio", "slip_time", "rear_detections"), *arms, by_part=True),
         },
         f"both learn by the Gaussian posterior; {LATE}",

@@ -52,7 +52,7 @@ def test_reversed_the_other_end_leads_and_the_increments_follow():
         equipment(build(t, rail), Onboard(belief=Belief(increments=GROWTH)))
         for t in (train, train.reversed())
     )
-    np.testing.assert_array_equal(eq.increment, eq_back.increment)
+    np.testing.assert_array_equal(eq.learnt.increment, eq_back.learnt.increment)
 
 
 @pytest.mark.parametrize(("group", "axles"), [("1C4M", 4), ("1C2M", 2), ("1C1M", 1)])
@@ -67,7 +67,7 @@ def test_increments_are_averaged_over_the_units_own_axles(group, axles):
     assert eq.axles.tolist() == [axles] * (driven // axles)
     for j in range(eq.axles.size):
         own = np.array(GROWTH)[eq.axle_unit == j]
-        assert eq.increment[j] == pytest.approx(own.mean())
+        assert eq.learnt.increment[j] == pytest.approx(own.mean())
 
 
 @pytest.mark.parametrize("group", ["1C4M", "1C2M", "1C1M"])

@@ -5,7 +5,7 @@ import pandas as pd
 
 from alloc.estimation.learning import DIRECTIONS
 from studies.learning.arms import ARMS
-from studies.learning.starts import RAILS, STORED
+from studies.learning.starts import KINDS
 
 
 def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):
@@ -13,26 +13,25 @@ def synthetic(error, effort=None, slip=None, excess=0.0, trains=6, stations=4):
     noise = np.random.default_rng(3)
     effort, slip = effort or {}, slip or {}
     rows = []
-    for rail in RAILS:
-        for stored in STORED:
-            for train in range(trains):
-                for direction in DIRECTIONS:
-                    for arm in ARMS:
-                        for station in range(1, stations + 1):
-                            little = 1e-5 * float(noise.normal())
-                            rows.append({
-                                "rail": rail, "stored": stored, "train": train, "direction": direction,
-                                "arm": arm, "station": station, "error": error(arm, station) + abs(little),
-                                "bias": little, "covered": 1.0, "deviation": 0.005,
-                                "effort_ratio": 0.9 + effort.get(arm, 0.0) + little,
-                                "slip_time": 10.0 + slip.get(arm, 0.0) + little, "damage": 50.0 + little,
-                                "unit_detections": 8.0, "rear_detections": 4.0,
-                                "data_received": 4.0, "excess_received": excess + little, "square_received": 1e-4,
-                                "data_held": 3.0, "excess_held": little, "square_held": 1e-4,
-                            })  # fmt: skip
+    for kind in KINDS:
+        for train in range(trains):
+            for direction in DIRECTIONS:
+                for arm in ARMS:
+                    for station in range(1, stations + 1):
+                        little = 1e-5 * float(noise.normal())
+                        biased = excess if ARMS[arm].reference == "received" else 0.0
+                        rows.append({
+                            **kind._asdict(), "train": train, "direction": direction,
+                            "arm": arm, "station": station, "error": error(arm, station) + abs(little),
+                            "bias": little, "covered": 1.0, "deviation": 0.005,
+                            "effort_ratio": 0.9 + effort.get(arm, 0.0) + little,
+                            "slip_time": 10.0 + slip.get(arm, 0.0) + little, "damage": 50.0 + little,
+                            "unit_detections": 8.0, "rear_detections": 4.0,
+                            "data": 4.0, "excess": biased + little,
+                        })  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def falling(arm, station):
     """Learners halve the error from station to station, the others keep it."""
-    return 0.02 if arm in ("no learning", "truth") else 0.02 * 0.3**station
+    return 0.02 if arm in ("no learning", "truth", "truth, held") else 0.02 * 0.3**station

@@ -11,7 +11,7 @@ from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
 from studies.learning import starts, study
 from studies.learning.arms import ARMS
-from studies.learning.series import PARTS, TOLERANCE, per_series
+from studies.learning.series import PARTS, SERIES, TOLERANCE, per_series
 from studies.learning.study import LEARNING
 from tests.studies.learning_tables import falling, synthetic
 
@@ -36,28 +36,54 @@ def test_the_study_is_known_by_name():
 
 def test_every_arm_meets_the_same_rails_and_others_meet_others(swept):
     _, table = swept
-    assert len(table) == 4 * len(starts.RAILS) * len(starts.STORED) * len(ARMS)
-    keys = ["rail", "stored", "train", "direction", "station"]
-    for _, rows in table.groupby(keys):
+    assert len(table) == 4 * len(starts.KINDS) * len(ARMS)
+    for _, rows in table.groupby([*SERIES, "station"]):
         assert rows["arm"].tolist() == list(ARMS)
         assert rows["seed"].nunique() == rows["level"].nunique() == 1
     assert table["seed"].nunique() == len(table) / len(ARMS)
     assert table["level"].sub(starts.LEVEL).abs().max() <= starts.HALF_WIDTH
 
 
+SAME = ("effort_ratio", "slip_time", "damage", "unit_detections")
+"""What runs have in common that are one and the same."""
+
+
 def test_before_anything_is_learnt_learners_do_what_no_learning_does(swept):
+    """A running mean waits for ten data of a unit, and these starts are short."""
     _, table = swept
     first = table[table["station"] == 1].set_index("arm")
-    for name in ("effort_ratio", "slip_time", "damage", "unit_detections"):
+    for name in SAME:
         kept = first.loc["no learning", name].to_numpy()
-        for arm in ("running mean", "running mean, held", "Gaussian"):
+        for arm in ("running mean", "running mean, held"):
             np.testing.assert_array_equal(first.loc[arm, name].to_numpy(), kept)
+
+
+def test_the_reference_is_of_no_consequence_where_nothing_is_learnt(swept):
+    _, table = swept
+    arms = table.set_index("arm")
+    for name in SAME:
+        found = (arms.loc[arm, name].to_numpy() for arm in ("truth", "truth, held"))
+        np.testing.assert_array_equal(*found)
+
+
+def test_every_case_is_what_its_name_says():
+    kinds = {kind.case: kind for kind in starts.KINDS}
+    lost, failed, reports, sound = (
+        starts.station_event(starts.Series(kinds[case], "truth", 0, 1, 5, SHORT), "forward", 1)[0]
+        for case in ("telegrams lost", "leader fails", "on reports", "sound")
+    )
+    assert [one.onboard.telegrams.loss for one in (lost, failed, reports, sound)] == [0.2, 0, 0, 0]
+    triggers = [one.onboard.trigger for one in (lost, failed, reports, sound)]
+    assert triggers == ["slip", "slip", "limited", "slip"]
+    fails = [one.model.environment.failure_time.min() for one in (lost, failed, reports, sound)]
+    assert fails == [np.inf, 5.0, np.inf, np.inf]
+    assert failed.model.environment.failure_time[1:].min() == np.inf
 
 
 def test_arms_that_do_not_learn_keep_what_they_believe(swept):
     _, table = swept
-    assert np.all(table.loc[table["arm"] == "truth", "error"] == 0.0)
-    kept = table[table["arm"] == "no learning"].groupby(["rail", "stored", "direction"])["error"]
+    assert np.all(table.loc[table["arm"].str.startswith("truth"), "error"] == 0.0)
+    kept = table[table["arm"] == "no learning"].groupby(SERIES)["error"]
     assert np.all(kept.nunique() == 1)
     assert kept.first().min() > 0.02
 
@@ -65,12 +91,11 @@ def test_arms_that_do_not_learn_keep_what_they_believe(swept):
 def test_memory_is_kept_per_direction_in_the_trains_file(swept, tmp_path, monkeypatch):
     _, table = swept
     monkeypatch.setattr(starts.tempfile, "TemporaryDirectory", lambda: nullcontext(str(tmp_path)))
-    starts.series_rows(starts.Series("even", "too high", "Gaussian", 0, 2, 0, SHORT))
+    kind = starts.Kind("even", "too high", "sound")
+    starts.series_rows(starts.Series(kind, "Gaussian", 0, 2, 0, SHORT))
     known = load_learning(tmp_path / "learning.json", "commuter-8car")
     assert set(known) == set(DIRECTIONS)
-    rows = table[
-        (table["arm"] == "Gaussian") & (table["rail"] == "even") & (table["stored"] == "too high")
-    ]
+    rows = table[(table["arm"] == "Gaussian") & (table[[*kind._fields]] == [*kind]).all(axis=1)]
     for direction in DIRECTIONS:
         last = rows[rows["direction"] == direction].iloc[-1]
         columns = [f"increment_{j}" for j in range(2, 5)]

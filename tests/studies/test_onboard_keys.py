@@ -4,6 +4,7 @@ import pickle
 
 import pytest
 
+from alloc.onboard.increment_learning import IncrementLearning
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed.parameters import Sounding
 from alloc.onboard.slide_protection.parameters import (
@@ -41,6 +42,8 @@ def test_defaults_stand(tmp_path):
     assert found.sensors.sensorless_pole is None
     assert found.belief.unit_increments is None
     assert found.trigger == "limited"
+    assert found.learning == IncrementLearning()
+    assert found.learning.kind == "none"
 
 
 def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
@@ -50,6 +53,15 @@ def test_brakes_sensors_and_beliefs_of_units_arrive(tmp_path):
 [onboard]
 trigger = "slip"
 inertia_in_limit = false
+[onboard.learning]
+kind = "gaussian"
+reference = "held"
+first = 4
+further = 2
+stored = 3.0
+noise = 0.02
+deviation = 0.005
+drift = 1e-6
 [onboard.sensors]
 sensorless_pole_per_s = 20.0
 radius_error = 0.002
@@ -102,6 +114,7 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
         "truth", sensor=0.01, creep_speed=2.0, sounding=Sounding(doubt=0.1, time=0.1)
     )
     assert found.trigger == "slip"
+    assert found.learning == IncrementLearning("gaussian", "held", 4, 2, 3.0, 0.02, 0.005, 1e-6)
     assert not found.inertia_in_limit
     assert found.belief.unit_increments == (0.0, 0.004, 0.008, 0.009)
     assert found.belief.unit_deviation == (0.002, 0.003, 0.003, 0.003)
@@ -133,6 +146,10 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
         ("[onboard.reference]\nsensor_kmh = 0.0\n", "sensor = 0.0"),
         ("[onboard.reference.sounding]\ntime_s = -0.1\n", "time = -0.1"),
         ("[onboard.sensors]\nradius_error = -0.1\n", "radius_error = -0.1"),
+        ('[onboard.learning]\nkind = "mean"\n', "onboard.learning.kind.*'running-mean'"),
+        ("[onboard.learning]\nfirst = 0\n", "first = 0 must be a whole number, 1 or greater"),
+        ("[onboard.learning]\nfirst = 2.5\n", "onboard.learning.first"),
+        ("[onboard.learning]\nnoise = 0.0\n", "noise = 0.0"),
     ],
 )
 def test_bad_values_are_refused(tmp_path, text, message):

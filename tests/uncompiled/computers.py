@@ -49,10 +49,14 @@ class Computers:
         self.first = 0
         self.fallen_back = np.zeros(n)
         self.orders = [Line(np.inf) for _ in range(n)]
-        # what each would report: delivered, limited by what, last slip; coefficient and time of the last detection
+        # what each would report: delivered, limited by what, last slip; coefficient at its last detection and when
         self.own = [(expected, "", -math.inf, math.nan, -math.inf)] * n
         self.found = [(math.nan, -math.inf)] * n
         self.counted = [-math.inf] * n
+        self.increment, self.spread = eq.learnt.increment.copy(), eq.learnt.deviation.copy()
+        self.behind, self.new = eq.learnt.behind.copy(), [[] for _ in range(n)]
+        self.stored_anew, self.data = np.zeros(n), []
+        self.heard_of = np.full(n, -np.inf)
         self.reports = [Line(self.own[j]) for j in range(n)]
         self.limited_at, self.by_rail = np.full(n, -np.inf), np.zeros(n, bool)
         self.slipped_at = np.full(n, -np.inf)
@@ -158,8 +162,8 @@ class Computers:
                 self.slipped = time
             if self.slipping[j] and not was:
                 self.counts["unit_detections"] += 1
-                when = time if commanded else self.found[j][1]
-                self.found[j] = (float(np.clip(self.coefficient[j], 0.0, 1.0)), when)
+                if commanded and self.in_service[j] and self.axles_seen[j]:
+                    self.found[j] = (float(np.clip(self.coefficient[j], 0.0, 1.0)), time)
                 if j == self.first and commanded:
                     self.counts["detections"] += 1
                     self.estimate, self.detected = (
@@ -188,6 +192,7 @@ class Computers:
     def report(self, time, tick, commanded, delay, fate, factor, relieved, sliding):
         """`factor`: of the targets; `relieved`: units that are sounded; `sliding`: whose slide protection acts."""
         eq, gain = self.eq, self.st.period / (0.2 + self.st.period)
+        self.relieved = relieved
         self.gained += gain * ((self.reference[0] - self.before) / self.st.period - self.gained)
         self.before = self.reference[0]
         reached = float(np.clip(self.gained / commanded, 0.0, 1.0)) if commanded else 0.0
@@ -202,9 +207,8 @@ class Computers:
                 old, new = self.own[j][0], at_rail[j] / (1.0 + turning[j])
                 by = limited[j] if commanded else ""
                 slipped = time if self.slipping[j] else self.own[j][2]
-                self.own[j] = (old + gain * (new - old), by, slipped, *self.found[j])
-            else:  # nothing is detected while a unit is sounded
-                self.own[j] = (*self.own[j][:3], *self.found[j])
+                self.own[j] = (old + gain * (new - old), by, slipped)
+            self.own[j] = (*self.own[j][:3], *self.found[j])
         self._send(self.reports, self.own, time, tick, delay, fate)
         told = [line.read for line in self.reports]
         self.delivered, by, self.slipped_at, self.told_estimate, self.told_at = map(
@@ -225,7 +229,9 @@ class Computers:
         before = self.first
         working = np.flatnonzero(self.in_service)
         self.first = int(working[0]) if working.size else eq.axles.size - 1
-        self.estimate += eq.increment[self.first] - eq.increment[before]
+        self.estimate += self.increment[self.first] - self.increment[before]
+        if st.learning.learner:
+            self._learn(time)
         on_telegram = tick % st.telegrams.ticks == 0
         if st.rule.own_slips:
             before = list(self.counted)
@@ -237,7 +243,11 @@ class Computers:
         elif st.rule.on_slip:
             active = time - (self.slipped if st.rule.periodic else self.detected) <= st.hold_time
             asked = changed or (on_telegram if st.rule.periodic else self.allocate)
-            self.cap = np.maximum(self.estimate + eq.increment - eq.increment[self.first], 0.0)
+            self.cap = self.estimate + self.increment - self.increment[self.first]
+            self.cap = np.maximum(self.cap, 0.0)
+            if st.learning.learner:
+                recent = time - self.heard_of <= st.hold_time
+                self.cap = np.where(recent, self.told_estimate, self.cap)
         else:
             recent = (time - self.limited_at < 1.0) | ~self.in_service
             active = (recent | (self.limit_max < self.expected)).any()
@@ -253,10 +263,41 @@ class Computers:
     def _caps_of_slips(self):
         slipped = np.isfinite(self.counted)
         front = int(np.flatnonzero(slipped)[0])
-        implied = self.told_estimate[front] + self.eq.increment - self.eq.increment[front]
+        implied = self.told_estimate[front] + self.increment - self.increment[front]
         caps = np.where(slipped, self.told_estimate, np.maximum(implied, 0.0))
         caps[:front] = self.expected
         return caps
+
+    def _learn(self, time):
+        s, first = self.st.learning, self.first
+        asked = self.torque_command[first]
+        follows = asked != 0.0 and self.torque[first] / asked >= 0.5
+        able = self.in_service[first] and self.axles_seen[first] > 0 and not self.relieved[first]
+        base = self.estimate if s.held else self.coefficient[first]
+        for j, line in enumerate(self.reports):
+            shown, at = (self.own[j] if j == first else line.read)[3:]
+            if not at > self.heard_of[j]:
+                continue
+            self.heard_of[j] = at
+            self.allocate |= j != first
+            in_force = time - self.detected <= self.st.hold_time
+            known = in_force if s.held else able and follows
+            if j == first or not known or time - at > self.st.hold_time:
+                continue
+            datum = shown - base + self.increment[first]
+            self.data.append((j, datum))
+            if s.learner == 2:
+                prior, noise = self.spread[j] ** 2 + s.drift, s.noise**2 + self.spread[first] ** 2
+                precision = 1.0 / prior + 1.0 / noise
+                self.increment[j] = (self.increment[j] / prior + datum / noise) / precision
+                self.spread[j] = precision**-0.5
+                continue
+            self.new[j].append(datum)
+            if len(self.new[j]) == (s.further if self.stored_anew[j] else s.first):
+                total = self.increment[j] * self.behind[j] + sum(self.new[j])
+                self.behind[j] += len(self.new[j])
+                self.increment[j] = total / self.behind[j]
+                self.new[j], self.stored_anew[j] = [], self.stored_anew[j] + 1
 
     def _find_caps(self, recent, time):
         eq, st = self.eq, self.st
@@ -280,8 +321,8 @@ class Computers:
         by_front = np.full(recent.size, open_cap)
         sound = np.flatnonzero(recent & self.in_service & self.by_rail)
         if sound.size:
-            base = self.marks[sound[0]] - eq.increment[sound[0]]
-            by_front = np.maximum(base + eq.increment, 0.0)
+            base = self.marks[sound[0]] - self.increment[sound[0]]
+            by_front = np.maximum(base + self.increment, 0.0)
         least = np.minimum(self.marks, np.maximum(self.expected, got))
         free = np.where(self.slips, by_front, np.maximum(by_front, least))
         slipped = time - self.slipped_at <= st.hold_time

@@ -13,6 +13,7 @@ from alloc.onboard.actuation import (
 )
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import equipment
+from alloc.onboard.increment_learning import IncrementLearning
 from alloc.onboard.memory import memory
 from alloc.onboard.parameters import (
     Belief,
@@ -59,6 +60,19 @@ ONBOARDS = {
         replace(ONBOARD, braking=Braking(blend_time=0.3, inertia_in_estimate=False, air_force="command")),
         {}, True,
     ),
+    "running mean": (
+        replace(ONBOARD, learning=IncrementLearning("running-mean", first=2, further=1, stored=3.0)), {}, False,
+    ),
+    "running mean, held": (
+        replace(ONBOARD, learning=IncrementLearning("running-mean", "held", first=1, further=2)), {"coupled": True}, True,
+    ),
+    "gaussian": (
+        replace(
+            ONBOARD, sensors=replace(ONBOARD.sensors, dropouts=LOST), learning=IncrementLearning("gaussian", drift=1e-5)
+        ),
+        {}, False,
+    ),
+    "gaussian, held": (replace(ONBOARD, learning=IncrementLearning("gaussian", "held")), {}, False),
 }  # fmt: skip
 
 
@@ -128,11 +142,16 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
         compare(m, twin, {"delivered": m.delivered, "limited": m.limited, "slips": m.slipping,
                           "limited_at": m.report.limited_at, "slipped_at": m.report.slipped_at,
                           "by_rail": m.by_rail})  # fmt: skip
+        # the leader knows whether it is sounded when it compares
+        m.estimate.sounding.share[:] = 1.0 - 0.5 * relieved
         needed = prepare_allocation(eq, st, m, time, tick, commanded, failed)
+        m.estimate.sounding.share[:] = 1.0
         assert needed == twin.prepare(time, tick, commanded, failed)
         asked += needed
         compare(m, twin, {"cap": m.cap, "first": m.lead.unit[0], "estimate": m.lead.estimate[0],
-                          "marks": m.shown, "open_to": m.open_to})  # fmt: skip
+                          "marks": m.shown, "open_to": m.open_to, "increment": m.learnt.increment,
+                          "spread": m.learnt.deviation, "heard_of": m.learning.taken_at})  # fmt: skip
+        agree("number of data", m.learning.series.increment_data.sum(), len(twin.data))
         if needed and trigger == "limited":
             agree("most", m.most, twin.most)
         if needed:  # any answer will do
@@ -169,6 +188,7 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
         brake_receiver(eq, st, m, tick, braking, pressure, valve)
         agree("pressure", pressure, twin.pressures(braking))
     assert asked > 2
+    assert (len(twin.data) > 5) >= ("held" in case)
 
 
 def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():

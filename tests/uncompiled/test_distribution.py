@@ -7,6 +7,7 @@ import pytest
 
 from alloc.onboard.distribution import KEPT, PROBE, prepare_allocation
 from alloc.onboard.equipment import equipment
+from alloc.onboard.increment_learning import NO_LEARNING
 from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.settings import RuleSettings, settings
@@ -28,6 +29,7 @@ def train_memory(first=0, estimate=0.10, units=3):
         in_service=np.arange(units) >= first,
         limit_max=np.full(units, np.inf),
         shown=np.full(units, np.inf),
+        learnt=SimpleNamespace(increment=np.array([0.01, 0.03, 0.06])[:units]),
         open_to=np.full(units, np.inf),
         by_rail=np.ones(units, bool),
         limited=np.zeros(units, bool),
@@ -50,13 +52,12 @@ def rules(**choices):
         "own_slips": False,
     }
     return SimpleNamespace(
-        hold_time=5.0, rise_time=1.0, period=0.01,
+        hold_time=5.0, rise_time=1.0, period=0.01, learning=SimpleNamespace(learner=NO_LEARNING),
         rule=SimpleNamespace(**kind | choices), telegrams=SimpleNamespace(ticks=10),
     )  # fmt: skip
 
 
 EQUIPMENT = SimpleNamespace(
-    increment=np.array([0.01, 0.03, 0.06]),
     axles=np.full(3, 4.0),
     mass=np.array([1.0, 0.8, 1.2]),
     own_inertia=np.zeros(3),

@@ -9,24 +9,24 @@ from alloc.onboard.own_slips import caps_by_slips, count_slips
 from alloc.onboard.reports import DETECTED, ESTIMATE
 
 PLAN, HOLD = 0.16, 5.0
-EQUIPMENT = SimpleNamespace(increment=np.array([0.01, 0.03, 0.06, 0.07]))
+INCREMENTS = SimpleNamespace(increment=np.array([0.01, 0.03, 0.06, 0.07]))
 SETTINGS = SimpleNamespace(hold_time=HOLD)
 
 
 def heard(**slips):
     """Memory of a leader that has heard of slips: `u1=(0.12, 3.0)` is unit 1, which found 0.12 at 3 s."""
-    read = np.tile([PLAN, np.nan, 0.0, -np.inf, -np.inf], (4, 1))
+    read = np.tile([PLAN, np.nan, -np.inf, 0.0, -np.inf], (4, 1))
     for unit, (estimate, detected) in slips.items():
         read[int(unit[1:]), [ESTIMATE, DETECTED]] = estimate, detected
     report = SimpleNamespace(line=SimpleNamespace(read=read), counted=np.full(4, -np.inf))
     train = SimpleNamespace(expected=np.array([PLAN]))
-    return SimpleNamespace(report=report, train=train, cap=np.zeros(4))
+    return SimpleNamespace(report=report, train=train, learnt=INCREMENTS, cap=np.zeros(4))
 
 
 def caps(time, **slips):
     memory = heard(**slips)
     assert count_slips(SETTINGS, memory, time) == (True, True)
-    caps_by_slips(EQUIPMENT, memory)
+    caps_by_slips(SETTINGS, memory, time)
     return memory.cap
 
 

@@ -112,7 +112,7 @@ def test_a_unit_that_is_sounded_says_what_it_said_before(train):
     train.m.unit.coefficient_estimate[:] = 0.01
     train.m.unit.slipping[:] = 1.0
     own = train.write()
-    assert own[1].tolist() == [PLAN, pytest.approx(np.nan, nan_ok=True), 0.0, -np.inf, -np.inf]
+    assert own[1].tolist() == [PLAN, pytest.approx(np.nan, nan_ok=True), -np.inf, 0.0, -np.inf]
     assert own[0, DELIVERED] < PLAN
     assert own[[0, 2, 3], LIMITED].all()
     assert own[[0, 2, 3], SLIPPED].tolist() == [0.0] * 3

@@ -1,0 +1,237 @@
+"""Learning the increments of adhesion along the train on board, JP5484215 embodiment 2: from reports, in the run.
+
+A datum is the coefficient at a slip of unit j less that of the leader, the foremost unit that works. A report tells the
+instant of the unit's last detection again and again, so a lost telegram delays a datum, and none counts twice.
+Stored are increments over the foremost unit of all. Where another one leads, what it has over that unit is added: so a
+change of the leader changes no difference between units.
+"""
+
+import math
+from dataclasses import astuple, dataclass, fields
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from alloc.compilation import equation, inlined_jit
+from alloc.errors import OnboardError
+from alloc.onboard.quantity import quantity
+from alloc.onboard.reference_speed.sounding import is_relieved
+from alloc.onboard.reports import DETECTED, ESTIMATE
+from alloc.plant.model import Floats
+
+NO_LEARNING, RUNNING_MEAN, GAUSSIAN = range(3)
+KINDS = {"none": NO_LEARNING, "running-mean": RUNNING_MEAN, "gaussian": GAUSSIAN}
+"""Learners by name."""
+
+FOLLOWS = 0.5
+"""Share of the command that the leader's torque must reach, else its own coefficient is that of motors that have failed: the
+train knows of that only some telegrams later."""
+
+
+@dataclass(frozen=True)
+class IncrementLearning:
+    """Whether and how the leader learns the increments.
+
+    `kind`: "running-mean", (16) and (17): new data of a unit wait until there are `first` of them (N_min), later `further`
+    (N_arg); `stored`: N_z of the increments believed at first. "gaussian": a prior per unit of standard `deviation` about
+    what is believed, where `Belief.unit_deviation` says nothing, and data that scatter by `noise`; `drift`: variance that
+    every datum's passing adds, so that the train can follow the seasons. `reference`: the leader's coefficient when the
+    report arrives, "received", as par. 0064 says; where it does not slip then, this is what it delivers and not what its
+    rail could carry. Or that of its own last slip, "held", as long as this is in force. JP5484215 names no numbers: `first`,
+    `further`, `stored` and `deviation` are assumed, the latter as half of what the increments reach; `noise` is the scatter
+    of par. 0055.
+    """
+
+    kind: Literal["none", "running-mean", "gaussian"] = "none"
+    reference: Literal["received", "held"] = "received"
+    first: int = 10
+    further: int = 5
+    stored: float = quantity(10.0, "1")
+    noise: float = quantity(0.012, "1")
+    deviation: float = quantity(0.010, "1")
+    drift: float = quantity(0.0, "1")
+
+    def __post_init__(self) -> None:
+        OnboardError.check_choice("learning", "kind", self.kind, KINDS)
+        OnboardError.check_choice("learning", "reference", self.reference, ("received", "held"))
+        numbers = ("stored", "noise", "deviation", "drift")
+        OnboardError.check("learning", self, ("noise",), ("stored", "deviation", "drift"))
+        OnboardError.check_finite("learning", self, numbers)
+        for name in ("first", "further"):
+            number = getattr(self, name)
+            if not isinstance(number, int) or number < 1:
+                raise OnboardError(
+                    f"learning: {name} = {number!r} must be a whole number, 1 or greater"
+                )
+
+
+@dataclass(frozen=True)
+class LearntIncrements:
+    """What a train has learnt so far, a number per traction unit from the front: it begins its next run with this.
+
+    `increment` over the foremost unit and its `deviation`; `behind`: N_z, the data behind it; `waiting_sum`, `waiting`: sum
+    and number of the data that wait for (16); `updates`: how often (17) was used.
+    """
+
+    increment: tuple[float, ...]
+    deviation: tuple[float, ...]
+    behind: tuple[float, ...]
+    waiting_sum: tuple[float, ...]
+    waiting: tuple[float, ...]
+    updates: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in fields(self)]
+        if len({len(values) for values in astuple(self)}) > 1:
+            raise OnboardError(
+                f"learnt increments: {', '.join(names)} must have a number per traction unit each"
+            )
+        signed = ("increment", "waiting_sum")
+        OnboardError.check(
+            "learnt increments",
+            self,
+            nonnegative=[f"{name}[]" for name in names if name not in signed],
+            finite=[f"{name}[]" for name in signed],
+        )
+        if not all(math.isfinite(value) for values in astuple(self) for value in values):
+            raise OnboardError("learnt increments: every number must be finite")
+
+
+class LearningSettings(NamedTuple):
+    """As `IncrementLearning`."""
+
+    learner: int
+    held: bool
+    first: int
+    further: int
+    noise: float
+    drift: float
+
+
+class Increments(NamedTuple):
+    """As `LearntIncrements`, (units,) each; they are those believed where nothing is learnt."""
+
+    increment: Floats
+    deviation: Floats
+    behind: Floats
+    waiting_sum: Floats
+    waiting: Floats
+    updates: Floats
+
+
+class LearningSeries(NamedTuple):
+    """What is recorded of learning, (units,) each; a field is a name in `alloc.recorded_variables.VARIABLES`."""
+
+    increment: Floats
+    increment_data: Floats
+    increment_datum: Floats
+
+
+class LearningMemory(NamedTuple):
+    """What the leader remembers of the units' slips, (units,) unless said otherwise."""
+
+    series: LearningSeries
+    block: Floats  # (fields, units): the same numbers, to be recorded by one copy
+    taken_at: Floats  # instant of the unit's last detection that the leader has heard of [s]
+
+
+def first_increments(
+    learning: IncrementLearning,
+    learnt: LearntIncrements | None,
+    increment: Floats,
+    deviation: tuple[float, ...] | None,
+) -> Increments:
+    """What the leader begins with: what was learnt, else `increment` (units,) as believed, and its `deviation` if known.
+
+    Where it learns, increments are those over the foremost unit; otherwise only their differences count.
+    """
+    if learnt is not None:
+        return Increments(*(np.array(values, dtype=float) for values in astuple(learnt)))
+    if learning.kind != "none":
+        increment = increment - increment[:1]
+    empty = np.zeros((4, increment.size))
+    empty[0] = learning.stored if learning.kind == "running-mean" else 0.0
+    if deviation is not None:
+        return Increments(increment, np.array(deviation, dtype=float), *empty)
+    spread = np.zeros_like(increment)
+    if learning.kind == "gaussian":
+        spread[1:] = learning.deviation  # the foremost unit has none over itself
+    return Increments(increment, spread, *empty)
+
+
+def learning_memory(believed: Increments) -> tuple[Increments, LearningMemory]:
+    """Memory at the start of a run: copies of what is believed, and no data."""
+    block = np.zeros((len(LearningSeries._fields), believed.increment.size))
+    block[0], block[2] = believed.increment, np.nan
+    series = LearningSeries(*block)
+    learnt = Increments(series.increment, *(values.copy() for values in believed[1:]))
+    return learnt, LearningMemory(series, block, np.full(believed.increment.size, -np.inf))
+
+
+@equation
+def running_mean(increment, behind, waiting_sum, waiting):
+    """(16), (17): the stored increment, `behind` data behind it, after `waiting` new data of the sum `waiting_sum`."""
+    mean = waiting_sum / waiting  # (16)
+    return (increment * behind + mean * waiting) / (behind + waiting)  # (17)
+
+
+@equation
+def gaussian_posterior(increment, deviation, datum, noise, drift):
+    """Posterior mean and standard deviation after a datum that scatters by `noise` about the true increment."""
+    prior = deviation**2 + drift
+    gain = prior / (prior + noise**2)
+    return increment + gain * (datum - increment), ((1.0 - gain) * prior) ** 0.5
+
+
+@inlined_jit
+def take_datum(learning, k, j, datum, leader):
+    """Learn from a datum of unit `j`, an increment over the foremost unit of all; `leader`: unit it was compared with."""
+    if learning.learner == GAUSSIAN:
+        # it is as uncertain as what the leader itself has over the foremost unit
+        noise = np.sqrt(learning.noise**2 + k.deviation[leader] ** 2)
+        k.increment[j], k.deviation[j] = gaussian_posterior(
+            k.increment[j], k.deviation[j], datum, noise, learning.drift
+        )
+        k.behind[j] += 1.0
+        return
+    k.waiting_sum[j] += datum
+    k.waiting[j] += 1.0
+    if k.waiting[j] >= (learning.further if k.updates[j] > 0.0 else learning.first):
+        k.increment[j] = running_mean(k.increment[j], k.behind[j], k.waiting_sum[j], k.waiting[j])
+        k.behind[j] += k.waiting[j]
+        k.waiting_sum[j] = k.waiting[j] = 0.0
+        k.updates[j] += 1.0
+
+
+@inlined_jit
+def _leader_knows(st, m, time):
+    """Whether the leader has a coefficient to compare with; while it is blind, sounded or failed it finds none."""
+    first = m.lead.unit[0]
+    if st.learning.held:
+        return time - m.lead.detected[0] <= st.hold_time
+    asked = m.unit.torque_command[first]
+    able = m.unit.axles_seen[first] > 0.0 and not is_relieved(m, first)
+    return able and asked != 0.0 and m.torque[first] / asked >= FOLLOWS
+
+
+@inlined_jit
+def learn_increments(st, m, time):
+    """Take the detections of which reports have told since the last period; own slips call for an allocation too.
+
+    A detection that is older than the hold time, or of which the leader hears while it knows no coefficient, is no datum.
+    """
+    first, knows = m.lead.unit[0], _leader_knows(st, m, time)
+    reference = m.lead.estimate[0] if st.learning.held else m.unit.coefficient_estimate[first]
+    for j in range(m.cap.size):
+        told = m.report.own if j == first else m.report.line.read
+        if not told[j, DETECTED] > m.learning.taken_at[j]:
+            continue
+        m.learning.taken_at[j] = told[j, DETECTED]
+        if j == first:
+            continue
+        m.lead.allocate[0] = True
+        if knows and time - told[j, DETECTED] <= st.hold_time:
+            datum = told[j, ESTIMATE] - reference + m.learnt.increment[first]
+            m.learning.series.increment_data[j] += 1.0
+            m.learning.series.increment_datum[j] = datum
+            take_datum(st.learning, m.learnt, j, datum, first)
