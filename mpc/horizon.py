@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.plant.structure import Floats
-from mpc.condensing import AxleTerms, Cost, CostWeights, UnitTerms
+from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.settings import MpcSettings
 from mpc.unit_model import (
     Units,
