@@ -12,6 +12,7 @@ import numpy as np
 from numba import boolean, float64, int64, void
 
 from alloc.by_reference import ByReference
+from alloc.plant.simd import WIDTH, load, spread, total
 from alloc.plant.structure import Floats, Ints
 from mpc.arrays import MATRIX, VECTOR, sweep
 
@@ -68,17 +69,16 @@ WORKSPACE = ByReference(box_workspace(0)).kind
 
 @sweep(float64(VECTOR, VECTOR, int64))
 def dot(a, b, size):
-    """Sum of the products of the first `size` entries; four sums, which do not wait for each other."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    whole = size - size % 4
-    for k in range(0, whole, 4):
-        s0 += a[k] * b[k]
-        s1 += a[k + 1] * b[k + 1]
-        s2 += a[k + 2] * b[k + 2]
-        s3 += a[k + 3] * b[k + 3]
+    """Sum of the products of the first `size` entries."""
+    whole, result = size - size % WIDTH, 0.0
+    if whole > 0:
+        sums = spread(0.0)
+        for k in range(0, whole, WIDTH):
+            sums = sums + load(a, k) * load(b, k)
+        result = total(sums)
     for k in range(whole, size):
-        s0 += a[k] * b[k]
-    return (s0 + s1) + (s2 + s3)
+        result += a[k] * b[k]
+    return result
 
 
 @sweep(void(MATRIX, int64, float64, WORKSPACE))
