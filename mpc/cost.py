@@ -13,7 +13,7 @@ divided by the unit's axles. The penalty of slip is a soft constraint with its s
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64
+from numba import float64, int64
 
 from alloc.by_reference import ByReference
 from alloc.plant.structure import Floats
@@ -73,26 +73,33 @@ COST = ByReference(
 ).kind
 
 
-@sweep(float64(MATRIX, VECTOR, COST))
-def trajectory_cost(nodes, torques, terms):
-    """Cost of `nodes` (horizon + 1, states) under `torques` (horizon * units,)."""
+@sweep(float64(int64, float64, MATRIX, VECTOR, COST))
+def cost_up_to(k, cost, nodes, torques, terms):
+    """`cost` of the steps before step `k` and its own, of `nodes` (horizon + 1, states) under `torques`."""
     slip_matrix, axle, unit, weights = terms.slip_matrix, terms.axle, terms.unit, terms.weights
     axles, states = slip_matrix.shape
     units = unit.target.size
+    missed = 0.0
+    for j in range(units):
+        u, scale, share = torques[k * units + j], unit.scale[j], unit.share[j]
+        last = unit.before[j] if k == 0 else torques[(k - 1) * units + j]
+        missed += share * (u - unit.target[j]) / scale
+        change, uneven = (u - last) / scale, (u - unit.reference[j]) / scale
+        cost += share * (weights.rate * change * change + weights.evenness * uneven * uneven)
+    cost += weights.tracking * missed * missed
+    for i in range(axles):
+        slip = -axle.slip_limit[i]
+        for j in range(states):
+            slip += slip_matrix[i, j] * nodes[k + 1, j]
+        excess = max(slip, 0.0) / weights.slip_scale
+        cost += weights.slip * axle.share[i] * excess * excess
+    return cost
+
+
+@sweep(float64(MATRIX, VECTOR, COST))
+def trajectory_cost(nodes, torques, terms):
+    """Cost of `nodes` (horizon + 1, states) under `torques` (horizon * units,)."""
     cost = 0.0
     for k in range(nodes.shape[0] - 1):
-        missed = 0.0
-        for j in range(units):
-            u, scale, share = torques[k * units + j], unit.scale[j], unit.share[j]
-            last = unit.before[j] if k == 0 else torques[(k - 1) * units + j]
-            missed += share * (u - unit.target[j]) / scale
-            change, uneven = (u - last) / scale, (u - unit.reference[j]) / scale
-            cost += share * (weights.rate * change * change + weights.evenness * uneven * uneven)
-        cost += weights.tracking * missed * missed
-        for i in range(axles):
-            slip = -axle.slip_limit[i]
-            for j in range(states):
-                slip += slip_matrix[i, j] * nodes[k + 1, j]
-            excess = max(slip, 0.0) / weights.slip_scale
-            cost += weights.slip * axle.share[i] * excess * excess
+        cost = cost_up_to(k, cost, nodes, torques, terms)
     return cost

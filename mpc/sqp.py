@@ -14,7 +14,7 @@ from alloc.plant.structure import Floats
 from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep
 from mpc.box_qp import BoxWorkspace, box_workspace, solve_box_qp
 from mpc.condensing import Quadratic, add_second_order, condense, quadratic
-from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, trajectory_cost
+from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, cost_up_to, trajectory_cost
 from mpc.reflection import EigenWorkspace, eigen_workspace, reflect
 from mpc.shooting import (
     Linearised,
@@ -219,15 +219,20 @@ def step(p):
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
-    guess, rules = p.guess, p.rules
+    guess, rules, units = p.guess, p.rules, p.terms.unit.scale.size
     for _ in range(trials):
         for i in range(p.now.state.size):
             guess.nodes[0, i] = p.now.state[i]
-        simulate(
-            slope_at(p.model.slope), guess.trial, p.now.parameters, rules.step, rules.substeps,
-            guess.nodes, guess.scratch,
-        )  # fmt: skip
-        lower = trajectory_cost(guess.nodes, guess.trial, p.terms) <= cost
+        reached, k = 0.0, 0
+        while k + 1 < guess.nodes.shape[0] and reached <= cost:  # costs only add up
+            torque = guess.trial[k * units : (k + 1) * units]
+            simulate(
+                slope_at(p.model.slope), torque, p.now.parameters, rules.step, rules.substeps,
+                guess.nodes[k : k + 2], guess.scratch,
+            )  # fmt: skip
+            reached = cost_up_to(k, reached, guess.nodes, guess.trial, p.terms)
+            k += 1
+        lower = reached <= cost
         for i in range(guess.trial.size):
             if lower:
                 guess.torques[i] = guess.trial[i]
@@ -267,8 +272,8 @@ def iterate(done, most, p):
         if not step(p):
             return cost, residual, done, NO_SOLUTION
         trials, known = HALVINGS + 1, False
-        if not near and done < most:
-            # most steps are taken whole, and the next one begins with their derivatives
+        if not near and done == 1 and most > 1:
+            # nearly every first step is taken whole, and the second begins with its derivatives; later ones seldom are
             linearise_at(guess.trial, p)
             known = trajectory_cost(p.around.nodes, guess.trial, p.terms) <= cost
             for i in range(guess.trial.size):

@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
+from numba.core.runtime import _nrt_python
 
 import mpc.unit_controller
 from alloc.simulation import simulate
@@ -11,7 +13,7 @@ from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
-from tests.mpc.groups import car_of_four, problem
+from tests.mpc.groups import car_of_four, problem, small_cars
 
 SETTINGS = MpcSettings()
 
@@ -65,3 +67,26 @@ def test_a_deadline_far_away_changes_nothing_that_counts(context, random_problem
         at_once, one_by_one = solutions
         assert at_once.iterations == one_by_one.iterations
         np.testing.assert_allclose(at_once.torques, one_by_one.torques, rtol=1e-9)
+
+
+@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
+def test_the_compiled_step_allocates_nothing(exact):
+    group = small_cars(2)
+    settings = replace(SETTINGS, exact_hessian=exact, tolerance=0.0)
+    solver, data = RealTimeIteration(group, settings, 0.05), problem(group, 1)
+    solver.restart(data.before)
+    solver.take(data)
+    _nrt_python.memsys_enable_stats()
+    before = _nrt_python.memsys_get_stats_alloc()
+    np.testing.assert_array_equal(_new(3), 0.0)
+    assert _nrt_python.memsys_get_stats_alloc() > before, "allocations are counted"
+    before = _nrt_python.memsys_get_stats_alloc()
+    end = solver._iterate(0, 5, solver._period)
+    assert _nrt_python.memsys_get_stats_alloc() == before
+    assert end[2] == 5
+    _nrt_python.memsys_disable_stats()
+
+
+@numba.njit
+def _new(size):
+    return np.zeros(size)

@@ -160,22 +160,28 @@ def test_a_step_minimises_the_quadratic_model_within_the_bounds():
 def test_a_step_that_would_raise_the_cost_is_halved(monkeypatch):
     made, seen = _period(), []
 
-    def cost(nodes, torques, terms):
-        seen.append(torques[0])
-        return abs(torques[0] - 8.0)
+    def cost(k, before, nodes, torques, terms):
+        seen.append((k, torques[0]))
+        return before + 0.5 * abs(torques[0] - 8.0)  # over the two steps of the horizon
 
     monkeypatch.setattr(sqp, "simulate", lambda *_: None)
     monkeypatch.setattr(sqp, "slope_at", lambda address: None)
-    monkeypatch.setattr(sqp, "trajectory_cost", cost)
+    monkeypatch.setattr(sqp, "cost_up_to", cost)
     made.now.state[:] = 7.0
     guess, trials = made.guess, sqp.HALVINGS + 1
     for allowed, halvings in ((4.0, 0), (1.0, 2), (0.99, 3), (4.0 / 2**12, 12)):
         guess.torques[:], guess.trial[:] = 8.0, 12.0
         seen.clear()
         assert sqp.search(allowed, trials, made)
-        assert len(seen) == halvings + 1
+        assert len({torque for _, torque in seen}) == halvings + 1
+        assert seen[-2:] == [(k, guess.torques[0]) for k in (0, 1)]
         assert guess.torques.tolist() == [8.0 + 4.0 / 2**halvings] * 4
     assert guess.nodes[0] == 7.0
+    # what costs too much already is followed no further
+    guess.torques[:], guess.trial[:] = 8.0, 12.0
+    seen.clear()
+    assert sqp.search(1.0, trials, made)
+    assert seen == [(0, 12.0), (0, 10.0), (1, 10.0), (0, 9.0), (1, 9.0)]
     guess.torques[:], guess.trial[:] = 8.0, 12.0
     assert not sqp.search(3.9 / 2**12, trials, made)
     assert guess.torques.tolist() == [8.0] * 4
