@@ -21,7 +21,7 @@ from mpc.unit_model import (
 
 
 class HorizonProblem(NamedTuple):
-    """Data of the problem of one control period; the cost is that of `mpc.condensing`."""
+    """Data of the problem of one control period; the cost is that of `mpc.cost`."""
 
     state: Floats
     """State of the model now, (axles + 1 + units,)."""
