@@ -15,7 +15,7 @@ from alloc.plant.structure import Ints
 from mpc.compiled_model import CompiledModel, compiled_model
 from mpc.generated import compile_source, function_source
 from mpc.shooting import Nonzeros
-from mpc.unit_model import CONSTANTS, UnitModel, Units, cars_of, group_of, unit_model, unloading
+from mpc.unit_model import UnitModel, Units, cars_of, group_of, unit_model, unloading
 
 
 class _Block(NamedTuple):
@@ -34,31 +34,35 @@ class _Block(NamedTuple):
 
 
 _GATHER = """
-    x, u = np.empty({n} + 1 + {m}), np.empty({m})
-    p, f = np.empty({size}), np.empty({n} + 1 + {m})
+    x, u = on_stack({states}), on_stack({m})
+    p, f = on_stack({size}), on_stack({states})
     for c in range({cars}):
         a, j = {axle} + c * {n}, {unit} + c * {m}
         x[0] = state[0]
-        x[1 : 1 + {n}] = state[1 + a : 1 + a + {n}]
-        x[1 + {n} :] = state[1 + {axles} + j : 1 + {axles} + j + {m}]
-        u[:] = torque[j : j + {m}]
-        p[:{n}] = parameters[a : a + {n}]
         # the body's mass, and its weight on the gradient, count once
         p[{n}] = parameters[{axles}] if a == 0 else 0.0
         p[{n} + 1] = parameters[{axles} + 1]
-        for k in range({constants}):
-            first = {axles} + 2 + k * {units} + j
-            p[{n} + 2 + k * {m} : {n} + 2 + (k + 1) * {m}] = parameters[first : first + {m}]
         curve = {axles} + 2 + {constants} * {units}
         rest = {n} + 2 + {constants} * {m}
-        p[rest : rest + 6] = parameters[curve : curve + 6]
-        if {transfer}:
-            p[rest + 6 :] = parameters[curve + 6 + a : curve + 6 + a + {n}]
+        for i in range({n}):
+            x[1 + i] = state[1 + a + i]
+            p[i] = parameters[a + i]
+            if {transfer}:
+                p[rest + 6 + i] = parameters[curve + 6 + a + i]
+        for i in range({m}):
+            x[1 + {n} + i] = state[1 + {axles} + j + i]
+            u[i] = torque[j + i]
+            for k in range({constants}):
+                p[{n} + 2 + k * {m} + i] = parameters[{axles} + 2 + k * {units} + j + i]
+        for i in range(6):
+            p[rest + i] = parameters[curve + i]
 """
 _SCATTER = """
         slopes[0] += f[0]
-        slopes[1 + a : 1 + a + {n}] = f[1 : 1 + {n}]
-        slopes[1 + {axles} + j : 1 + {axles} + j + {m}] = f[1 + {n} :]
+        for i in range({n}):
+            slopes[1 + a + i] = f[1 + i]
+        for i in range({m}):
+            slopes[1 + {axles} + j + i] = f[1 + {n} + i]
 """
 _SLOPE = "        slope_{b}(x, u, p, f)" + _SCATTER
 _RATE = (
@@ -67,8 +71,10 @@ _RATE = (
 )
 _CURVATURE = """        e = {upper} + c * {uppers}
         f[0] = weights[0]
-        f[1 : 1 + {n}] = weights[1 + a : 1 + a + {n}]
-        f[1 + {n} :] = weights[1 + {axles} + j : 1 + {axles} + j + {m}]
+        for i in range({n}):
+            f[1 + i] = weights[1 + a + i]
+        for i in range({m}):
+            f[1 + {n} + i] = weights[1 + {axles} + j + i]
         curvature_{b}(x, u, p, f, nonzeros[e : e + {uppers}])
 """
 _FUNCTIONS = (
@@ -101,10 +107,12 @@ def _source(blocks: list[_Block], axles: int, units: int) -> str:
     for name, outputs, template in _FUNCTIONS:
         body = "    slopes[0] = 0.0\n" if "slopes" in outputs else ""
         for b, block in enumerate(blocks):
+            n, m = block.model.axles, block.model.units
+            size = block.model.parameters.numel()
             body += (_GATHER + template).format(
-                b=b, n=block.model.axles, m=block.model.units, size=block.model.parameters.numel(),
-                cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
-                constants=len(CONSTANTS), transfer=block.transfer, nonzero=block.nonzero,
+                b=b, n=n, m=m, size=size,
+                states=block.model.states, cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
+                constants=(size - n - 8 - n * block.transfer) // m, transfer=block.transfer, nonzero=block.nonzero,
                 nonzeros=block.cell.nonzeros.row.size, upper=block.upper,
                 uppers=block.cell.nonzeros.upper_row.size,
             )  # fmt: skip

@@ -1,67 +1,20 @@
-"""The cost of a trajectory and its condensed quadratic model in the torques, compiled.
-
-Of one unit or a group. With U_j the torque scale of unit j, w_j its share of the group's mass, and sums over the units:
-
-cost = sum over the horizon of tracking (sum w_j (u_j - target_j) / U_j)^2 + rate sum w_j ((u_j - u_j before) / U_j)^2
-     + evenness sum w_j ((u_j - reference_j) / U_j)^2
-     + slip sum over the axles of share (max(0, slip - limit) / slip scale)^2 at the step's end.
-
-So the group's total effort is tracked, whoever gives it; evenness alone says who. An axle's share is that of its unit,
-divided by the unit's axles. The penalty of slip is a soft constraint with its slack eliminated. Unknowns are u_j / U_j.
-"""
+"""The cost's quadratic model in the torques alone, compiled: the states are condensed away. Unknowns are u_j / U_j."""
 
 from typing import NamedTuple
 
-from numba import float64, void
+import numpy as np
+from numba import boolean, int64, void
 
-from alloc.plant.structure import Floats
-from mpc.shooting import CUBE, LINEARISED, MATRIX, VECTOR, record, sweep
-
-
-class CostWeights(NamedTuple):
-    """Weights of the cost's terms."""
-
-    tracking: float
-    slip: float
-    rate: float
-    evenness: float
-    slip_scale: float
-    """[m/s]"""
-
-
-class UnitTerms(NamedTuple):
-    """What the cost takes of each unit, (units,) each; torques in N m."""
-
-    target: Floats
-    before: Floats
-    reference: Floats
-    scale: Floats
-    """Torque scale."""
-    share: Floats
-    """Of the group's mass."""
-
-
-class AxleTerms(NamedTuple):
-    """What the cost takes of each axle, (axles,) each."""
-
-    slip_limit: Floats
-    """[m/s]"""
-    share: Floats
-    """Of the penalty."""
-
-
-class Cost(NamedTuple):
-    """The cost of one problem."""
-
-    slip_matrix: Floats
-    """Slip velocity of each axle by the state, (axles, states)."""
-    axle: AxleTerms
-    unit: UnitTerms
-    weights: CostWeights
+from alloc.by_reference import ByReference
+from alloc.plant.simd import WIDTH, load, padded, spread, store
+from alloc.plant.structure import Floats, Ints
+from mpc.arrays import CUBE, MATRIX, VECTOR, sweep
+from mpc.cost import COST
+from mpc.shooting import LINEARISED
 
 
 class Quadratic(NamedTuple):
-    """The cost's quadratic model in the scaled torques; `condense` fills it."""
+    """The cost's quadratic model in the scaled torques; `condense` fills it. `size`: horizon * units, in whole blocks."""
 
     hessian: Floats
     """(horizon * units, horizon * units)"""
@@ -70,44 +23,34 @@ class Quadratic(NamedTuple):
     adjoint: Floats
     """Derivative of the cost to go by the node, (horizon + 1, states)."""
     influence: Floats
-    """Derivative of the nodes by the torques, (horizon + 1, states, horizon * units)."""
-    row: Floats
-    """Scratch, (axles, horizon * units)."""
+    """Derivative of the nodes by the torques, (horizon + 1, states, size); a node's later torques stay zero."""
+    excess: Floats
+    """Derivative of the axles' penalised slips, over their root weight, (horizon * axles, size); scratch."""
+    ends: Ints
+    """Number of torques before the node of each row of `excess`, (horizon * axles,)."""
+    tile: Floats
+    """Scratch, (`ROWS`, `WIDTH`)."""
 
 
-COST = record(
-    Cost,
-    MATRIX,
-    record(AxleTerms, *[VECTOR] * 2),
-    record(UnitTerms, *[VECTOR] * 5),
-    record(CostWeights, *[float64] * 5),
-)
-QUADRATIC = record(Quadratic, MATRIX, VECTOR, MATRIX, CUBE, MATRIX)
+ROWS = 4
+"""Rows of the Hessian that are summed up together: enough sums that none waits for another."""
 
 
-@sweep(float64(MATRIX, VECTOR, COST))
-def trajectory_cost(nodes, torques, terms):
-    """Cost of `nodes` (horizon + 1, states) under `torques` (horizon * units,)."""
-    slip_matrix, axle, unit, weights = terms
-    axles, states = slip_matrix.shape
-    units = unit.target.size
-    cost = 0.0
-    for k in range(nodes.shape[0] - 1):
-        missed = 0.0
-        for j in range(units):
-            u, scale, share = torques[k * units + j], unit.scale[j], unit.share[j]
-            last = unit.before[j] if k == 0 else torques[(k - 1) * units + j]
-            missed += share * (u - unit.target[j]) / scale
-            change, uneven = (u - last) / scale, (u - unit.reference[j]) / scale
-            cost += share * (weights.rate * change * change + weights.evenness * uneven * uneven)
-        cost += weights.tracking * missed * missed
-        for i in range(axles):
-            slip = -axle.slip_limit[i]
-            for j in range(states):
-                slip += slip_matrix[i, j] * nodes[k + 1, j]
-            excess = max(slip, 0.0) / weights.slip_scale
-            cost += weights.slip * axle.share[i] * excess * excess
-    return cost
+def quadratic(horizon: int, states: int, axles: int, units: int) -> Quadratic:
+    """Room for a quadratic model."""
+    n = horizon * units
+    return Quadratic(
+        hessian=np.zeros((n, n)),
+        gradient=np.zeros(n),
+        adjoint=np.zeros((horizon + 1, states)),
+        influence=np.zeros((horizon + 1, states, padded(n))),
+        excess=np.zeros((horizon * axles, padded(n))),
+        ends=np.zeros(horizon * axles, dtype=np.int64),
+        tile=np.zeros((ROWS, WIDTH)),
+    )
+
+
+QUADRATIC = ByReference(quadratic(0, 0, 0, 0)).kind
 
 
 @sweep(void(VECTOR, COST, QUADRATIC))
@@ -117,7 +60,9 @@ def _torque_terms(torques, terms, out):
     hessian, gradient = out.hessian, out.gradient
     units = unit.target.size
     horizon = torques.size // units
-    hessian[:] = 0.0
+    for m in range(torques.size):
+        for n in range(torques.size):
+            hessian[m, n] = 0.0
     for k in range(horizon):
         missed = 0.0
         for j in range(units):
@@ -141,59 +86,126 @@ def _torque_terms(torques, terms, out):
                 hessian[here - units, here] -= rate
 
 
-@sweep(void(LINEARISED, VECTOR, COST, QUADRATIC))
-def condense(around, torques, terms, out):
-    """Fill `out` with the Gauss-Newton model of the cost by u / U `around` a trajectory under `torques`."""
-    nodes, sensitivity = around.nodes, around.sensitivity
-    slip_matrix, axle, unit, weights = terms
-    hessian, gradient, adjoint, influence, row = out
+@sweep(int64(LINEARISED, COST, QUADRATIC))
+def _slip_slopes(around, terms, out):
+    """Fill the adjoint with what the slips beyond their limit cost by the nodes; returns the last node with such slip."""
+    slip_matrix, axle, adjoint = terms.slip_matrix, terms.axle, out.adjoint
     axles, states = slip_matrix.shape
-    units, size = unit.target.size, torques.size
-    horizon = size // units
-    _torque_terms(torques, terms, out)
-    adjoint[:] = 0.0
-    influence[0] = 0.0
-    for k in range(horizon):
-        before, known = k * units, (k + 1) * units
-        for i in range(states):
-            for m in range(size):
-                influence[k + 1, i, m] = 0.0
-            for j in range(units):
-                moved = sensitivity[k, i, states + j] * unit.scale[j]
-                influence[k + 1, i, before + j] = moved
-            for j in range(states):
-                value = sensitivity[k, i, j]
-                if value != 0.0:
-                    for m in range(before):
-                        influence[k + 1, i, m] += value * influence[k, j, m]
+    last = 0
+    for j in range(states):
+        adjoint[0, j] = 0.0
+    for k in range(1, adjoint.shape[0]):
+        for j in range(states):
+            adjoint[k, j] = 0.0
         for i in range(axles):
             slip = -axle.slip_limit[i]
             for j in range(states):
-                slip += slip_matrix[i, j] * nodes[k + 1, j]
+                slip += slip_matrix[i, j] * around.nodes[k, j]
+            if not slip <= 0.0:  # what is no number must surface
+                last = k
+                weight = 2.0 * terms.weights.slip * axle.share[i] / terms.weights.slip_scale**2
+                for j in range(states):
+                    adjoint[k, j] += weight * slip * slip_matrix[i, j]
+    return last
+
+
+@sweep(void(LINEARISED, COST, int64, QUADRATIC))
+def _influence(around, terms, last, out):
+    """Fill the influence of the torques on the nodes up to the node `last`."""
+    sensitivity, influence, scale = around.sensitivity, out.influence, terms.unit.scale
+    states, units = influence.shape[1], scale.size
+    for k in range(last):
+        before, known = k * units, (k + 1) * units
+        now, then = influence[k], influence[k + 1]
+        for i in range(states):
+            moved = sensitivity[k, i]
+            for m in range(0, known, WIDTH):
+                change = spread(0.0)
+                for j in range(states):
+                    change = change + moved[j] * load(now[j], m)
+                store(then[i], m, change)
+            for j in range(units):
+                then[i, before + j] = moved[states + j] * scale[j]
+
+
+@sweep(int64(LINEARISED, COST, int64, QUADRATIC))
+def _penalised(around, terms, last, out):
+    """Fill `excess` for the axles beyond their limit up to the node `last`, node by node; returns their number."""
+    slip_matrix, axle, excess = terms.slip_matrix, terms.axle, out.excess
+    axles, states = slip_matrix.shape
+    size, units = excess.shape[1], terms.unit.scale.size
+    number = 0
+    for k in range(1, last + 1):
+        for i in range(axles):
+            slip = -axle.slip_limit[i]
+            for j in range(states):
+                slip += slip_matrix[i, j] * around.nodes[k, j]
             if slip <= 0.0:
                 continue
-            w_slip = 2.0 * weights.slip * axle.share[i] / weights.slip_scale**2
-            for m in range(known):
-                row[i, m] = 0.0
-            for j in range(states):
-                value = slip_matrix[i, j]
-                if value != 0.0:
-                    adjoint[k + 1, j] += w_slip * slip * value
-                    for m in range(known):
-                        row[i, m] += value * influence[k + 1, j, m]
-            for m in range(known):
-                part = w_slip * row[i, m]
-                for n in range(m, known):
-                    hessian[m, n] += part * row[i, n]
-    for k in range(horizon - 1, -1, -1):
+            weight = 2.0 * terms.weights.slip * axle.share[i] / terms.weights.slip_scale**2
+            root, row = np.sqrt(weight), excess[number]
+            for m in range(0, size, WIDTH):
+                change = spread(0.0)
+                if m < k * units:
+                    for j in range(states):
+                        if slip_matrix[i, j] != 0.0:
+                            value = root * slip_matrix[i, j]
+                            change = change + value * load(out.influence[k, j], m)
+                store(row, m, change)
+            out.ends[number] = k * units
+            number += 1
+    return number
+
+
+@sweep(void(int64, QUADRATIC))
+def _add_products(number, out):
+    """Add to the Hessian's upper half the squares of the first `number` rows of `excess`."""
+    hessian, excess, tile = out.hessian, out.excess, out.tile
+    size, first = hessian.shape[0], 0
+    for n in range(0, size, WIDTH):
+        while first < number and out.ends[first] <= n:
+            first += 1
+        for m in range(0, min(n + WIDTH, size), ROWS):
+            s0, s1, s2, s3 = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+            for r in range(first, number):
+                row = excess[r]
+                columns = load(row, n)
+                s0 = s0 + row[m] * columns
+                s1 = s1 + row[m + 1] * columns
+                s2 = s2 + row[m + 2] * columns
+                s3 = s3 + row[m + 3] * columns
+            store(tile[0], 0, s0)
+            store(tile[1], 0, s1)
+            store(tile[2], 0, s2)
+            store(tile[3], 0, s3)
+            for a in range(min(ROWS, size - m)):
+                for b in range(max(m + a - n, 0), min(WIDTH, size - n)):
+                    hessian[m + a, n + b] += tile[a, b]
+
+
+@sweep(void(LINEARISED, VECTOR, COST, boolean, QUADRATIC))
+def condense(around, torques, terms, exact, out):
+    """Fill `out` with the Gauss-Newton model of the cost by u / U `around` a trajectory under `torques`.
+
+    `exact`: `add_second_order` follows, and needs the influence on nodes that nothing is asked of.
+    """
+    sensitivity, scale = around.sensitivity, terms.unit.scale
+    hessian, gradient, adjoint = out.hessian, out.gradient, out.adjoint
+    states, units = adjoint.shape[1], scale.size
+    horizon = adjoint.shape[0] - 1
+    _torque_terms(torques, terms, out)
+    last = _slip_slopes(around, terms, out)
+    _influence(around, terms, horizon if exact else last, out)
+    _add_products(_penalised(around, terms, last, out), out)
+    for k in range(last, 0, -1):
         for j in range(states):
-            for i in range(units):
-                own = adjoint[k + 1, j] * sensitivity[k, j, states + i]
-                gradient[k * units + i] += own * unit.scale[i]
-        for j in range(states):
-            for i in range(states):
-                adjoint[k, i] += sensitivity[k, j, i] * adjoint[k + 1, j]
-    for m in range(size):
+            owed, moved = adjoint[k, j], sensitivity[k - 1, j]
+            if owed != 0.0:
+                for i in range(units):
+                    gradient[(k - 1) * units + i] += owed * moved[states + i] * scale[i]
+                for i in range(states):
+                    adjoint[k - 1, i] += moved[i] * owed
+    for m in range(hessian.shape[0]):
         for n in range(m):
             hessian[m, n] = hessian[n, m]
 

@@ -45,7 +45,7 @@ import numpy as np
 from numba import float64, types, void
 
 from alloc.plant.operations import absolute, atan, exp, maximum, minimum, sine, sqrt
-from mpc.shooting import VECTOR, sweep
+from mpc.arrays import VECTOR, on_stack, sweep
 '''
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.plant.structure import Floats
-from mpc.condensing import AxleTerms, Cost, CostWeights, UnitTerms
+from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.settings import MpcSettings
 from mpc.unit_model import (
     Units,
@@ -21,7 +21,7 @@ from mpc.unit_model import (
 
 
 class HorizonProblem(NamedTuple):
-    """Data of the problem of one control period; the cost is that of `mpc.condensing`."""
+    """Data of the problem of one control period; the cost is that of `mpc.cost`."""
 
     state: Floats
     """State of the model now, (axles + 1 + units,)."""

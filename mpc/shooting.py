@@ -5,15 +5,18 @@ peak is strongly stable and slip beyond it grows by a factor of three or so over
 states as unknowns too.
 
 Torques of several units lie step by step in one vector (horizon * units,), so that a single unit has no dimension more.
+Sensitivities are rows of whole blocks of `alloc.plant.simd.WIDTH` numbers, to be taken a block at a time.
 """
 
-from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from numba import float64, int64, types, void
+import numpy as np
+from numba import float64, int64, void
 
-from alloc.compilation import FASTMATH, compiled
+from alloc.by_reference import ByReference
+from alloc.plant.simd import WIDTH, load, padded, spread, store
 from alloc.plant.structure import Floats, Ints
+from mpc.arrays import CUBE, CURVATURE, MATRIX, RATE, SLOPE, VECTOR, sweep
 
 
 class Nonzeros(NamedTuple):
@@ -27,46 +30,69 @@ class Nonzeros(NamedTuple):
     upper_column: Ints
 
 
-class Linearised(NamedTuple):
-    """A trajectory and its derivatives; `linearise` fills it.
+class RowOrder(NamedTuple):
+    """The Jacobian's nonzeros row by row."""
 
-    An evaluation is one of the model; a Runge-Kutta step has four.
+    start: Ints
+    """Place in the next two at which each row begins, and the end, (states + 1,)."""
+    number: Ints
+    """Number of the nonzero, (nonzeros,)."""
+    column: Ints
+
+
+class Linearised(NamedTuple):
+    """A trajectory and its derivatives; `linearise` fills it. `width` stands for states + units, in whole blocks.
+
+    An evaluation is one of the model; a Runge-Kutta step has four. Only the second derivatives need all of them; else two
+    suffice, which take turns.
     """
 
     nodes: Floats
     """(horizon + 1, states)"""
     sensitivity: Floats
-    """Of each node to the node and the torques before, (horizon, states, states + units)."""
+    """Of each node to the node and the torques before, (horizon, states, width)."""
     points: Floats
     """Where the model was evaluated, (evaluations, states)."""
     jacobians: Floats
     """Nonzeros, (evaluations, nonzeros)."""
     spread: Floats
-    """Sensitivity of each point, (evaluations, states, states + units)."""
+    """Sensitivity of each point and of the torques, (evaluations, states + units, width)."""
+    slope: Floats
+    """Scratch, (2, states)."""
+    change: Floats
+    """Scratch, (states, width)."""
 
 
-def record(kind: type, *fields: Any) -> Any:
-    """Numba's type of the named tuple `kind` with these types of `fields`."""
-    return types.BaseTuple.from_types(fields, kind)
+def row_order(nonzeros: Nonzeros, states: int) -> RowOrder:
+    """The nonzeros of the Jacobian of `states` slopes, row by row."""
+    number = np.argsort(nonzeros.row, kind="stable")
+    start = np.searchsorted(nonzeros.row[number], np.arange(states + 1))
+    return RowOrder(start.astype(np.int64), number.astype(np.int64), nonzeros.column[number])
 
 
-VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
-INDEX = int64[::1]
-NONZEROS = record(Nonzeros, INDEX, INDEX, INDEX, INDEX)
-LINEARISED = record(Linearised, MATRIX, CUBE, MATRIX, MATRIX, CUBE)
-SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
-"""Model: (state, torque of each unit, parameters, slope)."""
-RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
-"""Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
-CURVATURE = RATE
-"""Second derivatives: (state, torque, parameters, weights of the slopes, nonzeros of the upper Hessian)."""
-
-
-def sweep(signature):
-    """Decorator of a compiled sweep; the signature is given, for the model is an argument of it."""
-    return partial(
-        compiled, signature=signature, error_model="numpy", fastmath=FASTMATH, nogil=True
+def linearised(
+    horizon: int, evaluations: int, states: int, units: int, nonzeros: int
+) -> Linearised:
+    """Room for a trajectory and its derivatives."""
+    width = padded(states + units)
+    around = Linearised(
+        nodes=np.zeros((horizon + 1, states)),
+        sensitivity=np.zeros((horizon, states, width)),
+        points=np.zeros((evaluations, states)),
+        jacobians=np.zeros((evaluations, nonzeros)),
+        spread=np.zeros((evaluations, states + units, width)),
+        slope=np.zeros((2, states)),
+        change=np.zeros((states, width)),
     )
+    for j in range(states, states + units):
+        around.spread[:, j, j] = 1.0  # a torque is constant over a step of the horizon
+    return around
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+NONZEROS = ByReference(Nonzeros(_NONE, _NONE, _NONE, _NONE)).kind
+ROW_ORDER = ByReference(RowOrder(_NONE, _NONE, _NONE)).kind
+LINEARISED = ByReference(linearised(0, 0, 0, 0, 0)).kind
 
 
 @sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))
@@ -81,10 +107,11 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
     for k in range(horizon):
         torque = torques[k * units : (k + 1) * units]
         now = nodes[k + 1]
-        now[:] = nodes[k]
+        for i in range(states):
+            now[i] = nodes[k, i]
         for _ in range(substeps):
-            point[:] = now
-            total[:] = now
+            for i in range(states):
+                point[i] = total[i] = now[i]
             for stage in range(4):
                 model(point, torque, parameters, slope)
                 ahead = step if stage == 2 else 0.5 * step
@@ -92,57 +119,54 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
                 for i in range(states):
                     point[i] = now[i] + ahead * slope[i]
                     total[i] += share * slope[i]
-            now[:] = total
+            for i in range(states):
+                now[i] = total[i]
 
 
-@sweep(void(RATE, NONZEROS, VECTOR, VECTOR, float64, int64, LINEARISED, CUBE))
-def linearise(model, nonzeros, torques, parameters, step, substeps, out, scratch):
-    """As `simulate`, and fill `out` with the derivatives too; `scratch` (3, states, states + units)."""
-    row, column = nonzeros.row, nonzeros.column
-    nodes, sensitivity, points = out.nodes, out.sensitivity, out.points
-    jacobians, spread = out.jacobians, out.spread
-    horizon, states, width = sensitivity.shape
-    units = width - states
-    slope = scratch[2, 0, :states]
-    change, total_change = scratch[0], scratch[1]
-    total = scratch[2, 1, :states]
+@sweep(void(RATE, ROW_ORDER, VECTOR, VECTOR, float64, int64, LINEARISED))
+def linearise(model, order, torques, parameters, step, substeps, out):
+    """As `simulate`, and fill `out` with the derivatives too."""
+    points, jacobians, change = out.points, out.jacobians, out.change
+    slope, total = out.slope[0], out.slope[1]
+    horizon, states, width = out.sensitivity.shape
+    units = torques.size // horizon
     e = 0
     for k in range(horizon):
         torque = torques[k * units : (k + 1) * units]
-        now, moved = nodes[k + 1], sensitivity[k]
-        now[:] = nodes[k]
-        moved[:] = 0.0
+        now, moved = out.nodes[k + 1], out.sensitivity[k]
         for i in range(states):
+            now[i] = out.nodes[k, i]
+            for m in range(0, width, WIDTH):
+                store(moved[i], m, spread(0.0))
             moved[i, i] = 1.0
         for _ in range(substeps):
-            total[:] = now
-            total_change[:] = moved
-            points[e] = now
-            spread[e] = moved
+            for i in range(states):
+                total[i] = now[i]
+                points[e, i] = now[i]
+                for m in range(0, width, WIDTH):
+                    store(change[i], m, load(moved[i], m))
+                    store(out.spread[e, i], m, load(moved[i], m))
             for stage in range(4):
-                model(points[e], torque, parameters, slope, jacobians[e])
-                change[:] = 0.0
-                for j in range(row.size):
-                    i, c, value = row[j], column[j], jacobians[e, j]
-                    if c >= states:
-                        change[i, c] += value
-                    else:
-                        for m in range(width):
-                            change[i, m] += value * spread[e, c, m]
+                nonzeros, here = jacobians[e], out.spread[e]
+                model(points[e], torque, parameters, slope, nonzeros)
+                e = e + 1 if e + 1 < points.shape[0] else 0
+                ahead = step if stage == 2 else 0.5 * step
                 share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for i in range(states):
                     total[i] += share * slope[i]
-                    for m in range(width):
-                        total_change[i, m] += share * change[i, m]
-                e += 1
-                if stage < 3:
-                    ahead = step if stage == 2 else 0.5 * step
-                    for i in range(states):
+                    if stage < 3:
                         points[e, i] = now[i] + ahead * slope[i]
-                        for m in range(width):
-                            spread[e, i, m] = moved[i, m] + ahead * change[i, m]
-            now[:] = total
-            moved[:] = total_change
+                    for m in range(0, width, WIDTH):
+                        rate = spread(0.0)
+                        for q in range(order.start[i], order.start[i + 1]):
+                            rate = rate + nonzeros[order.number[q]] * load(here[order.column[q]], m)
+                        store(change[i], m, load(change[i], m) + share * rate)
+                        if stage < 3:
+                            store(out.spread[e, i], m, load(moved[i], m) + ahead * rate)
+            for i in range(states):
+                now[i] = total[i]
+                for m in range(0, width, WIDTH):
+                    store(moved[i], m, load(change[i], m))
 
 
 @sweep(
@@ -161,7 +185,7 @@ def second_order(
     """
     row, column = nonzeros.row, nonzeros.column
     upper_row, upper_column = nonzeros.upper_row, nonzeros.upper_column
-    points, jacobians, spread = around.points, around.jacobians, around.spread
+    points, jacobians, places = around.points, around.jacobians, around.spread
     horizon, width, _ = hessians.shape
     states = adjoint.shape[1]
     units = width - states
@@ -171,7 +195,9 @@ def second_order(
     for k in range(horizon - 1, -1, -1):
         torque = torques[k * units : (k + 1) * units]
         whole = hessians[k]
-        whole[:] = 0.0
+        for m in range(width):
+            for n in range(width):
+                whole[m, n] = 0.0
         for i in range(states):
             owed[i] = adjoint[k + 1, i]
         for s in range(substeps - 1, -1, -1):
@@ -198,15 +224,13 @@ def second_order(
                     a, b, value = upper_row[j], upper_column[j], values[j]
                     if value == 0.0:
                         continue
-                    # a torque is constant over the step: its own row of the spread would be one of the identity
                     factor = value if a != b else 0.5 * value
                     for m in range(width):
-                        left = spread[e, a, m] if a < states else (1.0 if m == a else 0.0)
-                        right = spread[e, b, m] if b < states else (1.0 if m == b else 0.0)
+                        left, right = places[e, a, m], places[e, b, m]
                         for n in range(m, width):
-                            left_n = spread[e, a, n] if a < states else (1.0 if n == a else 0.0)
-                            right_n = spread[e, b, n] if b < states else (1.0 if n == b else 0.0)
-                            whole[m, n] += factor * (left * right_n + right * left_n)
+                            whole[m, n] += factor * (
+                                left * places[e, b, n] + right * places[e, a, n]
+                            )
             for i in range(states):
                 owed[i] = base_owed[i]
         for m in range(width):

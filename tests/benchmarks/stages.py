@@ -1,7 +1,7 @@
 """The horizon's problem stage by stage, on CasADi's symbols: the form that solvers of optimal control take.
 
 The last torque joins the state, so that its change is the business of one stage; everything is divided by its scale,
-so that a tolerance means the same for every unknown. The problem itself is that of `mpc.condensing`.
+so that a tolerance means the same for every unknown. The problem itself is that of `mpc.cost`.
 """
 
 from typing import NamedTuple

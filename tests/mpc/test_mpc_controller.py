@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mpc.settings import MpcSettings, PeakBelief
+from mpc.sqp import NO_EIGENVALUES, NO_SOLUTION
 from mpc.unit_controller import MpcController
 
 READINGS = ("speed", "torque", "target", "drive_limit", "omega")
@@ -103,38 +104,16 @@ def test_lateness_fails(context, make_sense):
     assert decision.solve_time > 0.0
 
 
-class _Failing:
-    """A QP solver that finds nothing."""
-
-    def update(self, **_):
-        return 0
-
-    def solve(self):
-        return np.full(20, np.nan), np.nan, -1, {}
-
-
-class _Raising:
-    def __init__(self, error):
-        self.error = error
-
-    def update(self, **_):
-        raise self.error("broken")
-
-
-def no_eigenvalues(_):
-    raise np.linalg.LinAlgError("did not converge")
-
-
-@pytest.mark.parametrize("status", ["QP flag -1", "LinAlgError: did not converge"])
-def test_solver_failure_fails_and_does_not_stick(context, make_sense, monkeypatch, status):
+@pytest.mark.parametrize(
+    ("end", "status"),
+    [(NO_SOLUTION, "QP not solved"), (NO_EIGENVALUES, "eigenvalues not found")],
+)
+def test_solver_failure_fails_and_does_not_stick(context, make_sense, monkeypatch, end, status):
     controller = MpcController(context, MpcSettings(exact_hessian=True))
     slipping = make_sense(slip=0.3, torque=600.0)
     assert controller.decide(make_sense()).ok
     with monkeypatch.context() as broken:
-        if status.startswith("QP"):
-            broken.setattr(controller._solver, "_solver", _Failing())
-        else:
-            broken.setattr(np.linalg, "eigh", no_eigenvalues)
+        broken.setattr(controller._solver, "_iterate", lambda *_: (1.0, 1.0, 1, end))
         decision = controller.decide(slipping)
     assert not decision.ok
     assert decision.status == status
@@ -143,8 +122,11 @@ def test_solver_failure_fails_and_does_not_stick(context, make_sense, monkeypatc
 
 @pytest.mark.parametrize("error", [RuntimeError, TypeError, ValueError, ZeroDivisionError])
 def test_a_fault_of_the_program_is_raised(context, make_sense, monkeypatch, error):
+    def fails(*_):
+        raise error("broken")
+
     controller = MpcController(context)
-    monkeypatch.setattr(controller._solver, "_solver", _Raising(error))
+    monkeypatch.setattr(controller._solver, "_iterate", fails)
     with pytest.raises(error, match="broken"):
         controller.decide(make_sense(slip=0.3, torque=600.0))
 

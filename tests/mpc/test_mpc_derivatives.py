@@ -4,13 +4,14 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from mpc.condensing import condense, trajectory_cost
+from alloc.by_reference import ByReference
+from mpc.cost import trajectory_cost
 from mpc.horizon import cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.shooting import simulate
 from mpc.unit_model import unit_model
 from tests.benchmarks.unit_step import step_function
+from tests.mpc.parts import cost_of_torques, model_at_guess
 
 SETTINGS = MpcSettings(horizon=6, exact_hessian=True)
 
@@ -18,18 +19,7 @@ SETTINGS = MpcSettings(horizon=6, exact_hessian=True)
 def _linearised(context, problem, seed):
     solver = RealTimeIteration(context, SETTINGS)
     solver.torques[:] = np.random.default_rng(seed).uniform(100.0, 900.0, SETTINGS.horizon)
-    solver._linearise(problem)
-    return solver
-
-
-def _cost(solver, problem, torques):
-    nodes = np.zeros_like(solver._now.nodes)
-    nodes[0] = problem.state
-    simulate(
-        solver._model.slope, torques, problem.parameters, solver._small_step, solver._substeps,
-        nodes, solver._rows,
-    )  # fmt: skip
-    return trajectory_cost(nodes, torques, solver._terms)
+    return solver, model_at_guess(solver, problem)
 
 
 def _central(function, x, width):
@@ -49,18 +39,22 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
     model = unit_model(context)
     for seed in range(4):
         problem = random_problem(context, seed)
-        solver = _linearised(context, problem, seed)
-        step = step_function(model, SETTINGS.step, solver._substeps)
+        solver, _ = _linearised(context, problem, seed)
+        around = solver.period.around
+        step = step_function(model, SETTINGS.step, solver.period.rules.substeps)
         x, u, p = model.state, model.torque, model.parameters
         end = step(x, u, p)
         jacobian = cs.Function("jacobian", [x, u, p], [cs.jacobian(end, cs.vertcat(x, u))])
         for k in range(SETTINGS.horizon):
-            arguments = (solver._now.nodes[k], solver.torques[k], problem.parameters)
+            arguments = (around.nodes[k], solver.torques[k], problem.parameters)
             np.testing.assert_allclose(
-                solver._now.nodes[k + 1], np.asarray(step(*arguments)).ravel(), rtol=1e-12
+                around.nodes[k + 1], np.asarray(step(*arguments)).ravel(), rtol=1e-12
             )
             np.testing.assert_allclose(
-                solver._now.sensitivity[k], np.asarray(jacobian(*arguments)), rtol=1e-8, atol=1e-10
+                around.sensitivity[k, :, : model.states + 1],
+                np.asarray(jacobian(*arguments)),
+                rtol=1e-8,
+                atol=1e-10,
             )
 
 
@@ -69,16 +63,16 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
 def test_gradient_equals_finite_differences_of_the_cost(make_context, random_problem, curve, seed):
     context = make_context(curve)
     problem = random_problem(context, seed)
-    solver = _linearised(context, problem, seed)
-    scale = solver._scale
+    solver, quadratic = _linearised(context, problem, seed)
+    scale = solver.period.guess.scale
 
     def cost(scaled):
-        return _cost(solver, problem, scaled * scale)
+        return cost_of_torques(solver, problem, scaled * scale)
 
     expected = _central(cost, solver.torques / scale, 1e-5)
     assert np.abs(expected).max() > 0.1
     # central differences: 1e-5 squared, times the third derivatives that kinks leave undefined
-    np.testing.assert_allclose(solver._quadratic.gradient, expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(quadratic.gradient, expected, rtol=1e-5, atol=1e-6)
 
 
 def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, random_problem):
@@ -87,17 +81,15 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
         state=np.array([10.0, *[10.01 / 0.43] * 4, 100.0]), slip_limit=np.zeros(4)
     )
     problem.parameters[:4] = 0.4
-    solver = _linearised(context, problem, 0)
+    solver, _ = _linearised(context, problem, 0)
     solver.torques[:] = 100.0
-    solver._linearise(problem)
-    scale = solver._scale
-    hessian = solver._quadratic.hessian.copy()
+    hessian = model_at_guess(solver, problem).hessian.copy()
+    scale = solver.period.guess.scale
     assert np.linalg.eigvalsh(hessian)[0] > 0.0
 
     def gradient(scaled):
         solver.torques[:] = scaled * scale
-        solver._linearise(problem)
-        return solver._quadratic.gradient.copy()
+        return model_at_guess(solver, problem).gradient.copy()
 
     expected = _central(gradient, 100.0 / scale, 1e-3)
     np.testing.assert_allclose(hessian, expected, rtol=1e-6, atol=1e-8)
@@ -105,34 +97,30 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
 
 @pytest.mark.parametrize("seed", [1, 3, 5])
 def test_exact_hessian_equals_finite_differences_of_the_gradient(
-    make_context, random_problem, seed, monkeypatch
+    make_context, random_problem, seed
 ):
     # Polach's curve is smooth, so that the second derivative exists along the whole trajectory
     context = make_context("polach")
     # and a slip limit below any slip, so that the penalty is smooth too
     problem = random_problem(context, seed)._replace(slip_limit=np.full(4, -1.0))
-    solver = _linearised(context, problem, seed)
-    scale = solver._scale
+    solver, quadratic = _linearised(context, problem, seed)
+    scale = solver.period.guess.scale
     start = solver.torques / scale
-    identity = np.eye(SETTINGS.horizon)
-    monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
-    solver._make_exact(problem)
-    hessian = solver._quadratic.hessian.copy()
+    gauss_newton = quadratic.hessian.copy()
+    hessian = model_at_guess(solver, problem, exact=True).hessian.copy()
 
     def gradient(scaled):
         solver.torques[:] = scaled * scale
-        solver._linearise(problem)
-        return solver._quadratic.gradient.copy()
+        return model_at_guess(solver, problem).gradient.copy()
 
     expected = _central(gradient, start, 1e-5)
-    gauss_newton = (solver._linearise(problem), solver._quadratic.hessian)[1]
     assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
     np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 def test_cost_is_the_documented_sum(context):
     # nodes without slip: only tracking and rate are left
-    terms = cost_of(context, SETTINGS, 0.2)
+    terms = ByReference(cost_of(context, SETTINGS, 0.2))
     terms.slip_matrix[:] = 0.0
     axle, unit = terms.axle, terms.unit
     torques = np.array([100.0, 300.0])
@@ -151,8 +139,9 @@ def test_cost_is_the_documented_sum(context):
 
 def test_condensing_leaves_no_state_from_call_to_call(context, random_problem):
     problem = random_problem(context, 1)
-    solver = _linearised(context, problem, 1)
-    first = solver._quadratic.hessian.copy(), solver._quadratic.gradient.copy()
-    condense(solver._now, solver.torques, solver._terms, solver._quadratic)
-    np.testing.assert_array_equal(solver._quadratic.hessian, first[0])
-    np.testing.assert_array_equal(solver._quadratic.gradient, first[1])
+    solver, quadratic = _linearised(context, problem, 1)
+    first = quadratic.hessian.copy(), quadratic.gradient.copy()
+    model_at_guess(solver, random_problem(context, 3))
+    model_at_guess(solver, problem)
+    np.testing.assert_array_equal(quadratic.hessian, first[0])
+    np.testing.assert_array_equal(quadratic.gradient, first[1])

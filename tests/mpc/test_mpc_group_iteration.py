@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from alloc.by_reference import ByReference
 from mpc.group_problem import even_split
 from mpc.real_time import RealTimeIteration
 from mpc.settings import GroupSettings, MpcError, MpcSettings
+from mpc.sqp import step as step_of
 from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.mpc.groups import UNLOADING, car_of_four, problem, rolling, small_cars
+from tests.mpc.parts import model_at_guess
 
 EVENNESS = 0.05
 SETTINGS = MpcSettings()
@@ -33,19 +36,19 @@ def test_the_step_solves_the_quadratic_model(seed):
     data = problem(group, seed)
     solver = RealTimeIteration(group, SETTINGS, EVENNESS)
     rng = np.random.default_rng(seed)
-    guess = solver._by_unit(solver.torques)
+    guess = solver.torques.reshape(SETTINGS.horizon, -1)
     guess[:] = rng.uniform(0.0, data.upper, guess.shape)
-    solver._linearise(data)
-    hessian, gradient = solver._quadratic.hessian.copy(), solver._quadratic.gradient.copy()
+    quadratic = model_at_guess(solver, data)
+    hessian, gradient = quadratic.hessian.copy(), quadratic.gradient.copy()
     np.testing.assert_array_equal(hessian, hessian.T)
     assert np.linalg.eigvalsh(hessian)[0] > 0.5 * EVENNESS * solver._terms.unit.share.min()
     start = solver.torques.copy()
-    assert solver._step(data) == ""
-    end = solver._trial.copy()
-    step = (end - start) / solver._scale
-    free = end - solver._scale * (gradient + hessian @ step)
+    assert step_of(ByReference(solver.period))
+    end, scale = solver.period.guess.trial.copy(), solver.period.guess.scale
+    step = (end - start) / scale
+    free = end - scale * (gradient + hessian @ step)
     projected = np.clip(free.reshape(guess.shape), 0.0, data.upper).ravel()
-    np.testing.assert_allclose(projected, end, atol=1e-6 * solver._scale.max())
+    np.testing.assert_allclose(projected, end, atol=1e-9 * scale.max())
     decrease = gradient @ step + 0.5 * step @ hessian @ step
     assert decrease < 0.0
 

@@ -14,13 +14,12 @@ from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
 from mpc.assembly import compiled_group
 from mpc.compiled_model import symbolic_functions
-from mpc.condensing import trajectory_cost
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.shooting import simulate
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import problem, small_cars, unit
+from tests.mpc.parts import cost_of_torques, model_at_guess
 from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
@@ -76,10 +75,15 @@ def _dense(function, places, shape):
     return whole
 
 
-# the second kind of train ends with a car of another shape
-@pytest.mark.parametrize("tail", [[], [unit(4, 2, 2, (0.1, -0.1))]], ids=["alike", "unlike"])
-def test_assembled_functions_equal_the_whole_expression(tail):
-    group = [*small_cars(2), *tail]
+GROUPS = {
+    "alike": small_cars(2),
+    "unlike": [*small_cars(2), unit(4, 2, 2, (0.1, -0.1))],  # ends with a car of another shape
+    "Polach": small_cars(2, POLACH_WET),
+}
+
+
+@pytest.mark.parametrize("group", GROUPS.values(), ids=GROUPS)
+def test_assembled_functions_equal_the_whole_expression(group):
     model, made = unit_model(group), compiled_group(group)
     symbolic = symbolic_functions(model)
     width, states = model.states + model.units, model.states
@@ -123,45 +127,36 @@ def _central(function, x, width):
 def _linearised(group, data, seed):
     solver = RealTimeIteration(group, SHORT, 0.05)
     solver.torques[:] = np.random.default_rng(seed).uniform(100.0, 800.0, solver.torques.size)
-    solver._linearise(data)
-    return solver
+    return solver, model_at_guess(solver, data)
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("group", [small_cars(1), small_cars(2)], ids=["car", "train"])
 def test_gradient_equals_finite_differences_of_the_cost(group, seed):
     data = problem(group, seed)
-    solver = _linearised(group, data, seed)
+    solver, quadratic = _linearised(group, data, seed)
+    scale = solver.period.guess.scale
 
     def cost(scaled):
-        nodes = np.zeros_like(solver._now.nodes)
-        nodes[0] = data.state
-        simulate(
-            solver._model.slope, scaled * solver._scale, data.parameters, solver._small_step,
-            solver._substeps, nodes, solver._rows,
-        )  # fmt: skip
-        return trajectory_cost(nodes, scaled * solver._scale, solver._terms)
+        return cost_of_torques(solver, data, scaled * scale)
 
-    expected = _central(cost, solver.torques / solver._scale, 1e-5)
+    expected = _central(cost, solver.torques / scale, 1e-5)
     assert np.abs(expected).max() > 0.1
-    np.testing.assert_allclose(solver._quadratic.gradient, expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(quadratic.gradient, expected, rtol=1e-4, atol=1e-5)
 
 
-def test_exact_hessian_equals_finite_differences_of_the_gradient(monkeypatch):
+def test_exact_hessian_equals_finite_differences_of_the_gradient():
     # Polach's curve is smooth, and a slip limit below any slip makes the penalty smooth too
     group = small_cars(1, POLACH_WET)
     data = problem(group, 1)._replace(slip_limit=np.full(2, -1.0))
-    solver = _linearised(group, data, 1)
-    start, identity = solver.torques / solver._scale, np.eye(solver.torques.size)
-    monkeypatch.setattr(np.linalg, "eigh", lambda h: (np.full(len(h), np.inf), identity))
-    gauss_newton = solver._quadratic.hessian.copy()
-    solver._make_exact(data)
-    hessian = solver._quadratic.hessian.copy()
+    solver, quadratic = _linearised(group, data, 1)
+    scale = solver.period.guess.scale
+    start, gauss_newton = solver.torques / scale, quadratic.hessian.copy()
+    hessian = model_at_guess(solver, data, exact=True).hessian.copy()
 
     def gradient(scaled):
-        solver.torques[:] = scaled * solver._scale
-        solver._linearise(data)
-        return solver._quadratic.gradient.copy()
+        solver.torques[:] = scaled * scale
+        return model_at_guess(solver, data).gradient.copy()
 
     expected = _central(gradient, start, 1e-5)
     assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()

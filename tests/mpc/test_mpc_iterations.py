@@ -27,7 +27,7 @@ class _Accounting(MpcController):
         decision = super().decide(sense)
         assert decision.ok
         self.residuals.append(decision.residual)
-        weights, scale = self.settings.weights, float(self._solver._scale[0])
+        weights, scale = self.settings.weights, float(self._solver.period.guess.scale[0])
         slip = sense.omega * self._context.radius - sense.speed
         excess = np.maximum(math.copysign(1.0, sense.target) * slip - self._slip_limit, 0.0)
         if sense.target != 0.0:

@@ -11,6 +11,7 @@ from tests.benchmarks.acados_peer import AcadosSolver
 from tests.benchmarks.fatrop_peer import FatropSolver
 from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.benchmarks.stages import stages
+from tests.mpc.parts import model_at_guess
 
 SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7)
 SCALE_ERROR = 1e-4
@@ -33,7 +34,7 @@ def test_fatrop_ipopt_and_the_converged_iteration_agree(make_context, random_pro
             assert other.status == "ok"
             assert other.cost == pytest.approx(own.cost, rel=1e-6, abs=1e-8)
             error = np.abs(other.torques - own.torques).max()
-            assert error < SCALE_ERROR * iteration._scale[0]
+            assert error < SCALE_ERROR * iteration.period.guess.scale[0]
 
 
 def test_fatrop_is_not_asked_what_has_no_answer(context, random_problem):
@@ -47,10 +48,10 @@ def test_a_stage_is_a_step_of_the_model(context, random_problem):
     iteration, made = RealTimeIteration(context, SETTINGS), stages(context, SETTINGS)
     problem = random_problem(context, 3)
     iteration.restart(400.0)
-    iteration._linearise(problem)
+    model_at_guess(iteration, problem)
     controls = np.full(SETTINGS.horizon, 400.0 / made.torque_scale)
     trajectory = made.rollout(problem, controls)
-    expected = iteration._now.nodes[1:]
+    expected = iteration.period.around.nodes[1:]
     np.testing.assert_allclose(trajectory[:, :-1] * made.scale[:-1], expected, rtol=1e-9)
     np.testing.assert_allclose(trajectory[:, -1] * made.scale[-1], 400.0)
     slip = expected[:, 1:5] * context.radius - expected[:, :1]
@@ -72,7 +73,7 @@ def test_acados_repeated_finds_the_same_torques(context, random_problem):
         solution = acados.solve(problem)
         assert solution.status == "ok"
     error = np.abs(solution.torques - iteration.solve(problem).torques).max()
-    assert error < SCALE_ERROR * iteration._scale[0]
+    assert error < SCALE_ERROR * iteration.period.guess.scale[0]
 
 
 @pytest.mark.skipif(

@@ -41,7 +41,7 @@ def test_repeated_iteration_converges_to_the_reference(context, references, exac
         assert np.all(np.diff(costs) <= 1e-12 * costs[0]), "no step may raise the cost"
         assert solution.cost == pytest.approx(reference.cost, rel=1e-6, abs=1e-8)
         error = np.abs(solution.torques - reference.torques).max()
-        assert error < 1e-4 * solver._scale[0]
+        assert error < 1e-4 * solver.period.guess.scale[0]
         assert solution.residual < (1e-6 if exact else 5e-3)
 
 

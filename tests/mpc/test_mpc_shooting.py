@@ -4,17 +4,11 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from mpc.condensing import (
-    AxleTerms,
-    Cost,
-    CostWeights,
-    Quadratic,
-    UnitTerms,
-    add_second_order,
-    condense,
-    trajectory_cost,
-)
-from mpc.shooting import Linearised, Nonzeros, linearise, second_order, simulate
+from alloc.by_reference import ByReference
+from mpc.condensing import add_second_order, condense, quadratic
+from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, trajectory_cost
+from mpc.generated import compile_functions
+from mpc.shooting import Nonzeros, linearise, linearised, row_order, second_order, simulate
 
 STATES, UNITS, HORIZON, SUBSTEPS, STEP = 3, 2, 3, 2, 0.15
 SIZE, WIDTH = HORIZON * UNITS, STATES + UNITS
@@ -30,27 +24,21 @@ BOTH = cs.vertcat(x, u)
 JACOBIAN = cs.jacobian(RATE, BOTH)
 UPPER = cs.triu(cs.hessian(cs.dot(w, RATE), BOTH)[0])
 _rate = cs.Function("rate", [x, u, p], [RATE])
-_jacobian = cs.Function("jacobian", [x, u, p], [JACOBIAN])
-_upper = cs.Function("upper", [x, u, p, w], [UPPER])
+NAMES = ["state", "torque", "parameters"]
+MODEL = [
+    cs.Function("slope", [x, u, p], [RATE], NAMES, ["slopes"]),
+    cs.Function("rate", [x, u, p], [RATE, JACOBIAN], NAMES, ["slopes", "nonzeros"]),
+    cs.Function("curvature", [x, u, p, w], [UPPER], [*NAMES, "weights"], ["nonzeros"]),
+]
 NONZEROS = Nonzeros(
     *map(np.array, (*JACOBIAN.sparsity().get_triplet(), *UPPER.sparsity().get_triplet()))
 )
 
 
-def slope(state, torque, parameters, out):
-    out[:] = np.nan  # what is asked for may not lie where the question stands
-    out[:] = np.asarray(_rate(state, torque, parameters)).ravel()
-
-
-def rate(state, torque, parameters, out, nonzeros):
-    nonzeros[:] = np.nan
-    slope(state, torque, parameters, out)
-    nonzeros[:] = _jacobian(state, torque, parameters).nonzeros()
-
-
-def curvature(state, torque, parameters, weights, out):
-    out[:] = np.nan
-    out[:] = _upper(state, torque, parameters, weights).nonzeros()
+@pytest.fixture(scope="module")
+def made():
+    """The model's compiled functions by name."""
+    return compile_functions(MODEL)
 
 
 def trajectory(torques, start):
@@ -98,57 +86,54 @@ def _case(seed):
     return terms, rng.uniform(0.2, 1.0, STATES), rng.uniform(0.1, 1.0, SIZE)
 
 
-def _linearised(torques, start):
+def _linearised(model, torques, start):
     evaluations = 4 * HORIZON * SUBSTEPS
-    out = Linearised(
-        *(np.full(shape, np.nan) for shape in (
-            (HORIZON + 1, STATES), (HORIZON, STATES, WIDTH), (evaluations, STATES),
-            (evaluations, NONZEROS.row.size), (evaluations, STATES, WIDTH),
-        ))
-    )  # fmt: skip
+    out = linearised(HORIZON, evaluations, STATES, UNITS, NONZEROS.row.size)
+    for part in (out.nodes, out.sensitivity, out.points, out.jacobians, out.slope, out.change):
+        part[:] = np.nan  # nothing may be read that was not written
+    out.spread[:, :STATES] = np.nan
     out.nodes[0] = start
-    linearise(rate, NONZEROS, torques, P, STEP, SUBSTEPS, out, np.full((3, STATES, WIDTH), np.nan))
+    order = ByReference(row_order(NONZEROS, STATES))
+    linearise(model["rate"], order, torques, P, STEP, SUBSTEPS, ByReference(out))
     return out
 
 
-def _condensed(around, torques, terms):
-    quadratic = Quadratic(
-        *(np.full(shape, np.nan) for shape in (
-            (SIZE, SIZE), SIZE, (HORIZON + 1, STATES), (HORIZON + 1, STATES, SIZE), (3, SIZE)
-        ))
-    )  # fmt: skip
-    condense(around, torques, terms, quadratic)
-    return quadratic
+def _condensed(around, torques, terms, exact):
+    made = quadratic(HORIZON, STATES, 3, UNITS)
+    for part in (made.hessian, made.gradient, made.adjoint, made.excess, made.tile):
+        part[:] = np.nan
+    condense(ByReference(around), torques, ByReference(terms), exact, ByReference(made))
+    return made
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_trajectory_and_cost_are_those_of_the_formulas(seed):
+def test_trajectory_and_cost_are_those_of_the_formulas(made, seed):
     terms, start, torques = _case(seed)
     nodes = np.full((HORIZON + 1, STATES), np.nan)
     nodes[0] = start
-    simulate(slope, torques, P, STEP, SUBSTEPS, nodes, np.full((3, STATES), np.nan))
+    simulate(made["slope"], torques, P, STEP, SUBSTEPS, nodes, np.full((3, STATES), np.nan))
     expected = [np.asarray(node).ravel() for node in trajectory(torques, cs.DM(start))]
     np.testing.assert_allclose(nodes, expected, rtol=1e-12)
-    found = trajectory_cost(nodes, torques, terms)
+    found = trajectory_cost(nodes, torques, ByReference(terms))
     assert found == pytest.approx(
         float(cost(list(map(cs.DM, nodes)), cs.DM(torques), terms)), rel=1e-12
     )
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_sensitivities_are_the_trajectorys_derivatives(seed):
+def test_sensitivities_are_the_trajectorys_derivatives(made, seed):
     _, start, torques = _case(seed)
-    out = _linearised(torques, start)
+    out = _linearised(made, torques, start)
     symbols, state = cs.SX.sym("torques", UNITS), cs.SX.sym("state", STATES)
     one = trajectory(cs.repmat(symbols, HORIZON, 1), state)[1]
     jacobian = cs.Function("j", [state, symbols], [cs.jacobian(one, cs.vertcat(state, symbols))])
     for k in range(HORIZON):
         expected = np.asarray(jacobian(out.nodes[k], torques[k * UNITS : (k + 1) * UNITS]))
-        np.testing.assert_allclose(out.sensitivity[k], expected, rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(out.sensitivity[k, :, :WIDTH], expected, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_gradient_and_both_hessians_are_the_costs(seed):
+def test_gradient_and_both_hessians_are_the_costs(made, seed):
     terms, start, torques = _case(seed)
     symbols = cs.SX.sym("torques", SIZE)
     scale = np.tile(terms.unit.scale, HORIZON)
@@ -164,30 +149,32 @@ def test_gradient_and_both_hessians_are_the_costs(seed):
         value, jacobian = function(torques)
         straight.append(value + jacobian @ (symbols - torques))
     gauss_newton = cs.hessian(cost(straight, symbols, terms), symbols)[0]
-    exact = cs.Function("exact", [symbols], [gradient, hessian, gauss_newton])
-    g, h, gn = (np.asarray(value) for value in exact(torques))
-    around = _linearised(torques, start)
-    quadratic = _condensed(around, torques, terms)
+    wanted = cs.Function("wanted", [symbols], [gradient, hessian, gauss_newton])
+    g, h, gn = (np.asarray(value) for value in wanted(torques))
+    around = _linearised(made, torques, start)
     both = np.outer(scale, scale)
-    np.testing.assert_allclose(quadratic.gradient, g.ravel() * scale, rtol=1e-10)
-    np.testing.assert_allclose(quadratic.hessian, gn * both, rtol=1e-9, atol=1e-10)
+    for exact in (False, True):
+        found = _condensed(around, torques, terms, exact)
+        np.testing.assert_allclose(found.gradient, g.ravel() * scale, rtol=1e-10)
+        np.testing.assert_allclose(found.hessian, gn * both, rtol=1e-9, atol=1e-10)
     hessians = np.full((HORIZON, WIDTH, WIDTH), np.nan)
     second_order(
-        curvature, NONZEROS, torques, P, STEP, SUBSTEPS, around, quadratic.adjoint, hessians,
-        np.full((6, max(WIDTH, NONZEROS.upper_row.size)), np.nan),
+        made["curvature"], ByReference(NONZEROS), torques, P, STEP, SUBSTEPS, ByReference(around),
+        found.adjoint, hessians, np.full((6, max(WIDTH, NONZEROS.upper_row.size)), np.nan),
     )  # fmt: skip
-    add_second_order(hessians, terms, quadratic, np.full((2 * WIDTH, SIZE), np.nan))
-    np.testing.assert_allclose(quadratic.hessian, h * both, rtol=1e-9, atol=1e-10)
+    wide = np.full((2 * WIDTH, SIZE), np.nan)
+    add_second_order(hessians, ByReference(terms), ByReference(found), wide)
+    np.testing.assert_allclose(found.hessian, h * both, rtol=1e-9, atol=1e-10)
 
 
-def test_an_axle_at_its_limit_costs_nothing():
+def test_an_axle_at_its_limit_costs_nothing(made):
     terms, start, torques = _case(0)
-    around = _linearised(torques, start)
+    around = _linearised(made, torques, start)
     matrix = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     highest = matrix @ around.nodes[1:].max(axis=0)
     found = []
     for limit in (highest, highest + 1.0):
         case = terms._replace(slip_matrix=matrix, axle=terms.axle._replace(slip_limit=limit))
-        found.append(_condensed(around, torques, case))
+        found.append(_condensed(around, torques, case, False))
     np.testing.assert_array_equal(found[0].hessian, found[1].hessian)
     np.testing.assert_array_equal(found[0].gradient, found[1].gradient)

@@ -1,0 +1,86 @@
+"""How the compiled functions of the MPC are declared: their arrays, the model that is handed to them, and their options.
+
+Records of arrays come by reference (`alloc.by_reference`), the model's functions by their address: Numba's own way to hand
+over a function asks Python for its address at every call, which takes as long as a simulation over the horizon.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from llvmlite import ir
+from numba import float64, int64, types, void
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from alloc.compilation import FASTMATH, compiled
+
+VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
+INDEX = int64[::1]
+SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
+"""Model: (state, torque of each unit, parameters, slope)."""
+RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
+"""Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
+CURVATURE = RATE
+"""Second derivatives: (state, torque, parameters, weights of the slopes, nonzeros of the upper Hessian)."""
+
+
+def sweep(signature: Any) -> Callable[[Any], Any]:
+    """Decorator of a compiled function with one signature; Numba refuses what would allocate (`_nrt`)."""
+    return partial(
+        compiled,
+        signature=signature,
+        error_model="numpy",
+        fastmath=FASTMATH,
+        nogil=True,
+        _nrt=False,
+    )
+
+
+def address_of(function: Any, kind: types.FunctionType) -> int:
+    """Address of a compiled function, which must be kept while the address is in use."""
+    made = function.get_compile_result(kind.signature)
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+
+
+def _function_at(kind: types.FunctionType) -> Any:
+    """Compiled function of an address (int64) that returns what stands there as a function of `kind`."""
+
+    def at(typingctx, address):
+        def generate(context, builder, signature, args):
+            made = cgutils.create_struct_proxy(kind)(context, builder)
+            pointer = builder.inttoptr(args[0], ir.IntType(8).as_pointer())
+            made.c_addr = made.py_addr = ir.Constant(pointer.type, None)
+            made.jit_addr = pointer
+            return made._getvalue()
+
+        return kind(types.int64), generate
+
+    return intrinsic(at)
+
+
+slope_at, rate_at = _function_at(SLOPE), _function_at(RATE)
+curvature_at = rate_at
+
+
+@intrinsic(prefer_literal=True)
+def on_stack(typingctx, size):
+    """A vector of `size`, a constant, that lasts until the function returns."""
+    if not isinstance(size, types.IntegerLiteral):
+        return None
+
+    def generate(context, builder, signature, args):
+        kind = ir.ArrayType(ir.DoubleType(), size.literal_value)
+        place = cgutils.alloca_once(builder, kind)
+        array = context.make_array(VECTOR)(context, builder)
+        context.populate_array(
+            array,
+            data=builder.bitcast(place, ir.DoubleType().as_pointer()),
+            shape=[ir.Constant(ir.IntType(64), size.literal_value)],
+            strides=[ir.Constant(ir.IntType(64), 8)],
+            itemsize=ir.Constant(ir.IntType(64), 8),
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    return VECTOR(size), generate

@@ -1,0 +1,287 @@
+"""One control period of the real-time iteration as one compiled call, without allocation.
+
+Sequential quadratic programming: linearise the trajectory, condense its cost to a quadratic model in the torques, solve that
+within the bounds, and go there, or half the way while the cost would rise.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import boolean, float64, int64, types, void
+
+from alloc.by_reference import ByReference
+from alloc.plant.structure import Floats
+from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep
+from mpc.box_qp import BoxWorkspace, box_workspace, solve_box_qp
+from mpc.condensing import Quadratic, add_second_order, condense, quadratic
+from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, cost_up_to, trajectory_cost
+from mpc.reflection import EigenWorkspace, eigen_workspace, reflect
+from mpc.shooting import (
+    Linearised,
+    Nonzeros,
+    RowOrder,
+    linearise,
+    linearised,
+    row_order,
+    second_order,
+    simulate,
+)
+
+HALVINGS = 12
+"""Most halvings of a step that would raise the cost; the last is taken only if it does not."""
+
+GOING, ENDED, NOT_FINITE, NO_SOLUTION, NO_EIGENVALUES = range(5)
+"""How a call of `iterate` ends: the steps were used up; nothing more is to be gained; failures."""
+
+
+class Addresses(NamedTuple):
+    """Where the model's compiled functions stand."""
+
+    slope: int
+    rate: int
+    curvature: int
+
+
+class Rules(NamedTuple):
+    """Numbers that do not change from period to period."""
+
+    step: float
+    """Of one Runge-Kutta step [s]."""
+    substeps: int
+    """Runge-Kutta steps of a step of the horizon."""
+    tolerance: float
+    """Residual at which the step that follows is the last."""
+    least_curvature: float
+    """Least eigenvalue of the exact Hessian."""
+    exact: bool
+    """Whether the quadratic model has the model's second derivatives."""
+
+
+class Now(NamedTuple):
+    """What is new in every period, see `mpc.horizon.HorizonProblem`; the rest stands in the cost."""
+
+    state: Floats
+    parameters: Floats
+    upper: Floats
+    """(horizon * units,)"""
+
+
+class Guess(NamedTuple):
+    """Torques and what leads to better ones; (horizon * units,), in N m, but for the step of the scaled torques."""
+
+    torques: Floats
+    trial: Floats
+    scale: Floats
+    step: Floats
+    """Of the scaled torques, as its two bounds."""
+    lower: Floats
+    upper: Floats
+    nodes: Floats
+    """Trajectory of the trial, (horizon + 1, states)."""
+    scratch: Floats
+    """(3, states)"""
+
+
+class SecondOrder(NamedTuple):
+    """Where the model's second derivatives are made; of no size where they are not asked for."""
+
+    hessians: Floats
+    """(horizon, states + units, states + units)"""
+    values: Floats
+    """(6, nonzeros)"""
+    wide: Floats
+    """(2 (states + units), horizon * units)"""
+
+
+class Period(NamedTuple):
+    """All that `iterate` reads and writes."""
+
+    model: Addresses
+    rules: Rules
+    now: Now
+    guess: Guess
+    nonzeros: Nonzeros
+    order: RowOrder
+    around: Linearised
+    terms: Cost
+    quadratic: Quadratic
+    box: BoxWorkspace
+    second: SecondOrder
+    eigen: EigenWorkspace
+
+
+def period(
+    model: Addresses,
+    nonzeros: Nonzeros,
+    terms: Cost,
+    rules: Rules,
+    horizon: int,
+    parameters: int,
+) -> Period:
+    """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
+    (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
+    n, width = horizon * units, states + units
+    evaluations = 4 * horizon * rules.substeps if rules.exact else 2
+    guess = Guess(
+        torques=np.zeros(n),
+        trial=np.zeros(n),
+        scale=np.tile(terms.unit.scale, horizon),
+        step=np.zeros(n),
+        lower=np.zeros(n),
+        upper=np.zeros(n),
+        nodes=np.zeros((horizon + 1, states)),
+        scratch=np.zeros((3, states)),
+    )
+    some = int(rules.exact)
+    return Period(
+        model,
+        rules,
+        Now(np.zeros(states), np.zeros(parameters), np.zeros(n)),
+        guess,
+        nonzeros,
+        row_order(nonzeros, states),
+        linearised(horizon, evaluations, states, units, nonzeros.row.size),
+        terms,
+        quadratic(horizon, states, axles, units),
+        box_workspace(n),
+        SecondOrder(
+            np.zeros((some * horizon, width, width)),
+            np.zeros((6, some * max(width, nonzeros.upper_row.size))),
+            np.zeros((2 * width, some * n)),
+        ),
+        eigen_workspace(some * n),
+    )
+
+
+def _kind() -> Any:
+    """Numba's type of a `Period`."""
+    none, empty = np.zeros(0), np.zeros(0, dtype=np.int64)
+    terms = Cost(
+        np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
+    )
+    rules = Rules(0.0, 1, 0.0, 0.0, False)
+    return ByReference(period(Addresses(0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)).kind
+
+
+PERIOD = _kind()
+
+
+@sweep(void(VECTOR, PERIOD))
+def linearise_at(torques, p):
+    """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
+    for i in range(p.now.state.size):
+        p.around.nodes[0, i] = p.now.state[i]
+    model, rules = rate_at(p.model.rate), p.rules
+    linearise(model, p.order, torques, p.now.parameters, rules.step, rules.substeps, p.around)
+
+
+@sweep(float64(PERIOD))
+def optimality(p):
+    """Largest change of a scaled torque by a projected gradient step; nan where the gradient is not finite."""
+    residual = 0.0
+    for i in range(p.guess.torques.size):
+        gradient, scale = p.quadratic.gradient[i], p.guess.scale[i]
+        if not abs(gradient) < np.inf:
+            return np.nan
+        now, most = p.guess.torques[i] / scale, p.now.upper[i] / scale
+        residual = max(residual, abs(min(max(now - gradient, 0.0), most) - now))
+    return residual
+
+
+@sweep(void(PERIOD))
+def second_derivatives(p):
+    """Add the model's second derivatives to the quadratic model, which may become indefinite."""
+    rules, second = p.rules, p.second
+    second_order(
+        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.parameters, rules.step,
+        rules.substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
+    )  # fmt: skip
+    add_second_order(second.hessians, p.terms, p.quadratic, second.wide)
+
+
+@sweep(boolean(PERIOD))
+def step(p):
+    """Solve the quadratic model within the bounds, and leave its end in the trial torques; False if that fails."""
+    guess, size = p.guess, p.guess.torques.size
+    for i in range(size):
+        guess.lower[i] = -guess.torques[i] / guess.scale[i]
+        guess.upper[i] = (p.now.upper[i] - guess.torques[i]) / guess.scale[i]
+        guess.step[i] = 0.0
+    hessian, gradient = p.quadratic.hessian, p.quadratic.gradient
+    if solve_box_qp(hessian, gradient, guess.lower, guess.upper, guess.step, p.box) < 0:
+        return False
+    for i in range(size):
+        end = guess.torques[i] + guess.step[i] * guess.scale[i]
+        guess.trial[i] = min(max(end, 0.0), p.now.upper[i])
+    return True
+
+
+@sweep(boolean(float64, int64, PERIOD))
+def search(cost, trials, p):
+    """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
+    guess, rules, units = p.guess, p.rules, p.terms.unit.scale.size
+    for _ in range(trials):
+        for i in range(p.now.state.size):
+            guess.nodes[0, i] = p.now.state[i]
+        reached, k = 0.0, 0
+        while k + 1 < guess.nodes.shape[0] and reached <= cost:  # costs only add up
+            torque = guess.trial[k * units : (k + 1) * units]
+            simulate(
+                slope_at(p.model.slope), torque, p.now.parameters, rules.step, rules.substeps,
+                guess.nodes[k : k + 2], guess.scratch,
+            )  # fmt: skip
+            reached = cost_up_to(k, reached, guess.nodes, guess.trial, p.terms)
+            k += 1
+        lower = reached <= cost
+        for i in range(guess.trial.size):
+            if lower:
+                guess.torques[i] = guess.trial[i]
+            else:
+                guess.trial[i] = 0.5 * (guess.trial[i] + guess.torques[i])
+        if lower:
+            return True
+    return False
+
+
+@sweep(types.Tuple((float64, float64, int64, int64))(int64, int64, PERIOD))
+def iterate(done, most, p):
+    """Take steps until `most` are done, `done` of them before; returns cost, residual, steps done, and how it ended.
+
+    Cost and residual are those before the last step. The first step is taken always, for it is what answers the
+    measurement; more are, while the residual exceeds the tolerance before the last one.
+    """
+    guess, exact = p.guess, p.rules.exact
+    cost, residual, known = np.nan, np.inf, False
+    for i in range(guess.torques.size):
+        guess.torques[i] = min(max(guess.torques[i], 0.0), p.now.upper[i])
+    while done < most:
+        if not known:
+            linearise_at(guess.torques, p)
+        condense(p.around, guess.torques, p.terms, exact, p.quadratic)
+        cost, residual = trajectory_cost(p.around.nodes, guess.torques, p.terms), optimality(p)
+        if not (abs(cost) < np.inf and residual < np.inf):
+            return cost, residual, done, NOT_FINITE
+        near = residual <= p.rules.tolerance
+        if near and done > 0:
+            return cost, residual, done, ENDED
+        done += 1
+        if exact:
+            second_derivatives(p)
+            if not reflect(p.quadratic.hessian, p.rules.least_curvature, p.eigen):
+                return cost, residual, done, NO_EIGENVALUES
+        if not step(p):
+            return cost, residual, done, NO_SOLUTION
+        trials, known = HALVINGS + 1, False
+        if not near and done == 1 and most > 1:
+            # nearly every first step is taken whole, and the second begins with its derivatives; later ones seldom are
+            linearise_at(guess.trial, p)
+            known = trajectory_cost(p.around.nodes, guess.trial, p.terms) <= cost
+            for i in range(guess.trial.size):
+                if known:
+                    guess.torques[i] = guess.trial[i]
+                else:
+                    guess.trial[i] = 0.5 * (guess.trial[i] + guess.torques[i])
+            trials -= 1
+        if (not known and not search(cost, trials, p)) or near:
+            return cost, residual, done, ENDED
+    return cost, residual, done, GOING

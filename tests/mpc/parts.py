@@ -1,0 +1,31 @@
+"""Parts of a control period's compiled call, one at a time."""
+
+from alloc.by_reference import ByReference
+from mpc.condensing import condense
+from mpc.cost import trajectory_cost
+from mpc.shooting import simulate
+from mpc.sqp import linearise_at, second_derivatives
+
+
+def model_at_guess(solver, problem, exact=False):
+    """The solver's quadratic model of `problem` around its guess."""
+    solver.take(problem)
+    made = solver.period
+    linearise_at(solver.torques, ByReference(made))
+    parts = (ByReference(part) for part in (made.around, made.terms, made.quadratic))
+    around, terms, quadratic = parts
+    condense(around, solver.torques, terms, made.rules.exact, quadratic)
+    if exact:
+        second_derivatives(ByReference(made))
+    return made.quadratic
+
+
+def cost_of_torques(solver, problem, torques):
+    """Cost of `problem`, the last that the solver took, under `torques` [N m], (horizon * units,)."""
+    made = solver.period
+    made.guess.nodes[0] = problem.state
+    simulate(
+        solver._model.slope, torques, problem.parameters, made.rules.step, made.rules.substeps,
+        made.guess.nodes, made.guess.scratch,
+    )  # fmt: skip
+    return trajectory_cost(made.guess.nodes, torques, ByReference(made.terms))

@@ -1,0 +1,92 @@
+"""The compiled step does what its reference in Python with DAQP does, for every problem and in the closed loop."""
+
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+from numba.core.runtime import _nrt_python
+
+import mpc.unit_controller
+from alloc.simulation import simulate
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from studies.scenario.loading import load_scenario
+from tests.benchmarks.daqp_peer import DaqpIteration
+from tests.mpc.groups import car_of_four, problem, small_cars
+
+SETTINGS = MpcSettings()
+
+
+@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
+@pytest.mark.parametrize("kind", ["unit", "group"])
+def test_every_solution_is_the_references(context, random_problem, kind, exact):
+    settings = replace(SETTINGS, exact_hessian=exact, tolerance=1e-4)
+    units, evenness = (context, 0.0) if kind == "unit" else (car_of_four(), 0.05)
+    own, other = (K(units, settings, evenness) for K in (RealTimeIteration, DaqpIteration))
+    steps = 0
+    for seed in range(12):
+        data = random_problem(context, seed) if kind == "unit" else problem(units, seed)
+        for solver in (own, other):
+            solver.restart(data.before)
+        for _ in range(2):
+            one, two = own.solve(data), other.solve(data)
+            assert (one.status, one.iterations) == (two.status, two.iterations)
+            scale = np.abs(two.torques).max()
+            np.testing.assert_allclose(one.torques, two.torques, atol=1e-8 * scale)
+            assert one.cost == pytest.approx(two.cost, rel=1e-8)
+            assert one.residual == pytest.approx(two.residual, rel=1e-6, abs=1e-8)
+            steps = max(steps, one.iterations)
+    assert steps > 1
+
+
+@pytest.mark.parametrize(
+    ("name", "rule", "duration"), [("wet-patch", "alone", 9.0), ("wet-stop", "cooperative", 5.0)]
+)
+def test_the_closed_loop_is_the_references(monkeypatch, name, rule, duration):
+    event, runs = replace(load_scenario(name).event(), duration=duration), []
+    for kind in (RealTimeIteration, DaqpIteration):
+        monkeypatch.setattr(mpc.unit_controller, "RealTimeIteration", kind)
+        runs.append(simulate(event, rule, "mpc"))
+    own, other = (run["torque_command"].values for run in runs)
+    assert runs[0].attrs["controller_failures"] == 0
+    slip = np.abs(runs[0]["slip_velocity"].values)
+    assert (slip > runs[0]["peak_slip"].values).any(), "without slip there is little to solve"
+    np.testing.assert_allclose(own, other, atol=1e-8 * np.abs(other).max())
+
+
+def test_a_deadline_far_away_changes_nothing_that_counts(context, random_problem):
+    # with one, the call comes back after every step, and the next begins with a linearisation of its own
+    solver = RealTimeIteration(context, replace(SETTINGS, tolerance=1e-5))
+    for seed in range(6):
+        data = random_problem(context, seed)
+        solutions = []
+        for give_up in (np.inf, 1e300):
+            solver.restart(data.before)
+            solutions.append(solver.solve(data, give_up))
+        at_once, one_by_one = solutions
+        assert at_once.iterations == one_by_one.iterations
+        np.testing.assert_allclose(at_once.torques, one_by_one.torques, rtol=1e-9)
+
+
+@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
+def test_the_compiled_step_allocates_nothing(exact):
+    group = small_cars(2)
+    settings = replace(SETTINGS, exact_hessian=exact, tolerance=0.0)
+    solver, data = RealTimeIteration(group, settings, 0.05), problem(group, 1)
+    solver.restart(data.before)
+    solver.take(data)
+    _nrt_python.memsys_enable_stats()
+    before = _nrt_python.memsys_get_stats_alloc()
+    np.testing.assert_array_equal(_new(3), 0.0)
+    assert _nrt_python.memsys_get_stats_alloc() > before, "allocations are counted"
+    before = _nrt_python.memsys_get_stats_alloc()
+    end = solver._iterate(0, 5, solver._period)
+    assert _nrt_python.memsys_get_stats_alloc() == before
+    assert end[2] == 5
+    _nrt_python.memsys_disable_stats()
+
+
+@numba.njit
+def _new(size):
+    return np.zeros(size)
