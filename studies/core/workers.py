@@ -6,13 +6,14 @@ import gc
 import json
 import multiprocessing
 import os
+import queue
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,16 @@ def processes(count: int) -> Iterator[Workers]:
         yield Workers(executor.submit, count)
         interrupted = False
     finally:
+        if interrupted:
+            _forget_waiting(executor._work_ids)
         executor.shutdown(wait=True, kill_workers=interrupted)
+
+
+def _forget_waiting(numbers: "queue.Queue[int]") -> None:
+    """Empty the queue of tasks that no worker was given: loky's thread would look for them after it has dropped them."""
+    with suppress(queue.Empty):
+        while True:
+            numbers.get_nowait()
 
 
 @contextmanager
