@@ -91,7 +91,7 @@ class Parts:
         A list of a folder in which others join files may miss some. It is asked for again while a cell is missing that was
         there before or was added here.
         """
-        before = pa.chunked_array([*self._index.cell.chunks, pa.array(self._added, pa.string())])
+        before, complete = self._index.cell, not self._added
         for _ in range(TRIES):
             names = self._listed()
             new = sorted(names - self._known.keys())
@@ -104,10 +104,9 @@ class Parts:
                 self._index = _indexed(self._known)
                 pa.default_memory_pool().release_unused()  # half of what this took
                 self._newest = max([self._newest, *(int(name[:20]) for name in names)])
-            if (
-                len(read) == len(new)
-                and pc.all(pc.is_in(before, self._index.cell), min_count=0).as_py()
-            ):
+                expected = pa.chunked_array([*before.chunks, pa.array(self._added, pa.string())])
+                complete = pc.all(pc.is_in(expected, self._index.cell), min_count=0).as_py()
+            if len(read) == len(new) and complete:
                 break
             time.sleep(0.02)
         self._added.clear()
