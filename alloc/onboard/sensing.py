@@ -142,13 +142,14 @@ def _detect(st, m, j, sign, time, commanded):
         m.lead.slipped[0] = time
     if slipping and not was:
         m.counter.unit_detections[0] += 1
-        if m.in_service[j] and m.unit.axles_seen[j] > 0.0 and commanded != 0.0:
-            m.report.own[j, ESTIMATE] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
-            m.report.own[j, DETECTED] = time
-        if j == m.lead.unit[0] and commanded != 0.0:
+        if commanded == 0.0:
+            return
+        found = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
+        if m.in_service[j] and m.unit.axles_seen[j] > 0.0:
+            m.report.own[j, ESTIMATE], m.report.own[j, DETECTED] = found, time
+        if j == m.lead.unit[0]:
             m.counter.detections[0] += 1
-            m.lead.estimate[0] = min(max(m.unit.coefficient_estimate[j], 0.0), 1.0)
-            m.lead.detected[0] = time
+            m.lead.estimate[0], m.lead.detected[0] = found, time
             m.lead.allocate[0] = True
 
 
