@@ -5,8 +5,6 @@ processes governed by differential-algebraic equations, J. Process Control 12 (2
 away. The whole period is one compiled call, `mpc.sqp.iterate`.
 """
 
-import time as clock
-
 import numpy as np
 
 from alloc.by_reference import ByReference
@@ -15,7 +13,6 @@ from mpc.assembly import compiled_group
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
 from mpc.sqp import (
-    GOING,
     NO_EIGENVALUES,
     NO_SOLUTION,
     NOT_FINITE,
@@ -24,7 +21,7 @@ from mpc.sqp import (
     iterate,
     period,
 )
-from mpc.unit_model import Units, substeps, unit_model
+from mpc.unit_model import Units, group_of, substeps, unit_model
 
 LEAST_CURVATURE = 0.1
 """Least eigenvalue of the quadratic model, relative to twice the weight of tracking; reflection can leave a small one."""
@@ -45,6 +42,8 @@ class RealTimeIteration:
 
     def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
         self._settings = settings
+        self.most = max(1, settings.steps_in_time(group_of(units)[0].period))
+        """Most steps of a solve."""
         self._model = compiled_group(units, settings.code)  # kept: compiled code has its addresses
         self._terms = cost_of(units, settings, evenness)
         made, model, steps = unit_model(units), self._model, substeps(units, settings.step)
@@ -86,17 +85,12 @@ class RealTimeIteration:
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
 
-    def solve(self, problem: HorizonProblem, give_up: float = np.inf) -> HorizonSolution:
+    def solve(self, problem: HorizonProblem) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
 
-        At most `settings.iterations` in all, none but the first begun after `give_up` (perf_counter) [s]. A solution with
-        another status than "ok" must not be used; the guess is then to be restarted.
+        At most `most` in all. A solution with another status than "ok" must not be used; the guess is then to be restarted.
         """
         self.take(problem)
-        most = self._settings.iterations
-        # compiled code has no clock: where time may run out, it comes back after every step
-        cost, residual, done, end = self._iterate(0, most if give_up == np.inf else 1, self._period)
-        while end == GOING and done < most and clock.perf_counter() < give_up:
-            cost, residual, done, end = self._iterate(done, done + 1, self._period)
+        cost, residual, done, end = self._iterate(self.most, self._period)
         status = FAILURES.get(end, "ok")
         return HorizonSolution(self.torques.copy(), cost, residual, done, status)

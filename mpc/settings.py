@@ -1,6 +1,5 @@
 """What the readhesion MPC is asked to do: horizon, weights, belief, deadline."""
 
-import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -15,17 +14,15 @@ class MpcError(InputError):
     """A setting of the MPC is impossible; the message names it and what to do."""
 
 
-def _check(
-    owner: str, record: Any, zero: tuple[str, ...] = (), infinite: tuple[str, ...] = ()
-) -> None:
-    """Every number of `record` must be finite and above 0; those named in `zero` and `infinite` may be that too."""
+def _check(owner: str, record: Any, zero: tuple[str, ...] = ()) -> None:
+    """Every number of `record` must be finite and above 0; those named in `zero` may be 0 too."""
     for item in fields(record):
         value = getattr(record, item.name)
         if item.type is int and not isinstance(value, int):
             raise MpcError(f"{owner}: {item.name} = {value!r} must be an integer")
     numbers = [item.name for item in fields(record) if item.type in (int, float)]
     positive = [name for name in numbers if name not in zero]
-    MpcError.check(owner, record, positive, zero, infinite=infinite)
+    MpcError.check(owner, record, positive, zero)
 
 
 @dataclass(frozen=True)
@@ -142,10 +139,13 @@ class MpcSettings:
     `horizon` steps of `step`. `slip_limit`: multiple of the believed curve's peak slip that the slip should stay below.
     `headroom`: the torque command never exceeds what the believed peak carries by more than this share, whatever the
     optimiser says. `iterations`: most SQP steps per control period, the first always taken, more while the optimality
-    residual before the last one exceeds `tolerance` and half of the deadline is left. Against convergence one step alone
-    costs up to 30 % of the closed loop's cost in the shipped events, five cost less than 1 % in driving and some percent
-    with blended brakes. `deadline`: longest solve; a later answer counts as failed. It is infinite by default, for with a
-    deadline a run's result depends on the machine's speed. `exact_hessian`: second derivatives of the plant in the QP,
+    residual before the last one exceeds `tolerance` and time is left. Against convergence one step alone costs up to 30 % of
+    the closed loop's cost in the shipped events, five cost less than 1 % in driving and some percent with blended brakes.
+    Time is simulated, so a run does not depend on the machine that computes it. `step_time`: time that the computer on
+    board takes for an SQP step, of a unit or of a group; assumed, ten times what a workstation takes for four axles.
+    `deadline`: longest solve, by default as long as the default control period; what is longer than the control period
+    counts as the period. No step is begun that would end later, and where not even one fits, the answer is late, which
+    counts as failed. `exact_hessian`: second derivatives of the plant in the QP,
     indefinite parts reflected; else Gauss-Newton. `code`: the model compiled by Numba ("numba", needs nothing else) or
     from C by the system's compiler ("c"); the answers are the same.
     """
@@ -156,7 +156,8 @@ class MpcSettings:
     headroom: float = quantity(0.1, "1")
     iterations: int = quantity(5, "1", most=1000)
     tolerance: float = quantity(1e-2, "1")
-    deadline: float = quantity(math.inf, "s")
+    step_time: float = quantity(1e-3, "s")
+    deadline: float = quantity(0.01, "s")
     exact_hessian: bool = False
     code: str = "numba"
     weights: Weights = field(default_factory=Weights)
@@ -165,7 +166,7 @@ class MpcSettings:
     group: GroupSettings = field(default_factory=GroupSettings)
 
     def __post_init__(self) -> None:
-        _check("mpc", self, zero=("headroom", "tolerance", "deadline"), infinite=("deadline",))
+        _check("mpc", self, zero=("headroom", "tolerance"))
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(item.default_factory, type) and not isinstance(
@@ -179,3 +180,7 @@ class MpcSettings:
             )
         if self.horizon < 2:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")
+
+    def steps_in_time(self, period: float) -> int:
+        """Most SQP steps in a control period of `period` [s]; 0: not even one ends in time."""
+        return min(self.iterations, int(min(self.deadline, period) / self.step_time * (1.0 + 1e-9)))

@@ -243,15 +243,15 @@ def search(cost, trials, p):
     return False
 
 
-@sweep(types.Tuple((float64, float64, int64, int64))(int64, int64, PERIOD))
-def iterate(done, most, p):
-    """Take steps until `most` are done, `done` of them before; returns cost, residual, steps done, and how it ended.
+@sweep(types.Tuple((float64, float64, int64, int64))(int64, PERIOD))
+def iterate(most, p):
+    """Take at most `most` steps; returns cost, residual, steps done, and how it ended.
 
     Cost and residual are those before the last step. The first step is taken always, for it is what answers the
     measurement; more are, while the residual exceeds the tolerance before the last one.
     """
     guess, exact = p.guess, p.rules.exact
-    cost, residual, known = np.nan, np.inf, False
+    cost, residual, done, known = np.nan, np.inf, 0, False
     for i in range(guess.torques.size):
         guess.torques[i] = min(max(guess.torques[i], 0.0), p.now.upper[i])
     while done < most:

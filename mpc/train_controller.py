@@ -6,7 +6,6 @@ one per car, follow the order that has arrived and protect their wheels every co
 """
 
 import math
-import time as clock
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -83,10 +82,9 @@ class TrainMpc:
         decisions = self.cars.decide(followed)
         if round(time / self._period) % self._every:
             return decisions
-        started = clock.perf_counter()
         self._report(senses, decisions)
-        status = self._order(time)
-        spent = clock.perf_counter() - started
+        status, steps = self._order(time)
+        spent = steps * self.settings.step_time
         foremost = decisions[0]
         # an unsolved joint problem suspends the orders, but the foremost unit's own command stands: only the status tells
         decisions[0] = foremost._replace(
@@ -129,8 +127,8 @@ class TrainMpc:
             else:
                 self.reports[j].send(sense.time, report)
 
-    def _order(self, time: float) -> str:
-        """The foremost unit: take in the reports, solve, send the orders; status of the solution."""
+    def _order(self, time: float) -> tuple[str, int]:
+        """The foremost unit: take in the reports, solve, send the orders; status of the solution and its SQP steps."""
         reports = [self._latest]
         for line in self.reports[1:]:
             telegram = line.receive(time)
@@ -154,7 +152,7 @@ class TrainMpc:
         )
         if solution.status != "ok":
             self._suspend()
-            return f"joint: {solution.status}"
+            return f"joint: {solution.status}", solution.iterations
         for j, (torque, demand) in enumerate(zip(asked, demands, strict=True)):
             order = Order(float(torque), demand)
             if j == 0:
@@ -163,7 +161,7 @@ class TrainMpc:
             else:
                 self.orders[j].send(time, order)
                 self._sent[j] = [*self._sent[j][-SENT_KEPT:], (acts, order.torque)]
-        return "ok"
+        return "ok", solution.iterations
 
     def _demands_now(self, time: float, reports: Sequence[Report]) -> list[float]:
         """Driver's demand on each unit [N m]: what it reported, grown since as much as the foremost unit's own has.
@@ -180,9 +178,9 @@ class TrainMpc:
             demands.append(report.target * now / then if then else 0.0)
         return demands
 
-    def _suspend(self) -> str:
+    def _suspend(self) -> tuple[str, int]:
         self._own, self._sign = None, 0.0
-        return "ok"
+        return "ok", 0
 
     def _known(self, j: int, report: Report, acts: float) -> Floats:
         """Commands [N m] that unit `j` is expected to give each control period from its report until `acts`.

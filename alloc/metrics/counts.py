@@ -29,6 +29,11 @@ _attribute(
     -1,
 )
 _attribute(
-    "controller_median", "ms", "median solver time per unit and step", "controller_median_s", 0, 1e3
+    "controller_median",
+    "ms",
+    "median time per unit and step that its computer takes",
+    "controller_median_s",
+    0,
+    1e3,
 )
 _attribute("controller_p99", "ms", "99th percentile of it", "controller_p99_s", 0, 1e3)

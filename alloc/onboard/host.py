@@ -79,7 +79,7 @@ class TorqueDecision(NamedTuple):
     status: str
     """"ok", or what failed: such a step is counted, even where part of the answer can be used."""
     solve_time: float
-    """Time spent [s]."""
+    """Time that the computer on board takes for it [s]; who has no model of that gives the time measured."""
     residual: float = math.nan
     """Optimality residual of the controller's optimisation; nan where it has none."""
 

@@ -33,15 +33,15 @@ class DaqpIteration(RealTimeIteration):
         made = self.period
         self._parts = [ByReference(part) for part in (made.around, made.terms, made.quadratic)]
 
-    def solve(self, problem, give_up=np.inf):
-        """As the compiled one; without a deadline."""
+    def solve(self, problem):
+        """As the compiled one."""
         self.take(problem)
         made, settings = self.period, self._settings
         around, terms, quadratic = self._parts
         upper, scale = made.now.upper, made.guess.scale
         self.torques[:] = np.clip(self.torques, 0.0, upper)
         cost, residual, done = np.nan, np.inf, 0
-        while done < settings.iterations:
+        while done < self.most:
             linearise_at(self.torques, self._period)
             condense(around, self.torques, terms, settings.exact_hessian, quadratic)
             cost = trajectory_cost(made.around.nodes, self.torques, terms)

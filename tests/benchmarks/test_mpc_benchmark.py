@@ -193,7 +193,7 @@ def test_acados(benchmark, case, problems):
 @exact_or_not
 def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case, exact):
     settings = MpcSettings(
-        horizon=HORIZON, exact_hessian=exact, iterations=MOST_STEPS, tolerance=1e-4
+        horizon=HORIZON, exact_hessian=exact, iterations=MOST_STEPS, step_time=1e-5, tolerance=1e-4
     )
     solver, steps, first, reached = case.iteration(case.context, settings), [], [], 0
     one = case.iteration(case.context, replace(settings, iterations=1))

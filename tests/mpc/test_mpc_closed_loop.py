@@ -84,10 +84,12 @@ def test_noise_of_the_sensors_does_not_talk_it_out_of_its_torque(noise, least):
 
 def test_a_late_controller_leaves_the_run_to_cut_and_ramp():
     event = drop_event(duration=6.0)
-    late, _ = run_mpc(event, MpcSettings(deadline=0.0))
+    late, _ = run_mpc(event, MpcSettings(deadline=0.5e-3))
     classic = simulate(event, "alone", "cut-and-ramp")
     ticks = round(event.duration / event.onboard.period)
-    assert late.attrs["controller_calls"] == late.attrs["controller_failures"] == 4 * ticks
+    assert late.attrs["controller_calls"] == 4 * ticks
+    # without demand nothing is solved
+    assert 0.9 * 4 * ticks < late.attrs["controller_failures"] < 4 * ticks
     assert "late" in late.attrs["messages"]
     for name in ("torque_command", "slip_velocity", "speed"):
         np.testing.assert_array_equal(late[name], classic[name])

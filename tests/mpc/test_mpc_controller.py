@@ -96,12 +96,27 @@ def test_reading_that_is_no_number_fails_and_is_forgotten(context, make_sense, r
     assert after.torque == pytest.approx(good.torque, rel=0.2)
 
 
-def test_lateness_fails(context, make_sense):
-    controller = MpcController(context, MpcSettings(deadline=0.0))
-    decision = controller.decide(make_sense())
-    assert not decision.ok
-    assert decision.status == "late"
-    assert decision.solve_time > 0.0
+def test_where_not_even_one_step_fits_the_answer_is_late(context, make_sense):
+    for settings in (
+        MpcSettings(step_time=2e-3, deadline=1.9e-3),
+        MpcSettings(step_time=0.011, deadline=1.0),  # the control period counts too
+    ):
+        controller = MpcController(context, settings)
+        decision = controller.decide(make_sense())
+        assert not decision.ok
+        assert decision.status == "late"
+        assert decision.solve_time == settings.step_time
+        assert controller.decide(make_sense(target=0.0)).ok, "nothing is solved"
+
+
+@pytest.mark.parametrize(
+    ("step_time", "deadline", "steps"), [(1e-3, 2e-3, 2), (1e-3, 2.9e-3, 2), (1e-4, 1.0, 7), (3e-3, 1.0, 3)]
+)  # fmt: skip
+def test_steps_are_bounded_by_simulated_time(context, make_sense, step_time, deadline, steps):
+    settings = MpcSettings(iterations=7, tolerance=0.0, step_time=step_time, deadline=deadline)
+    decision = MpcController(context, settings).decide(make_sense(slip=0.2, torque=600.0))
+    assert decision.ok
+    assert decision.solve_time == pytest.approx(steps * step_time, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from mpc.unit_controller import MpcController
 from studies.scenario.loading import load_scenario
 from tests.mpc.drop import drop_event, run_mpc
 
-CONVERGED = MpcSettings(iterations=50, tolerance=1e-9, exact_hessian=True)
+CONVERGED = MpcSettings(iterations=50, tolerance=1e-9, exact_hessian=True, step_time=1e-4)
 ONE = MpcSettings(iterations=1)
 
 
@@ -87,5 +87,5 @@ def test_a_decision_tells_its_residual(context, make_sense):
     assert controller.decide(make_sense(target=0.0)).residual == 0.0
     assert math.isnan(controller.decide(make_sense(speed=math.nan)).residual)
     # the same reading again and again: the residual falls below the tolerance
-    controller = MpcController(context, MpcSettings(iterations=50))
+    controller = MpcController(context, MpcSettings(iterations=50, step_time=1e-4))
     assert controller.decide(make_sense(slip=0.1, torque=600.0)).residual <= 1e-2

@@ -13,7 +13,7 @@ from tests.benchmarks.ipopt_peer import ReferenceSolver
 from tests.benchmarks.stages import stages
 from tests.mpc.parts import model_at_guess
 
-SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7)
+SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7, step_time=1e-4)
 SCALE_ERROR = 1e-4
 """Greatest difference of a torque, over the torque scale."""
 

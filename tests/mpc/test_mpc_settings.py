@@ -18,7 +18,8 @@ from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
         (MpcSettings, "step", math.inf),
         (MpcSettings, "step", "10 ms"),
         (MpcSettings, "deadline", -1.0),
-        (MpcSettings, "deadline", math.nan),
+        (MpcSettings, "deadline", math.inf),
+        (MpcSettings, "step_time", 0.0),
         (MpcSettings, "headroom", -0.1),
         (MpcSettings, "slip_limit", 0.0),
         (MpcSettings, "code", "fortran"),
@@ -47,6 +48,6 @@ def test_bad_value_is_named(kind, field, value):
 
 
 def test_edges_are_allowed():
-    MpcSettings(horizon=2, deadline=0.0, headroom=0.0, tolerance=0.0)
+    MpcSettings(horizon=2, headroom=0.0, tolerance=0.0)
     Weights(slip=0.0, rate=0.0)
     PeakBelief(probe=0.0, slip_error=0.0, noise_margin=0.0)

@@ -1,12 +1,11 @@
 """Steps of a control period, the model of the unit replaced: when they stop, how far they go, what they answer."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mpc import real_time, sqp
+from mpc import sqp
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
@@ -66,25 +65,16 @@ def steps(monkeypatch):
 )
 def test_steps_are_taken_until_the_residual_is_small(steps, residuals, wanted):
     made, done = steps(residuals)
-    assert sqp.iterate(0, 3, made) == (1.0, *wanted)
+    assert sqp.iterate(3, made) == (1.0, *wanted)
     assert done.count("step") == wanted[1]
     # the derivatives of what the last step leads to are not needed
     assert done.count("linearise") == len(residuals)
 
 
-def test_step_by_step_is_the_same_as_at_once(steps):
-    made, done = steps([1.0, 0.5, 0.001])
-    for before, end in ((0, GOING), (1, GOING), (2, ENDED)):
-        answer = sqp.iterate(before, before + 1, made)
-        assert answer[3] == end
-    assert answer == (1.0, 0.001, 2, ENDED)
-    assert done.count("step") == 2
-
-
 def test_a_whole_step_that_does_not_lower_the_cost_is_searched_on(steps):
     made, done = steps([1.0, 1.0], costs=[4.0, 5.0, 3.0])
     made.guess.torques[:], made.guess.trial[:] = 8.0, 12.0
-    assert sqp.iterate(0, 2, made)[2:] == (2, GOING)
+    assert sqp.iterate(2, made)[2:] == (2, GOING)
     # half of the step is next, and one trial is used up; the last step has nothing to prepare
     assert ("search", 4.0, sqp.HALVINGS) in done
     assert ("search", 3.0, sqp.HALVINGS + 1) in done
@@ -94,43 +84,43 @@ def test_a_whole_step_that_does_not_lower_the_cost_is_searched_on(steps):
 def test_a_whole_step_that_lowers_the_cost_is_taken(steps):
     made, done = steps([1.0, 0.0], costs=[4.0, 4.0, 4.0])
     made.guess.trial[:] = 12.0
-    assert sqp.iterate(0, 2, made) == (4.0, 0.0, 1, ENDED)
+    assert sqp.iterate(2, made) == (4.0, 0.0, 1, ENDED)
     assert made.guess.torques.tolist() == [12.0] * 4
     assert done == ["linearise", "step", "linearise"]
 
 
 def test_steps_that_do_not_lower_the_cost_are_the_last(steps):
     made, done = steps([1.0] * 3, costs=[1.0, 2.0], found=False)
-    assert sqp.iterate(0, 3, made) == (1.0, 1.0, 1, ENDED)
+    assert sqp.iterate(3, made) == (1.0, 1.0, 1, ENDED)
     assert done.count("step") == 1
 
 
 @pytest.mark.parametrize(("cost", "residual"), [(math.nan, 1.0), (1.0, math.inf), (1.0, math.nan)])
 def test_what_is_not_finite_is_said(steps, cost, residual):
     made, done = steps([residual], costs=[cost])
-    answer = sqp.iterate(0, 3, made)
+    answer = sqp.iterate(3, made)
     assert answer[2:] == (0, NOT_FINITE)
     assert done == ["linearise"]
 
 
 def test_a_quadratic_program_that_fails_is_said(steps):
     made, _ = steps([1.0, 0.0], solved=False)
-    assert sqp.iterate(0, 3, made) == (1.0, 1.0, 1, NO_SOLUTION)
+    assert sqp.iterate(3, made) == (1.0, 1.0, 1, NO_SOLUTION)
 
 
 def test_curvature_is_reflected_where_second_derivatives_are_asked_for(steps):
     made, done = steps([0.0], exact=True)
-    assert sqp.iterate(0, 3, made)[3] == ENDED
+    assert sqp.iterate(3, made)[3] == ENDED
     assert done[:4] == ["linearise", "exact", ("reflect", 0.2), "step"]
     made, done = steps([0.0], exact=True, reflected=False)
-    assert sqp.iterate(0, 3, made)[2:] == (1, NO_EIGENVALUES)
+    assert sqp.iterate(3, made)[2:] == (1, NO_EIGENVALUES)
     assert "step" not in done
 
 
 def test_the_guess_is_brought_within_bounds(steps):
     made, _ = steps([math.nan])
     made.guess.torques[:] = -1.0, 61.0, 51.0, 3.0
-    sqp.iterate(0, 1, made)
+    sqp.iterate(1, made)
     assert made.guess.torques.tolist() == [0.0, 60.0, 50.0, 3.0]
 
 
@@ -194,7 +184,8 @@ def _solver(answers, **settings):
     solver.period, solver.units = _period(), 2
     solver.torques, solver._terms = solver.period.guess.torques, solver.period.terms
     solver._period, left = None, list(answers)
-    solver._iterate = lambda done, most, period: asked.append((done, most)) or left.pop(0)
+    solver._iterate = lambda most, period: asked.append(most) or left.pop(0)
+    solver.most = solver._settings.steps_in_time(0.01)
     return solver, asked
 
 
@@ -205,7 +196,7 @@ def test_what_is_new_in_a_period_is_handed_over():
     solver, asked = _solver([(2.0, 0.3, 2, ENDED)], iterations=4)
     solver.torques[:] = 1.0, 2.0, 3.0, 4.0
     solution = solver.solve(PROBLEM)
-    assert asked == [(0, 4)]
+    assert asked == [4]
     assert solution._replace(torques=solution.torques.tolist()) == (
         [1.0, 2.0, 3.0, 4.0], 2.0, 0.3, 2, "ok",
     )  # fmt: skip
@@ -214,21 +205,6 @@ def test_what_is_new_in_a_period_is_handed_over():
     assert now.upper.tolist() == [50.0, 60.0, 50.0, 60.0]
     assert solver._terms.axle.slip_limit.tolist() == [0.1]
     assert [v.tolist() for v in unit[:3]] == [[4.0, 4.0], [5.0, 5.0], [6.0, 6.0]]
-
-
-@pytest.mark.parametrize(("give_up", "wanted"), [(5.0, 1), (4.0, 1), (5.1, 3)])
-def test_no_step_but_the_first_is_begun_too_late(monkeypatch, give_up, wanted):
-    monkeypatch.setattr(real_time, "clock", SimpleNamespace(perf_counter=lambda: 5.0))
-    answers = [(1.0, 1.0, k, GOING) for k in (1, 2, 3)]
-    solver, asked = _solver(answers, iterations=3)
-    assert solver.solve(PROBLEM, give_up).iterations == wanted
-    assert asked == [(0, 1), (1, 2), (2, 3)][:wanted]
-
-
-def test_where_time_may_run_out_the_end_is_the_end(monkeypatch):
-    solver, asked = _solver([(1.0, 1.0, 1, GOING), (1.0, 0.0, 1, ENDED)], iterations=3)
-    assert solver.solve(PROBLEM, 1e300).status == "ok"
-    assert asked == [(0, 1), (1, 2)]
 
 
 @pytest.mark.parametrize(
