@@ -19,6 +19,7 @@ from alloc.onboard.actuation import (
     set_brake_targets,
     set_targets,
 )
+from alloc.onboard.compiled_controller import Answers, command_compiled
 from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
@@ -65,6 +66,7 @@ class Computers(NamedTuple):
     equipment: Equipment
     settings: Settings
     memory: Memory
+    answers: Answers
 
 
 class Timing(NamedTuple):
@@ -77,10 +79,11 @@ class Timing(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """Control periods done, and the phase of the present one; (1,) each."""
+    """Control periods done, the phase of the present one, and the acceleration commanded in it [m/s2]; (1,) each."""
 
     tick: NDArray[np.int64]
     phase: NDArray[np.int64]
+    commanded: Floats
 
 
 class Given(NamedTuple):
@@ -144,9 +147,12 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
     while progress.tick[0] < stop:
         tick = progress.tick[0]
         time = tick * timing.period
-        a = given.commanded[tick]
-        if a < 0.0 and m.reference[0] < st.brakes.release_speed:
-            a = 0.0
+        if progress.phase[0] == SENSE:
+            # once a period: after the way through Python the reference speed is a new one
+            released = m.reference[0] < st.brakes.release_speed
+            a = given.commanded[tick]
+            progress.commanded[0] = 0.0 if a < 0.0 and released else a
+        a = progress.commanded[0]
         if progress.phase[0] == SENSE:
             failed = False
             for j in range(units):
@@ -202,7 +208,11 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 restrain_blind_units(st, m)
             control(eq, st, m, a)
             progress.phase[0] = ADVANCE
-            if st.hosted:
+            first = 2 * rows.bodies + rows.axles
+            if computers.answers.step.size > 0:
+                torque = plant.state[first : first + units]
+                command_compiled(eq, m, computers.answers, torque, time, tick)
+            elif st.hosted:
                 return CONTROL
         for j in range(units):
             plant.inputs.torque_command[j] = m.estimate.sounding.share[j] * m.unit.torque_command[j]
@@ -271,7 +281,9 @@ class ClosedLoop:
             model.zero_inputs(),
             compiled.workspace(model, period / steps),
         )
-        self.progress = Progress(np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))
+        self.progress = Progress(
+            np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), np.zeros(1)
+        )
         self._end = ticks
 
     @property

@@ -63,9 +63,9 @@ class Tally:
     wall_time: float = 0.0
     messages: dict[str, int] = field(default_factory=dict)
 
-    def note(self, message: str) -> None:
-        """Count a message."""
-        self.messages[message] = self.messages.get(message, 0) + 1
+    def note(self, message: str, number: int = 1) -> None:
+        """Count a message that came `number` times."""
+        self.messages[message] = self.messages.get(message, 0) + number
 
 
 def to_dataset(

@@ -16,6 +16,7 @@ from alloc.canonical import canonical
 from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
+from alloc.onboard.compiled_controller import NOT_A_TORQUE, CompiledControllers, answers, failures
 from alloc.onboard.controllers.built_in import share_of_target
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.equipment import equipment
@@ -83,7 +84,7 @@ class _ControllerInPython:
             self.tally.controller_times.append(decision.solve_time)
             usable, status = decision.ok, decision.status
             if usable and not math.isfinite(decision.torque):
-                usable, status = False, "torque not finite"
+                usable, status = False, NOT_A_TORQUE
             if usable:
                 unit.torque_command[j] = decision.torque
             if not usable or status != "ok":
@@ -132,7 +133,8 @@ def simulate(
     ticks = round(event.duration / onboard.period)
     commanded = event.command.sampled(onboard.period * np.arange(ticks, dtype=np.float64))
     share = eq.brake_share if eq.blended and commanded[0] < 0.0 else eq.planned_share
-    host, law = None, found.name
+    host: TrainController | CompiledControllers = ()
+    law = found.name
     if chosen.needs_truth:
         law = "none"  # who knows the rail needs no readhesion control
         if model.layout.units > 0:  # without motors a rule has nothing to do
@@ -151,6 +153,7 @@ def simulate(
             law,
         ),
         memory(eq, event.initial_speed, abs(float(commanded[0])) * share),
+        answers(host if isinstance(host, tuple) else (), eq, ticks),
     )
     loop = ClosedLoop(
         model, ticks, onboard.period, event.longest_step, event.record_period,
@@ -161,7 +164,7 @@ def simulate(
     record = Record.allocate(loop.records, model.layout, learnt is not None)
     tally = Tally()
     parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
-    if host is not None:
+    if not isinstance(host, tuple):
         torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)
 
@@ -170,6 +173,12 @@ def simulate(
     started = clock.perf_counter()
     loop.run(go, parts, on_progress, until_speed)
     tally.wall_time = clock.perf_counter() - started
+    if isinstance(host, tuple):
+        done = int(loop.progress.tick[0])
+        tally.controller_times = computers.answers.solve_time[:done].ravel().tolist()
+        for status, number in failures(host, computers.answers).items():
+            tally.controller_failures += number
+            tally.note(f"controller: {status}", number)
     return to_dataset(
         event, chosen.name, found.name, record.until(loop.records), computers.memory.counter, tally, learnt
     )  # fmt: skip

@@ -1,7 +1,6 @@
 """How the compiled functions of the MPC are declared: their arrays, the model that is handed to them, and their options.
 
-Records of arrays come by reference (`alloc.by_reference`), the model's functions by their address: Numba's own way to hand
-over a function asks Python for its address at every call, which takes as long as a simulation over the horizon.
+Records of arrays come by reference (`alloc.by_reference`), the model's functions by their address (`alloc.by_address`).
 """
 
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from numba import float64, int64, types, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from alloc.by_address import function_at
 from alloc.compilation import FASTMATH, compiled
 
 VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
@@ -37,29 +37,7 @@ def sweep(signature: Any) -> Callable[[Any], Any]:
     )
 
 
-def address_of(function: Any, kind: types.FunctionType) -> int:
-    """Address of a compiled function, which must be kept while the address is in use."""
-    made = function.get_compile_result(kind.signature)
-    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
-
-
-def _function_at(kind: types.FunctionType) -> Any:
-    """Compiled function of an address (int64) that returns what stands there as a function of `kind`."""
-
-    def at(typingctx, address):
-        def generate(context, builder, signature, args):
-            made = cgutils.create_struct_proxy(kind)(context, builder)
-            pointer = builder.inttoptr(args[0], ir.IntType(8).as_pointer())
-            made.c_addr = made.py_addr = ir.Constant(pointer.type, None)
-            made.jit_addr = pointer
-            return made._getvalue()
-
-        return kind(types.int64), generate
-
-    return intrinsic(at)
-
-
-slope_at, rate_at = _function_at(SLOPE), _function_at(RATE)
+slope_at, rate_at = function_at(SLOPE), function_at(RATE)
 curvature_at = rate_at
 
 

@@ -7,18 +7,22 @@ slowly until the rail contradicts it. The same pairs of slip and coefficient tel
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import float64, void
 from numpy.typing import NDArray
 
+from alloc.by_reference import ByReference
 from alloc.compilation import jit
 from alloc.onboard.host import UnitContext
 from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
+from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.adhesion_laws import adhesion_limit, tangential_coefficient
 from alloc.plant.equations import slip_velocity
 from alloc.plant.structure import Floats
-from mpc.curve_belief import StretchEstimator
+from mpc.arrays import VECTOR, sweep
+from mpc.curve_belief import Slope, slope_belief, update_slope
 from mpc.settings import CurveBelief, PeakBelief
 from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
 
@@ -72,10 +76,75 @@ class Axles(NamedTuple):
     """Whether slip and coefficient are of one point of the rising branch."""
 
 
+class Belief(NamedTuple):
+    """All that a unit believes of its rail, as compiled code takes it."""
+
+    gear: float
+    constants: Constants
+    axles: Axles
+    load: Floats
+    """Load of each axle [N], (axles,)."""
+    fresh: NDArray[np.bool_]
+    """Whether the observers start anew at the next update, (1,)."""
+    unknown: Floats
+    """Share of the deviation of measured slip that is still what was supposed of it at the start, (1,)."""
+    estimates: bool
+    """Whether the slope is learnt."""
+    slope: Slope
+
+
+def belief_of(context: UnitContext, belief: PeakBelief, curve: CurveBelief | None = None) -> Belief:
+    """Belief of a unit at the start of a run."""
+    curve, n = curve or CurveBelief(), context.axles
+    values = (
+        context.inertia, context.radius, belief.pole, *observer_gains(belief.pole, context.period),
+        -math.expm1(-belief.gain * context.period), math.exp(belief.probe * context.period),
+        belief.informative, belief.slip_error, belief.noise_margin, -math.expm1(-context.period / NOISE_TIME),
+        belief.floor, belief.ceiling,
+    )  # fmt: skip
+    axles = Axles._make([*(np.zeros(n) for _ in range(9)), np.zeros(n, dtype=np.bool_)])
+    axles.noise[:] = belief.slip_error  # until it is known
+    axles.peak[:] = belief.initial
+    return Belief(
+        float(context.gear_ratio),
+        Constants(*map(float, values)),
+        axles,
+        np.full(n, float(context.axle_load)),
+        np.ones(1, dtype=np.bool_),
+        np.ones(1),
+        # slip against a reference that slips along tells nothing of the curve's slope
+        bool(curve.estimate and context.free_axle),
+        slope_belief(context.curve, n, context.period, curve, belief.initial),
+    )
+
+
+def _kind() -> Any:
+    """Numba's type of a `Belief`."""
+    curve = PiecewiseCurve()
+    context = UnitContext(0, 1, 0.4, 100.0, 5.0, 1e5, 4e4, 0.01, curve, 0.01)
+    return ByReference(belief_of(context, PeakBelief())).kind
+
+
+BELIEF = _kind()
+
+
 @jit
-def _update(kind, q, c, load, speed, omega, torque, fresh, axles):
-    """One control period, all in the direction of the demand, `torque` at the wheel; changes `axles`."""
-    filtered, last, slips, last_slip, noise, coefficient, peak, top, told, micro = axles
+def _observe(b, speed, omega, torque):
+    """Peaks and slips of one control period, all in the direction of the demand, `torque` at the wheel."""
+    kind, q, c, load, fresh = b.slope.kind, b.slope.q, b.constants, b.load, b.fresh[0]
+    filtered, last, slips, last_slip = (
+        b.axles.filtered,
+        b.axles.last,
+        b.axles.slip,
+        b.axles.last_slip,
+    )
+    noise, coefficient, peak, top = (
+        b.axles.noise,
+        b.axles.coefficient,
+        b.axles.peak,
+        b.axles.peak_slip,
+    )
+    told, micro = b.axles.told, b.axles.micro
     for i in range(omega.size):
         measured = slip_velocity(omega[i], c.radius, speed)
         if fresh:  # start in equilibrium
@@ -106,42 +175,49 @@ def _update(kind, q, c, load, speed, omega, torque, fresh, axles):
             peak[i] *= c.probe
         peak[i] = min(max(peak[i], c.floor), c.ceiling)
         limit, top[i] = adhesion_limit(kind, q, peak[i], speed)
+    b.fresh[0] = False
+
+
+@jit
+def measured_noise(b):
+    """Mean deviation of measured slip [m/s], without what was supposed of it at the start."""
+    mean = 0.0
+    for i in range(b.axles.noise.size):
+        mean += b.axles.noise[i] / b.axles.noise.size
+    return max(mean - b.constants.slip_error * b.unknown[0], 0.0) / (1.0 - b.unknown[0])
+
+
+@sweep(void(BELIEF, float64, VECTOR, float64, float64))
+def believe(b, speed, omega, torque, estimate):
+    """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand.
+
+    What the MPC takes of it are peaks, peak slips and the parameters q of the curve. `estimate`: the unit's own of its
+    tangential coefficient, nan if it has none. Where it differs, other brakes work, and nothing is learnt of the slope.
+    """
+    c, axles = b.constants, b.axles
+    _observe(b, speed, omega, torque * b.gear)
+    b.unknown[0] *= 1.0 - c.noise_share
+    mean = 0.0
+    for i in range(omega.size):
+        mean += axles.coefficient[i] / omega.size
+    foreign = abs(estimate - mean) > FOREIGN_FORCE  # False for nan
+    if b.estimates and not foreign:
+        update_slope(
+            b.slope, speed, axles.slip, axles.coefficient, axles.peak, axles.told, axles.micro,
+            c.noise_margin * measured_noise(b), c.slip_error,
+        )  # fmt: skip
 
 
 class CurveObserver:
-    """Belief of one unit about the peak coefficient of its axles, and about the slope of the curve."""
+    """Belief of one unit about the peak coefficient of its axles, and about the slope of the curve, for use from Python."""
 
     def __init__(
         self, context: UnitContext, belief: PeakBelief, curve: CurveBelief | None = None
     ) -> None:
-        curve = curve or CurveBelief()
-        self._kind = context.curve.kind
-        self._gear = context.gear_ratio
-        self._constants = Constants(
-            context.inertia,
-            context.radius,
-            belief.pole,
-            *observer_gains(belief.pole, context.period),
-            take_over=-math.expm1(-belief.gain * context.period),
-            probe=math.exp(belief.probe * context.period),
-            informative=belief.informative,
-            slip_error=belief.slip_error,
-            noise_margin=belief.noise_margin,
-            noise_share=-math.expm1(-context.period / NOISE_TIME),
-            floor=belief.floor,
-            ceiling=belief.ceiling,
-        )
-        n = context.axles
-        self.axles = Axles._make([*(np.zeros(n) for _ in range(9)), np.zeros(n, dtype=np.bool_)])
-        self.axles.noise[:] = belief.slip_error  # until it is known
-        self.axles.peak[:] = belief.initial
-        self._unknown = 1.0
-        # slip against a reference that slips along tells nothing of the curve's slope
-        self._estimates = curve.estimate and context.free_axle
-        self._estimator = StretchEstimator(context.curve, n, context.period, curve, belief.initial)
-        self._belief = belief
-        self._fresh = True
-        self.axle_load = np.full(n, context.axle_load)
+        self.record = belief_of(context, belief, curve)
+        self._record = ByReference(self.record)
+        self.axles = self.record.axles
+        self.axle_load = self.record.load
         """Load of each axle [N], (axles,); who knows of load transfer keeps it up to date."""
         self.coefficient = self.axles.coefficient
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
@@ -149,46 +225,23 @@ class CurveObserver:
         """Believed peak coefficient, (axles,)."""
         self.peak_slip = self.axles.peak_slip
         """Slip velocity of the believed curve's maximum [m/s], (axles,)."""
+        self.q = self.record.slope.q
+        """Parameters of the believed curve, (6,)."""
 
     @property
     def stretch(self) -> float:
         """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
-        return self._estimator.stretch
-
-    @property
-    def q(self) -> Floats:
-        """Parameters of the believed curve, (6,)."""
-        return self._estimator.q
+        return float(self.record.slope.stretch[0])
 
     def forget_forces(self) -> None:
         """Start the observers anew at the next update; the belief about the peak stays."""
-        self._fresh = True
+        self.record.fresh[0] = True
 
     def update(
         self, speed: float, omega: Floats, torque: float, estimate: float = math.nan
     ) -> None:
-        """Take in car speed [m/s], angular speeds [rad/s] (axles,) and motor torque [N m] in the direction of demand.
-
-        `estimate`: the unit's own of its tangential coefficient, if it has one. Where it differs, other brakes work, and
-        nothing is learnt of the slope.
-        """
-        _update(
-            self._kind, self.q, self._constants, self.axle_load, speed, omega, torque * self._gear,
-            self._fresh, self.axles,
-        )  # fmt: skip
-        self._fresh = False
-        self._unknown *= 1.0 - self._constants.noise_share
-        foreign = abs(estimate - float(self.coefficient.mean())) > FOREIGN_FORCE  # False for nan
-        if self._estimates and not foreign:
-            self._estimator.update(
-                speed, self.axles.slip, self.coefficient, self.peak, self.axles.told, self.axles.micro,
-                self._belief.noise_margin * self._measured_noise(), self._belief.slip_error,
-            )  # fmt: skip
-
-    def _measured_noise(self) -> float:
-        """Mean deviation of measured slip [m/s], without what was supposed of it at the start."""
-        supposed = self._belief.slip_error * self._unknown
-        return max(float(self.axles.noise.mean()) - supposed, 0.0) / (1.0 - self._unknown)
+        """As `believe`."""
+        believe(self._record, speed, omega, torque, estimate)
 
 
 class GroupBelief:

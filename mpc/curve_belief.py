@@ -126,13 +126,6 @@ def micro_slip(kind, q, coefficient, peak, top, speed):
     return math.copysign(0.5 * (low + high), coefficient)
 
 
-def stretched(curve: AdhesionCurve, stretch: float) -> AdhesionCurve:
-    """The `curve` with its rising branch stretched along the slip axis."""
-    q = np.empty(6)
-    stretch_parameters(curve.kind, curve.q, stretch, q)
-    return curve.with_parameters(q)
-
-
 @jit
 def take_in(sums, c, expected, slip, number, offset):
     """Take `number` pairs of `expected` and measured `slip` [m/s] into the `sums`, if they can be of micro slip."""
@@ -199,7 +192,7 @@ class Memory(NamedTuple):
 @jit
 def _update(kind, q, c, initial, offset, speed, slips, coefficient, peak, told, micro, memory):
     """Take in the pairs of one period."""
-    sums, total, bins, most = memory
+    sums, total, bins, most = memory.sums, memory.total, memory.bins, memory.most
     news = False
     for i in range(slips.size):
         if not micro[i]:
@@ -255,50 +248,55 @@ def stretch_estimate(sums, c, offset, resolution):
     return min(max(above / below, c.smallest), c.largest)
 
 
-class StretchEstimator:
-    """Stretch of one unit's curve, see the module."""
+class Slope(NamedTuple):
+    """Belief about the slope of one unit's curve, as compiled code takes it."""
 
-    def __init__(
-        self, curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
-    ) -> None:
-        """For a unit of `axles` that was given `curve`, at control `period` [s].
+    kind: int
+    """Of the curve."""
+    given: Floats
+    """Parameters of the curve that the unit was given."""
+    initial: float
+    """Peak believed before anything was felt."""
+    constants: Constants
+    memory: Memory
+    stretch: Floats
+    """Slip below the peak, over that of the curve the unit was given at the same coefficient, (1,)."""
+    q: Floats
+    """Parameters of the believed curve, (6,)."""
 
-        `initial` is the peak believed before anything was felt.
-        """
-        self._kind, self._given, self._initial = curve.kind, curve.q, initial
-        unit = belief.slip_scale**2 / period  # excitation by one axle in a second
-        self._constants = Constants(
-            prior=belief.prior * unit,
-            fading=1.0 / (belief.memory * unit),
-            smallest=belief.smallest,
-            largest=belief.largest,
-            tested=belief.tested_share,
-            untested=belief.untested_share,
-            resolution=0.1 * belief.slip_scale,
-        )
-        self._memory = Memory(
-            Sums.zeros(), Sums.zeros(), np.zeros((axles, BINS), CLASS), np.zeros(axles)
-        )
-        self.stretch = 1.0
-        """Slip below the peak, over that of the curve the unit was given at the same coefficient."""
-        self.q = curve.q.copy()
-        """Parameters of the believed curve, (6,)."""
 
-    def update(
-        self, speed: float, slips: Floats, coefficient: Floats, peak: Floats, told: Floats,
-        micro: NDArray[np.bool_], offset: float, resolution: float,
-    ) -> None:  # fmt: skip
-        """Take in the pairs of `slips` [m/s] and felt `coefficient` of the axles that are in `micro` slip, all (axles,).
+@jit
+def update_slope(slope, speed, slips, coefficient, peak, told, micro, offset, resolution):
+    """Take in the pairs of `slips` [m/s] and felt `coefficient` of the axles that are in `micro` slip, all (axles,).
 
-        `peak`: believed; `told`: where the axle last slipped, 0: never; set to 0 where the axle has felt more since.
-        `offset`, `resolution` [m/s]: see `stretch_estimate`.
-        """
-        news = _update(
-            self._kind, self._given, self._constants, self._initial, offset, speed, slips, coefficient,
-            peak, told, micro, self._memory,
-        )  # fmt: skip
-        if news:
-            self.stretch = stretch_estimate(
-                self._memory.total.named[0], self._constants, offset, resolution
-            )
-            stretch_parameters(self._kind, self._given, self.stretch, self.q)
+    `peak`: believed; `told`: where the axle last slipped, 0: never; set to 0 where the axle has felt more since.
+    `offset`, `resolution` [m/s]: see `stretch_estimate`.
+    """
+    c, memory = slope.constants, slope.memory
+    if _update(
+        slope.kind, slope.given, c, slope.initial, offset, speed, slips, coefficient, peak, told, micro, memory,
+    ):  # fmt: skip
+        slope.stretch[0] = stretch_estimate(memory.total.named[0], c, offset, resolution)
+        stretch_parameters(slope.kind, slope.given, slope.stretch[0], slope.q)
+
+
+def slope_belief(
+    curve: AdhesionCurve, axles: int, period: float, belief: CurveBelief, initial: float
+) -> Slope:
+    """Belief of a unit of `axles` that was given `curve`, at control `period` [s].
+
+    `initial` is the peak believed before anything was felt.
+    """
+    unit = belief.slip_scale**2 / period  # excitation by one axle in a second
+    constants = Constants(
+        prior=belief.prior * unit,
+        fading=1.0 / (belief.memory * unit),
+        smallest=float(belief.smallest),
+        largest=float(belief.largest),
+        tested=float(belief.tested_share),
+        untested=float(belief.untested_share),
+        resolution=0.1 * belief.slip_scale,
+    )
+    memory = Memory(Sums.zeros(), Sums.zeros(), np.zeros((axles, BINS), CLASS), np.zeros(axles))
+    given = np.array(curve.q, dtype=float)
+    return Slope(curve.kind, given, float(initial), constants, memory, np.ones(1), given.copy())

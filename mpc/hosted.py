@@ -3,18 +3,19 @@
 from collections.abc import Sequence
 from typing import Any
 
-from alloc.onboard.host import HostedController, TrainController, UnitContext, each_unit
+from alloc.onboard.compiled_controller import CompiledControllers, each_compiled
+from alloc.onboard.host import HostedController, TrainController, UnitContext
 from mpc.settings import MpcSettings
 
 
 def _hosted(name: str, meaning: str, colour: str, marker: str) -> HostedController:
-    def build(contexts: Sequence[UnitContext]) -> TrainController:
+    def build(contexts: Sequence[UnitContext]) -> TrainController | CompiledControllers:
         from mpc.group_controller import CarControllers, GroupController
         from mpc.train_controller import TrainMpc
-        from mpc.unit_controller import MpcController
+        from mpc.unit_step import compiled_unit
 
         if name == "mpc":
-            return each_unit(lambda context: MpcController(context, context.settings))(contexts)
+            return each_compiled(lambda one: compiled_unit(one, one.settings))(contexts)
         joint: Any = {
             "mpc-car": CarControllers,
             "mpc-train": TrainMpc,

@@ -7,8 +7,9 @@ away. The whole period is one compiled call, `mpc.sqp.iterate`.
 
 import numpy as np
 
+from alloc.by_address import address_of
 from alloc.by_reference import ByReference
-from mpc.arrays import CURVATURE, RATE, SLOPE, address_of
+from mpc.arrays import CURVATURE, RATE, SLOPE
 from mpc.assembly import compiled_group
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
@@ -18,8 +19,10 @@ from mpc.sqp import (
     NOT_FINITE,
     Addresses,
     Rules,
+    hold,
     iterate,
     period,
+    shift,
 )
 from mpc.unit_model import Units, group_of, substeps, unit_model
 
@@ -40,17 +43,20 @@ class RealTimeIteration:
     For one unit, or for a group as one problem; `evenness` is the weight of that term of the cost.
     """
 
-    def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
+    def __init__(
+        self, units: Units, settings: MpcSettings, evenness: float = 0.0, steepest: float = 1.0
+    ) -> None:
+        """`steepest`: how many times as steep as the given curve the believed one may become."""
         self._settings = settings
         self.most = max(1, settings.steps_in_time(group_of(units)[0].period))
         """Most steps of a solve."""
         self._model = compiled_group(units, settings.code)  # kept: compiled code has its addresses
         self._terms = cost_of(units, settings, evenness)
-        made, model, steps = unit_model(units), self._model, substeps(units, settings.step)
+        made, model = unit_model(units), self._model
         self.units = made.units
         rules = Rules(
-            step=settings.step / steps,
-            substeps=steps,
+            step=float(settings.step),
+            most_substeps=substeps(units, settings.step, steepest),
             tolerance=settings.tolerance,
             least_curvature=2.0 * LEAST_CURVATURE * settings.weights.tracking,
             exact=settings.exact_hessian,
@@ -63,6 +69,7 @@ class RealTimeIteration:
         self.period = period(
             addresses, model.nonzeros, self._terms, rules, settings.horizon, made.parameters.numel()
         )
+        self.period.now.substeps[0] = substeps(units, settings.step)
         self._period = ByReference(self.period)
         self._iterate = iterate
         self.torques = self.period.guess.torques
@@ -70,11 +77,12 @@ class RealTimeIteration:
 
     def shift(self) -> None:
         """Move the guess on by one period."""
-        self.torques[: -self.units] = self.torques[self.units :]
+        shift(self._period)
 
     def restart(self, torque: float | np.ndarray) -> None:
         """Forget the guess: hold `torque` [N m], (units,), over the horizon."""
-        self.torques.reshape(-1, self.units)[:] = torque
+        self._terms.unit.before[:] = torque
+        hold(self._period)
 
     def take(self, problem: HorizonProblem) -> None:
         """Copy what is new in a period to where the compiled code reads it."""

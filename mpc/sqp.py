@@ -4,13 +4,13 @@ Sequential quadratic programming: linearise the trajectory, condense its cost to
 within the bounds, and go there, or half the way while the cost would rise.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import boolean, float64, int64, types, void
 
 from alloc.by_reference import ByReference
-from alloc.plant.structure import Floats
+from alloc.plant.structure import Floats, Ints
 from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep
 from mpc.box_qp import BoxWorkspace, box_workspace, solve_box_qp
 from mpc.condensing import Quadratic, add_second_order, condense, quadratic
@@ -46,9 +46,9 @@ class Rules(NamedTuple):
     """Numbers that do not change from period to period."""
 
     step: float
-    """Of one Runge-Kutta step [s]."""
-    substeps: int
-    """Runge-Kutta steps of a step of the horizon."""
+    """Of the horizon [s]."""
+    most_substeps: int
+    """Greatest number of Runge-Kutta steps of a step of the horizon."""
     tolerance: float
     """Residual at which the step that follows is the last."""
     least_curvature: float
@@ -64,6 +64,8 @@ class Now(NamedTuple):
     parameters: Floats
     upper: Floats
     """(horizon * units,)"""
+    substeps: Ints
+    """Runge-Kutta steps of a step of the horizon, (1,): more where the believed curve gets steeper."""
 
 
 class Guess(NamedTuple):
@@ -121,7 +123,7 @@ def period(
     """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
     (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
     n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.substeps if rules.exact else 2
+    evaluations = 4 * horizon * rules.most_substeps if rules.exact else 2
     guess = Guess(
         torques=np.zeros(n),
         trial=np.zeros(n),
@@ -136,7 +138,7 @@ def period(
     return Period(
         model,
         rules,
-        Now(np.zeros(states), np.zeros(parameters), np.zeros(n)),
+        Now(np.zeros(states), np.zeros(parameters), np.zeros(n), np.ones(1, dtype=np.int64)),
         guess,
         nonzeros,
         row_order(nonzeros, states),
@@ -153,17 +155,17 @@ def period(
     )
 
 
-def _kind() -> Any:
-    """Numba's type of a `Period`."""
+def empty_period() -> Period:
+    """A period of no size, of whose kind all others are."""
     none, empty = np.zeros(0), np.zeros(0, dtype=np.int64)
     terms = Cost(
         np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
     )
     rules = Rules(0.0, 1, 0.0, 0.0, False)
-    return ByReference(period(Addresses(0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)).kind
+    return period(Addresses(0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)
 
 
-PERIOD = _kind()
+PERIOD = ByReference(empty_period()).kind
 
 
 @sweep(void(VECTOR, PERIOD))
@@ -171,8 +173,10 @@ def linearise_at(torques, p):
     """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
-    model, rules = rate_at(p.model.rate), p.rules
-    linearise(model, p.order, torques, p.now.parameters, rules.step, rules.substeps, p.around)
+    model, substeps = rate_at(p.model.rate), p.now.substeps[0]
+    linearise(
+        model, p.order, torques, p.now.parameters, p.rules.step / substeps, substeps, p.around
+    )
 
 
 @sweep(float64(PERIOD))
@@ -191,10 +195,10 @@ def optimality(p):
 @sweep(void(PERIOD))
 def second_derivatives(p):
     """Add the model's second derivatives to the quadratic model, which may become indefinite."""
-    rules, second = p.rules, p.second
+    second, substeps = p.second, p.now.substeps[0]
     second_order(
-        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.parameters, rules.step,
-        rules.substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
+        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.parameters,
+        p.rules.step / substeps, substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
     )  # fmt: skip
     add_second_order(second.hessians, p.terms, p.quadratic, second.wide)
 
@@ -219,7 +223,7 @@ def step(p):
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
-    guess, rules, units = p.guess, p.rules, p.terms.unit.scale.size
+    guess, units, substeps = p.guess, p.terms.unit.scale.size, p.now.substeps[0]
     for _ in range(trials):
         for i in range(p.now.state.size):
             guess.nodes[0, i] = p.now.state[i]
@@ -227,7 +231,7 @@ def search(cost, trials, p):
         while k + 1 < guess.nodes.shape[0] and reached <= cost:  # costs only add up
             torque = guess.trial[k * units : (k + 1) * units]
             simulate(
-                slope_at(p.model.slope), torque, p.now.parameters, rules.step, rules.substeps,
+                slope_at(p.model.slope), torque, p.now.parameters, p.rules.step / substeps, substeps,
                 guess.nodes[k : k + 2], guess.scratch,
             )  # fmt: skip
             reached = cost_up_to(k, reached, guess.nodes, guess.trial, p.terms)
@@ -241,6 +245,22 @@ def search(cost, trials, p):
         if lower:
             return True
     return False
+
+
+@sweep(void(PERIOD))
+def shift(p):
+    """Move the guess on by one step of the horizon, whose last torques stay."""
+    torques, units = p.guess.torques, p.terms.unit.scale.size
+    for i in range(torques.size - units):
+        torques[i] = torques[i + units]
+
+
+@sweep(void(PERIOD))
+def hold(p):
+    """Forget the guess: hold the torques of the period before over the horizon."""
+    torques, before = p.guess.torques, p.terms.unit.before
+    for i in range(torques.size):
+        torques[i] = before[i % before.size]
 
 
 @sweep(types.Tuple((float64, float64, int64, int64))(int64, PERIOD))

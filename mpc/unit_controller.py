@@ -1,21 +1,16 @@
-"""The readhesion MPC of one traction unit."""
-
-from dataclasses import replace
+"""The readhesion MPC of one traction unit in Python, its solver exchangeable: the reference of `mpc.unit_step`."""
 
 import numpy as np
 
+from alloc.by_reference import ByReference
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
 from mpc.belief import CurveObserver
 from mpc.control_period import PredictiveController
-from mpc.curve_belief import stretched
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, torque_per_coefficient
-
-STIFFNESS_MARGIN = 0.8
-"""How much stiffer than the believed curve, as a share of its stretch, the steps of the prediction are made for."""
+from mpc.unit_problem import pose, steepest, unit_problem
 
 
 class MpcController(PredictiveController):
@@ -29,13 +24,12 @@ class MpcController(PredictiveController):
 
     def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
         settings = settings or MpcSettings()
-        super().__init__([context], settings, RealTimeIteration(context, settings))
-        self.belief = CurveObserver(context, settings.belief, settings.curve)
-        self._stable_stretch = STIFFNESS_MARGIN
+        solver = RealTimeIteration(context, settings, steepest=steepest(settings))
+        super().__init__([context], settings, solver)
         self._context = context
-        self._carried = torque_per_coefficient(context)
-        self._parameters = parameters(context, self.belief.peak)
-        self._slip_limit = np.zeros(context.axles)
+        self.belief = CurveObserver(context, settings.belief, settings.curve)
+        self._unit = unit_problem(context, settings, self.belief.record, solver.period)
+        self._record = ByReference(self._unit)
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period."""
@@ -47,29 +41,9 @@ class MpcController(PredictiveController):
     def _problem(
         self, speed: Floats, omega: Floats, torque: Floats, target: Floats, limit: Floats
     ) -> HorizonProblem:
-        belief = self.belief
-        if belief.stretch < self._stable_stretch:
-            self._refine(belief.stretch)
-        self._parameters[: omega.size] = belief.peak
-        self._parameters[-belief.q.size :] = belief.q
-        np.multiply(belief.peak_slip, self.settings.slip_limit, out=self._slip_limit)
-        carried = (1.0 + self.settings.headroom) * belief.peak.min() * self._carried
+        pose(self._record, target[0], limit[0])
+        now, terms = self._unit.solver.now, self._unit.solver.terms
+        state = np.concatenate([speed, omega, torque])
         return HorizonProblem(
-            state=np.concatenate([speed, omega, torque]),
-            parameters=self._parameters,
-            slip_limit=self._slip_limit,
-            target=target,
-            before=self._before,
-            upper=np.minimum(np.minimum(target, limit), carried),
-        )
-
-    def _refine(self, stretch: float) -> None:
-        """Divide the prediction's steps more finely: a curve steeper than the given one would make them unstable.
-
-        The margin of Runge-Kutta's stability over the plant's own bound covers what the given curve's steps do not.
-        """
-        self._stable_stretch = STIFFNESS_MARGIN * stretch
-        curve = stretched(self._context.curve, self._stable_stretch)
-        torques = self._solver.torques
-        self._solver = RealTimeIteration(replace(self._context, curve=curve), self.settings)
-        self._solver.torques[:] = torques
+            state, now.parameters, terms.axle.slip_limit, terms.unit.target, self._before, now.upper[:1]
+        )  # fmt: skip

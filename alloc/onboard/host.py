@@ -6,7 +6,7 @@ They see what the units' computers see: sensors, their belief, the limits handed
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from alloc.onboard.equipment import Equipment
 from alloc.onboard.parameters import Onboard, Telegrams
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.model import Model
+
+if TYPE_CHECKING:
+    from alloc.onboard.compiled_controller import CompiledController
 
 
 @dataclass(frozen=True)
@@ -105,13 +108,15 @@ class TrainController(Protocol):
         """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
 
 
-TrainControllerFactory = Callable[[Sequence[UnitContext]], TrainController]
-"""Makes the controllers of a train when a run starts, of one context per unit, foremost first."""
+TrainControllerFactory = Callable[
+    [Sequence[UnitContext]], TrainController | tuple["CompiledController", ...]
+]
+"""Makes the controllers of a train when a run starts, of one context per unit, foremost first; as Python or compiled."""
 
 
 @dataclass(frozen=True)
 class HostedController:
-    """A readhesion controller in Python, as the collection knows it."""
+    """A readhesion controller that is not built in, as the collection knows it."""
 
     name: str
     meaning: str

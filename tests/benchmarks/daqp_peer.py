@@ -22,8 +22,8 @@ PRIMAL_TOLERANCE = 1e-12
 class DaqpIteration(RealTimeIteration):
     """A `RealTimeIteration` whose `solve` is written with NumPy and DAQP."""
 
-    def __init__(self, units, settings, evenness=0.0):
-        super().__init__(units, settings, evenness)
+    def __init__(self, units, settings, evenness=0.0, steepest=1.0):
+        super().__init__(units, settings, evenness, steepest)
         n = self.torques.size
         self._daqp = daqp.Model()
         self._daqp.setup(
@@ -87,8 +87,8 @@ class DaqpIteration(RealTimeIteration):
         for _ in range(HALVINGS + 1):
             made.guess.nodes[0] = problem.state
             simulate(
-                self._model.slope, trial, problem.parameters, made.rules.step, made.rules.substeps,
-                made.guess.nodes, made.guess.scratch,
+                self._model.slope, trial, problem.parameters, made.rules.step / made.now.substeps[0],
+                int(made.now.substeps[0]), made.guess.nodes, made.guess.scratch,
             )  # fmt: skip
             if trajectory_cost(made.guess.nodes, trial, terms) <= cost:
                 self.torques[:] = trial

@@ -3,13 +3,21 @@
 import numpy as np
 import pytest
 
+from alloc.by_reference import ByReference
 from alloc.plant.adhesion_laws import tangential_coefficient
 from mpc.belief import CurveObserver
-from mpc.curve_belief import StretchEstimator, micro_slip, stretched
+from mpc.curve_belief import micro_slip, slope_belief, stretch_parameters, update_slope
 from mpc.settings import CurveBelief, PeakBelief
 
 PERIOD, PEAK, SPEED = 0.01, 0.12, 10.0
 KINDS = ("piecewise", "polach", "slip-ratio")
+
+
+def stretched(curve, stretch):
+    """The `curve` with its rising branch stretched along the slip axis."""
+    q = np.empty(6)
+    stretch_parameters(curve.kind, curve.q, stretch, q)
+    return curve.with_parameters(q)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -152,12 +160,13 @@ def test_switched_off_the_given_curve_is_believed(make_context):
 
 def test_a_slope_in_the_middle_of_two_axles_that_disagree(make_context):
     curve = make_context().curve
-    estimator = StretchEstimator(curve, 2, PERIOD, CurveBelief(), PEAK)
+    slope = slope_belief(curve, 2, PERIOD, CurveBelief(), PEAK)
+    record = ByReference(slope)
     peak, told = np.full(2, PEAK), np.full(2, PEAK)
     felt = np.full(2, 0.5 * PEAK)
     top = float(curve.limit(PEAK, SPEED)[1])
     slip = micro_slip(curve.kind, curve.q, felt[0], PEAK, top, SPEED)
     for _ in range(2000):
         slips = slip * np.array([0.8, 1.4])
-        estimator.update(SPEED, slips, felt, peak, told, np.ones(2, dtype=bool), 0.0, 0.015)
-    assert estimator.stretch == pytest.approx(1.1, rel=0.01)
+        update_slope(record, SPEED, slips, felt, peak, told, np.ones(2, dtype=bool), 0.0, 0.015)
+    assert slope.stretch[0] == pytest.approx(1.1, rel=0.01)

@@ -19,8 +19,8 @@ from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import JointProblem, Report
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
 from mpc.train_controller import Order, TrainMpc
-from mpc.unit_controller import MpcController
 from mpc.unit_model import parameters, torque_per_coefficient
+from mpc.unit_step import STATUSES
 
 
 class Solver:
@@ -273,8 +273,9 @@ def test_every_car_has_its_controller(make_context, make_sense, no_solver):
 
 def test_hosted_names_stand_for_their_controllers(make_context, no_solver):
     units = [make_context(axles=1, car=c, settings=SETTINGS) for c in (0, 1)]
-    assert [type(one) for one in MPC.factory(units[:1]).controllers] == [MpcController]
-    assert MPC.factory(units[:1]).controllers[0].settings is SETTINGS
+    assert [one.statuses for one in MPC.factory(units[:1])] == [STATUSES]
+    (compiled,) = MPC.factory(units[:1])
+    assert compiled.kept[1]._settings is SETTINGS
     for hosted, kind in (
         (MPC_CAR, CarControllers),
         (MPC_TRAIN, TrainMpc),

@@ -77,7 +77,7 @@ def test_closed_loops_agree(context, make_sense, exact):
     commands = {}
     for code in ("numba", "c"):
         controller = MpcController(context, MpcSettings(code=code, exact_hessian=exact))
-        constants = controller._parameters.copy()
+        constants = controller._unit.solver.now.parameters.copy()
         constants[:4] = [0.118, 0.12, 0.122, 0.125]
         state, commands[code] = np.array([10.0, *[10.3 / 0.43] * 4, 600.0]), []
         for _ in range(100):

@@ -29,7 +29,9 @@ class _Accounting(MpcController):
         self.residuals.append(decision.residual)
         weights, scale = self.settings.weights, float(self._solver.period.guess.scale[0])
         slip = sense.omega * self._context.radius - sense.speed
-        excess = np.maximum(math.copysign(1.0, sense.target) * slip - self._slip_limit, 0.0)
+        excess = np.maximum(
+            math.copysign(1.0, sense.target) * slip - self._unit.solver.terms.axle.slip_limit, 0.0
+        )
         if sense.target != 0.0:
             self.cost += (
                 weights.tracking * ((decision.torque - sense.target) / scale) ** 2

@@ -8,8 +8,9 @@ import pytest
 from alloc.onboard.observer import observer_gains
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.adhesion_laws import tangential_coefficient
+from mpc import belief as beliefs
 from mpc import curve_belief
-from mpc.belief import FOREIGN_FORCE, CurveObserver, GroupBelief
+from mpc.belief import FOREIGN_FORCE, CurveObserver, GroupBelief, measured_noise
 from mpc.curve_belief import CLASS, SUMS, Constants, Memory, Sums, micro_slip, stretch_estimate
 from mpc.settings import CurveBelief, PeakBelief
 
@@ -93,25 +94,24 @@ def test_what_was_supposed_of_the_noise_is_forgotten_as_noise_is_learnt(make_con
     observer = CurveObserver(make_context(axles=2), b, CurveBelief())
     for _ in range(50):
         observer.update(8.0, np.full(2, 8.01 / 0.43), 100.0)
-    assert observer._measured_noise() == pytest.approx(
-        0.0, abs=1e-12
-    )  # steady slip: no noise at all
+    # steady slip: no noise at all
+    assert measured_noise(observer.record) == pytest.approx(0.0, abs=1e-12)
     observer.axles.noise[:] += [0.003, 0.005]
     left = math.exp(-50 * 0.01)
-    assert observer._measured_noise() == pytest.approx(0.004 / (1.0 - left), rel=1e-9)
+    assert measured_noise(observer.record) == pytest.approx(0.004 / (1.0 - left), rel=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
-def test_other_brakes_keep_the_slope_as_it_is(make_context, share):
+def test_other_brakes_keep_the_slope_as_it_is(make_context, monkeypatch, share):
     observer = CurveObserver(make_context(axles=2), PeakBelief(), CurveBelief())
     calls = []
-    observer._estimator.update = lambda *arguments: calls.append(arguments)
+    monkeypatch.setattr(beliefs, "update_slope", lambda *arguments: calls.append(arguments))
     observer.update(8.0, np.full(2, 8.01 / 0.43), 300.0)
     felt = observer.coefficient.mean()
     for sign in (-1.0, 1.0):
         observer.update(8.0, np.full(2, 8.01 / 0.43), 300.0, felt + sign * share * FOREIGN_FORCE)
     assert len(calls) == (3 if share < 1.0 else 1)
-    assert calls[0][-2:] == (4.0 * observer._measured_noise(), 0.015)
+    assert calls[0][-2:] == (4.0 * measured_noise(observer.record), 0.015)
 
 
 def test_loads_of_a_group_follow_the_forces_of_the_car(make_context):
@@ -336,13 +336,13 @@ def test_pairs_are_taken_up_to_where_the_curve_bends():
 def test_times_of_the_belief_are_told_in_excitation():
     # one axle that slips by the scale of 0.02 m/s excites by 0.0004 m2/s2 in each of 50 periods a second
     belief = CurveBelief(slip_scale=0.02, memory=4.0, prior=0.5, smallest=0.6, largest=1.7)
-    estimator = curve_belief.StretchEstimator(CURVES["polach"], 3, 0.02, belief, 0.17)
-    c = estimator._constants
+    slope = curve_belief.slope_belief(CURVES["polach"], 3, 0.02, belief, 0.17)
+    c = slope.constants
     assert c.prior == pytest.approx(0.5 * 50 * 0.0004)
     assert c.fading * 4.0 * 50 * 0.0004 == pytest.approx(1.0)
     assert (c.smallest, c.largest, c.tested, c.untested) == (0.6, 1.7, 0.75, 0.5)
     assert c.resolution == pytest.approx(0.002)
-    assert estimator._initial == 0.17
-    assert (estimator._memory.bins.shape, estimator._memory.most.shape) == ((3, 40), (3,))
-    assert estimator.stretch == 1.0
-    np.testing.assert_array_equal(estimator.q, CURVES["polach"].q)
+    assert slope.initial == 0.17
+    assert (slope.memory.bins.shape, slope.memory.most.shape) == ((3, 40), (3,))
+    assert slope.stretch.tolist() == [1.0]
+    np.testing.assert_array_equal(slope.q, CURVES["polach"].q)

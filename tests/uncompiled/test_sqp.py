@@ -183,7 +183,7 @@ def _solver(answers, **settings):
     solver._settings = MpcSettings(horizon=2, **settings)
     solver.period, solver.units = _period(), 2
     solver.torques, solver._terms = solver.period.guess.torques, solver.period.terms
-    solver._period, left = None, list(answers)
+    solver._period, left = solver.period, list(answers)
     solver._iterate = lambda most, period: asked.append(most) or left.pop(0)
     solver.most = solver._settings.steps_in_time(0.01)
     return solver, asked

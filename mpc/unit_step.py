@@ -1,0 +1,144 @@
+"""A control period of one unit's readhesion MPC as one compiled function, which the simulation's loop calls by its address.
+
+It follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque; see
+`MpcSettings` for the weights. A solver that fails, is too slow or is given what is no number gives an answer that is not
+usable; the unit then cuts and ramps. Braking is driving mirrored: every law of a unit is odd. `mpc.control_period` is the
+same in Python, for groups and for other solvers.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from alloc.by_address import address_of, record_at
+from alloc.by_reference import ByReference
+from alloc.compilation import jit
+from alloc.onboard.compiled_controller import STEP, CompiledController
+from alloc.onboard.host import UnitContext
+from alloc.plant.structure import Floats
+from mpc.arrays import sweep
+from mpc.belief import belief_of, believe
+from mpc.real_time import FAILURES, RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.sqp import ENDED, hold, iterate, shift
+from mpc.unit_problem import UnitProblem, empty_problem, pose, steepest, unit_problem
+
+STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
+"""By number: that of `mpc.sqp`'s ends from `ENDED` on, then those of the period itself."""
+NOT_A_NUMBER, LATE = len(STATUSES) - 2, len(STATUSES) - 1
+
+
+class Times(NamedTuple):
+    """Settings of time."""
+
+    most: int
+    """SQP steps in a period."""
+    late: bool
+    """Whether not even one of them ends in time."""
+    shifts: bool
+    """Whether the guess is moved on by a step of the horizon every period."""
+    step: float
+    """Time that an SQP step takes on board [s]."""
+
+
+class UnitState(NamedTuple):
+    """All that the controller of a unit keeps."""
+
+    times: Times
+    problem: UnitProblem
+    sign: Floats
+    """Direction of the demand of the last period; 0: start anew, (1,)."""
+
+
+def times_of(context: UnitContext, settings: MpcSettings) -> Times:
+    """Settings of time of a unit."""
+    most = settings.steps_in_time(context.period)
+    shifts = math.isclose(context.period, settings.step)
+    return Times(max(1, most), most < 1, shifts, float(settings.step_time))
+
+
+def _kind() -> Any:
+    """Numba's type of a `UnitState`."""
+    return ByReference(UnitState(Times(1, False, True, 0.0), empty_problem(), np.zeros(1))).kind
+
+
+_state_at = record_at(_kind())
+
+
+@jit
+def _finite(reading, omega):
+    """Whether all readings that count are numbers."""
+    total = abs(reading.speed) + abs(reading.torque) + abs(reading.target)
+    total += abs(reading.drive_limit) + abs(reading.brake_limit)
+    for i in range(omega.size):
+        total += abs(omega[i])
+    return total < np.inf
+
+
+@jit
+def _start(u, reading):
+    """Know the direction of the demand; where it changes, start anew."""
+    before = u.problem.solver.terms.unit.before
+    sign = u.sign[0] if u.sign[0] != 0.0 else 1.0
+    if reading.target != 0.0:
+        sign = 1.0 if reading.target > 0.0 else -1.0
+    if sign != u.sign[0]:
+        u.problem.belief.fresh[0] = True
+        before[0] = max(sign * reading.torque, 0.0)
+        hold(u.problem.solver)
+        u.sign[0] = sign
+    elif u.times.shifts:
+        shift(u.problem.solver)
+
+
+@jit
+def _decide(u, reading, omega, answer):
+    """Fill the answer but for its status, which is returned."""
+    if not _finite(reading, omega):
+        return NOT_A_NUMBER
+    _start(u, reading)
+    sign, p, n = u.sign[0], u.problem.solver, omega.size
+    state, before = p.now.state, p.terms.unit.before
+    state[0], state[1 + n] = sign * reading.speed, sign * reading.torque
+    for i in range(n):
+        state[1 + i] = sign * omega[i]
+    believe(u.problem.belief, state[0], state[1 : 1 + n], state[1 + n], reading.coefficient)
+    if reading.target == 0.0:
+        before[0] = answer.torque = answer.residual = 0.0
+        hold(p)
+        return 0
+    limit = reading.drive_limit if sign > 0.0 else reading.brake_limit
+    pose(u.problem, sign * reading.target, limit)
+    _, residual, done, end = iterate(u.times.most, p)
+    before[0] = p.guess.torques[0]
+    answer.residual, answer.solve_time = residual, done * u.times.step
+    answer.torque = sign * before[0]
+    if end > ENDED:
+        return end - ENDED
+    return LATE if u.times.late else 0
+
+
+@sweep(STEP.signature)
+def unit_step(address, reading, omega, answer):
+    """A control period, see `alloc.onboard.compiled_controller.STEP`; `address`: of a `UnitState`."""
+    u = _state_at(address)
+    answer.residual, answer.solve_time = np.nan, 0.0
+    answer.status = _decide(u, reading, omega, answer)
+    answer.usable = 1
+    if answer.status != 0:
+        answer.usable, answer.torque = 0, 0.0
+        u.sign[0] = 0.0  # start anew: what the unit does meanwhile is not known here
+
+
+def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> CompiledController:
+    """The compiled readhesion MPC of a unit at the start of a run."""
+    settings = settings or MpcSettings()
+    solver = RealTimeIteration(context, settings, steepest=steepest(settings))
+    belief = belief_of(context, settings.belief, settings.curve)
+    problem = unit_problem(context, settings, belief, solver.period)
+    state = UnitState(times_of(context, settings), problem, np.zeros(1))
+    record = ByReference(state)
+    return CompiledController(
+        address_of(unit_step, STEP), record.address, STATUSES, (record, solver)
+    )
