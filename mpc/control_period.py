@@ -34,9 +34,14 @@ class PredictiveController:
         self._solver = solver
         self._axles = sum(context.axles for context in contexts)
         self._late = settings.steps_in_time(contexts[0].period) < 1
-        self._shifts = math.isclose(contexts[0].period, settings.step)
+        self._period = contexts[0].period
+        self._shifts = math.isclose(self._period, settings.step)
         self._sign = 0.0
         self._before = np.zeros(len(contexts))
+        self._in_force = self._before
+        """Signed torques of the present period, if computing takes one."""
+        self._found = "ok"
+        """Status of the torques that will act next, if computing takes a period."""
 
     def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
         """Take in the readings; `estimate` is each unit's own of its coefficient."""
@@ -56,11 +61,15 @@ class PredictiveController:
         elapsed = steps * self.settings.step_time
         if status != "ok":
             self._sign = 0.0  # start anew: what the units do meanwhile is not known here
+        if self.settings.computing_delay:
+            torques, status, self._found = self._in_force, self._found, status
+        if status != "ok":
             return [TorqueDecision(0.0, False, status, elapsed, residual) for _ in senses]
         return [TorqueDecision(float(u), True, status, elapsed, residual) for u in torques]
 
     def _decide(self, senses: Sequence[UnitSense]) -> tuple[Floats, str, float, int]:
         """Torques, status, residual, and SQP steps taken."""
+        self._in_force = self._sign * self._before
         columns = np.array(
             [(s.speed, s.torque, s.target, s.drive_limit, s.brake_limit) for s in senses]
         ).T
@@ -82,11 +91,17 @@ class PredictiveController:
         speed, omega, torque = sign * speed, sign * omega, sign * torque
         self._believe(speed, omega, torque, np.array([sense.coefficient for sense in senses]))
         if total == 0.0:
-            self._before = np.zeros(len(senses))
+            self._before = self._in_force = np.zeros(len(senses))
             self._solver.restart(0.0)
             return self._before, "ok", 0.0, 0
         limit = drive_limit if sign > 0.0 else brake_limit
+        if self.settings.computing_delay:
+            # that the driver wants less now needs no computing
+            self._before = min(1.0, abs(total) / max(self._before.sum(), 1e-9)) * self._before
+            self._in_force = sign * self._before
         problem = self._problem(speed, omega, torque, sign * target, limit)
+        if self.settings.computing_delay and self.settings.compensated:
+            problem = self._solver.ahead(problem, self._period)
         solution = self._solver.solve(problem)
         self._before = solution.torques[: len(senses)].copy()
         return sign * self._before, solution.status, solution.residual, solution.iterations

@@ -19,6 +19,7 @@ from mpc.sqp import (
     NOT_FINITE,
     Addresses,
     Rules,
+    ahead,
     hold,
     iterate,
     period,
@@ -92,6 +93,12 @@ class RealTimeIteration:
         axle.slip_limit[:] = problem.slip_limit
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
+
+    def ahead(self, problem: HorizonProblem, time: float) -> HorizonProblem:
+        """The problem from the state on that is predicted after `time` [s] under the torques before."""
+        self.take(problem)
+        ahead(time, self._period)
+        return problem._replace(state=self.period.now.state.copy())
 
     def solve(self, problem: HorizonProblem) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.

@@ -145,7 +145,9 @@ class MpcSettings:
     board takes for an SQP step, of a unit or of a group; assumed, ten times what a workstation takes for four axles.
     `deadline`: longest solve, by default as long as the default control period; what is longer than the control period
     counts as the period. No step is begun that would end later, and where not even one fits, the answer is late, which
-    counts as failed. `exact_hessian`: second derivatives of the plant in the QP,
+    counts as failed. `computing_delay`: control periods, 0 or 1, from the readings to the command that they lead to; the
+    controller of a unit or a group then commands what it found before. `compensated`: it solves from the state that it
+    predicts for the instant at which its command will act. `exact_hessian`: second derivatives of the plant in the QP,
     indefinite parts reflected; else Gauss-Newton. `code`: the model compiled by Numba ("numba", needs nothing else) or
     from C by the system's compiler ("c"); the answers are the same.
     """
@@ -158,6 +160,8 @@ class MpcSettings:
     tolerance: float = quantity(1e-2, "1")
     step_time: float = quantity(1e-3, "s")
     deadline: float = quantity(0.01, "s")
+    computing_delay: int = quantity(0, "1", most=1)
+    compensated: bool = True
     exact_hessian: bool = False
     code: str = "numba"
     weights: Weights = field(default_factory=Weights)
@@ -166,7 +170,7 @@ class MpcSettings:
     group: GroupSettings = field(default_factory=GroupSettings)
 
     def __post_init__(self) -> None:
-        _check("mpc", self, zero=("headroom", "tolerance"))
+        _check("mpc", self, zero=("headroom", "tolerance", "computing_delay"))
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(item.default_factory, type) and not isinstance(
@@ -178,6 +182,8 @@ class MpcSettings:
             raise MpcError(
                 f"mpc: code = {self.code!r} must be one of {', '.join(map(repr, CODES))}"
             )
+        if self.computing_delay not in (0, 1):
+            raise MpcError(f"mpc: computing_delay = {self.computing_delay!r} must be 0 or 1")
         if self.horizon < 2:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")
 

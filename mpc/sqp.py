@@ -263,6 +263,20 @@ def hold(p):
         torques[i] = before[i % before.size]
 
 
+@sweep(void(float64, PERIOD))
+def ahead(time, p):
+    """Move the state on by `time` [s] under the torques of the period before."""
+    state, nodes, before = p.now.state, p.guess.nodes, p.terms.unit.before
+    substeps = int(np.ceil(p.now.substeps[0] * time / p.rules.step * (1.0 - 1e-9)))
+    for i in range(state.size):
+        nodes[0, i] = state[i]
+    simulate(
+        slope_at(p.model.slope), before, p.now.parameters, time / substeps, substeps, nodes[0:2], p.guess.scratch,
+    )  # fmt: skip
+    for i in range(state.size):
+        state[i] = nodes[1, i]
+
+
 @sweep(types.Tuple((float64, float64, int64, int64))(int64, PERIOD))
 def iterate(most, p):
     """Take at most `most` steps; returns cost, residual, steps done, and how it ended.

@@ -16,12 +16,12 @@ from alloc.by_reference import ByReference
 from alloc.compilation import jit
 from alloc.onboard.compiled_controller import STEP, CompiledController
 from alloc.onboard.host import UnitContext
-from alloc.plant.structure import Floats
+from alloc.plant.structure import Floats, Ints
 from mpc.arrays import sweep
 from mpc.belief import belief_of, believe
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.sqp import ENDED, hold, iterate, shift
+from mpc.sqp import ENDED, ahead, hold, iterate, shift
 from mpc.unit_problem import UnitProblem, empty_problem, pose, steepest, unit_problem
 
 STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
@@ -40,6 +40,12 @@ class Times(NamedTuple):
     """Whether the guess is moved on by a step of the horizon every period."""
     step: float
     """Time that an SQP step takes on board [s]."""
+    period: float
+    """Control period [s]."""
+    delayed: bool
+    """Whether a command acts a period after the readings that it was found from."""
+    predicted: bool
+    """Whether it is found from the state predicted for then."""
 
 
 class UnitState(NamedTuple):
@@ -49,18 +55,26 @@ class UnitState(NamedTuple):
     problem: UnitProblem
     sign: Floats
     """Direction of the demand of the last period; 0: start anew, (1,)."""
+    found: Ints
+    """Status of the command that will act next, if commands are delayed, (1,)."""
 
 
 def times_of(context: UnitContext, settings: MpcSettings) -> Times:
     """Settings of time of a unit."""
     most = settings.steps_in_time(context.period)
     shifts = math.isclose(context.period, settings.step)
-    return Times(max(1, most), most < 1, shifts, float(settings.step_time))
+    delayed = settings.computing_delay > 0
+    return Times(
+        max(1, most), most < 1, shifts, float(settings.step_time), float(context.period),
+        delayed, bool(delayed and settings.compensated),
+    )  # fmt: skip
 
 
 def _kind() -> Any:
     """Numba's type of a `UnitState`."""
-    return ByReference(UnitState(Times(1, False, True, 0.0), empty_problem(), np.zeros(1))).kind
+    times = Times(1, False, True, 0.0, 0.0, False, False)
+    none = np.zeros(1), np.zeros(1, dtype=np.int64)
+    return ByReference(UnitState(times, empty_problem(), *none)).kind
 
 
 _state_at = record_at(_kind())
@@ -94,12 +108,15 @@ def _start(u, reading):
 
 @jit
 def _decide(u, reading, omega, answer):
-    """Fill the answer but for its status, which is returned."""
+    """Fill the answer; returns the status of the command that these readings lead to."""
+    before = u.problem.solver.terms.unit.before
+    in_force = u.sign[0] * before[0]
+    answer.torque = in_force
     if not _finite(reading, omega):
         return NOT_A_NUMBER
     _start(u, reading)
     sign, p, n = u.sign[0], u.problem.solver, omega.size
-    state, before = p.now.state, p.terms.unit.before
+    state = p.now.state
     state[0], state[1 + n] = sign * reading.speed, sign * reading.torque
     for i in range(n):
         state[1 + i] = sign * omega[i]
@@ -109,11 +126,17 @@ def _decide(u, reading, omega, answer):
         hold(p)
         return 0
     limit = reading.drive_limit if sign > 0.0 else reading.brake_limit
+    if u.times.delayed:
+        # that the driver wants less now needs no computing
+        before[0] *= min(1.0, abs(reading.target) / max(before[0], 1e-9))
+        in_force = sign * before[0]
     pose(u.problem, sign * reading.target, limit)
+    if u.times.predicted:
+        ahead(u.times.period, p)
     _, residual, done, end = iterate(u.times.most, p)
     before[0] = p.guess.torques[0]
     answer.residual, answer.solve_time = residual, done * u.times.step
-    answer.torque = sign * before[0]
+    answer.torque = in_force if u.times.delayed else sign * before[0]
     if end > ENDED:
         return end - ENDED
     return LATE if u.times.late else 0
@@ -124,11 +147,14 @@ def unit_step(address, reading, omega, answer):
     """A control period, see `alloc.onboard.compiled_controller.STEP`; `address`: of a `UnitState`."""
     u = _state_at(address)
     answer.residual, answer.solve_time = np.nan, 0.0
-    answer.status = _decide(u, reading, omega, answer)
-    answer.usable = 1
-    if answer.status != 0:
-        answer.usable, answer.torque = 0, 0.0
+    status = _decide(u, reading, omega, answer)
+    if status != 0:
         u.sign[0] = 0.0  # start anew: what the unit does meanwhile is not known here
+    if u.times.delayed:
+        status, u.found[0] = u.found[0], status
+    answer.status, answer.usable = status, int(status == 0)
+    if status != 0:
+        answer.torque = 0.0
 
 
 def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> CompiledController:
@@ -137,7 +163,9 @@ def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> 
     solver = RealTimeIteration(context, settings, steepest=steepest(settings))
     belief = belief_of(context, settings.belief, settings.curve)
     problem = unit_problem(context, settings, belief, solver.period)
-    state = UnitState(times_of(context, settings), problem, np.zeros(1))
+    state = UnitState(
+        times_of(context, settings), problem, np.zeros(1), np.zeros(1, dtype=np.int64)
+    )
     record = ByReference(state)
     return CompiledController(
         address_of(unit_step, STEP), record.address, STATUSES, (record, solver)

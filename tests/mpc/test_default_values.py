@@ -59,7 +59,8 @@ ONBOARD = {
 }  # fmt: skip
 MPC = {
     "horizon": 20, "step": 0.01, "slip_limit": 1.0, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
-    "step_time": 1e-3, "deadline": 0.01, "exact_hessian": False, "code": "numba",
+    "step_time": 1e-3, "deadline": 0.01, "computing_delay": 0, "compensated": True,
+    "exact_hessian": False, "code": "numba",
     "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
     "belief": {
         "initial": 0.2, "pole": 25.0, "gain": 60.0, "probe": 0.04, "informative": 0.9, "slip_error": 0.015,

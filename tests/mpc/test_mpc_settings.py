@@ -20,6 +20,8 @@ from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
         (MpcSettings, "deadline", -1.0),
         (MpcSettings, "deadline", math.inf),
         (MpcSettings, "step_time", 0.0),
+        (MpcSettings, "computing_delay", 2),
+        (MpcSettings, "computing_delay", True),
         (MpcSettings, "headroom", -0.1),
         (MpcSettings, "slip_limit", 0.0),
         (MpcSettings, "code", "fortran"),

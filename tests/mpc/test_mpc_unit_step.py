@@ -13,12 +13,13 @@ from alloc.plant.adhesion import PiecewiseCurve
 from alloc.simulation import simulate
 from mpc.hosted import MPC
 from mpc.real_time import RealTimeIteration
-from mpc.settings import CurveBelief, MpcSettings
+from mpc.settings import CurveBelief, MpcSettings, PeakBelief
 from mpc.unit_controller import MpcController
-from mpc.unit_model import substeps
+from mpc.unit_model import parameters, substeps, unit_model
 from mpc.unit_step import STATUSES, compiled_unit, unit_step
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
+from tests.benchmarks.unit_step import step_function
 from tests.mpc.drop import drop_event, run_mpc
 
 IN_PYTHON = HostedController(
@@ -65,8 +66,22 @@ def _readings(make_sense, seed):
         MpcSettings(step=0.02, horizon=10),
         MpcSettings(step_time=3e-3, headroom=0.3, slip_limit=0.8),
         MpcSettings(step_time=0.02),
+        MpcSettings(computing_delay=1),
+        MpcSettings(computing_delay=1, compensated=False),
+        MpcSettings(computing_delay=1, step_time=0.02),
+        MpcSettings(computing_delay=1, step=0.025, horizon=10),
     ],
-    ids=["default", "exact", "longer steps", "few steps", "late"],
+    ids=[
+        "default",
+        "exact",
+        "longer steps",
+        "few steps",
+        "late",
+        "delayed",
+        "not compensated",
+        "late and delayed",
+        "delayed, longer steps",
+    ],
 )
 def test_every_answer_is_that_in_python(context, make_sense, settings):
     one, other = Compiled(context, settings), MpcController(context, settings)
@@ -125,6 +140,56 @@ def test_room_is_made_for_the_steepest_curve(context):
     assert rules.most_substeps == substeps(context, settings.step, 1.0 / (0.8 * 0.5))
     off = replace(settings, curve=CurveBelief(estimate=False))
     assert MpcController(context, off)._solver.period.rules.most_substeps == substeps(context, 0.01)
+
+
+FIXED = MpcSettings(
+    belief=PeakBelief(initial=0.12, gain=1e-9, probe=0.0), curve=CurveBelief(estimate=False)
+)
+"""A belief that stays as it is."""
+
+
+@pytest.mark.parametrize("code", ["unit_step", "python"])
+def test_with_a_perfect_model_a_delayed_command_is_found_from_the_state_it_acts_on(
+    context, make_sense, code
+):
+    settings = replace(FIXED, computing_delay=1)
+    if code == "python":
+        controller = MpcController(context, settings)
+        now = controller._solver.period.now
+    else:
+        controller = Compiled(context, settings)
+        now = controller.controller.kept[1].period.now
+    step = step_function(unit_model(context), context.period, substeps(context, context.period))
+    constants = parameters(context, 0.12)
+    state, commands = np.array([10.0, *[10.1 / 0.43] * 4, 500.0]), []
+    for _ in range(60):
+        sense = make_sense(speed=state[0], torque=state[5])._replace(omega=state[1:5].copy())
+        commands.append(float(controller.decide(sense).torque))
+        state = np.asarray(step(state, commands[-1], constants)).ravel()
+        np.testing.assert_allclose(now.state, state, rtol=1e-9)
+    assert np.ptp(commands) > 100.0
+
+
+def test_without_compensation_a_delayed_command_is_that_of_the_period_before(context, make_sense):
+    at_once = Compiled(context, FIXED)
+    delayed = Compiled(context, replace(FIXED, computing_delay=1, compensated=False))
+    rng, found = np.random.default_rng(2), []
+    for _ in range(40):
+        sense = make_sense(slip=rng.uniform(0.0, 0.1), torque=rng.uniform(300.0, 600.0))
+        found.append([float(one.decide(sense).torque) for one in (at_once, delayed)])
+    own, late = np.array(found).T
+    np.testing.assert_allclose(late[1:], own[:-1], rtol=1e-9)
+    # what was commanded before stands until then; of what the driver no longer wants nothing does
+    assert delayed.decide(make_sense(target=50.0)).torque == pytest.approx(50.0)
+    assert delayed.decide(make_sense(target=0.0)).torque == 0.0
+
+
+def test_a_delayed_failure_fails_when_its_command_would_act(context, make_sense):
+    one = Compiled(context, replace(FIXED, computing_delay=1))
+    senses = [make_sense(torque=300.0)] * 5
+    senses[2] = senses[2]._replace(speed=np.nan)
+    statuses = [STATUSES[one.decide(sense).status] for sense in senses]
+    assert statuses == ["ok", "ok", "ok", "reading not finite", "ok"]
 
 
 def test_a_period_allocates_nothing(context, make_sense):
