@@ -18,7 +18,7 @@ from alloc.plant.operations import (
     where,
 )
 
-PIECEWISE, POLACH, SLIP_RATIO, TABULATED, POLACH_BY_FRICTION = 0, 1, 2, 3, 4
+PIECEWISE, POLACH, SLIP_RATIO, TABULATED, POLACH_BY_FRICTION, RATIONAL = 0, 1, 2, 3, 4, 5
 
 CREEPAGE_SPEED_FLOOR = 1.0
 """Least speed [m/s] that creepage divides by: that at standstill, reached smoothly from twice as much.
@@ -155,6 +155,17 @@ def slip_ratio_coefficient(slip, reference, peak, peak_slip_ratio, residual_rati
 
 
 @equation
+def rational_coefficient(slip, peak, peak_slip, steepness):
+    """Peak times n x / (1 + (n - 2) x + x^2) with x = slip / `peak_slip` and n = `steepness`, after Kiencke and Daiss.
+
+    Its slope at the origin is n peak / `peak_slip`; the top is at x = 1 for every n > 0.
+    """
+    x = absolute(slip) / peak_slip
+    value = peak * (steepness * x / (1.0 + x * (x + (steepness - 2.0))))
+    return where(slip < 0.0, -value, value)
+
+
+@equation
 def tabulated_coefficient(slip, peak, table):
     """Shape of the curve from `table`: slip velocity of the peak, then values over slip / (slip + that of the peak)."""
     magnitude = absolute(slip)
@@ -176,6 +187,8 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak, contact=1.0):
     elif kind == SLIP_RATIO:
         reference = reference_speed(speed, rim_speed)
         return slip_ratio_coefficient(slip, reference, peak, q[0], q[1])
+    elif kind == RATIONAL:
+        return rational_coefficient(slip, peak, q[0], q[1])
     else:
         return tabulated_coefficient(slip, peak, q)
 
@@ -228,7 +241,7 @@ def adhesion_limit(kind, q, peak, speed, contact=1.0):
         return peak * 1.0, peak / q[0] + q[0] / (4.0 * curvature)
     elif kind in (POLACH, POLACH_BY_FRICTION):
         return polach_peak(kind, q, peak, speed, contact)
-    elif kind == TABULATED:
+    elif kind in (TABULATED, RATIONAL):
         return peak * 1.0, q[0] + 0.0 * peak
     else:
         return peak * 1.0, slip_ratio_peak(speed, q[0]) + 0.0 * peak
