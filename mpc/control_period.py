@@ -13,7 +13,7 @@ import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
-from mpc.belief import CurveObserver, GroupBelief
+from mpc.belief import GroupBelief, UnitBelief
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
@@ -25,7 +25,7 @@ class PredictiveController:
     Arrays of its methods are (units,), or (axles,) unit by unit, and count positive in the direction of the demand.
     """
 
-    belief: CurveObserver | GroupBelief
+    belief: UnitBelief | GroupBelief
 
     def __init__(
         self, contexts: Sequence[UnitContext], settings: MpcSettings, solver: RealTimeIteration
@@ -43,8 +43,10 @@ class PredictiveController:
         self._found = "ok"
         """Status of the torques that will act next, if computing takes a period."""
 
-    def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
-        """Take in the readings; `estimate` is each unit's own of its coefficient."""
+    def _believe(
+        self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
+    ) -> None:
+        """Take in the readings; `wanted`: torques that the motors could give; `estimate`: each unit's of its coefficient."""
         raise NotImplementedError
 
     def _problem(
@@ -89,12 +91,13 @@ class PredictiveController:
         elif self._shifts:
             self._solver.shift()
         speed, omega, torque = sign * speed, sign * omega, sign * torque
-        self._believe(speed, omega, torque, np.array([sense.coefficient for sense in senses]))
+        limit = drive_limit if sign > 0.0 else brake_limit
+        estimate = np.array([sense.coefficient for sense in senses])
+        self._believe(speed, omega, torque, np.minimum(sign * target, limit), estimate)
         if total == 0.0:
             self._before = self._in_force = np.zeros(len(senses))
             self._solver.restart(0.0)
             return self._before, "ok", 0.0, 0
-        limit = drive_limit if sign > 0.0 else brake_limit
         if self.settings.computing_delay:
             # that the driver wants less now needs no computing
             self._before = min(1.0, abs(total) / max(self._before.sum(), 1e-9)) * self._before

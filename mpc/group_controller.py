@@ -30,14 +30,16 @@ class GroupController(PredictiveController):
         settings = settings or MpcSettings()
         self._group = GroupProblem(contexts, settings)
         super().__init__(contexts, settings, self._group.solver)
-        self.belief = GroupBelief(contexts, settings.belief)
+        self.belief = GroupBelief(contexts, settings)
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """Torque command of each unit for the coming control period."""
         return self._answer(senses)
 
-    def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
-        self.belief.update(speed, omega, torque)
+    def _believe(
+        self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
+    ) -> None:
+        self.belief.update(speed, omega, torque, wanted)
 
     def _problem(
         self, speed: Floats, omega: Floats, torque: Floats, target: Floats, limit: Floats
@@ -46,8 +48,8 @@ class GroupController(PredictiveController):
         # cars on couplers differ in speed: the one body keeps the slip of every axle
         mean = float(group.share @ speed)
         omega = omega + (mean - speed[group.unit]) / group.radius
-        rail = (belief.peak, belief.peak_slip, belief.carried_torque())
-        problem = group.problem((mean, omega, torque), rail, target, self._before, limit)
+        rail = (belief.peak, belief.slip_limit, belief.carried_torque())
+        problem = group.problem((mean, omega, torque), rail, belief.curve, target, self._before, limit)
         if target.size > 1:
             return problem
         return problem._replace(upper=np.minimum(problem.upper, target))

@@ -8,10 +8,11 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from alloc.rules.exact import exact_limits
+from mpc.belief import with_predicted_curve
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, unit_of_axle
+from mpc.unit_model import parameters, unit_of_axle, unloading
 
 
 class GroupProblem:
@@ -21,7 +22,7 @@ class GroupProblem:
         self, contexts: Sequence[UnitContext], settings: MpcSettings, steps: int | None = None
     ) -> None:
         """`steps`: most SQP steps, if others than those of the settings."""
-        group = tuple(contexts)
+        group = tuple(map(with_predicted_curve, contexts))
         self._settings = settings
         own = settings if steps is None else replace(settings, iterations=steps)
         self.solver = RealTimeIteration(group, own, settings.group.evenness)
@@ -32,27 +33,32 @@ class GroupProblem:
         self.radius = np.array([context.radius for context in group])[self.unit]
         """Of each axle's wheels [m], (axles,)."""
         self._parameters = parameters(group, settings.belief.initial)
+        moved = self.unit.size if unloading(group).any() else 0
+        begin = self._parameters.size - moved - group[0].curve.q.size
+        self._curve = slice(begin, begin + 2)
 
     def problem(
         self,
         state: tuple[float, Floats, Floats],
         rail: tuple[Floats, Floats, Floats],
+        curve: Floats,
         target: Floats,
         before: Floats,
         limit: Floats,
     ) -> HorizonProblem:
         """The problem from `state` on: speed [m/s], angular speeds (axles,), torques (units,).
 
-        `rail`: believed peaks and their slips (axles,), torques that it carries (units,). `target`, torques `before` and
-        motors' `limit` [N m], (units,).
+        `rail`: believed peaks and slip limits (axles,), torques that it carries (units,). `curve`: peak slip [m/s] and
+        steepness of all. `target`, torques `before` and motors' `limit` [N m], (units,).
         """
         speed, omega, torque = state
-        peak, peak_slip, carried = rail
+        peak, slip_limit, carried = rail
         self._parameters[: omega.size] = peak
+        self._parameters[self._curve] = curve
         return HorizonProblem(
             state=np.concatenate([[speed], omega, torque]),
             parameters=self._parameters,
-            slip_limit=self._settings.slip_limit * peak_slip,
+            slip_limit=slip_limit,
             target=target,
             before=before,
             upper=np.minimum(limit, (1.0 + self._settings.headroom) * carried),

@@ -13,6 +13,7 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.assembly import compiled_group
+from mpc.belief import with_predicted_curve
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
@@ -36,7 +37,10 @@ class Report(NamedTuple):
     """What its motors can give [N m]."""
     peak: Floats
     """Believed peak coefficient of its axles, (axles,)."""
-    peak_slip: Floats
+    slip_limit: Floats
+    """Slip [m/s] that they should not exceed, (axles,)."""
+    curve: tuple[float, float]
+    """Peak slip [m/s] and steepness of the believed curve."""
     carried: float
     """Torque that its weakest axle is believed to carry [N m]."""
 
@@ -45,7 +49,7 @@ class UnitForecast:
     """Predicts one unit, alone on its share of the train, over the delay."""
 
     def __init__(self, context: UnitContext) -> None:
-        alone = replace(context, unloading=())
+        alone = replace(with_predicted_curve(context), unloading=())
         self._context, self._period = alone, context.period
         self._slope = compiled_group(alone).slope
         self._substeps = substeps(alone, context.period)
@@ -56,8 +60,10 @@ class UnitForecast:
         nodes = np.zeros((commands.size + 1, report.omega.size + 2))
         nodes[0] = np.concatenate([[report.speed], report.omega, [report.torque]])
         if commands.size:
+            values = parameters(self._context, report.peak)
+            values[-6:-4] = report.curve
             simulate(
-                self._slope, commands, parameters(self._context, report.peak),
+                self._slope, commands, values,
                 self._period / self._substeps, self._substeps, nodes, self._scratch,
             )  # fmt: skip
         return np.asarray(nodes[-1])
@@ -99,9 +105,10 @@ class JointProblem:
         )
         target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
         peak = np.concatenate([r.peak for r in reports])
-        peak_slip = np.concatenate([r.peak_slip for r in reports])
+        slip_limit = np.concatenate([r.slip_limit for r in reports])
+        curve = np.exp(np.mean(np.log([r.curve for r in reports]), axis=0))
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
-        problem = self._group.problem(state, (peak, peak_slip, carried), target, before, limit)
+        problem = self._group.problem(state, (peak, slip_limit, carried), curve, target, before, limit)
         solver = self._group.solver
         if self._cold:
             solver.restart(before)

@@ -47,28 +47,27 @@ class Weights:
 
 @dataclass(frozen=True)
 class PeakBelief:
-    """Parameters of the belief about the peak coefficient, see `mpc.belief`.
+    """Parameters of the belief about what each axle could carry, see `mpc.axle_observer`.
 
-    `initial`: before anything was felt. `pole` [1/s] of the observers of single axles: that of the unit's own.
-    `gain` [1/s]: how fast the belief takes over what slipping axles feel. `probe` [1/s]: relative rate at which an
-    untested belief rises. `informative`: slip, as a multiple of the peak's, from which an axle's coefficient tells the
-    peak; `slip_error` [m/s], the error of measured slip, and `noise_margin` times its mean deviation are added to it.
-    Without them, noise on a slippery rail passes for slip, and belief and torque pull each other down to the `floor`.
-    `floor`, `ceiling`: bounds of the belief.
+    `initial`: peak coefficient before anything was felt. `pole` [1/s] of the observers of single axles: that of the unit's
+    own. `walk`: relative deviation by which a peak may have changed after a second. `slip_error` [m/s]: of measured slip
+    beside its noise, that of the reference speed; `coefficient_error` and `relative_error`: of the observed coefficient and
+    of the curve's shape. `gate`: deviations from what was expected that say that the rail has changed. `floor`, `ceiling`:
+    bounds of the belief.
     """
 
     initial: float = quantity(0.2, "1")
     pole: float = quantity(25.0, "1/s")
-    gain: float = quantity(60.0, "1/s")
-    probe: float = quantity(0.04, "1/s")
-    informative: float = quantity(0.9, "1")
-    slip_error: float = quantity(0.015, "km/h")
-    noise_margin: float = quantity(4.0, "1")
+    walk: float = quantity(0.05, "1")
+    slip_error: float = quantity(0.0015, "km/h")
+    coefficient_error: float = quantity(0.0006, "1")
+    relative_error: float = quantity(0.006, "1")
+    gate: float = quantity(3.5, "1")
     floor: float = quantity(0.01, "1")
     ceiling: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
-        _check("belief", self, zero=("probe", "slip_error", "noise_margin"))
+        _check("belief", self, zero=("walk", "slip_error"))
         if not self.floor < self.initial <= self.ceiling:
             raise MpcError(
                 f"belief: needs floor < initial <= ceiling, got {self.floor!r}, {self.initial!r} and "
@@ -77,37 +76,41 @@ class PeakBelief:
 
 
 @dataclass(frozen=True)
-class CurveBelief:
-    """Parameters of the belief about the adhesion curve's slope, see `mpc.curve_belief`.
+class SlipSearch:
+    """Parameters of the search for the best slip, see `mpc.slip_search`; slips in m/s.
 
-    `estimate`: off, the curve that the unit was given is believed. `slip_scale` [m/s]: slip of one unit of excitation.
-    `memory` [s]: how long one axle that slips by the scale is remembered; `prior` [s]: how long it must do so to count as
-    much as the given curve. `smallest`, `largest`: bounds of the stretch. A pair counts as micro slip while what is felt is
-    less than `tested_share` of the peak that the axle has slipped at, or, where it never slipped or has felt more since,
-    `untested_share` of the peak believed.
+    `first`: slip held before anything is known; `lowest`, `highest`: bounds, and `noise_margin` deviations of the measured
+    slip's noise are a bound from below too. `friction_price` [s/m]: relative loss of force that a slip of 1 m/s is worth
+    avoiding. `swing`: of the slip limit about its mean, as a share of it, with the period `swing_time` [s]. `memory` [s] of
+    the answer to it. `gain` [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and
+    `fastest_fall` [1/s]. Tuned on eight probe events of `studies.ladder.events` (seed 1000, the multiple units).
+    `seek`: off, slip is held at `given_share` of the slip at the peak of the curve that the unit was given.
     """
 
-    estimate: bool = True
-    slip_scale: float = quantity(0.015, "km/h")
-    memory: float = quantity(5.0, "s")
-    prior: float = quantity(0.02, "s")
-    smallest: float = quantity(0.4, "1")
-    largest: float = quantity(2.5, "1")
-    tested_share: float = quantity(0.75, "1")
-    untested_share: float = quantity(0.5, "1")
+    first: float = quantity(0.1, "km/h")
+    lowest: float = quantity(0.02, "km/h")
+    highest: float = quantity(0.8, "km/h")
+    noise_margin: float = quantity(1.0, "1")
+    friction_price: float = quantity(0.3, "s/m")
+    swing: float = quantity(0.15, "1")
+    swing_time: float = quantity(0.2, "s")
+    memory: float = quantity(0.35, "s")
+    gain: float = quantity(25.0, "1/s")
+    fastest_rise: float = quantity(2.5, "1/s")
+    fastest_fall: float = quantity(3.0, "1/s")
+    seek: bool = True
+    given_share: float = quantity(1.0, "1")
 
     def __post_init__(self) -> None:
-        _check("curve", self)
-        if not isinstance(self.estimate, bool):
-            raise MpcError(f"curve: estimate = {self.estimate!r} must be True or False")
-        if not self.smallest <= 1.0 <= self.largest:
+        _check("search", self, zero=("noise_margin", "friction_price"))
+        if not isinstance(self.seek, bool):
+            raise MpcError(f"search: seek = {self.seek!r} must be True or False")
+        if not self.swing < 1.0:
+            raise MpcError(f"search: swing = {self.swing!r} must lie in (0, 1)")
+        if not self.lowest <= self.first <= self.highest:
             raise MpcError(
-                f"curve: needs smallest <= 1 <= largest, got {self.smallest!r} and {self.largest!r}"
-            )
-        if not self.untested_share <= self.tested_share < 1.0:
-            raise MpcError(
-                "curve: needs untested_share <= tested_share < 1, got "
-                f"{self.untested_share!r} and {self.tested_share!r}"
+                f"search: needs lowest <= first <= highest, got {self.lowest!r}, {self.first!r} and "
+                f"{self.highest!r}"
             )
 
 
@@ -136,8 +139,7 @@ class GroupSettings:
 class MpcSettings:
     """Settings of the readhesion MPC; times in s.
 
-    `horizon` steps of `step`. `slip_limit`: multiple of the believed curve's peak slip that the slip should stay below.
-    `headroom`: the torque command never exceeds what the believed peak carries by more than this share, whatever the
+    `horizon` steps of `step`. `headroom`: the torque command never exceeds what the believed peak carries by more than this share, whatever the
     optimiser says. `iterations`: most SQP steps per control period, the first always taken, more while the optimality
     residual before the last one exceeds `tolerance` and time is left. Against convergence one step alone costs up to 30 % of
     the closed loop's cost in the shipped events, five cost less than 1 % in driving and some percent with blended brakes.
@@ -154,7 +156,6 @@ class MpcSettings:
 
     horizon: int = quantity(20, "1", most=200)
     step: float = quantity(0.01, "s")
-    slip_limit: float = quantity(1.0, "1")
     headroom: float = quantity(0.1, "1")
     iterations: int = quantity(5, "1", most=1000)
     tolerance: float = quantity(1e-2, "1")
@@ -166,7 +167,7 @@ class MpcSettings:
     code: str = "numba"
     weights: Weights = field(default_factory=Weights)
     belief: PeakBelief = field(default_factory=PeakBelief)
-    curve: CurveBelief = field(default_factory=CurveBelief)
+    search: SlipSearch = field(default_factory=SlipSearch)
     group: GroupSettings = field(default_factory=GroupSettings)
 
     def __post_init__(self) -> None:

@@ -119,7 +119,8 @@ class TrainMpc:
                 target=sense.target,
                 limit=sense.drive_limit if sense.target > 0.0 else sense.brake_limit,
                 peak=belief.peak[part].copy(),
-                peak_slip=belief.peak_slip[part].copy(),
+                slip_limit=belief.slip_limit[part].copy(),
+                curve=belief.observers[k].curve,
                 carried=float(belief.carried_torque()[k]),
             )
             if j == 0:

@@ -5,38 +5,41 @@ import numpy as np
 from alloc.by_reference import ByReference
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
-from mpc.belief import CurveObserver
+from mpc.belief import UnitBelief, with_predicted_curve
 from mpc.control_period import PredictiveController
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_problem import pose, steepest, unit_problem
+from mpc.unit_problem import pose, unit_problem
 
 
 class MpcController(PredictiveController):
     """Readhesion MPC of one unit; a `HostController`.
 
-    It follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque;
-    see `MpcSettings` for the weights.
+    It follows the target torque, keeps the slip at what `mpc.slip_search` finds best, and avoids changes of torque; see
+    `MpcSettings` for the weights.
     """
 
-    belief: CurveObserver
+    belief: UnitBelief
 
     def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
         settings = settings or MpcSettings()
-        solver = RealTimeIteration(context, settings, steepest=steepest(settings))
+        predicted = with_predicted_curve(context)
+        solver = RealTimeIteration(predicted, settings)
         super().__init__([context], settings, solver)
-        self._context = context
-        self.belief = CurveObserver(context, settings.belief, settings.curve)
-        self._unit = unit_problem(context, settings, self.belief.record, solver.period)
+        self.belief = UnitBelief(context, settings)
+        self._unit = unit_problem(predicted, settings, self.belief.record, solver.period)
         self._record = ByReference(self._unit)
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
         """Torque command for the coming control period."""
         return self._answer([sense])[0]
 
-    def _believe(self, speed: Floats, omega: Floats, torque: Floats, estimate: Floats) -> None:
-        self.belief.update(float(speed[0]), omega, float(torque[0]), float(estimate[0]))
+    def _believe(
+        self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
+    ) -> None:
+        own = (float(values[0]) for values in (torque, wanted, estimate))
+        self.belief.update(float(speed[0]), omega, *own)
 
     def _problem(
         self, speed: Floats, omega: Floats, torque: Floats, target: Floats, limit: Floats

@@ -1,6 +1,6 @@
 """A control period of one unit's readhesion MPC as one compiled function, which the simulation's loop calls by its address.
 
-It follows the target torque, holds the slip below that of the believed curve's peak and avoids changes of torque; see
+It follows the target torque, keeps the slip at what `mpc.slip_search` finds best, and avoids changes of torque; see
 `MpcSettings` for the weights. A solver that fails, is too slow or is given what is no number gives an answer that is not
 usable; the unit then cuts and ramps. Braking is driving mirrored: every law of a unit is odd. `mpc.control_period` is the
 same in Python, for groups and for other solvers.
@@ -18,11 +18,11 @@ from alloc.onboard.compiled_controller import STEP, CompiledController
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats, Ints
 from mpc.arrays import sweep
-from mpc.belief import belief_of, believe
+from mpc.belief import belief_of, believe, with_predicted_curve
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.sqp import ENDED, ahead, hold, iterate, shift
-from mpc.unit_problem import UnitProblem, empty_problem, pose, steepest, unit_problem
+from mpc.unit_problem import UnitProblem, empty_problem, pose, unit_problem
 
 STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
 """By number: that of `mpc.sqp`'s ends from `ENDED` on, then those of the period itself."""
@@ -120,12 +120,13 @@ def _decide(u, reading, omega, answer):
     state[0], state[1 + n] = sign * reading.speed, sign * reading.torque
     for i in range(n):
         state[1 + i] = sign * omega[i]
-    believe(u.problem.belief, state[0], state[1 : 1 + n], state[1 + n], reading.coefficient)
+    limit = reading.drive_limit if sign > 0.0 else reading.brake_limit
+    wanted = min(sign * reading.target, limit)
+    believe(u.problem.belief, state[0], state[1 : 1 + n], state[1 + n], wanted, reading.coefficient)
     if reading.target == 0.0:
         before[0] = answer.torque = answer.residual = 0.0
         hold(p)
         return 0
-    limit = reading.drive_limit if sign > 0.0 else reading.brake_limit
     if u.times.delayed:
         # that the driver wants less now needs no computing
         before[0] *= min(1.0, abs(reading.target) / max(before[0], 1e-9))
@@ -160,9 +161,9 @@ def unit_step(address, reading, omega, answer):
 def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> CompiledController:
     """The compiled readhesion MPC of a unit at the start of a run."""
     settings = settings or MpcSettings()
-    solver = RealTimeIteration(context, settings, steepest=steepest(settings))
-    belief = belief_of(context, settings.belief, settings.curve)
-    problem = unit_problem(context, settings, belief, solver.period)
+    predicted = with_predicted_curve(context)
+    solver = RealTimeIteration(predicted, settings)
+    problem = unit_problem(predicted, settings, belief_of(context, settings), solver.period)
     state = UnitState(
         times_of(context, settings), problem, np.zeros(1), np.zeros(1, dtype=np.int64)
     )
