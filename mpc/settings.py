@@ -87,12 +87,12 @@ class SlipSearch:
     `seek`: off, slip is held at `given_share` of the slip at the peak of the curve that the unit was given.
     """
 
-    first: float = quantity(0.1, "km/h")
+    first: float = quantity(0.08, "km/h")
     lowest: float = quantity(0.02, "km/h")
     highest: float = quantity(0.8, "km/h")
-    noise_margin: float = quantity(1.0, "1")
+    noise_margin: float = quantity(4.0, "1")
     friction_price: float = quantity(0.3, "s/m")
-    swing: float = quantity(0.15, "1")
+    swing: float = quantity(0.2, "1")
     swing_time: float = quantity(0.2, "s")
     memory: float = quantity(0.35, "s")
     gain: float = quantity(25.0, "1/s")
