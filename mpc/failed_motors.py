@@ -28,6 +28,10 @@ class LostShare:
         self._torque = np.array([torque_per_coefficient(unit) for unit in units])
         self._blended = units[0].blended
 
+    def even(self, demand: float, leader: int) -> Floats:
+        """Demand on each unit [N m], (units,), that is as even as the plan; `demand` on the `leader`."""
+        return demand / self._torque[leader] * self._torque
+
     def wanted(
         self, demand: Floats, in_service: Sequence[bool], leader: int, planned: float
     ) -> Floats:

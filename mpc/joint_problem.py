@@ -17,7 +17,7 @@ from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.telegrams import Report
-from mpc.unit_model import parameters, substeps
+from mpc.unit_model import parameters, substeps, torque_per_coefficient
 
 
 class UnitForecast:
@@ -60,24 +60,26 @@ class JointProblem:
         """Drop the guess: the demand has changed its direction, or another unit leads."""
         self._cold = True
 
-    def without_motors(self, j: int, leader: Report, target: float) -> Report:
-        """What counts for unit `j` whose motors have failed: it rolls with the `leader`, and nothing is to be had of it.
+    def supposed(self, j: int, leader: Report, target: float, works: bool) -> Report:
+        """What counts for unit `j` of which no report is used: it rolls with the `leader`.
 
-        Nothing that it believes is used. The others give its `target` [N m].
+        One that `works` gives its `target` [N m], no more. Of one whose motors have failed nothing is to be had: the others
+        give its target.
         """
         one = self._contexts[j]
         peak = np.full(one.axles, self.settings.belief.initial)
+        torque = target if works else 0.0
         return Report(
             time=leader.time,
             speed=leader.speed,
             omega=np.full(one.axles, leader.speed / one.radius),
-            torque=0.0,
-            command=0.0,
+            torque=torque,
+            command=torque,
             target=target,
-            limit=0.0,
+            limit=torque,
             peak=peak,
             peak_slip=one.curve.limit(peak, abs(leader.speed))[1],
-            carried=0.0,
+            carried=float(peak[0]) * torque_per_coefficient(one) if works else 0.0,
         )
 
     def solve(

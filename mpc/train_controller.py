@@ -37,8 +37,9 @@ class TrainMpc:
     """Joint MPC of a train over telegrams; a `TellingController`.
 
     It is meant for the rule `alone`: what a rule hands down counts as the driver's demand, and the joint problem
-    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` suspends all orders; a
-    unit that no order has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
+    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` is left to the driver,
+    and the others share what is wanted of them. Orders are suspended where the leader hears of nobody. A unit that no order
+    has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
     than it is believed to carry, and the others make up for what it was believed to lack, the train exceeds the plan.
     What a unit whose motors have failed was to give is distributed among the others. A new leader knows the reports that
     have arrived, but no order of the one before.
@@ -61,6 +62,9 @@ class TrainMpc:
         self._demands: dict[float, Floats] = {}
         """Driver's demand on each unit at the instants of reports that may still come, [N m]; each knows its own."""
         self._leader, self._sign = 0, 0.0
+        delay = first.telegrams.latency + first.telegrams.jitter + first.period
+        self._longest = first.telegrams.period + 2.0 * delay
+        """Most time [s] from a report to the order made of it, without losses."""
 
     def connect(self, reports: Attachment, orders: Attachment) -> None:
         """Get what is told and read, `added` numbers per telegram."""
@@ -146,12 +150,19 @@ class TrainMpc:
         reports = [
             own if j == leader else self._heard(j, time) for j, _ in enumerate(self._contexts)
         ]
+        even = self._lost.even(own.target, leader)
         demands = np.array(
-            [0.0 if report is None else self._demand_now(report, own.target) for report in reports]
+            [
+                even[j] if report is None else self._demand_now(report, own.target)
+                for j, report in enumerate(reports)
+            ]
         )
         sign = math.copysign(1.0, own.target)
-        if not in_service[leader] or np.any((demands * sign <= 0.0) & in_service):
-            # not all are heard of, or the driver has just changed his mind and not all have said so
+        heard = [
+            works and report is not None for report, works in zip(reports, in_service, strict=True)
+        ]
+        if sum(heard) < 2 or np.any((demands * sign <= 0.0) & in_service):
+            # there is nobody to share with, or the driver has just changed his mind and not all have said so
             return self._suspend()
         if sign != self._sign:
             self.joint.forget()
@@ -160,7 +171,7 @@ class TrainMpc:
         upright = [
             report._replace(target=abs(demand))
             if report is not None and works
-            else self.joint.without_motors(j, own, abs(demand))
+            else self.joint.supposed(j, own, abs(demand), works)
             for j, (report, demand, works) in enumerate(
                 zip(reports, wanted, in_service, strict=True)
             )
@@ -204,9 +215,12 @@ class TrainMpc:
     def _known(self, j: int, report: Report, acts: float) -> Floats:
         """Commands [N m] that unit `j` is expected to give each control period from its report until `acts`.
 
-        Those that it reported, until an order sent since should act; an order only as far as the unit's rail carries it.
+        Those that it reported, until an order sent since should act; an order only as far as the unit's rail carries it. Of
+        a report that is older than telegrams without loss are, the slip counts as it was: the unit's own controller has
+        protected its wheels since, and a forecast of a second under commands alone would let them run away.
         """
-        times = report.time + self._period * np.arange(round((acts - report.time) / self._period))
+        begin = max(report.time, acts - self._longest)
+        times = begin + self._period * np.arange(round((acts - begin) / self._period))
         commands = np.full(times.size, report.command)
         most = (1.0 + self.settings.headroom) * report.carried
         for since, torque in self._sent[j]:

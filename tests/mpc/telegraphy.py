@@ -25,14 +25,15 @@ def _carry(line, leader, time, told, sending, telegrams, counter, fate):
         if j == leader:
             tell(line, j, time, told)
         else:
-            exchange(line, j, time, told, sending, telegrams, counter, 0.0, fate)
+            exchange(line, j, time, told, sending, telegrams, counter, 0.0, fate[j])
 
 
 class Telegraphy:
-    """The lines of a controller, which it is connected to; `lost` says whether telegrams are lost from now on."""
+    """The lines of a controller, which it is connected to; `lost` says whose telegrams are lost from now on."""
 
     def __init__(self, controller, units, telegrams):
-        self.controller, self.lost, self.telegrams = controller, False, telegrams
+        self.controller, self.telegrams = controller, telegrams
+        self.lost = np.zeros(units, dtype=bool)
         self.counter = Count(np.zeros(1, np.int64), np.zeros(1, np.int64))
         self._lines = [
             SimpleNamespace(
@@ -53,6 +54,6 @@ class Telegraphy:
         for line in self._lines:
             _carry(
                 line.mail, leading(senses), time, line.told, round(time / PERIOD) % ticks == 0, settings,
-                self.counter, 0.0 if self.lost else 1.0,
+                self.counter, np.where(self.lost, 0.0, 1.0),
             )  # fmt: skip
         return self.controller.decide(senses)

@@ -400,8 +400,8 @@ class Joint:
     def forget(self):
         self.forgotten += 1
 
-    def without_motors(self, j, leader, target):
-        return ("failed", j, leader.time, target)
+    def supposed(self, j, leader, target, works):
+        return leader._replace(target=target, command=target if works else 0.0, limit=-float(j))
 
     def solve(self, reports, commands, leader):
         self.calls.append((reports, [known.tolist() for known in commands]))
@@ -528,13 +528,65 @@ def test_an_unsolved_problem_says_so_and_leaves_the_units_alone(train, make_sens
 
 def test_silence_suspends_the_orders(train, make_sense):
     _drive(train, make_sense, 12)
-    train.telegraphy.lost = True
+    train.telegraphy.lost[:] = True
     targets = _drive(train, make_sense, 20, start=12)
     assert targets[0].tolist() == [300.0, 350.0]
     # the last report arrived at 10 and is silent from 21 on: at 23 the leader suspends its own; the last order at 10 too
     assert targets[10:12].tolist() == [[300.0, 450.0]] * 2
     assert targets[12:].tolist() == [[500.0, 450.0]] * 8
     assert np.isnan(train.orders.told).all()
+
+
+def test_who_is_silent_is_left_to_the_driver_and_the_others_share(
+    make_context, make_sense, monkeypatch
+):
+    monkeypatch.setattr(train_controller, "CarControllers", Cars)
+    monkeypatch.setattr(train_controller, "JointProblem", Joint)
+    train = TrainMpc([make_context(axles=1, telegrams=TELEGRAMS) for _ in range(3)])
+    train.joint.asked = np.array([300.0, 350.0, 500.0])
+    train.telegraphy = Telegraphy(train, 3, TELEGRAMS)
+    train.telegraphy.lost[2] = True
+    targets = _drive(train, make_sense, 16, (500.0, 450.0, 470.0))
+    reports, commands = train.joint.calls[0]
+    # of the silent unit is supposed what the leader's own demand is along an even train
+    assert [(r.target, r.limit) for r in reports] == [
+        (500.0, 1150.0),
+        (450.0, 1150.0),
+        (500.0, -2.0),
+    ]
+    assert commands[2] == [500.0] * 3
+    assert targets[-1].tolist() == [300.0, 350.0, 470.0]
+    # nobody is heard
+    train.telegraphy.lost[1] = True
+    assert _drive(train, make_sense, 24, (500.0, 450.0, 470.0), start=16)[-1].tolist() == [
+        500.0,
+        450.0,
+        470.0,
+    ]
+
+
+def test_the_only_unit_whose_motors_work_shares_with_nobody(train, make_sense):
+    _drive(train, make_sense, 13)
+    senses = [
+        make_sense(axles=1, target=t, torque=100.0 + j, in_service=j == 1, planned=400.0)
+        for j, t in enumerate((0.0, 450.0))
+    ]
+    for tick in range(13, 24):
+        train.telegraphy.decide([s._replace(time=tick * 0.01) for s in senses])
+    assert len(train.joint.calls) == 2
+    assert np.isnan(train.orders.told).all()
+
+
+def test_a_forecast_is_no_longer_than_telegrams_without_loss_are_old(train, make_sense):
+    train.telegraphy.lost[1] = False
+    _drive(train, make_sense, 12)
+    train._telegrams = replace(TELEGRAMS, silence=9.0)  # so that the last report stands
+    train.telegraphy.lost[1] = True
+    _drive(train, make_sense, 20, start=12)
+    lengths = [len(commands[1]) for _, commands in train.joint.calls]
+    # a report of 0.03 s is of 7 periods when the order acts; a period and two delays of 0.03 s are ten
+    assert lengths == [7, 7, 10, 10, 10, 10, 10]
+    assert [len(commands[0]) for _, commands in train.joint.calls] == [3] * 7
 
 
 def test_demands_are_remembered_as_long_as_reports_may_come(train, make_sense):
