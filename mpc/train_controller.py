@@ -161,8 +161,10 @@ class TrainMpc:
         heard = [
             works and report is not None for report, works in zip(reports, in_service, strict=True)
         ]
-        if sum(heard) < 2 or np.any((demands * sign <= 0.0) & in_service):
-            # there is nobody to share with, or the driver has just changed his mind and not all have said so
+        # the last unit that works has nobody to share with, but what the others have lost to give
+        alone = sum(heard) < 2 and (all(in_service) or sum(in_service) != 1)
+        if alone or np.any((demands * sign <= 0.0) & in_service):
+            # or the driver has just changed his mind and not all have said so
             return self._suspend()
         if sign != self._sign:
             self.joint.forget()

@@ -565,15 +565,24 @@ def test_who_is_silent_is_left_to_the_driver_and_the_others_share(
     ]
 
 
-def test_the_only_unit_whose_motors_work_shares_with_nobody(train, make_sense):
+def test_the_only_unit_whose_motors_work_leads_and_is_asked_for_what_the_others_lost(
+    train, make_sense
+):
     _drive(train, make_sense, 13)
+    train.telegraphy.lost[:] = True  # it needs no telegram
     senses = [
         make_sense(axles=1, target=t, torque=100.0 + j, in_service=j == 1, planned=400.0)
         for j, t in enumerate((0.0, 450.0))
     ]
-    for tick in range(13, 24):
+    for tick in range(13, 45):
         train.telegraphy.decide([s._replace(time=tick * 0.01) for s in senses])
-    assert len(train.joint.calls) == 2
+    reports, _ = train.joint.calls[-1]
+    assert [r.target for r in reports] == [pytest.approx(350.0), 450.0]
+    assert (train.joint.leader, reports[0].command) == (1, 0.0)
+    assert train.cars.senses[-1][1].target == 350.0  # as the joint problem answers
+    # where none works nobody is asked
+    for tick in range(45, 56):
+        train.telegraphy.decide([s._replace(time=tick * 0.01, in_service=False) for s in senses])
     assert np.isnan(train.orders.told).all()
 
 

@@ -88,6 +88,21 @@ def test_without_telegrams_the_train_is_its_cars(runs):
         np.testing.assert_array_equal(mute[name], runs["mpc-car"][name])
 
 
+def test_without_delay_orders_are_nearly_those_of_the_ideal_controller(runs):
+    # what is left of the delay: a telegram is sent in the period after what it says was decided, there and back
+    def distance(run):
+        late = run["time"].values >= 3.0
+        between = np.abs(
+            run["torque_command"].values - runs["mpc-train-ideal"]["torque_command"].values
+        )
+        return (between / run["torque_target"].values)[late].mean()
+
+    quick = _run("mpc-train", telegrams=Telegrams(period=0.01, latency=0.0))
+    assert distance(quick) < 0.01
+    assert distance(quick) < 0.6 * distance(runs["mpc-train"])
+    assert distance(runs["mpc-car"]) > 0.05
+
+
 def test_lost_telegrams_cost_something_and_are_survived(runs):
     lossy = _run("mpc-train", telegrams=Telegrams(loss=0.3, jitter=0.05))
     assert lossy.attrs["controller_failures"] == 0
