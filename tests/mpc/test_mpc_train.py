@@ -92,10 +92,8 @@ def test_without_delay_orders_are_nearly_those_of_the_ideal_controller(runs):
     # what is left of the delay: a telegram is sent in the period after what it says was decided, there and back
     def distance(run):
         late = run["time"].values >= 3.0
-        between = np.abs(
-            run["torque_command"].values - runs["mpc-train-ideal"]["torque_command"].values
-        )
-        return (between / run["torque_target"].values)[late].mean()
+        own, ideal = (one["torque_command"].values[late] for one in (run, runs["mpc-train-ideal"]))
+        return (np.abs(own - ideal) / run["torque_target"].values[late]).mean()
 
     quick = _run("mpc-train", telegrams=Telegrams(period=0.01, latency=0.0))
     assert distance(quick) < 0.01
