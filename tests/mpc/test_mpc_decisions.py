@@ -364,6 +364,24 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     solver.torques[4:6] = 450.0, 59.0
     asked, _ = joint.solve([reports[0], reports[1]._replace(target=50.0)], commands)
     np.testing.assert_allclose(asked, [540.0, 1.2 * 59.0])
+    # nobody for more than its motors can; and the body has the speed of who leads
+    asked, _ = joint.solve([reports[0]._replace(limit=510.0), reports[1]], commands, 1)
+    assert asked[0] == 510.0
+    assert solver.problem.state[0] == 10.5
+
+
+@pytest.mark.parametrize("works", [True, False])
+def test_a_unit_of_which_no_report_is_used_rolls_with_the_leader(make_context, no_solver, works):
+    joint = JointProblem([make_context(axles=1), make_context(axles=2, radius=0.45)], SETTINGS)
+    leader = _report(axles=1, speed=9.0)
+    supposed = joint.supposed(1, leader, 300.0, works)
+    assert (supposed.time, supposed.speed, supposed.target) == (leader.time, 9.0, 300.0)
+    np.testing.assert_allclose(supposed.omega, [20.0, 20.0])
+    # it gives what is wanted of it, no more; or nothing, and none of its rail counts
+    torque = 300.0 if works else 0.0
+    assert (supposed.torque, supposed.command, supposed.limit) == (torque,) * 3
+    assert supposed.peak.tolist() == [0.3, 0.3]
+    assert (supposed.carried > 300.0) if works else (supposed.carried == 0.0)
 
 
 @pytest.mark.parametrize(("step", "horizon", "last"), [(0.01, 20, 9), (0.02, 20, 4), (0.01, 5, 4)])
