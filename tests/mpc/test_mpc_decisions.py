@@ -583,6 +583,37 @@ def test_who_is_silent_is_left_to_the_driver_and_the_others_share(
     ]
 
 
+def test_a_new_leader_begins_anew_and_knows_no_orders(make_context, make_sense, monkeypatch):
+    monkeypatch.setattr(train_controller, "CarControllers", Cars)
+    monkeypatch.setattr(train_controller, "JointProblem", Joint)
+    train = TrainMpc([make_context(axles=1, telegrams=TELEGRAMS) for _ in range(3)])
+    train.telegraphy = Telegraphy(train, 3, TELEGRAMS)
+    train.joint.asked = np.array([300.0, 350.0, 370.0])
+    _drive(train, make_sense, 11, (500.0, 450.0, 450.0))
+    train.joint.asked = np.array([300.0, 350.0, 333.0])
+    _drive(train, make_sense, 2, (500.0, 450.0, 450.0), start=11)
+    assert train.joint.forgotten == 1
+    for tick in range(13, 16):
+        senses = [
+            make_sense(axles=1, target=450.0, time=tick * 0.01, in_service=j > 0, planned=450.0)
+            for j in range(3)
+        ]
+        train.telegraphy.decide(senses)
+    assert (train.joint.leader, train.joint.forgotten) == (1, 2)
+    # the order of tick 11, which acts at 14, was the old leader's: of it the new one has only what is reported
+    reports, commands = train.joint.calls[-1]
+    assert reports[2].time == pytest.approx(0.11)
+    assert commands[2] == [370.0] * 7
+
+
+def test_what_an_order_says_of_lost_motors_is_not_made_up_for_again(train, make_sense):
+    _drive(train, make_sense, 12, planned=600.0)
+    planned = [[sense.planned for sense in senses] for senses in train.cars.senses]
+    assert planned[7] == [600.0, 600.0]
+    assert planned[8:10] == [[0.0, 600.0]] * 2
+    assert planned[10:] == [[0.0, 0.0]] * 2
+
+
 def test_the_only_unit_whose_motors_work_leads_and_is_asked_for_what_the_others_lost(
     train, make_sense
 ):
