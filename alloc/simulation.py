@@ -16,12 +16,19 @@ from alloc.canonical import canonical
 from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
+from alloc.onboard.attachment import NOTHING_ADDED
 from alloc.onboard.compiled_controller import NOT_A_TORQUE, CompiledControllers, answers, failures
-from alloc.onboard.controllers.built_in import share_of_target
+from alloc.onboard.controllers.built_in import share_of_target, torque_per_coefficient
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.equipment import equipment
-from alloc.onboard.host import HostedController, TrainController, UnitSense, unit_contexts
-from alloc.onboard.memory import memory
+from alloc.onboard.host import (
+    HostedController,
+    TellingController,
+    TrainController,
+    UnitSense,
+    unit_contexts,
+)
+from alloc.onboard.memory import attachments, memory
 from alloc.onboard.parameters import Onboard
 from alloc.onboard.quantity import filled
 from alloc.onboard.settings import RuleSettings, settings
@@ -105,6 +112,10 @@ class _ControllerInPython:
             brake_limit=float(m.brake_limit[j]),
             coefficient=float(m.unit.coefficient_estimate[j]),
             slipping=bool(m.unit.slipping[j]),
+            in_service=bool(m.in_service[j]),
+            planned=float(
+                m.train.expected[0] * (1.0 + eq.own_inertia[j]) * torque_per_coefficient(eq, j)
+            ),
         )
 
 
@@ -144,6 +155,7 @@ def simulate(
             host = found.factory(unit_contexts(model, eq, onboard, found.name))
         else:  # a train without motors has no torque to control, whatever controller it is given
             law = "none"
+    added = host.added if isinstance(host, TellingController) else NOTHING_ADDED
     compiled = compiled_index(chosen) if onboard.limit_rate is None else -1
     computers = Computers(
         eq,
@@ -152,7 +164,7 @@ def simulate(
             filled(RuleSettings, chosen, compiled=compiled),
             law,
         ),
-        memory(eq, event.initial_speed, abs(float(commanded[0])) * share),
+        memory(eq, event.initial_speed, abs(float(commanded[0])) * share, added),
         answers(host if isinstance(host, tuple) else (), eq, ticks),
     )
     loop = ClosedLoop(
@@ -164,6 +176,8 @@ def simulate(
     record = Record.allocate(loop.records, model.layout, learnt is not None)
     tally = Tally()
     parts: dict[int, Part] = {ALLOCATION: _RuleInPython(chosen, computers, onboard, tally)}
+    if isinstance(host, TellingController):
+        host.connect(*attachments(computers.memory))
     if not isinstance(host, tuple):
         torque = loop.plant.state[model.layout.torque]
         parts[CONTROL] = _ControllerInPython(host, computers, onboard.period, torque, tally)

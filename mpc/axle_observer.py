@@ -116,7 +116,15 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
             axles.slip[i] = axles.measured[i] = axles.before[i] = measured
             axles.last[i] = axles.filtered[i] = torque + c.pole * c.inertia * omega[i]
         axles.filtered[i], axles.last[i], load_torque = observe(
-            axles.filtered[i], axles.last[i], torque, omega[i], c.inertia, c.pole, c.keep, c.old, c.new
+            axles.filtered[i],
+            axles.last[i],
+            torque,
+            omega[i],
+            c.inertia,
+            c.pole,
+            c.keep,
+            c.old,
+            c.new,
         )
         axles.coefficient[i] = tangential_coefficient_estimate(load_torque, load[i], c.radius)
         # E|x| of a normal second difference is 0.8 sqrt(6) of a reading's deviation

@@ -8,6 +8,7 @@ from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
 from mpc.belief import GroupBelief
 from mpc.control_period import PredictiveController
+from mpc.failed_motors import LostShare, filled_by_air, leading
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonProblem
 from mpc.settings import MpcSettings
@@ -19,7 +20,8 @@ class GroupController(PredictiveController):
 
     It follows the total of the units' targets, whoever gives it: a unit whose rail fails is made up for by the others,
     within what their motors and their believed adhesion allow. A unit alone keeps to its own target. If anything goes
-    wrong, all units of the group are told so.
+    wrong, all units of the group are told so. A unit whose motors have failed is made up for too. It commands nothing, or,
+    where air brakes fill what a command finds no motor for, what the driver wants.
     """
 
     belief: GroupBelief
@@ -28,13 +30,32 @@ class GroupController(PredictiveController):
         self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
     ) -> None:
         settings = settings or MpcSettings()
+        self._contexts, self._lost = tuple(contexts), LostShare(contexts)
         self._group = GroupProblem(contexts, settings)
         super().__init__(contexts, settings, self._group.solver)
         self.belief = GroupBelief(contexts, settings)
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """Torque command of each unit for the coming control period."""
-        return self._answer(senses)
+        if all(sense.in_service for sense in senses):
+            return self._answer(senses)
+        answers = self._answer(self._within_reach(senses))
+        for j, (one, sense) in enumerate(zip(self._contexts, senses, strict=True)):
+            if answers[j].ok and filled_by_air(one, sense.in_service, sense.target):
+                answers[j] = answers[j]._replace(torque=sense.target)
+        return answers
+
+    def _within_reach(self, senses: Sequence[UnitSense]) -> list[UnitSense]:
+        """What the problem is to know: motors that have failed give nothing, and what is lost is for the others."""
+        leader, works = leading(senses), [sense.in_service for sense in senses]
+        demand = np.array([sense.target for sense in senses])
+        wanted = self._lost.wanted(demand, works, leader, senses[leader].planned)
+        return [
+            sense
+            if sense.in_service
+            else sense._replace(target=target, drive_limit=0.0, brake_limit=0.0)
+            for sense, target in zip(senses, wanted.tolist(), strict=True)
+        ]
 
     def _believe(
         self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
@@ -49,7 +70,9 @@ class GroupController(PredictiveController):
         mean = float(group.share @ speed)
         omega = omega + (mean - speed[group.unit]) / group.radius
         rail = (belief.peak, belief.slip_limit, belief.carried_torque())
-        problem = group.problem((mean, omega, torque), rail, belief.curve, target, self._before, limit)
+        problem = group.problem(
+            (mean, omega, torque), rail, belief.curve, target, self._before, limit
+        )
         if target.size > 1:
             return problem
         return problem._replace(upper=np.minimum(problem.upper, target))

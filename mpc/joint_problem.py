@@ -1,4 +1,4 @@
-"""What the foremost unit does for the train: from reports of some age to torques that all units should give.
+"""What the leader does for the train: from reports of some age to torques that all units should give.
 
 It predicts every unit over the delay under the commands it knows are on their way, and solves one problem over all of them
 from the instant on at which its orders can act.
@@ -6,7 +6,6 @@ from the instant on at which its orders can act.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,31 +17,8 @@ from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
-from mpc.unit_model import parameters, substeps
-
-
-class Report(NamedTuple):
-    """What a unit tells the foremost one; in the direction of the demand."""
-
-    time: float
-    """Instant of its readings [s]."""
-    speed: float
-    omega: Floats
-    torque: float
-    command: float
-    """Torque command in force from then on [N m]."""
-    target: float
-    """Torque that the driver wants of it [N m]; signed in a telegram, for it says which direction that is."""
-    limit: float
-    """What its motors can give [N m]."""
-    peak: Floats
-    """Believed peak coefficient of its axles, (axles,)."""
-    slip_limit: Floats
-    """Slip [m/s] that they should not exceed, (axles,)."""
-    curve: tuple[float, float]
-    """Peak slip [m/s] and steepness of the believed curve."""
-    carried: float
-    """Torque that its weakest axle is believed to carry [N m]."""
+from mpc.telegrams import Report
+from mpc.unit_model import parameters, substeps, torque_per_coefficient
 
 
 class UnitForecast:
@@ -61,7 +37,7 @@ class UnitForecast:
         nodes[0] = np.concatenate([[report.speed], report.omega, [report.torque]])
         if commands.size:
             values = parameters(self._context, report.peak)
-            values[-6:-4] = report.curve
+            values[-6:-4] = report.peak_slip, report.steepness
             simulate(
                 self._slope, commands, values,
                 self._period / self._substeps, self._substeps, nodes, self._scratch,
@@ -70,10 +46,11 @@ class UnitForecast:
 
 
 class JointProblem:
-    """The train's problem at the foremost unit."""
+    """The train's problem at the unit that leads."""
 
     def __init__(self, contexts: Sequence[UnitContext], settings: MpcSettings) -> None:
         self.settings = settings
+        self._contexts = tuple(contexts)
         self._forecasts = [UnitForecast(context) for context in contexts]
         self._group = GroupProblem(contexts, settings, settings.group.steps)
         self._radius = [context.radius for context in contexts]
@@ -83,32 +60,59 @@ class JointProblem:
         self._cold = True
 
     def forget(self) -> None:
-        """Drop the guess: the demand has changed its direction."""
+        """Drop the guess: the demand has changed its direction, or another unit leads."""
         self._cold = True
 
+    def supposed(self, j: int, leader: Report, target: float, works: bool) -> Report:
+        """What counts for unit `j` of which no report is used: it rolls with the `leader`.
+
+        One that `works` gives its `target` [N m], no more. Of one whose motors have failed nothing is to be had: the others
+        give its target.
+        """
+        one = self._contexts[j]
+        peak = np.full(one.axles, self.settings.belief.initial)
+        torque = target if works else 0.0
+        return Report(
+            time=leader.time,
+            speed=leader.speed,
+            omega=np.full(one.axles, leader.speed / one.radius),
+            torque=torque,
+            command=torque,
+            target=target,
+            limit=torque,
+            peak=peak,
+            slip_limit=np.full(one.axles, self.settings.search.first),
+            peak_slip=leader.peak_slip,
+            steepness=leader.steepness,
+            carried=float(peak[0]) * torque_per_coefficient(one) if works else 0.0,
+        )
+
     def solve(
-        self, reports: Sequence[Report], commands: Sequence[Floats]
+        self, reports: Sequence[Report], commands: Sequence[Floats], leader: int = 0
     ) -> tuple[Floats, HorizonSolution]:
-        """Torque to ask of each unit [N m], (units,), and the solution behind it.
+        """Torque to ask of each unit [N m], (units,), and the solution behind it; the body has the speed of the `leader`.
 
         `commands`: per unit, what is known to be commanded in each control period from its report until the orders act.
         Asked for is the torque at the end of the time for which an order stands: what precedes it is the units' own to do. A
         unit that is bound by its rail is asked for more than it is believed to carry: its own controller knows its rail
-        better than a report of some age, and only an axle that is pushed finds out that adhesion has come back.
+        better than a report of some age, and only an axle that is pushed finds out that adhesion has come back. Nobody is
+        asked for more than its motors can.
         """
         pairs = list(zip(reports, commands, strict=True))
         states = [f.state(*pair) for f, pair in zip(self._forecasts, pairs, strict=True)]
         before = np.array([known[-1] if known.size else r.command for r, known in pairs])
-        speed = float(states[0][0])
+        speed = float(states[leader][0])
         slip = np.concatenate(
             [r * s[1:-1] - s[0] for r, s in zip(self._radius, states, strict=True)]
         )
         target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
         peak = np.concatenate([r.peak for r in reports])
         slip_limit = np.concatenate([r.slip_limit for r in reports])
-        curve = np.exp(np.mean(np.log([r.curve for r in reports]), axis=0))
+        curve = np.exp(np.mean(np.log([(r.peak_slip, r.steepness) for r in reports]), axis=0))
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
-        problem = self._group.problem(state, (peak, slip_limit, carried), curve, target, before, limit)
+        problem = self._group.problem(
+            state, (peak, slip_limit, carried), curve, target, before, limit
+        )
         solver = self._group.solver
         if self._cold:
             solver.restart(before)
@@ -121,4 +125,4 @@ class JointProblem:
         asked = solution.torques[self._last * units : (self._last + 1) * units].copy()
         bound = asked >= self.settings.group.limited * carried
         push = np.maximum(target, (1.0 + self.settings.headroom) * asked)
-        return np.where(bound, push, asked), solution
+        return np.minimum(np.where(bound, push, asked), limit), solution

@@ -1,55 +1,47 @@
 """Allocation and readhesion in one problem over the train, on what telegrams bring.
 
-Each unit reports to the foremost one with the periodic telegrams. At the same instants the foremost unit solves the joint
-problem on the reports that have arrived, and sends every unit the torque that is wanted of it. The units' own controllers,
-one per car, follow the order that has arrived and protect their wheels every control period.
+With the periodic telegrams each unit reports to the leader, the foremost unit that works. In the control period before each
+telegram the leader solves the joint problem on the reports that have arrived. The next telegrams bring every unit the torque
+that is wanted of it. The units' own controllers, one per car, follow the order that has arrived and protect their wheels
+every control period.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from alloc.onboard.attachment import Attachment
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
-from alloc.onboard.telegram_line import TelegramLine
 from alloc.plant.structure import Floats
+from mpc.failed_motors import LostShare, leading
 from mpc.group_controller import CarControllers
-from mpc.joint_problem import JointProblem, Report
+from mpc.joint_problem import JointProblem
 from mpc.settings import MpcSettings
+from mpc.telegrams import (
+    Order,
+    Report,
+    added_numbers,
+    ordered_target,
+    read_order,
+    read_report,
+    write_report,
+)
 
 SENT_KEPT = 16
 """Orders remembered per unit; more cannot be younger than a report that is still used."""
 
 
-class Order(NamedTuple):
-    """What the foremost unit wants of another; in force when it arrives."""
-
-    torque: float
-    """[N m], in the direction of the demand."""
-    demand: float
-    """Driver's demand on the unit for which it was found [N m], signed: the driver's hand acts without telegrams."""
-
-
-def ordered_target(order: Order | None, sense: UnitSense) -> float:
-    """Torque target of a unit [N m]: the driver's where there is no order for this direction.
-
-    Else the order, in proportion to what the driver wants now, within what the motors can.
-    """
-    if order is None or order.demand * sense.target <= 0.0:
-        return sense.target
-    limit = sense.drive_limit if sense.target > 0.0 else sense.brake_limit
-    torque = order.torque * sense.target / order.demand
-    return math.copysign(min(abs(torque), limit), sense.target)
-
-
 class TrainMpc:
-    """Joint MPC of a train over telegrams; a `TrainController`. The first unit is the foremost.
+    """Joint MPC of a train over telegrams; a `TellingController`.
 
     It is meant for the rule `alone`: what a rule hands down counts as the driver's demand, and the joint problem
-    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` suspends all orders; a
-    unit that no order has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
+    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` is left to the driver,
+    and the others share what is wanted of them. Orders are suspended where the leader hears of nobody. A unit that no order
+    has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
     than it is believed to carry, and the others make up for what it was believed to lack, the train exceeds the plan.
+    What a unit whose motors have failed was to give is distributed among the others. A new leader knows the reports that
+    have arrived, but no order of the one before.
     """
 
     def __init__(
@@ -57,59 +49,82 @@ class TrainMpc:
     ) -> None:
         self.settings = settings or MpcSettings()
         first, n = contexts[0], len(contexts)
+        self.added = added_numbers(contexts)
+        self._contexts = tuple(contexts)
         self._telegrams, self._period = first.telegrams, first.period
         self._every = max(1, round(first.telegrams.period / first.period))
         self.cars = CarControllers(contexts, self.settings)
         self.joint = JointProblem(contexts, self.settings)
-        self.reports: list[TelegramLine[Report]] = [
-            TelegramLine(first.telegrams, (first.seed, 3, j)) for j in range(n)
-        ]
-        self.orders: list[TelegramLine[Order]] = [
-            TelegramLine(first.telegrams, (first.seed, 4, j)) for j in range(n)
-        ]
-        self._own: Order | None = None
+        self._lost = LostShare(contexts)
         self._sent: list[list[tuple[float, float]]] = [[] for _ in range(n)]
-        """What the foremost unit remembers of its orders: instant at which each should act, and torque."""
-        self._demands: dict[float, float] = {}
-        """Driver's demand on the foremost unit at the instants of reports that may still come, [N m]."""
-        self._sign = 0.0
+        """What the leader remembers of its orders: instant at which each should act, and torque."""
+        self._demands: dict[float, Floats] = {}
+        """Driver's demand on each unit at the instants of reports that may still come, [N m]; each knows its own."""
+        self._leader, self._sign = 0, 0.0
+        delay = first.telegrams.latency + first.telegrams.jitter + first.period
+        self._longest = first.telegrams.period + 2.0 * delay
+        """Most time [s] from a report to the order made of it, without losses."""
+
+    def connect(self, reports: Attachment, orders: Attachment) -> None:
+        """Get what is told and read, `added` numbers per telegram."""
+        self.reports, self.orders = reports, orders
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
         """Torque command of each unit for the coming control period."""
         time = senses[0].time
-        targets = [ordered_target(self._arrived(j, time), s) for j, s in enumerate(senses)]
-        followed = [s._replace(target=t) for s, t in zip(senses, targets, strict=True)]
-        decisions = self.cars.decide(followed)
-        if round(time / self._period) % self._every:
+        decisions = self.cars.decide([self._followed(j, sense) for j, sense in enumerate(senses)])
+        self._lead(senses)
+        if (round(time / self._period) + 1) % self._every:
             return decisions
-        self._report(senses, decisions)
-        status, steps = self._order(time)
+        told = self._report(senses, decisions)
+        status, steps = self._order(time, senses, told)
         spent = steps * self.settings.step_time
-        foremost = decisions[0]
-        # an unsolved joint problem suspends the orders, but the foremost unit's own command stands: only the status tells
-        decisions[0] = foremost._replace(
-            solve_time=foremost.solve_time + spent,
-            status=foremost.status if status == "ok" or not foremost.ok else status,
+        leader = decisions[self._leader]
+        # an unsolved joint problem suspends the orders, but the leader's own command stands: only the status tells
+        decisions[self._leader] = leader._replace(
+            solve_time=leader.solve_time + spent,
+            status=leader.status if status == "ok" or not leader.ok else status,
         )
         return decisions
 
-    def _arrived(self, j: int, time: float) -> Order | None:
-        if j == 0:
-            return self._own
-        telegram = self.orders[j].receive(time)
-        return None if telegram is None else telegram.content
+    def _silent(self, line: Attachment, j: int, time: float) -> bool:
+        return bool(time - line.heard[j] > self._telegrams.silence)
 
-    def _report(self, senses: Sequence[UnitSense], decisions: Sequence[TorqueDecision]) -> None:
-        """Every unit says what it reads, does and believes; the foremost to itself, without delay."""
+    def _followed(self, j: int, sense: UnitSense) -> UnitSense:
+        """What a unit's own controller is to follow: the order that has arrived, or the driver."""
+        silent = self._silent(self.orders, j, sense.time)
+        order = None if silent else read_order(self.orders.read[j])
+        if order is None:
+            return sense
+        # an order is for this unit alone: what is lost elsewhere is in it
+        return sense._replace(target=ordered_target(order, self._contexts[j], sense), planned=0.0)
+
+    def _heard(self, j: int, time: float) -> Report | None:
+        silent = self._silent(self.reports, j, time)
+        return None if silent else read_report(self.reports.read[j], self._contexts[j].axles)
+
+    def _lead(self, senses: Sequence[UnitSense]) -> None:
+        """The foremost unit that works leads, as it does for the rules."""
+        leader = leading(senses)
+        if leader != self._leader:
+            self._leader, self._sign = leader, 0.0  # another direction than any: it begins anew
+            self._sent = [[] for _ in senses]
+
+    def _report(
+        self, senses: Sequence[UnitSense], decisions: Sequence[TorqueDecision]
+    ) -> list[Report]:
+        """Every unit tells what it reads, does and believes."""
         beliefs = [
             (controller.belief, k, part)
             for controller in self.cars.controllers
             for k, part in enumerate(controller.belief.parts)
         ]
+        told = []
         for j, (sense, decision, (belief, k, part)) in enumerate(
             zip(senses, decisions, beliefs, strict=True)
         ):
             sign = math.copysign(1.0, sense.target)
+            top, steepness = belief.observers[k].curve
             report = Report(
                 time=sense.time,
                 speed=sign * sense.speed,
@@ -120,75 +135,97 @@ class TrainMpc:
                 limit=sense.drive_limit if sense.target > 0.0 else sense.brake_limit,
                 peak=belief.peak[part].copy(),
                 slip_limit=belief.slip_limit[part].copy(),
-                curve=belief.observers[k].curve,
+                peak_slip=top,
+                steepness=steepness,
                 carried=float(belief.carried_torque()[k]),
             )
-            if j == 0:
-                self._latest = report
-            else:
-                self.reports[j].send(sense.time, report)
+            write_report(report, self.reports.told[j])
+            told.append(report)
+        return told
 
-    def _order(self, time: float) -> tuple[str, int]:
-        """The foremost unit: take in the reports, solve, send the orders; status of the solution and its SQP steps."""
-        reports = [self._latest]
-        for line in self.reports[1:]:
-            telegram = line.receive(time)
-            if telegram is None:
-                return self._suspend()
-            reports.append(telegram.content)
-        demands = self._demands_now(time, reports)
-        sign = math.copysign(1.0, demands[0])
-        if demands[0] == 0.0 or any(demand * sign <= 0.0 for demand in demands):
-            return self._suspend()  # the driver has just changed his mind, and not all have said so
+    def _order(
+        self, time: float, senses: Sequence[UnitSense], told: Sequence[Report]
+    ) -> tuple[str, int]:
+        """The leader: take in the reports, solve, tell the orders; status of the solution and its SQP steps."""
+        self._remember(time, senses)
+        leader, in_service = self._leader, [sense.in_service for sense in senses]
+        own = told[leader]
+        reports = [
+            own if j == leader else self._heard(j, time) for j, _ in enumerate(self._contexts)
+        ]
+        even = self._lost.even(own.target, leader)
+        demands = np.array(
+            [
+                even[j] if report is None else self._demand_now(report, own.target)
+                for j, report in enumerate(reports)
+            ]
+        )
+        sign = math.copysign(1.0, own.target)
+        heard = [
+            works and report is not None for report, works in zip(reports, in_service, strict=True)
+        ]
+        # the last unit that works has nobody to share with, but what the others have lost to give
+        alone = sum(heard) < 2 and (all(in_service) or sum(in_service) != 1)
+        if alone or np.any((demands * sign <= 0.0) & in_service):
+            # or the driver has just changed his mind and not all have said so
+            return self._suspend()
         if sign != self._sign:
             self.joint.forget()
             self._sign = sign
+        wanted = self._lost.wanted(demands, in_service, leader, senses[leader].planned).tolist()
         upright = [
             report._replace(target=abs(demand))
-            for report, demand in zip(reports, demands, strict=True)
+            if report is not None and works
+            else self.joint.supposed(j, own, abs(demand), works)
+            for j, (report, demand, works) in enumerate(
+                zip(reports, wanted, in_service, strict=True)
+            )
         ]
-        acts = time + self._telegrams.latency
+        acts = time + self._period + self._telegrams.latency
         asked, solution = self.joint.solve(
-            upright, [self._known(j, report, acts) for j, report in enumerate(upright)]
+            upright, [self._known(j, report, acts) for j, report in enumerate(upright)], leader
         )
         if solution.status != "ok":
             self._suspend()
             return f"joint: {solution.status}", solution.iterations
-        for j, (torque, demand) in enumerate(zip(asked, demands, strict=True)):
-            order = Order(float(torque), demand)
-            if j == 0:
-                self._own = order
-                self._sent[j] = [(time, order.torque)]
+        for j, (torque, demand) in enumerate(zip(asked.tolist(), wanted, strict=True)):
+            self.orders.told[j] = Order(torque, demand)
+            if j == leader:  # needs no telegram
+                self._sent[j] = [(time + self._period, torque)]
             else:
-                self.orders[j].send(time, order)
-                self._sent[j] = [*self._sent[j][-SENT_KEPT:], (acts, order.torque)]
+                self._sent[j] = [*self._sent[j][-SENT_KEPT:], (acts, torque)]
         return "ok", solution.iterations
 
-    def _demands_now(self, time: float, reports: Sequence[Report]) -> list[float]:
-        """Driver's demand on each unit [N m]: what it reported, grown since as much as the foremost unit's own has.
-
-        Without this a rising demand looks uneven along the train, for only the foremost unit's is not old.
-        """
-        now = reports[0].target
-        self._demands[time] = now
+    def _remember(self, time: float, senses: Sequence[UnitSense]) -> None:
+        """Keep the driver's demands as long as a report of them may come."""
+        self._demands[time] = np.array([sense.target for sense in senses])
         oldest = time - self._telegrams.silence - 2.0 * self._telegrams.period
         self._demands = {t: demand for t, demand in self._demands.items() if t >= oldest}
-        demands = []
-        for report in reports:
-            then = self._demands.get(report.time, 0.0)
-            demands.append(report.target * now / then if then else 0.0)
-        return demands
+
+    def _demand_now(self, report: Report, now: float) -> float:
+        """Driver's demand on a unit [N m]: what it reported, grown since as much as the leader's own, which is `now`.
+
+        Without this a rising demand looks uneven along the train, for only the leader's is not old.
+        """
+        then = self._demands.get(report.time)
+        if then is None or then[self._leader] == 0.0:
+            return 0.0
+        return report.target * now / float(then[self._leader])
 
     def _suspend(self) -> tuple[str, int]:
-        self._own, self._sign = None, 0.0
+        self.orders.told[:] = math.nan
+        self._sign = 0.0
         return "ok", 0
 
     def _known(self, j: int, report: Report, acts: float) -> Floats:
         """Commands [N m] that unit `j` is expected to give each control period from its report until `acts`.
 
-        Those that it reported, until an order sent since should act; an order only as far as the unit's rail carries it.
+        Those that it reported, until an order sent since should act; an order only as far as the unit's rail carries it. Of
+        a report that is older than telegrams without loss are, the slip counts as it was: the unit's own controller has
+        protected its wheels since, and a forecast of a second under commands alone would let them run away.
         """
-        times = report.time + self._period * np.arange(round((acts - report.time) / self._period))
+        begin = max(report.time, acts - self._longest)
+        times = begin + self._period * np.arange(round((acts - begin) / self._period))
         commands = np.full(times.size, report.command)
         most = (1.0 + self.settings.headroom) * report.carried
         for since, torque in self._sent[j]:

@@ -6,11 +6,12 @@ They see what the units' computers see: sensors, their belief, the limits handed
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.onboard.attachment import AddedNumbers, Attachment
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.parameters import Onboard, Telegrams
 from alloc.plant.adhesion import AdhesionCurve
@@ -47,8 +48,8 @@ class UnitContext:
     """Load [N] that each of its axles loses per newton of the car's rail force; empty: loads are constant."""
     telegrams: Telegrams = field(default_factory=Telegrams)
     """Telegrams between the units."""
-    seed: int = 0
-    """Of the telegrams' jitter and losses."""
+    blended: bool = False
+    """Whether air brakes fill what its motors lack of a brake force."""
     settings: Any = None
     """The controller's, as the run gives them; None: its own defaults."""
 
@@ -71,6 +72,10 @@ class UnitSense(NamedTuple):
     """Estimate of the tangential force coefficient by the disturbance observer."""
     slipping: bool
     """Signal of the slip detector."""
+    in_service: bool = True
+    """Whether its motors work, as the whole train knows."""
+    planned: float = 0.0
+    """Magnitude of the torque that the driver's command asks of each motor, whatever a rule or the motors allow [N m]."""
 
 
 class TorqueDecision(NamedTuple):
@@ -106,6 +111,20 @@ class TrainController(Protocol):
 
     def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
         """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
+
+
+@runtime_checkable
+class TellingController(TrainController, Protocol):
+    """A train controller whose units tell each other more, with the periodic telegrams, than the rules need.
+
+    A telegram is sent before `decide` is asked. So it says what was told in the control period before, and what has arrived
+    by then can be read. The foremost unit that works leads: reports go to it and orders come from it.
+    """
+
+    added: AddedNumbers
+
+    def connect(self, reports: Attachment, orders: Attachment) -> None:
+        """Get what is told and read by every unit, once, before a run."""
 
 
 TrainControllerFactory = Callable[
@@ -170,7 +189,7 @@ def unit_contexts(
             car=int(s.axle_car[members[j]][0]),
             unloading=tuple(s.unloading[members[j]].tolist()),
             telegrams=onboard.telegrams,
-            seed=onboard.sensors.seed,
+            blended=eq.blended,
             settings=onboard.hosted.get(controller),
         )
         for j in range(eq.axles.size)

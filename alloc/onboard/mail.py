@@ -1,6 +1,6 @@
-"""Telegrams between the foremost unit and the others inside compiled code: what was sent arrives late, or never.
+"""Telegrams between the foremost unit and the others: what was sent arrives late, or never.
 
-`alloc.onboard.telegram_line` is the same for computers in Python.
+Controllers in Python add their numbers to the same telegrams (`alloc.onboard.attachment`).
 """
 
 from typing import NamedTuple

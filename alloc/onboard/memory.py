@@ -5,12 +5,13 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.onboard.attachment import NOTHING_ADDED, AddedNumbers, Attachment
 from alloc.onboard.controllers.collection import LawMemory, law_memory
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.increment_learning import Increments, LearningMemory, learning_memory
 from alloc.onboard.mail import Mail, mail
 from alloc.onboard.reference_speed.state import ReferenceMemory, reference_memory
-from alloc.onboard.reports import ReportMemory, report_memory
+from alloc.onboard.reports import NUMBERS, ReportMemory, report_memory
 from alloc.onboard.sanding import SandingMemory
 from alloc.onboard.slide_protection.state import SlideMemory, slide_memory
 from alloc.plant.model import Floats
@@ -112,7 +113,7 @@ class Memory(NamedTuple):
     since_limited: Floats  # time since it was limited the last time, as the leader knows it [s]
     pressure: Floats  # (groups,) of the brake cylinders as read [Pa]
     air_most: Floats  # (groups,) force per axle that the oracle allows a trailer's brake [N]
-    told: Floats  # (units, 1) limit that the leader would send now; inf: none, the plan stands
+    told: Floats  # (units, 1 and what a controller adds) limit that the leader would send now; inf: none, the plan stands
     received: Floats  # last limit received; inf: none
     orders: Mail  # limits to the units
     report: ReportMemory
@@ -132,8 +133,19 @@ def _singles(kind: Any) -> Any:
     return kind(*(np.zeros(1, dtype) for dtype in dtypes))
 
 
-def memory(eq: Equipment, speed: float, expected: float) -> Memory:
-    """Memory at the start of a run, the train rolling at `speed` [m/s]."""
+def attachments(m: Memory) -> tuple[Attachment, Attachment]:
+    """What a controller adds to the reports and to the limits that are sent, in the memory itself."""
+    line = m.report.line
+    return (
+        Attachment(m.report.own[:, NUMBERS:], line.read[:, NUMBERS:], line.heard),
+        Attachment(m.told[:, 1:], m.orders.read[:, 1:], m.orders.heard),
+    )
+
+
+def memory(
+    eq: Equipment, speed: float, expected: float, added: AddedNumbers = NOTHING_ADDED
+) -> Memory:
+    """Memory at the start of a run, the train rolling at `speed` [m/s]; telegrams have room for what is `added`."""
     n, bodies = eq.axles.size, int(eq.axle_body.max()) + 1
     unit, unit_block = _block(UnitMemory, n)
     unit.limit[:] = expected
@@ -145,6 +157,9 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
     lead = _singles(LeadMemory)
     lead.detected[:] = lead.slipped[:] = -np.inf
     learnt, learning = learning_memory(eq.learnt)
+    nothing = np.tile([np.inf, *[np.nan] * added.order], (n, 1))
+    orders = mail(n, 1 + added.order, np.inf)
+    orders.read[:] = nothing
     empty = Memory(*(np.zeros(n) for _ in Memory._fields))  # type: ignore[arg-type]
     return empty._replace(
         unit=unit,
@@ -176,10 +191,10 @@ def memory(eq: Equipment, speed: float, expected: float) -> Memory:
         open_to=np.full(n, np.inf),
         pressure=np.zeros(eq.group.unit.size),
         air_most=np.full(eq.group.unit.size, np.inf),
-        told=np.full((n, 1), np.inf),
+        told=nothing,
         received=np.full(n, np.inf),
-        orders=mail(n, 1, np.inf),
-        report=report_memory(n, speed, expected),
+        orders=orders,
+        report=report_memory(n, speed, expected, added.report),
         learnt=learnt,
         learning=learning,
     )

@@ -19,6 +19,8 @@ DELIVERED, ESTIMATE, DETECTED, LIMITED, SLIPPED = range(5)
 nan before it; when that was [s], which tells it from the one before; what limits the unit; when it slipped for the last
 time [s]: a flag would miss slips between two telegrams."""
 
+NUMBERS = SLIPPED + 1
+
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
 """What limits a unit: its target is within reach, the rail, its failure or blindness."""
 
@@ -36,7 +38,7 @@ FILTER_TIME = 0.2
 class ReportMemory(NamedTuple):
     """What the units tell, and what the foremost one has heard."""
 
-    own: Floats  # (units, 5) what each would say now
+    own: Floats  # (units, 5 and what a controller adds) what each would say now
     line: Mail  # to the foremost unit
     acceleration: Floats  # (1,) of the train behind the same filter [m/s2]
     speed: Floats  # (1,) reference speed a period ago [m/s]
@@ -45,10 +47,10 @@ class ReportMemory(NamedTuple):
     counted: Floats  # (units,) detection that counts for a rule asked on slip [s]; -inf: none
 
 
-def report_memory(units: int, speed: float, expected: float) -> ReportMemory:
-    """Memory at the start of a run: everyone delivers the plan."""
-    own = np.tile([expected, np.nan, -np.inf, 0.0, -np.inf], (units, 1))
-    line = mail(units, 5, 0.0)
+def report_memory(units: int, speed: float, expected: float, added: int = 0) -> ReportMemory:
+    """Memory at the start of a run: everyone delivers the plan. `added`: numbers that a controller adds, nan at first."""
+    own = np.tile([expected, np.nan, -np.inf, 0.0, -np.inf, *[np.nan] * added], (units, 1))
+    line = mail(units, own.shape[1], 0.0)
     line.read[:] = own
     return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((3, units), -np.inf))
 

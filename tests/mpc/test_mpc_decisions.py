@@ -16,11 +16,13 @@ from mpc.group_controller import CarControllers, GroupController
 from mpc.group_problem import GroupProblem, even_split
 from mpc.horizon import HorizonSolution, cost_of
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.joint_problem import JointProblem, Report
+from mpc.joint_problem import JointProblem
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
-from mpc.train_controller import Order, TrainMpc
+from mpc.telegrams import Report
+from mpc.train_controller import TrainMpc
 from mpc.unit_model import parameters, torque_per_coefficient
 from mpc.unit_step import STATUSES
+from tests.mpc.telegraphy import Telegraphy
 
 
 class Solver:
@@ -348,6 +350,24 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     solver.torques[4:6] = 450.0, 59.0
     asked, _ = joint.solve([reports[0], reports[1]._replace(target=50.0)], commands)
     np.testing.assert_allclose(asked, [540.0, 1.2 * 59.0])
+    # nobody for more than its motors can; and the body has the speed of who leads
+    asked, _ = joint.solve([reports[0]._replace(limit=510.0), reports[1]], commands, 1)
+    assert asked[0] == 510.0
+    assert solver.problem.state[0] == 10.5
+
+
+@pytest.mark.parametrize("works", [True, False])
+def test_a_unit_of_which_no_report_is_used_rolls_with_the_leader(make_context, no_solver, works):
+    joint = JointProblem([make_context(axles=1), make_context(axles=2, radius=0.45)], SETTINGS)
+    leader = _report(axles=1, speed=9.0)
+    supposed = joint.supposed(1, leader, 300.0, works)
+    assert (supposed.time, supposed.speed, supposed.target) == (leader.time, 9.0, 300.0)
+    np.testing.assert_allclose(supposed.omega, [20.0, 20.0])
+    # it gives what is wanted of it, no more; or nothing, and none of its rail counts
+    torque = 300.0 if works else 0.0
+    assert (supposed.torque, supposed.command, supposed.limit) == (torque,) * 3
+    assert supposed.peak.tolist() == [0.3, 0.3]
+    assert (supposed.carried > 300.0) if works else (supposed.carried == 0.0)
 
 
 @pytest.mark.parametrize(("step", "horizon", "last"), [(0.01, 20, 9), (0.02, 20, 4), (0.01, 5, 4)])
@@ -384,8 +404,12 @@ class Joint:
     def forget(self):
         self.forgotten += 1
 
-    def solve(self, reports, commands):
+    def supposed(self, j, leader, target, works):
+        return leader._replace(target=target, command=target if works else 0.0, limit=-float(j))
+
+    def solve(self, reports, commands, leader):
         self.calls.append((reports, [known.tolist() for known in commands]))
+        self.leader = leader
         return self.asked, HorizonSolution(self.asked, 0.0, 0.0, 1, self.status)
 
 
@@ -396,9 +420,9 @@ TELEGRAMS = Telegrams(period=0.04, latency=0.02, silence=0.1)
 def train(make_context, monkeypatch):
     monkeypatch.setattr(train_controller, "CarControllers", Cars)
     monkeypatch.setattr(train_controller, "JointProblem", Joint)
-    return TrainMpc(
-        [make_context(axles=1, telegrams=TELEGRAMS), make_context(axles=1, telegrams=TELEGRAMS)]
-    )
+    train = TrainMpc([make_context(axles=1, telegrams=TELEGRAMS) for _ in range(2)])
+    train.telegraphy = Telegraphy(train, 2, TELEGRAMS)
+    return train
 
 
 def _drive(train, make_sense, ticks, targets=(500.0, 450.0), start=0, **values):
@@ -409,35 +433,36 @@ def _drive(train, make_sense, ticks, targets=(500.0, 450.0), start=0, **values):
             make_sense(axles=1, target=t, time=tick * 0.01, torque=100.0 + j, **values)
             for j, t in enumerate(targets)
         ]
-        decisions = train.decide(senses)
+        decisions = train.telegraphy.decide(senses)
         found.append([s.target for s in train.cars.senses[-1]])
         assert [d.torque for d in decisions] == found[-1]
     return np.array(found)
 
 
-def test_orders_act_when_they_arrive_and_the_foremost_units_at_once(train, make_sense):
+def test_orders_act_when_they_arrive_and_the_leaders_with_the_next_period(train, make_sense):
     targets = _drive(train, make_sense, 13)
-    # at tick 8 there is a report for which the demand is known; its order reaches unit 1 two ticks later
+    # the report of tick 3 is sent at 4 and solved for at 7; the order is sent at 8 and reaches unit 1 two ticks later
     assert len(train.joint.calls) == 2
-    assert targets[:9].tolist() == [[500.0, 450.0]] * 9
-    assert targets[9].tolist() == [300.0, 450.0]
+    assert targets[:8].tolist() == [[500.0, 450.0]] * 8
+    assert targets[8:10].tolist() == [[300.0, 450.0]] * 2
     assert targets[10:].tolist() == [[300.0, 350.0]] * 3
     reports, commands = train.joint.calls[0]
     assert [(r.time, r.torque, r.target, r.limit, r.carried) for r in reports] == [
-        (0.08, 100.0, 500.0, 1150.0, 400.0), (0.04, 101.0, 450.0, 1150.0, 401.0),
+        (0.07, 100.0, 500.0, 1150.0, 400.0), (0.03, 101.0, 450.0, 1150.0, 401.0),
     ]  # fmt: skip
     assert (reports[1].peak.tolist(), reports[1].peak_slip.tolist()) == ([0.11], [0.02])
-    assert commands == [[500.0, 500.0], [450.0] * 6]
-    # at 12 the order of 8, which acts from 10 on, is known, as far as the rail carries it
+    assert commands == [[500.0] * 3, [450.0] * 7]
+    # at 11 the order of 7, which acts from 10 on, is known, as far as the rail carries it
     _, commands = train.joint.calls[1]
-    assert commands == [[300.0, 300.0], [450.0] * 2 + [350.0] * 4]
+    assert commands == [[300.0] * 3, [450.0] * 3 + [350.0] * 4]
     assert train.joint.forgotten == 1
+    assert train.joint.leader == 0
 
 
 def test_orders_beyond_what_the_rail_carries_count_as_that(train, make_sense):
     train.joint.asked = np.array([300.0, 900.0])
     _drive(train, make_sense, 13)
-    assert train.joint.calls[1][1][1] == [450.0] * 2 + [pytest.approx(1.1 * 401.0)] * 4
+    assert train.joint.calls[1][1][1] == [450.0] * 3 + [pytest.approx(1.1 * 401.0)] * 4
 
 
 def test_braking_reports_are_mirrored_and_orders_keep_the_sign(train, make_sense):
@@ -462,10 +487,11 @@ def test_a_unit_that_failed_reports_its_torque(train, make_sense):
 
 def test_orders_of_the_other_direction_are_not_followed(train, make_sense):
     _drive(train, make_sense, 13)
-    targets = _drive(train, make_sense, 8, (-500.0, -450.0), start=13)
-    assert targets[:4].tolist() == [[-500.0, -450.0]] * 4
-    assert targets[4].tolist() == [-300.0, -450.0]
-    assert targets[5:].tolist() == [[-300.0, -350.0]] * 3
+    targets = _drive(train, make_sense, 11, (-500.0, -450.0), start=13)
+    # at 15 the report of 11 tells the old direction: of a driver who has changed his mind it says how much he wants now
+    assert targets[:3].tolist() == [[-500.0, -450.0]] * 3
+    assert targets[3:5].tolist() == [[-300.0, -450.0]] * 2
+    assert targets[5:].tolist() == [[-300.0, -350.0]] * 6
     assert train.joint.forgotten == 2
     assert [r.target for r in train.joint.calls[2][0]] == [500.0, 450.0]
 
@@ -476,65 +502,145 @@ def test_demands_of_different_directions_suspend_the_orders(train, make_sense, o
     targets = _drive(train, make_sense, 12, (500.0, other), start=13)
     assert len(train.joint.calls) == 3  # the last with a report from before
     assert targets[-1].tolist() == [500.0, other]
-    assert train._own is None
+    assert np.isnan(train.orders.told).all()
 
 
 def test_no_demand_means_no_joint_problem(train, make_sense):
-    _drive(train, make_sense, 9, (0.0, 0.0))
+    _drive(train, make_sense, 12, (0.0, 0.0))
     assert not train.joint.calls
 
 
 def test_a_rising_demand_is_not_taken_for_an_uneven_one(train, make_sense):
-    for tick in range(9):
+    for tick in range(8):
         _drive(train, make_sense, 1, (100.0 * (tick + 1), 80.0 * (tick + 1)), start=tick)
     reports, _ = train.joint.calls[0]
-    assert [r.target for r in reports] == [900.0, pytest.approx(720.0)]
+    assert [r.target for r in reports] == [800.0, pytest.approx(640.0)]
 
 
 def test_an_unsolved_problem_says_so_and_leaves_the_units_alone(train, make_sense):
     train.joint.status = "not finite"
-    _drive(train, make_sense, 8)
-    senses = [make_sense(axles=1, target=500.0, time=0.08) for _ in range(2)]
-    decisions = train.decide(senses)
+    _drive(train, make_sense, 7)
+    senses = [make_sense(axles=1, target=500.0, time=0.07) for _ in range(2)]
+    decisions = train.telegraphy.decide(senses)
     assert [(d.status, d.ok) for d in decisions] == [("joint: not finite", True), ("ok", True)]
     assert decisions[0].solve_time > decisions[1].solve_time == 0.5
-    assert _drive(train, make_sense, 3, start=9).tolist() == [[500.0, 450.0]] * 3
+    assert _drive(train, make_sense, 3, start=8).tolist() == [[500.0, 450.0]] * 3
     train.cars.ok = False
-    assert train.decide([s._replace(time=0.12) for s in senses])[0].status == "late"
+    late = [s._replace(time=0.11) for s in senses]
+    assert train.telegraphy.decide(late)[0].status == "late"
 
 
 def test_silence_suspends_the_orders(train, make_sense):
     _drive(train, make_sense, 12)
-    train._telegrams = replace(TELEGRAMS, loss=1.0)
-    for line in (*train.reports, *train.orders):
-        line._telegrams = replace(line._telegrams, loss=1.0)
+    train.telegraphy.lost[:] = True
     targets = _drive(train, make_sense, 20, start=12)
     assert targets[0].tolist() == [300.0, 350.0]
-    assert targets[-1].tolist() == [500.0, 450.0]
-    assert train._own is None
-    assert train.orders[0].sent == train.reports[0].sent == 0
+    # the last report arrived at 10 and is silent from 21 on: at 23 the leader suspends its own; the last order at 10 too
+    assert targets[10:12].tolist() == [[300.0, 450.0]] * 2
+    assert targets[12:].tolist() == [[500.0, 450.0]] * 8
+    assert np.isnan(train.orders.told).all()
+
+
+def test_who_is_silent_is_left_to_the_driver_and_the_others_share(
+    make_context, make_sense, monkeypatch
+):
+    monkeypatch.setattr(train_controller, "CarControllers", Cars)
+    monkeypatch.setattr(train_controller, "JointProblem", Joint)
+    train = TrainMpc([make_context(axles=1, telegrams=TELEGRAMS) for _ in range(3)])
+    train.joint.asked = np.array([300.0, 350.0, 500.0])
+    train.telegraphy = Telegraphy(train, 3, TELEGRAMS)
+    train.telegraphy.lost[2] = True
+    targets = _drive(train, make_sense, 16, (500.0, 450.0, 470.0))
+    reports, commands = train.joint.calls[0]
+    # of the silent unit is supposed what the leader's own demand is along an even train
+    assert [(r.target, r.limit) for r in reports] == [
+        (500.0, 1150.0),
+        (450.0, 1150.0),
+        (500.0, -2.0),
+    ]
+    assert commands[2] == [500.0] * 3
+    assert targets[-1].tolist() == [300.0, 350.0, 470.0]
+    # nobody is heard
+    train.telegraphy.lost[1] = True
+    assert _drive(train, make_sense, 24, (500.0, 450.0, 470.0), start=16)[-1].tolist() == [
+        500.0,
+        450.0,
+        470.0,
+    ]
+
+
+def test_a_new_leader_begins_anew_and_knows_no_orders(make_context, make_sense, monkeypatch):
+    monkeypatch.setattr(train_controller, "CarControllers", Cars)
+    monkeypatch.setattr(train_controller, "JointProblem", Joint)
+    train = TrainMpc([make_context(axles=1, telegrams=TELEGRAMS) for _ in range(3)])
+    train.telegraphy = Telegraphy(train, 3, TELEGRAMS)
+    train.joint.asked = np.array([300.0, 350.0, 370.0])
+    _drive(train, make_sense, 11, (500.0, 450.0, 450.0))
+    train.joint.asked = np.array([300.0, 350.0, 333.0])
+    _drive(train, make_sense, 2, (500.0, 450.0, 450.0), start=11)
+    assert train.joint.forgotten == 1
+    for tick in range(13, 16):
+        senses = [
+            make_sense(axles=1, target=450.0, time=tick * 0.01, in_service=j > 0, planned=450.0)
+            for j in range(3)
+        ]
+        train.telegraphy.decide(senses)
+    assert (train.joint.leader, train.joint.forgotten) == (1, 2)
+    # the order of tick 11, which acts at 14, was the old leader's: of it the new one has only what is reported
+    reports, commands = train.joint.calls[-1]
+    assert reports[2].time == pytest.approx(0.11)
+    assert commands[2] == [370.0] * 7
+
+
+def test_what_an_order_says_of_lost_motors_is_not_made_up_for_again(train, make_sense):
+    _drive(train, make_sense, 12, planned=600.0)
+    planned = [[sense.planned for sense in senses] for senses in train.cars.senses]
+    assert planned[7] == [600.0, 600.0]
+    assert planned[8:10] == [[0.0, 600.0]] * 2
+    assert planned[10:] == [[0.0, 0.0]] * 2
+
+
+def test_the_only_unit_whose_motors_work_leads_and_is_asked_for_what_the_others_lost(
+    train, make_sense
+):
+    _drive(train, make_sense, 13)
+    train.telegraphy.lost[:] = True  # it needs no telegram
+    senses = [
+        make_sense(axles=1, target=t, torque=100.0 + j, in_service=j == 1, planned=400.0)
+        for j, t in enumerate((0.0, 450.0))
+    ]
+    for tick in range(13, 45):
+        train.telegraphy.decide([s._replace(time=tick * 0.01) for s in senses])
+    reports, _ = train.joint.calls[-1]
+    assert [r.target for r in reports] == [pytest.approx(350.0), 450.0]
+    assert (train.joint.leader, reports[0].command) == (1, 0.0)
+    assert train.cars.senses[-1][1].target == 350.0  # as the joint problem answers
+    # where none works nobody is asked
+    for tick in range(45, 56):
+        train.telegraphy.decide([s._replace(time=tick * 0.01, in_service=False) for s in senses])
+    assert np.isnan(train.orders.told).all()
+
+
+def test_a_forecast_is_no_longer_than_telegrams_without_loss_are_old(train, make_sense):
+    train.telegraphy.lost[1] = False
+    _drive(train, make_sense, 12)
+    train._telegrams = replace(TELEGRAMS, silence=9.0)  # so that the last report stands
+    train.telegraphy.lost[1] = True
+    _drive(train, make_sense, 20, start=12)
+    lengths = [len(commands[1]) for _, commands in train.joint.calls]
+    # a report of 0.03 s is of 7 periods when the order acts; a period and two delays of 0.03 s are ten
+    assert lengths == [7, 7, 10, 10, 10, 10, 10]
+    assert [len(commands[0]) for _, commands in train.joint.calls] == [3] * 7
 
 
 def test_demands_are_remembered_as_long_as_reports_may_come(train, make_sense):
     _drive(train, make_sense, 40)
     kept = sorted(train._demands)
-    assert kept[0] == pytest.approx(0.2)  # 0.36 less silence and two periods is 0.18
-    assert kept[-1] == pytest.approx(0.36)
-
-
-def test_lines_of_different_units_draw_differently(make_context, monkeypatch):
-    monkeypatch.setattr(train_controller, "CarControllers", Cars)
-    monkeypatch.setattr(train_controller, "JointProblem", Joint)
-    units = [make_context(axles=1, seed=7, telegrams=TELEGRAMS) for _ in range(3)]
-    train = TrainMpc(units, MpcSettings(horizon=4))
-    assert train.settings.horizon == 4
-    draws = [line._generator.random() for line in (*train.reports, *train.orders)]
-    expected = [np.random.default_rng((7, kind, j)).random() for kind in (3, 4) for j in range(3)]
-    assert draws == expected
+    assert kept[0] == pytest.approx(0.23)  # 0.39 less silence and two periods is 0.21
+    assert kept[-1] == pytest.approx(0.39)
 
 
 def test_no_more_orders_are_remembered_than_can_matter(train, make_sense):
     _drive(train, make_sense, 100)
     assert len(train._sent[0]) == 1
     assert len(train._sent[1]) == 17
-    assert Order(1.0, 2.0).demand == 2.0

@@ -15,11 +15,13 @@ from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
 from mpc.group_controller import CarControllers, GroupController
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.joint_problem import Report, UnitForecast
-from mpc.train_controller import Order, TrainMpc, ordered_target
+from mpc.joint_problem import UnitForecast
+from mpc.telegrams import Order, Report, added_numbers, ordered_target, read_report, write_report
+from mpc.train_controller import TrainMpc
 from mpc.unit_model import parameters, substeps, unit_model
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import train_of
+from tests.mpc.telegraphy import Telegraphy
 
 HOSTED = {one.name: one for one in (MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL)}
 BAD = 0.07
@@ -86,6 +88,19 @@ def test_without_telegrams_the_train_is_its_cars(runs):
         np.testing.assert_array_equal(mute[name], runs["mpc-car"][name])
 
 
+def test_without_delay_orders_are_nearly_those_of_the_ideal_controller(runs):
+    # what is left of the delay: a telegram is sent in the period after what it says was decided, there and back
+    def distance(run):
+        late = run["time"].values >= 3.0
+        own, ideal = (one["torque_command"].values[late] for one in (run, runs["mpc-train-ideal"]))
+        return (np.abs(own - ideal) / run["torque_target"].values[late]).mean()
+
+    quick = _run("mpc-train", telegrams=Telegrams(period=0.01, latency=0.0))
+    assert distance(quick) < 0.01
+    assert distance(quick) < 0.6 * distance(runs["mpc-train"])
+    assert distance(runs["mpc-car"]) > 0.05
+
+
 def test_lost_telegrams_cost_something_and_are_survived(runs):
     lossy = _run("mpc-train", telegrams=Telegrams(loss=0.3, jitter=0.05))
     assert lossy.attrs["controller_failures"] == 0
@@ -117,7 +132,7 @@ def _sense(time, torque=300.0, target=500.0):
 
 def _commands(changed_from, telegrams, ticks=50):
     """Commands (ticks, units) of three units; from `changed_from` [s] on the last one's limit is half as high."""
-    controller = TrainMpc(train_of(3, telegrams=telegrams))
+    controller = Telegraphy(TrainMpc(train_of(3, telegrams=telegrams)), 3, telegrams)
     answers = []
     for k in range(ticks):
         time = 0.01 * k
@@ -136,9 +151,10 @@ def test_nothing_younger_than_the_telegrams_influences_an_answer(latency):
     assert changed.any(axis=0).all()
     first = changed.argmax(axis=0) * 0.01
     assert first[2] == pytest.approx(event), "its own controller sees it at once"
-    # the foremost unit hears of it after one latency, and solves after it has commanded; the second unit after two
-    assert first[0] == pytest.approx(event + latency + 0.01)
-    assert first[1] == pytest.approx(event + 2.0 * latency)
+    # what is told in a period is sent in the next: the foremost unit follows its own order after one latency and two
+    # periods, and the second unit after two
+    assert first[0] == pytest.approx(event + latency + 0.02)
+    assert first[1] == pytest.approx(event + 2.0 * latency + 0.02)
 
 
 def _report(time, command=300.0, carried=800.0):
@@ -170,19 +186,47 @@ def test_orders_on_their_way_count_from_when_they_act():
 
 def test_an_order_scales_with_the_driver_and_ends_with_him():
     order = Order(torque=600.0, demand=500.0)
-    assert ordered_target(None, _sense(0.0, target=400.0)) == 400.0
-    assert ordered_target(order, _sense(0.0, target=400.0)) == pytest.approx(480.0)
-    assert ordered_target(order, _sense(0.0, target=0.0)) == 0.0
-    assert ordered_target(order, _sense(0.0, target=-300.0)) == -300.0
-    assert ordered_target(order, _sense(0.0, target=900.0)) == 1e3  # what the motors can
-    assert ordered_target(Order(600.0, -500.0), _sense(0.0, target=-250.0)) == -300.0
+    unit = train_of(1)[0]
+    assert ordered_target(None, unit, _sense(0.0, target=400.0)) == 400.0
+    assert ordered_target(order, unit, _sense(0.0, target=400.0)) == pytest.approx(480.0)
+    assert ordered_target(order, unit, _sense(0.0, target=0.0)) == 0.0
+    assert ordered_target(order, unit, _sense(0.0, target=-300.0)) == -300.0
+    assert ordered_target(order, unit, _sense(0.0, target=900.0)) == 1e3  # what the motors can
+    assert ordered_target(Order(600.0, -500.0), unit, _sense(0.0, target=-250.0)) == -300.0
+    # of motors that have failed nothing is ordered; a blended brake is the driver's, for air fills it
+    failed = _sense(0.0, target=-250.0)._replace(in_service=False)
+    for blended, target in ((False, 0.0), (True, -250.0)):
+        found = ordered_target(Order(0.0, -500.0), replace(unit, blended=blended), failed)
+        assert found == target
+
+
+def test_a_report_arrives_as_it_was_written():
+    units = [replace(unit, axles=axles) for unit, axles in zip(train_of(2), (2, 4), strict=True)]
+    added = added_numbers(units)
+    numbers = np.full((2, added.report), np.nan)
+    assert [read_report(row, unit.axles) for row, unit in zip(numbers, units, strict=True)] == [
+        None
+    ] * 2
+    for row, unit in zip(numbers, units, strict=True):
+        report = _report(0.3)
+        part = {
+            name: getattr(report, name)[: unit.axles] for name in ("omega", "peak", "peak_slip")
+        }
+        report = report._replace(**part)
+        write_report(report, row)
+        for told, read in zip(report, read_report(row, unit.axles), strict=True):
+            np.testing.assert_array_equal(told, read)
+    assert np.isfinite(numbers[1]).all()  # the unit with the most axles fills its telegram
 
 
 def test_an_answer_comes_whatever_is_read():
-    for build_controller in (CarControllers, TrainMpc, GroupController):
-        controller = build_controller(train_of(2))
-        for value in (0.0, np.nan, 5.0):
-            senses = [_sense(value), _sense(0.0)._replace(speed=value)]
-            decisions = controller.decide([sense._replace(time=0.0) for sense in senses])
+    for controller in (
+        CarControllers(train_of(2)),
+        Telegraphy(TrainMpc(train_of(2)), 2, Telegrams(latency=0.0)),
+        GroupController(train_of(2)),
+    ):
+        for time, value in ((0.09, 0.0), (0.1, 0.0), (0.19, np.nan), (0.2, 0.0), (0.29, 5.0)):
+            senses = [_sense(time), _sense(time)._replace(speed=value)]
+            decisions = controller.decide(senses)
             assert decisions[1].ok == np.isfinite(value)
             assert len(decisions) == 2

@@ -272,7 +272,11 @@ def test_a_hosted_controller_is_told_what_its_unit_is():
         assert context.mass == pytest.approx(train.mass * weight[j] / sum(weight))
         assert context.torque_lag == train.cars[k].motors.torque_lag
         curve = POLACH_WET.on(0.5 * context.axle_load, context.radius)
-        assert (context.curve, context.period, context.seed) == (curve, onboard.period, 5)
+        assert (context.curve, context.period, context.blended) == (
+            curve,
+            onboard.period,
+            eq.blended,
+        )
         assert context.settings == "settings"
         # coupled cars tell their own speed: a unit that has all axles of its car has no free one
         assert context.free_axle == (len(axles) == 2)
