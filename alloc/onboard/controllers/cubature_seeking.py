@@ -148,7 +148,7 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     the train's, `train_noise` [m/s]; walks of both [m/s2] and of the curve's height, `height_walk` [1/sqrt(s)]; `adapt`:
     share of an innovation that the rim speed's variance takes; `scale` [m/s]: slip at the peak of the filter's curve. Of
     fourteen sets of these, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
-    `studies.ladder.events` (seed 1000): 97.1 % where short on the multiple units, against 95.2 % at 0.5 s and a gain of 0.05.
+    `studies.ladder.events` (seed 1000): 97.1 % where short on the multiple units, and 95.2 % at 0.5 s and a gain of 0.05.
     """
 
     name = "cubature-seeking"
