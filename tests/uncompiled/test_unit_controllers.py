@@ -288,22 +288,22 @@ class Seek(Creep):
 
     def decide(self, s):
         self.filter(s)
-        return super().decide(s | {"slip": self.mean[0] - self.mean[1]})
+        return super().decide(s | {"slip": s["sign"] * (self.mean[0] - self.mean[1])})
 
     def filter(self, s):
         p, pull = (
             self.p,
             EQ.axle_load[self.j] * EQ.radius[self.j] ** 2 / EQ.inertia[self.j] * PERIOD,
         )
-        train = s["sign"] * s["reference"]
-        rim = train + s["slip"]
+        train, self.sign = s["reference"], s["sign"]
+        rim = train + s["sign"] * s["slip"]
         if self.mean is None:
             self.mean = np.array([rim, train, 0.1])
         root = math.sqrt(3.0) * np.linalg.cholesky(self.cov)
         points = np.concatenate([self.mean + root.T, self.mean - root.T])
         x = (points[:, 0] - points[:, 1]) / p.scale
         value, slope = 2 * x / (1 + x**2), 2 * (1 - x**2) / (1 + x**2) ** 2 / p.scale
-        torque = s["known"] / TORQUE[self.j] + s["air"] / EQ.axle_load[self.j]
+        torque = s["sign"] * (s["known"] / TORQUE[self.j] + s["air"] / EQ.axle_load[self.j])
         points[:, 0] += (
             pull
             * (torque - points[:, 2] * value)
@@ -329,7 +329,7 @@ class Seek(Creep):
         if self.share >= 0.999:
             self.phase = self.product = 0.0
             return self.centre
-        x = (self.mean[0] - self.mean[1]) / p.scale
+        x = self.sign * (self.mean[0] - self.mean[1]) / p.scale
         self.phase += 2 * math.pi * PERIOD / p.cycle
         self.product += (
             self.mean[2] * 2 * x / (1 + x**2) * math.sin(self.phase - p.lag) * PERIOD / p.cycle

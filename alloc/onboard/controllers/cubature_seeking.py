@@ -27,7 +27,10 @@ from alloc.onboard.quantity import quantity
 from alloc.onboard.reference_speed.sounding import is_relieved
 
 RIM, TRAIN, HEIGHT = 0, 1, 2
-"""Elements of the state: rim speed and train speed [m/s] in the direction of the demand, height of the adhesion curve."""
+"""Elements of the state: rim speed and train speed [m/s], positive ahead, and height of the adhesion curve.
+
+They do not turn with the demand, or the filter would start anew when brakes follow traction.
+"""
 STATES = 3
 FIRST_HEIGHT = 0.1
 HIGHEST = 1.0
@@ -69,13 +72,13 @@ def adapted(variance, told, expected, share, least):
 def estimate_slip(eq, st, m, p, k, j, commanded):
     """One period of unit `j`'s filter: its estimates of slip [m/s] and coefficient go into memory."""
     state, covariance, root = k.state[j], k.covariance[j], k.root[j]
-    speed = direction(commanded) * m.reference[eq.unit_body[j]]
-    rim = speed + m.worst_slip[j]
+    sign, speed = direction(commanded), m.reference[eq.unit_body[j]]
+    rim = speed + sign * m.worst_slip[j]
     if math.isnan(state[RIM]):
         state[RIM], state[TRAIN], state[HEIGHT] = rim, speed, FIRST_HEIGHT
         k.rim_variance[j] = p.noise**2
-    torque = direction(commanded) * m.torque[j] / torque_per_coefficient(eq, j)
-    torque += m.air_force[j] / eq.axle_load[j]
+    torque = m.torque[j] / torque_per_coefficient(eq, j)
+    torque += sign * m.air_force[j] / eq.axle_load[j]
     response = eq.axle_load[j] * eq.radius[j] ** 2 / eq.inertia[j]
     walk = (
         (p.rim_walk * st.period) ** 2,
@@ -88,7 +91,7 @@ def estimate_slip(eq, st, m, p, k, j, commanded):
     k.rim_variance[j] = adapted(k.rim_variance[j], told, own, p.adapt, p.noise**2)
     correct(state, covariance, root, TRAIN, speed, p.train_noise**2)
     state[HEIGHT] = between(state[HEIGHT], 0.0, HIGHEST)
-    k.slip[j] = state[RIM] - state[TRAIN]
+    k.slip[j] = sign * (state[RIM] - state[TRAIN])
     k.coefficient[j] = state[HEIGHT] * curve_at(k.slip[j], p.scale)[0]
 
 
