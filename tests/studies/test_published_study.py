@@ -88,12 +88,15 @@ def test_load_transfer_in_the_mpc_is_judged_against_the_mpc_without():
 
 
 def test_six_events_are_every_rail_with_and_without_a_failed_motor():
-    for block in range(3):
+    curves = set()
+    for block in range(4):
         drawn = [draw(0, KINDS * block + k) for k in range(KINDS)]
         assert {(d["rail"], d["motors"]) for d in drawn} == {(r, m) for r in RAILS for m in STATES}
         assert len({d["curve"] for d in drawn}) == 1
         hosted = {job.controller for job in locomotive_cells(0, KINDS * block)} - set(BUILT_IN)
-        assert hosted == (set(HOSTED) if block % 2 == 0 else set())
+        assert hosted == (set(HOSTED) if block in (0, 3) else set())
+        curves |= {d["curve"] for d in drawn if hosted}
+    assert curves == {"piecewise", "polach"}
     events = pd.DataFrame([draw(0, k) for k in range(KINDS)])
     assert [int(part(events).sum()) for part in PARTS.values()] == [1] * KINDS
 
