@@ -1,4 +1,4 @@
-"""A locomotive's six kinds of event under others' controllers, rungs of the ladder, and the MPC with load transfer and without."""
+"""A locomotive's six kinds of event under controllers of the ladder and of others, and the MPC that knows load transfer."""
 
 import pandas as pd
 
