@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from alloc.onboard.controllers.perturb_observe import PerturbObserve
 from alloc.onboard.controllers.swarm import MODULUS, drawn, seeded, swarm_speed
-from alloc.onboard.controllers.swarm_slip import SwarmSlip, curve, fit_models, misfit
+from alloc.onboard.controllers.swarm_slip import POINTS, SwarmSlip, curve, fit_models, misfit
 from alloc.onboard.controllers.swarm_tracking import PARTICLES, SwarmTracking, try_particles
 
 BOUNDS = PerturbObserve()
@@ -106,3 +106,10 @@ def test_the_swarm_of_curves_finds_the_one_that_was_measured(peak, optimum):
     assert misfit(k, 0, peak, optimum) == 0.0  # the ring holds what was measured, and nothing else
     assert k.optimum.min() >= BOUNDS.lowest
     assert k.optimum.max() <= BOUNDS.highest
+
+
+def test_the_ring_holds_the_last_points():
+    k, p = SwarmSlip.memory(1), SwarmSlip()
+    for n in range(POINTS + 3):
+        fit_models(k, 0, p, BOUNDS, 0.1, 0.01 * (n + 1))
+    assert sorted(k.point_slip[0]) == pytest.approx([0.01 * (n + 4) for n in range(POINTS)])
