@@ -165,3 +165,8 @@ A law is a few instructions; a call would cost more than they do.
 
 equation = register_jitable(**INLINED)
 """Decorator of a law that NumPy, Numba and CasADi evaluate from one text."""
+
+called: Any = register_jitable(
+    **{name: on for name, on in INLINED.items() if name != "forceinline"}
+)
+"""Decorator of a law that is called, not inlined: one so long that the call costs nothing and inlining it much."""

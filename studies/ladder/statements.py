@@ -1,6 +1,6 @@
 """What the ladder says: published yardsticks, each rung against the one below, and the weaknesses ascribed to searching."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import pandas as pd
@@ -60,7 +60,7 @@ def ladder_statements(table: pd.DataFrame) -> list[Statement]:
     drawn = ("train", "curve", "scatter", "patch_factor")
     events = paired(table, "controller", numbers, drawn)
     claims = [
-        *(_yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
+        *(yardstick(events, bar, name) for bar in YARDSTICKS for name in LADDER[1:]),
         *(_rung(events, below, name) for below, name in pairwise(LADDER)),
         *(_slow(events, name) for name in SEARCHING),
         *(_restless(events, name) for name in SEARCHING),
@@ -82,10 +82,13 @@ def _less(events: pd.DataFrame, metric: str, name: str, others: Sequence[str]) -
     }
 
 
-def _yardstick(events: pd.DataFrame, bar: float, name: str) -> Claim:
+def yardstick(
+    events: pd.DataFrame, bar: float, name: str, parts: Mapping[str, Part] = PARTS
+) -> Claim:
+    """The claim that `name` uses more than `bar` of the adhesion where a unit is short of it."""
     return Claim(
         f"{bar:.0%}: {name}", f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
-        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), PARTS, PERCENT,
+        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), parts, PERCENT,
         {text: events[f"{metric}@{name}"] for metric, text in METRICS.items()},
         f"mean over events above {bar:.0%}; {STUDENT}, parts after Bonferroni",
     )  # fmt: skip

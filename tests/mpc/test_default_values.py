@@ -18,6 +18,15 @@ ONBOARD = {
     "steepest_gradient": {
         "interval": 0.3, "gain": 0.15, "least": 0.01, "largest": 0.06, "lowest": 0.02, "highest": 0.5,
     },
+    "fuzzy_creep": {"reference": 0.085, "large": 0.3, "rate": 1.7, "change": 0.7, "pole": 40.0},
+    "fuzzy_tracking": {"coefficient": 0.005, "way": 0.01, "least": 0.01, "largest": 0.04},
+    "swarm_tracking": {"spread": 0.04, "keep": 0.98, "gathered": 0.015, "change": 0.05, "seed": 1.0},
+    "swarm_slip": {"largest": 0.02, "seed": 1.0},
+    "cubature_seeking": {
+        "cycle": 0.3, "amplitude": 0.015, "gain": 0.2, "largest": 0.03, "lag": 0.3, "lowest": 0.02, "highest": 0.5,
+        "noise": 0.005, "train_noise": 0.01, "rim_walk": 1.0, "train_walk": 0.3, "height_walk": 0.2, "adapt": 0.02,
+        "scale": 0.2,
+    },
     "detector": {"on": 1.8, "off": 0.9, "pole": 40.0, "speed_on": 0.6},
     "observer": {"pole": 25.0},
     "telegrams": {"period": 0.1, "latency": 0.05, "jitter": 0.0, "loss": 0.0, "silence": 1.0},

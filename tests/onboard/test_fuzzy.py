@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
+from alloc.onboard.fuzzy_inference import memberships
 from alloc.onboard.slide_protection import LAWS
 from alloc.onboard.slide_protection.fuzzy import (
     HOLD,
@@ -15,7 +16,6 @@ from alloc.onboard.slide_protection.fuzzy import (
     RULES,
     SUPPLY,
     infer,
-    memberships,
     valve_action,
 )
 from alloc.onboard.slide_protection.parameters import (

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.metrics.search import utilisation_short
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.pi_creep import CreepControl
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
@@ -14,6 +15,8 @@ from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Motors, TorqueLimit
 from alloc.simulation import DriverCommand, Event, simulate
+
+PUBLISHED = ("fuzzy-creep", "fuzzy-tracking", "swarm-tracking", "swarm-slip", "cubature-seeking")
 
 
 def worst_slip(run):
@@ -57,6 +60,43 @@ def test_a_search_leads_to_a_wide_peak_from_both_sides(train, controller, refere
     peak = end["peak_slip"].values[:, end["axle_unit"].values >= 0].mean()
     assert 0.15 < peak < 0.35
     assert abs(worst_slip(end).mean() - peak) < left * abs(reference - peak)
+
+
+@pytest.mark.parametrize("controller", PUBLISHED)
+def test_published_controllers_let_the_target_pass_where_the_rail_carries_it(
+    make_event, controller
+):
+    run = simulate(make_event(0.30), "alone", controller).sel(time=slice(2.0, None))
+    np.testing.assert_allclose(run["torque_command"], run["torque_target"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("controller", PUBLISHED)
+def test_published_controllers_use_a_short_rail_within_their_target_and_repeat(
+    make_event, controller
+):
+    event = make_event(0.08)
+    run, again = (simulate(event, "alone", controller) for _ in range(2))
+    command, target = run["torque_command"].values, run["torque_target"].values
+    assert command.min() >= 0.0
+    assert np.all(command <= target * (1.0 + 1e-12))
+    late = run.sel(time=slice(3.0, None))
+    assert utilisation_short(late) > 0.94
+    assert worst_slip(late).max() < 0.6
+    for name in ("torque_command", "slip_velocity"):
+        assert again[name].values.tobytes() == run[name].values.tobytes()
+
+
+@pytest.mark.parametrize("controller", ["fuzzy-tracking", "swarm-tracking", "cubature-seeking"])
+def test_published_searches_leave_a_bad_first_reference(train, controller):
+    """Polach's wide peak lies far above the first reference; creep control that does not search stays there."""
+    onboard = Onboard(creep=CreepControl(reference=0.05))
+    model = build(train, Rail(0.06, curve=POLACH_WET))
+    event = Event("wide", model, DriverCommand((0.2,), (0.75,)), onboard, duration=10.0)
+    found, held = (
+        utilisation_short(simulate(event, "alone", name).sel(time=slice(6.0, None)))
+        for name in (controller, "pi-creep")
+    )
+    assert found > held + 0.5 * (1.0 - held)
 
 
 @pytest.mark.parametrize("controller", BUILT_IN)

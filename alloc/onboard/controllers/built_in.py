@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
 
 
+Remembered = Mapping[str, Any]
+"""What a law keeps of every unit, and its value at the start of a run: a number, or nested tuples of them."""
+
+
 class BuiltInController:
     """A readhesion controller; a subclass is a frozen dataclass of its parameters.
 
@@ -28,13 +32,13 @@ class BuiltInController:
     marker: ClassVar[str]
     """In figures, as Matplotlib names it."""
     law: ClassVar[Any]
-    _remembered: ClassVar[Mapping[str, float]]
+    _remembered: ClassVar[Remembered]
     Parameters: ClassVar[Any]
     Memory: ClassVar[Any]
     """Named tuples of the parameters and of what the law remembers, as compiled code takes them."""
 
-    def __init_subclass__(cls, remembered: Mapping[str, float] | None = None) -> None:
-        """`remembered`: what the law keeps of every unit, and its value at the start of a run."""
+    def __init_subclass__(cls, remembered: Remembered | None = None) -> None:
+        """`remembered`: what the law keeps of every unit."""
         cls._remembered = remembered or {}
         for kind, names in (("Parameters", cls.__annotations__), ("Memory", cls._remembered)):
             record: Any = namedtuple(cls.__name__ + kind, names, module=cls.__module__)  # type: ignore[misc]
@@ -51,8 +55,11 @@ class BuiltInController:
 
     @classmethod
     def memory(cls, units: int) -> Any:
-        """Named tuple of arrays (units,) that the law keeps in `k`, as at the start of a run; None if it keeps none."""
-        arrays = [np.full(units, value) for value in cls._remembered.values()]
+        """Named tuple of arrays that the law keeps in `k`, as at the start of a run; None if it keeps none.
+
+        Each is (units,), or (units, n) where n values are remembered of a unit.
+        """
+        arrays = [np.full((units, *np.shape(value)), value) for value in cls._remembered.values()]
         return cls.Memory(*arrays) if arrays else None
 
 

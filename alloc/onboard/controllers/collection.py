@@ -5,11 +5,16 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from alloc.onboard.controllers.built_in import BuiltInController
+from alloc.onboard.controllers.cubature_seeking import CubatureSeeking
 from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
+from alloc.onboard.controllers.fuzzy_creep import FuzzyCreep
+from alloc.onboard.controllers.fuzzy_tracking import FuzzyTracking
 from alloc.onboard.controllers.none import NoControl
 from alloc.onboard.controllers.perturb_observe import PerturbObserve
 from alloc.onboard.controllers.pi_creep import CreepControl
 from alloc.onboard.controllers.steepest_gradient import SteepestGradient
+from alloc.onboard.controllers.swarm_slip import SwarmSlip
+from alloc.onboard.controllers.swarm_tracking import SwarmTracking
 from alloc.onboard.controllers.torque_table import TorqueTable
 
 if TYPE_CHECKING:
@@ -26,6 +31,11 @@ class BuiltInControllers:
     creep: CreepControl = field(default_factory=CreepControl)
     perturb_observe: PerturbObserve = field(default_factory=PerturbObserve)
     steepest_gradient: SteepestGradient = field(default_factory=SteepestGradient)
+    fuzzy_creep: FuzzyCreep = field(default_factory=FuzzyCreep)
+    fuzzy_tracking: FuzzyTracking = field(default_factory=FuzzyTracking)
+    swarm_tracking: SwarmTracking = field(default_factory=SwarmTracking)
+    swarm_slip: SwarmSlip = field(default_factory=SwarmSlip)
+    cubature_seeking: CubatureSeeking = field(default_factory=CubatureSeeking)
 
 
 _FIELDS: dict[str, Any] = {item.name: item.type for item in fields(BuiltInControllers)}

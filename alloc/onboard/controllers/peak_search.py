@@ -49,6 +49,12 @@ def interval_is_over(st, m, p, k, j):
 
 
 @equation
+def interval_means(k, j):
+    """Means of coefficient and slip [m/s] over the interval of unit `j` that is over."""
+    return k.coefficient_sum[j] / k.samples[j], k.slip_sum[j] / k.samples[j]
+
+
+@equation
 def move_reference(p, k, j, step, coefficient, slip):
     """Move the reference of unit `j` by `step` [m/s] within its bounds, and start an interval; both means are the last's."""
     wanted = k.reference[j] + step

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from alloc.compilation import equation
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.onboard.controllers.peak_search import REMEMBERED, interval_is_over, move_reference
+from alloc.onboard.controllers.peak_search import (
+    REMEMBERED,
+    interval_is_over,
+    interval_means,
+    move_reference,
+)
 from alloc.onboard.controllers.pi_creep import hold_slip_of_unit
 from alloc.onboard.quantity import quantity
 
@@ -24,13 +29,15 @@ def perturbed_step(last_step, coefficient_change, step):
 def perturb_observe_unit(eq, st, m, p, k, j, commanded):
     """Command of unit `j`."""
     if interval_is_over(st, m, p, k, j):
-        coefficient, slip = k.coefficient_sum[j] / k.samples[j], k.slip_sum[j] / k.samples[j]
+        coefficient, slip = interval_means(k, j)
         if math.isnan(k.last_coefficient[j]):
             step = math.copysign(p.step, k.step[j])
         else:
             step = perturbed_step(k.step[j], coefficient - k.last_coefficient[j], p.step)
         move_reference(p, k, j, step, coefficient, slip)
-    return hold_slip_of_unit(eq, st, m, st.law.creep, k.allowed, k.reference[j], j, commanded)
+    return hold_slip_of_unit(
+        eq, st, m, st.law.creep, k.allowed, k.reference[j], m.worst_slip[j], j, commanded
+    )
 
 
 @dataclass(frozen=True)

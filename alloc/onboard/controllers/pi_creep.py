@@ -28,8 +28,8 @@ def hold_slip(allowed, slip, reference, ceiling, proportional, integral, period)
 
 
 @equation
-def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
-    """Command of unit `j` that holds `reference` [m/s] with the gains `p`; `allowed` (units,) is its integral."""
+def hold_slip_of_unit(eq, st, m, p, allowed, reference, slip, j, commanded):
+    """Command of unit `j` that holds `slip` at `reference` [m/s] with the gains `p`; `allowed` (units,) is its integral."""
     sign = direction(commanded)
     to_torque = torque_per_coefficient(eq, j)
     ceiling = sign * m.unit.torque_target[j] / to_torque
@@ -38,7 +38,7 @@ def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
     if is_relieved(m, j):  # little slip now says nothing of how much is allowed
         return share_of_target(m, j)
     allowed[j], coefficient = hold_slip(
-        allowed[j], m.worst_slip[j], reference, ceiling, p.proportional, p.integral, st.period
+        allowed[j], slip, reference, ceiling, p.proportional, p.integral, st.period
     )
     m.unit.torque_command[j] = sign * coefficient * to_torque
     return share_of_target(m, j)
@@ -47,7 +47,7 @@ def hold_slip_of_unit(eq, st, m, p, allowed, reference, j, commanded):
 @equation
 def creep_unit(eq, st, m, p, k, j, commanded):
     """Command of unit `j`."""
-    return hold_slip_of_unit(eq, st, m, p, k.allowed, p.reference, j, commanded)
+    return hold_slip_of_unit(eq, st, m, p, k.allowed, p.reference, m.worst_slip[j], j, commanded)
 
 
 # the integral: coefficient that is allowed; nan: nothing yet

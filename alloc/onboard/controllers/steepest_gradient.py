@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from alloc.compilation import equation
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.onboard.controllers.peak_search import REMEMBERED, interval_is_over, move_reference
+from alloc.onboard.controllers.peak_search import (
+    REMEMBERED,
+    interval_is_over,
+    interval_means,
+    move_reference,
+)
 from alloc.onboard.controllers.pi_creep import hold_slip_of_unit
 from alloc.onboard.quantity import quantity
 
@@ -27,7 +32,7 @@ def gradient_step(last_step, coefficient_change, slip_change, gain, least, large
 def steepest_gradient_unit(eq, st, m, p, k, j, commanded):
     """Command of unit `j`."""
     if interval_is_over(st, m, p, k, j):
-        coefficient, slip = k.coefficient_sum[j] / k.samples[j], k.slip_sum[j] / k.samples[j]
+        coefficient, slip = interval_means(k, j)
         if math.isnan(k.last_coefficient[j]):
             step = math.copysign(p.least, k.step[j])
         else:
@@ -36,7 +41,9 @@ def steepest_gradient_unit(eq, st, m, p, k, j, commanded):
                 p.gain, p.least, p.largest,
             )  # fmt: skip
         move_reference(p, k, j, step, coefficient, slip)
-    return hold_slip_of_unit(eq, st, m, st.law.creep, k.allowed, k.reference[j], j, commanded)
+    return hold_slip_of_unit(
+        eq, st, m, st.law.creep, k.allowed, k.reference[j], m.worst_slip[j], j, commanded
+    )
 
 
 @dataclass(frozen=True)

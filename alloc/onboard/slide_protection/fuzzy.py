@@ -4,7 +4,7 @@ JP4209318 controls its valves by fuzzy inference and does not disclose the rules
 """
 
 from alloc.compilation import equation
-from alloc.plant.operations import maximum, minimum
+from alloc.onboard.fuzzy_inference import weighted_action
 
 SUPPLY, HOLD, RELEASE = 0.0, 1.0, 2.0
 """Actions of a bogie's valves, as the plant takes them (`alloc.plant.model.Inputs.valve`)."""
@@ -19,14 +19,6 @@ RULES = (
 
 
 @equation
-def memberships(x, low, middle, high):
-    """Degrees to which `x` belongs to three sets that peak at `low`, `middle`, `high`; their sum is 1."""
-    first = minimum(maximum((middle - x) / (middle - low), 0.0), 1.0)
-    last = minimum(maximum((x - middle) / (high - middle), 0.0), 1.0)
-    return first, 1.0 - first - last, last
-
-
-@equation
 def infer(slip, rate, sensitivity, slip_knots, rate_knots):
     """Weighted mean of the rules' actions, `SUPPLY` to `RELEASE`; `slip` a ratio, `rate` in m/s2, knots (3,) each.
 
@@ -34,12 +26,7 @@ def infer(slip, rate, sensitivity, slip_knots, rate_knots):
     sets overlap in pairs and the rules are ordered.
     """
     x, y = sensitivity * slip, sensitivity * rate
-    small, medium, large = memberships(x, slip_knots[0], slip_knots[1], slip_knots[2])
-    falling, steady, growing = memberships(y, rate_knots[0], rate_knots[1], rate_knots[2])
-    at_small = falling * RULES[0][0] + steady * RULES[0][1] + growing * RULES[0][2]
-    at_medium = falling * RULES[1][0] + steady * RULES[1][1] + growing * RULES[1][2]
-    at_large = falling * RULES[2][0] + steady * RULES[2][1] + growing * RULES[2][2]
-    return small * at_small + medium * at_medium + large * at_large
+    return weighted_action(RULES, x, y, slip_knots, rate_knots)
 
 
 @equation

@@ -1,0 +1,149 @@
+"""PI control at an optimum slip that a swarm of adhesion curves estimates, after Zirek and Onat (2020).
+
+From the source (Railway Engineering Science 28, s40534-020-00223-w, abstract and list of symbols): a PI controller of slip
+operates together with a swarm of models, each with an estimate of the greatest friction coefficient; the optimum of the best
+model's adhesion-slip curve is the controller's reference. It beats a fixed slip on a tram wheel test stand. Assumed: models
+are compared with the observer's coefficient at the slips of the last intervals, not by their own simulated speeds; a model
+is the curve peak * 2 x / (1 + x^2), x = slip / optimum slip; the number of models, and the bounds.
+"""
+
+import math
+from dataclasses import dataclass
+
+from alloc.compilation import called
+from alloc.errors import OnboardError
+from alloc.onboard.controllers.built_in import BuiltInController, Remembered
+from alloc.onboard.controllers.peak_search import (
+    interval_is_over,
+    interval_means,
+    move_reference,
+)
+from alloc.onboard.controllers.pi_creep import hold_slip_of_unit
+from alloc.onboard.controllers.swarm import between, drawn, seeded, swarm_speed
+from alloc.onboard.quantity import quantity
+
+MODELS = 8
+"""Curves in the swarm."""
+POINTS = 12
+"""Intervals whose slip and coefficient a curve must meet."""
+HIGHEST_PEAK = 0.6
+"""Greatest coefficient that a curve may have at its peak."""
+
+_MODEL, _POINT = (0.0,) * MODELS, (0.0,) * POINTS
+_SWARM: Remembered = {
+    "peak": _MODEL,  # greatest coefficient of every curve
+    "optimum": _MODEL,  # slip velocity at which it has it [m/s]
+    "peak_speed": _MODEL,
+    "optimum_speed": _MODEL,
+    "best_peak": _MODEL,
+    "best_optimum": _MODEL,
+    "point_slip": _POINT,  # means of the last intervals, in a ring
+    "point_coefficient": _POINT,
+    "points": 0,  # so many since the unit was limited
+    "generator": 0,
+}
+
+
+@called
+def curve(slip, peak, optimum):
+    """Coefficient at this slip velocity [m/s] of a curve with its `peak` at `optimum` [m/s]."""
+    x = slip / optimum
+    return peak * 2.0 * x / (1.0 + x * x)
+
+
+@called
+def misfit(k, j, peak, optimum):
+    """Sum of the squared distances between unit `j`'s points and a curve."""
+    total = 0.0
+    for n in range(min(k.points[j], POINTS)):
+        error = k.point_coefficient[j, n] - curve(k.point_slip[j, n], peak, optimum)
+        total += error * error
+    return total
+
+
+@called
+def scatter_models(k, j, p, bounds, coefficient):
+    """Place unit `j`'s curves over all optima between the bounds, their peaks at what was found just now."""
+    if k.generator[j] == 0:
+        k.generator[j] = seeded(p.seed, j)
+    for i in range(MODELS):
+        share = (i + drawn(k.generator, j)) / MODELS
+        k.optimum[j, i] = k.best_optimum[j, i] = (
+            bounds.lowest * (bounds.highest / bounds.lowest) ** share
+        )
+        k.peak[j, i] = k.best_peak[j, i] = between(coefficient, 0.0, HIGHEST_PEAK)
+        k.peak_speed[j, i] = k.optimum_speed[j, i] = 0.0
+
+
+@called
+def best_model(k, j):
+    """Number of unit `j`'s curve whose best place meets the points best."""
+    found, least = 0, math.inf
+    for i in range(MODELS):
+        error = misfit(k, j, k.best_peak[j, i], k.best_optimum[j, i])
+        if error < least:
+            found, least = i, error
+    return found
+
+
+@called
+def fit_models(k, j, p, bounds, coefficient, slip):
+    """Take a point of unit `j` [1, m/s] in, move its curves once, and return the optimum of the best one [m/s]."""
+    if k.points[j] == 0:
+        scatter_models(k, j, p, bounds, coefficient)
+    place = k.points[j] % POINTS
+    k.point_slip[j, place], k.point_coefficient[j, place] = slip, coefficient
+    k.points[j] += 1
+    lead = best_model(k, j)
+    peak, optimum = k.best_peak[j, lead], k.best_optimum[j, lead]
+    for i in range(MODELS):
+        own, common = drawn(k.generator, j), drawn(k.generator, j)
+        speed = swarm_speed(k.peak[j, i], k.peak_speed[j, i], k.best_peak[j, i], peak, own, common)
+        k.peak_speed[j, i] = speed
+        k.peak[j, i] = between(k.peak[j, i] + speed, 0.0, HIGHEST_PEAK)
+        speed = swarm_speed(
+            k.optimum[j, i], k.optimum_speed[j, i], k.best_optimum[j, i], optimum, own, common
+        )
+        k.optimum_speed[j, i] = speed
+        k.optimum[j, i] = between(k.optimum[j, i] + speed, bounds.lowest, bounds.highest)
+        moved = misfit(k, j, k.peak[j, i], k.optimum[j, i])
+        if moved < misfit(k, j, k.best_peak[j, i], k.best_optimum[j, i]):
+            k.best_peak[j, i], k.best_optimum[j, i] = k.peak[j, i], k.optimum[j, i]
+    return k.best_optimum[j, best_model(k, j)]
+
+
+@called
+def swarm_slip_unit(eq, st, m, p, k, j, commanded):
+    """Command of unit `j`."""
+    bounds, search = st.law.perturb_observe, m.law.perturb_observe
+    if interval_is_over(st, m, bounds, search, j):
+        coefficient, slip = interval_means(search, j)
+        if math.isnan(search.last_coefficient[j]):
+            k.points[j] = 0
+        way = fit_models(k, j, p, bounds, coefficient, slip) - search.reference[j]
+        step = between(way, -p.largest, p.largest)
+        move_reference(bounds, search, j, step, coefficient, slip)
+    return hold_slip_of_unit(
+        eq, st, m, st.law.creep, search.allowed, search.reference[j], m.worst_slip[j], j, commanded
+    )
+
+
+@dataclass(frozen=True)
+class SwarmSlip(BuiltInController, remembered=_SWARM):
+    """PI creep control at the optimum of the curve that a swarm of `MODELS` fits to the last `POINTS` intervals.
+
+    Every interval the curves move once, and the reference goes towards the best one's optimum, by `largest` [m/s] at most.
+    `seed`: of the draws. Interval, bounds of the optima and the memory of the search are those of `PerturbObserve`.
+    """
+
+    name = "swarm-slip"
+    meaning = "PI control at the optimum slip of a swarm of curves (Zirek, Onat 2020)"
+    colour = "#332288"
+    marker = "8"
+    law = swarm_slip_unit
+
+    largest: float = quantity(0.02, "km/h")
+    seed: float = quantity(1.0, "1")
+
+    def __post_init__(self) -> None:
+        OnboardError.check("swarm-slip", self, ("largest",), ("seed",))
