@@ -11,7 +11,7 @@ from numba import boolean, float64, int64, types, void
 
 from alloc.by_reference import ByReference
 from alloc.plant.structure import Floats, Ints
-from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep
+from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep, tangent_at
 from mpc.box_qp import BoxWorkspace, box_workspace, solve_box_qp
 from mpc.condensing import Quadratic, add_second_order, condense, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, cost_up_to, trajectory_cost
@@ -19,10 +19,8 @@ from mpc.reflection import EigenWorkspace, eigen_workspace, reflect
 from mpc.shooting import (
     Linearised,
     Nonzeros,
-    RowOrder,
     linearise,
     linearised,
-    row_order,
     second_order,
     simulate,
 )
@@ -40,6 +38,8 @@ class Addresses(NamedTuple):
     slope: int
     rate: int
     curvature: int
+    tangent: int
+    """Of the sensitivities, see `mpc.tangent`."""
 
 
 class Rules(NamedTuple):
@@ -103,7 +103,6 @@ class Period(NamedTuple):
     now: Now
     guess: Guess
     nonzeros: Nonzeros
-    order: RowOrder
     around: Linearised
     terms: Cost
     quadratic: Quadratic
@@ -123,7 +122,7 @@ def period(
     """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
     (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
     n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.most_substeps if rules.exact else 2
+    evaluations = 4 * horizon * rules.most_substeps if rules.exact else 4
     guess = Guess(
         torques=np.zeros(n),
         trial=np.zeros(n),
@@ -141,7 +140,6 @@ def period(
         Now(np.zeros(states), np.zeros(parameters), np.zeros(n), np.ones(1, dtype=np.int64)),
         guess,
         nonzeros,
-        row_order(nonzeros, states),
         linearised(horizon, evaluations, states, units, nonzeros.row.size),
         terms,
         quadratic(horizon, states, axles, units),
@@ -162,7 +160,7 @@ def empty_period() -> Period:
         np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
     )
     rules = Rules(0.0, 1, 0.0, 0.0, False)
-    return period(Addresses(0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)
+    return period(Addresses(0, 0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)
 
 
 PERIOD = ByReference(empty_period()).kind
@@ -173,10 +171,11 @@ def linearise_at(torques, p):
     """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
-    model, substeps = rate_at(p.model.rate), p.now.substeps[0]
+    substeps = p.now.substeps[0]
     linearise(
-        model, p.order, torques, p.now.parameters, p.rules.step / substeps, substeps, p.around
-    )
+        rate_at(p.model.rate), tangent_at(p.model.tangent), torques, p.now.parameters, p.rules.step / substeps,
+        substeps, p.around,
+    )  # fmt: skip
 
 
 @sweep(float64(PERIOD))

@@ -26,7 +26,7 @@ def _period(tolerance=0.01, exact=False):
     )
     none = np.zeros(0, dtype=np.int64)
     rules = Rules(0.01, 1, tolerance, 0.2, exact)
-    made = sqp.period(Addresses(1, 2, 3), Nonzeros(none, none, none, none), terms, rules, 2, 3)
+    made = sqp.period(Addresses(1, 2, 3, 4), Nonzeros(none, none, none, none), terms, rules, 2, 3)
     made.now.upper[:] = np.tile(UPPER, 2)
     return made
 
