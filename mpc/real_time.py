@@ -17,14 +17,12 @@ from mpc.sqp import (
     NO_EIGENVALUES,
     NO_SOLUTION,
     NOT_FINITE,
-    Addresses,
-    Rules,
     ahead,
     hold,
     iterate,
-    period,
     shift,
 )
+from mpc.sqp_period import Addresses, Rules, period
 from mpc.unit_model import Units, group_of, substeps, unit_model
 
 LEAST_CURVATURE = 0.1

@@ -14,7 +14,7 @@ from alloc.plant.structure import Floats
 from mpc.arrays import sweep
 from mpc.belief import Belief, belief_of
 from mpc.settings import MpcSettings, PeakBelief
-from mpc.sqp import Period, empty_period
+from mpc.sqp_period import Period, empty_period
 from mpc.unit_model import parameters, steps_of, stiffness, torque_per_coefficient
 
 STIFFNESS_MARGIN = 0.8
