@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.by_reference import ByReference
-from alloc.compilation import equation, inlined_jit, jit
+from alloc.compilation import jit
+from alloc.loop_record import record_computers, record_noted, record_plant
 from alloc.onboard.actuation import (
     brake_receiver,
     restrain_blind_units,
@@ -23,7 +24,6 @@ from alloc.onboard.compiled_controller import Answers, command_compiled
 from alloc.onboard.controllers.dispatch import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
-from alloc.onboard.increment_learning import NO_LEARNING
 from alloc.onboard.memory import Memory
 from alloc.onboard.reports import hear_reports, write_reports
 from alloc.onboard.sanding import command_sand
@@ -95,48 +95,6 @@ class Given(NamedTuple):
     fate: Floats  # (telegrams, units) and of their loss
     up_delay: Floats  # the same of the telegrams to the leader
     up_fate: Floats
-
-
-@inlined_jit
-def _copy(values, k, record):
-    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
-    for f in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            record[k, f, j] = values[f, j]
-
-
-@inlined_jit
-def _record_computers(plant, eq, st, m, commanded, k, record):
-    m.train.driver_command[0] = commanded
-    body = eq.unit_body[m.lead.unit[0]] if eq.axles.size > 0 else 0
-    m.train.reference_speed[0] = m.reference[body]
-    _copy(m.unit_block, k, record.unit)
-    _copy(m.train_block, k, record.train)
-    if st.learning.learner != NO_LEARNING:
-        _copy(m.learning.block, k, record.learning)
-    for g in range(plant.rows.groups):
-        record.valve[k, g] = plant.inputs.valve[g]
-    for s in range(plant.rows.sanders):
-        record.sand_rate[k, s] = plant.inputs.sand_rate[s]
-    for c in range(plant.rows.cars):
-        record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
-
-
-@equation
-def _record_plant(plant, time, k, record):
-    """Write the state at `time` [s] to row `k`, and what the plant noted in the step that began there."""
-    record.time[k] = time
-    for i in range(plant.state.size):
-        record.state[k, i] = plant.state[i]
-
-
-@equation
-def _record_noted(plant, k, record):
-    noted = plant.workspace.noted
-    for i in range(noted.peak.size):
-        record.peak[k, i] = noted.peak[i]
-    for i in range(noted.acceleration.size):
-        record.body_acceleration[k, i] = noted.acceleration[i]
 
 
 @jit
@@ -222,13 +180,13 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0
         if recorded:
-            _record_plant(plant, time, k, record.plant)
-            _record_computers(plant, eq, st, m, a, k, record)
+            record_plant(plant, time, k, record.plant)
+            record_computers(plant, eq, st, m, a, k, record)
         compiled.inlined_advance(
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            _record_noted(plant, k, record.plant)
+            record_noted(plant, k, record.plant)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING
@@ -245,12 +203,12 @@ def run_with_driver(plant, timing, progress, record, stop):
         k = tick // timing.record_ticks
         recorded = tick % timing.record_ticks == 0
         if recorded:
-            _record_plant(plant, time, k, record)
+            record_plant(plant, time, k, record)
         compiled.advance(
             plant.workspace, time, timing.step, timing.steps, plant.state, plant.inputs
         )
         if recorded:
-            _record_noted(plant, k, record)
+            record_noted(plant, k, record)
         progress.tick[0] += 1
         progress.phase[0] = SENSE
     return NOTHING

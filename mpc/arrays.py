@@ -21,6 +21,8 @@ SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
 """Model: (state, torque of each unit, parameters, slope)."""
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
 """Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
+TANGENT = types.FunctionType(void(MATRIX, float64, MATRIX, CUBE))
+"""Sensitivities of a Runge-Kutta step, see `mpc.tangent`."""
 CURVATURE = RATE
 """Second derivatives: (state, torque, parameters, weights of the slopes, nonzeros of the upper Hessian)."""
 
@@ -37,7 +39,7 @@ def sweep(signature: Any) -> Callable[[Any], Any]:
     )
 
 
-slope_at, rate_at = function_at(SLOPE), function_at(RATE)
+slope_at, rate_at, tangent_at = function_at(SLOPE), function_at(RATE), function_at(TANGENT)
 curvature_at = rate_at
 
 

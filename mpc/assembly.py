@@ -15,6 +15,7 @@ from alloc.plant.structure import Ints
 from mpc.compiled_model import CompiledModel, compiled_model
 from mpc.generated import compile_source, function_source
 from mpc.shooting import Nonzeros
+from mpc.tangent import compile_tangent
 from mpc.unit_model import UnitModel, Units, cars_of, group_of, unit_model, unloading
 
 
@@ -146,4 +147,5 @@ def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
     axles = sum(context.axles for context in group)
     made = compile_source(_source(blocks, axles, len(group)))
     places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]
-    return CompiledModel(made["slope"], made["rate"], made["curvature"], Nonzeros(*places))
+    tangent = compile_tangent(places[0], places[1], axles + 1 + len(group), len(group))
+    return CompiledModel(made["slope"], made["rate"], made["curvature"], tangent, Nonzeros(*places))

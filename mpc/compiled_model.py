@@ -9,6 +9,7 @@ import numpy as np
 from mpc.generated import compile_functions
 from mpc.generated_c import compile_c_functions
 from mpc.shooting import Nonzeros
+from mpc.tangent import compile_tangent
 from mpc.unit_model import UnitModel
 
 
@@ -18,6 +19,7 @@ class CompiledModel(NamedTuple):
     slope: Callable[..., Any]
     rate: Callable[..., Any]
     curvature: Callable[..., Any]
+    tangent: Callable[..., Any]
     nonzeros: Nonzeros
 
 
@@ -58,9 +60,8 @@ def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
         compile_ = compile_c_functions if code == "c" else compile_functions
         made = compile_(list(functions.values()))
         places = [np.array(values, dtype=np.int64) for values in (row, column, *upper)]
+        tangent = compile_tangent(places[0], places[1], model.states, model.units)
+        functions_of_it = made["slope"], made["rate"], made["curvature"], tangent
         # the model is kept along: its id must not be given to another one
-        _compiled[key] = (
-            model,
-            CompiledModel(made["slope"], made["rate"], made["curvature"], Nonzeros(*places)),
-        )
+        _compiled[key] = model, CompiledModel(*functions_of_it, Nonzeros(*places))
     return _compiled[key][1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from alloc.by_address import address_of
 from alloc.by_reference import ByReference
-from mpc.arrays import CURVATURE, RATE, SLOPE
+from mpc.arrays import CURVATURE, RATE, SLOPE, TANGENT
 from mpc.assembly import compiled_group
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
@@ -17,14 +17,12 @@ from mpc.sqp import (
     NO_EIGENVALUES,
     NO_SOLUTION,
     NOT_FINITE,
-    Addresses,
-    Rules,
     ahead,
     hold,
     iterate,
-    period,
     shift,
 )
+from mpc.sqp_period import Addresses, Rules, period
 from mpc.unit_model import Units, group_of, substeps, unit_model
 
 LEAST_CURVATURE = 0.1
@@ -66,6 +64,7 @@ class RealTimeIteration:
             address_of(model.slope, SLOPE),
             address_of(model.rate, RATE),
             address_of(model.curvature, CURVATURE),
+            address_of(model.tangent, TANGENT),
         )
         self.period = period(
             addresses, model.nonzeros, self._terms, rules, settings.horizon, made.parameters.numel()

@@ -14,9 +14,9 @@ import numpy as np
 from numba import float64, int64, void
 
 from alloc.by_reference import ByReference
-from alloc.plant.simd import WIDTH, load, padded, spread, store
+from alloc.plant.simd import WIDTH, padded, spread, store
 from alloc.plant.structure import Floats, Ints
-from mpc.arrays import CUBE, CURVATURE, MATRIX, RATE, SLOPE, VECTOR, sweep
+from mpc.arrays import CUBE, CURVATURE, MATRIX, RATE, SLOPE, TANGENT, VECTOR, sweep
 
 
 class Nonzeros(NamedTuple):
@@ -30,21 +30,10 @@ class Nonzeros(NamedTuple):
     upper_column: Ints
 
 
-class RowOrder(NamedTuple):
-    """The Jacobian's nonzeros row by row."""
-
-    start: Ints
-    """Place in the next two at which each row begins, and the end, (states + 1,)."""
-    number: Ints
-    """Number of the nonzero, (nonzeros,)."""
-    column: Ints
-
-
 class Linearised(NamedTuple):
     """A trajectory and its derivatives; `linearise` fills it. `width` stands for states + units, in whole blocks.
 
-    An evaluation is one of the model; a Runge-Kutta step has four. Only the second derivatives need all of them; else two
-    suffice, which take turns.
+    An evaluation is one of the model; a Runge-Kutta step has four. Only the second derivatives need those of all steps.
     """
 
     nodes: Floats
@@ -59,15 +48,6 @@ class Linearised(NamedTuple):
     """Sensitivity of each point and of the torques, (evaluations, states + units, width)."""
     slope: Floats
     """Scratch, (2, states)."""
-    change: Floats
-    """Scratch, (states, width)."""
-
-
-def row_order(nonzeros: Nonzeros, states: int) -> RowOrder:
-    """The nonzeros of the Jacobian of `states` slopes, row by row."""
-    number = np.argsort(nonzeros.row, kind="stable")
-    start = np.searchsorted(nonzeros.row[number], np.arange(states + 1))
-    return RowOrder(start.astype(np.int64), number.astype(np.int64), nonzeros.column[number])
 
 
 def linearised(
@@ -82,7 +62,6 @@ def linearised(
         jacobians=np.zeros((evaluations, nonzeros)),
         spread=np.zeros((evaluations, states + units, width)),
         slope=np.zeros((2, states)),
-        change=np.zeros((states, width)),
     )
     for j in range(states, states + units):
         around.spread[:, j, j] = 1.0  # a torque is constant over a step of the horizon
@@ -91,7 +70,6 @@ def linearised(
 
 _NONE = np.zeros(0, dtype=np.int64)
 NONZEROS = ByReference(Nonzeros(_NONE, _NONE, _NONE, _NONE)).kind
-ROW_ORDER = ByReference(RowOrder(_NONE, _NONE, _NONE)).kind
 LINEARISED = ByReference(linearised(0, 0, 0, 0, 0)).kind
 
 
@@ -123,10 +101,10 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
                 now[i] = total[i]
 
 
-@sweep(void(RATE, ROW_ORDER, VECTOR, VECTOR, float64, int64, LINEARISED))
-def linearise(model, order, torques, parameters, step, substeps, out):
+@sweep(void(RATE, TANGENT, VECTOR, VECTOR, float64, int64, LINEARISED))
+def linearise(model, tangent, torques, parameters, step, substeps, out):
     """As `simulate`, and fill `out` with the derivatives too."""
-    points, jacobians, change = out.points, out.jacobians, out.change
+    points, jacobians = out.points, out.jacobians
     slope, total = out.slope[0], out.slope[1]
     horizon, states, width = out.sensitivity.shape
     units = torques.size // horizon
@@ -140,33 +118,23 @@ def linearise(model, order, torques, parameters, step, substeps, out):
                 store(moved[i], m, spread(0.0))
             moved[i, i] = 1.0
         for _ in range(substeps):
+            first = e if e < points.shape[0] else 0
             for i in range(states):
                 total[i] = now[i]
-                points[e, i] = now[i]
-                for m in range(0, width, WIDTH):
-                    store(change[i], m, load(moved[i], m))
-                    store(out.spread[e, i], m, load(moved[i], m))
+                points[first, i] = now[i]
             for stage in range(4):
-                nonzeros, here = jacobians[e], out.spread[e]
-                model(points[e], torque, parameters, slope, nonzeros)
-                e = e + 1 if e + 1 < points.shape[0] else 0
+                e = first + stage
+                model(points[e], torque, parameters, slope, jacobians[e])
                 ahead = step if stage == 2 else 0.5 * step
                 share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for i in range(states):
                     total[i] += share * slope[i]
                     if stage < 3:
-                        points[e, i] = now[i] + ahead * slope[i]
-                    for m in range(0, width, WIDTH):
-                        rate = spread(0.0)
-                        for q in range(order.start[i], order.start[i + 1]):
-                            rate = rate + nonzeros[order.number[q]] * load(here[order.column[q]], m)
-                        store(change[i], m, load(change[i], m) + share * rate)
-                        if stage < 3:
-                            store(out.spread[e, i], m, load(moved[i], m) + ahead * rate)
+                        points[e + 1, i] = now[i] + ahead * slope[i]
             for i in range(states):
                 now[i] = total[i]
-                for m in range(0, width, WIDTH):
-                    store(moved[i], m, load(change[i], m))
+            e = first + 4
+            tangent(jacobians[first:e], step, moved, out.spread[first:e])
 
 
 @sweep(

@@ -4,28 +4,16 @@ Sequential quadratic programming: linearise the trajectory, condense its cost to
 within the bounds, and go there, or half the way while the cost would rise.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import boolean, float64, int64, types, void
 
-from alloc.by_reference import ByReference
-from alloc.plant.structure import Floats, Ints
-from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep
-from mpc.box_qp import BoxWorkspace, box_workspace, solve_box_qp
-from mpc.condensing import Quadratic, add_second_order, condense, quadratic
-from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, cost_up_to, trajectory_cost
-from mpc.reflection import EigenWorkspace, eigen_workspace, reflect
-from mpc.shooting import (
-    Linearised,
-    Nonzeros,
-    RowOrder,
-    linearise,
-    linearised,
-    row_order,
-    second_order,
-    simulate,
-)
+from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep, tangent_at
+from mpc.box_qp import solve_box_qp
+from mpc.condensing import add_second_order, condense
+from mpc.cost import cost_up_to, trajectory_cost
+from mpc.reflection import reflect
+from mpc.shooting import linearise, second_order, simulate
+from mpc.sqp_period import PERIOD
 
 HALVINGS = 12
 """Most halvings of a step that would raise the cost; the last is taken only if it does not."""
@@ -34,149 +22,16 @@ GOING, ENDED, NOT_FINITE, NO_SOLUTION, NO_EIGENVALUES = range(5)
 """How a call of `iterate` ends: the steps were used up; nothing more is to be gained; failures."""
 
 
-class Addresses(NamedTuple):
-    """Where the model's compiled functions stand."""
-
-    slope: int
-    rate: int
-    curvature: int
-
-
-class Rules(NamedTuple):
-    """Numbers that do not change from period to period."""
-
-    step: float
-    """Of the horizon [s]."""
-    most_substeps: int
-    """Greatest number of Runge-Kutta steps of a step of the horizon."""
-    tolerance: float
-    """Residual at which the step that follows is the last."""
-    least_curvature: float
-    """Least eigenvalue of the exact Hessian."""
-    exact: bool
-    """Whether the quadratic model has the model's second derivatives."""
-
-
-class Now(NamedTuple):
-    """What is new in every period, see `mpc.horizon.HorizonProblem`; the rest stands in the cost."""
-
-    state: Floats
-    parameters: Floats
-    upper: Floats
-    """(horizon * units,)"""
-    substeps: Ints
-    """Runge-Kutta steps of a step of the horizon, (1,): more where the believed curve gets steeper."""
-
-
-class Guess(NamedTuple):
-    """Torques and what leads to better ones; (horizon * units,), in N m, but for the step of the scaled torques."""
-
-    torques: Floats
-    trial: Floats
-    scale: Floats
-    step: Floats
-    """Of the scaled torques, as its two bounds."""
-    lower: Floats
-    upper: Floats
-    nodes: Floats
-    """Trajectory of the trial, (horizon + 1, states)."""
-    scratch: Floats
-    """(3, states)"""
-
-
-class SecondOrder(NamedTuple):
-    """Where the model's second derivatives are made; of no size where they are not asked for."""
-
-    hessians: Floats
-    """(horizon, states + units, states + units)"""
-    values: Floats
-    """(6, nonzeros)"""
-    wide: Floats
-    """(2 (states + units), horizon * units)"""
-
-
-class Period(NamedTuple):
-    """All that `iterate` reads and writes."""
-
-    model: Addresses
-    rules: Rules
-    now: Now
-    guess: Guess
-    nonzeros: Nonzeros
-    order: RowOrder
-    around: Linearised
-    terms: Cost
-    quadratic: Quadratic
-    box: BoxWorkspace
-    second: SecondOrder
-    eigen: EigenWorkspace
-
-
-def period(
-    model: Addresses,
-    nonzeros: Nonzeros,
-    terms: Cost,
-    rules: Rules,
-    horizon: int,
-    parameters: int,
-) -> Period:
-    """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
-    (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
-    n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.most_substeps if rules.exact else 2
-    guess = Guess(
-        torques=np.zeros(n),
-        trial=np.zeros(n),
-        scale=np.tile(terms.unit.scale, horizon),
-        step=np.zeros(n),
-        lower=np.zeros(n),
-        upper=np.zeros(n),
-        nodes=np.zeros((horizon + 1, states)),
-        scratch=np.zeros((3, states)),
-    )
-    some = int(rules.exact)
-    return Period(
-        model,
-        rules,
-        Now(np.zeros(states), np.zeros(parameters), np.zeros(n), np.ones(1, dtype=np.int64)),
-        guess,
-        nonzeros,
-        row_order(nonzeros, states),
-        linearised(horizon, evaluations, states, units, nonzeros.row.size),
-        terms,
-        quadratic(horizon, states, axles, units),
-        box_workspace(n),
-        SecondOrder(
-            np.zeros((some * horizon, width, width)),
-            np.zeros((6, some * max(width, nonzeros.upper_row.size))),
-            np.zeros((2 * width, some * n)),
-        ),
-        eigen_workspace(some * n),
-    )
-
-
-def empty_period() -> Period:
-    """A period of no size, of whose kind all others are."""
-    none, empty = np.zeros(0), np.zeros(0, dtype=np.int64)
-    terms = Cost(
-        np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
-    )
-    rules = Rules(0.0, 1, 0.0, 0.0, False)
-    return period(Addresses(0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)
-
-
-PERIOD = ByReference(empty_period()).kind
-
-
 @sweep(void(VECTOR, PERIOD))
 def linearise_at(torques, p):
     """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
-    model, substeps = rate_at(p.model.rate), p.now.substeps[0]
+    substeps = p.now.substeps[0]
     linearise(
-        model, p.order, torques, p.now.parameters, p.rules.step / substeps, substeps, p.around
-    )
+        rate_at(p.model.rate), tangent_at(p.model.tangent), torques, p.now.parameters, p.rules.step / substeps,
+        substeps, p.around,
+    )  # fmt: skip
 
 
 @sweep(float64(PERIOD))

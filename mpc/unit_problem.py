@@ -12,7 +12,7 @@ from mpc.arrays import sweep
 from mpc.belief import Belief, belief_of
 from mpc.settings import MpcSettings
 from mpc.slip_search import predicted_curve, slip_limit
-from mpc.sqp import Period, empty_period
+from mpc.sqp_period import Period, empty_period
 from mpc.unit_model import parameters, torque_per_coefficient
 
 CURVE_PARAMETERS = 6

@@ -8,7 +8,8 @@ from alloc.by_reference import ByReference
 from mpc.condensing import add_second_order, condense, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, trajectory_cost
 from mpc.generated import compile_functions
-from mpc.shooting import Nonzeros, linearise, linearised, row_order, second_order, simulate
+from mpc.shooting import Nonzeros, linearise, linearised, second_order, simulate
+from mpc.tangent import compile_tangent
 
 STATES, UNITS, HORIZON, SUBSTEPS, STEP = 3, 2, 3, 2, 0.15
 SIZE, WIDTH = HORIZON * UNITS, STATES + UNITS
@@ -89,12 +90,12 @@ def _case(seed):
 def _linearised(model, torques, start):
     evaluations = 4 * HORIZON * SUBSTEPS
     out = linearised(HORIZON, evaluations, STATES, UNITS, NONZEROS.row.size)
-    for part in (out.nodes, out.sensitivity, out.points, out.jacobians, out.slope, out.change):
+    for part in (out.nodes, out.sensitivity, out.points, out.jacobians, out.slope):
         part[:] = np.nan  # nothing may be read that was not written
     out.spread[:, :STATES] = np.nan
     out.nodes[0] = start
-    order = ByReference(row_order(NONZEROS, STATES))
-    linearise(model["rate"], order, torques, P, STEP, SUBSTEPS, ByReference(out))
+    tangent = compile_tangent(NONZEROS.row, NONZEROS.column, STATES, UNITS)
+    linearise(model["rate"], tangent, torques, P, STEP, SUBSTEPS, ByReference(out))
     return out
 
 

@@ -11,7 +11,8 @@ from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import Nonzeros
-from mpc.sqp import ENDED, GOING, NO_EIGENVALUES, NO_SOLUTION, NOT_FINITE, Addresses, Rules
+from mpc.sqp import ENDED, GOING, NO_EIGENVALUES, NO_SOLUTION, NOT_FINITE
+from mpc.sqp_period import Addresses, Rules, period
 
 SCALE, UPPER = np.array([10.0, 20.0]), np.array([50.0, 60.0])
 
@@ -26,7 +27,7 @@ def _period(tolerance=0.01, exact=False):
     )
     none = np.zeros(0, dtype=np.int64)
     rules = Rules(0.01, 1, tolerance, 0.2, exact)
-    made = sqp.period(Addresses(1, 2, 3), Nonzeros(none, none, none, none), terms, rules, 2, 3)
+    made = period(Addresses(1, 2, 3, 4), Nonzeros(none, none, none, none), terms, rules, 2, 3)
     made.now.upper[:] = np.tile(UPPER, 2)
     return made
 
