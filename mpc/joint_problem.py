@@ -20,6 +20,10 @@ from mpc.shooting import simulate
 from mpc.telegrams import Report
 from mpc.unit_model import parameters, substeps, torque_per_coefficient
 
+NO_SLIP_LIMIT = 1e3
+"""Slip limit [m/s] of the train's problem: which slip is best every unit searches for itself, and better than a report of
+some age can tell. What binds is the torque that a unit is believed to carry."""
+
 
 class UnitForecast:
     """Predicts one unit, alone on its share of the train, over the delay."""
@@ -81,7 +85,6 @@ class JointProblem:
             target=target,
             limit=torque,
             peak=peak,
-            slip_limit=np.full(one.axles, self.settings.search.first),
             peak_slip=leader.peak_slip,
             steepness=leader.steepness,
             carried=float(peak[0]) * torque_per_coefficient(one) if works else 0.0,
@@ -107,7 +110,6 @@ class JointProblem:
         )
         target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
         peak = np.concatenate([r.peak for r in reports])
-        slip_limit = np.concatenate([r.slip_limit for r in reports])
         curve = np.exp(np.mean(np.log([(r.peak_slip, r.steepness) for r in reports]), axis=0))
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
         problem = self._group.problem(

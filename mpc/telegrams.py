@@ -31,8 +31,6 @@ class Report(NamedTuple):
     """What its motors can give [N m]."""
     peak: Floats
     """Believed peak coefficient of its axles, (axles,)."""
-    slip_limit: Floats
-    """Slip [m/s] that they should not exceed, (axles,)."""
     peak_slip: float
     """Of the believed curve [m/s], as is `steepness`."""
     steepness: float
@@ -49,7 +47,7 @@ class Order(NamedTuple):
     """Driver's demand on the unit for which it was found [N m], signed: the driver's hand acts without telegrams."""
 
 
-PER_AXLE = ("omega", "peak", "slip_limit")
+PER_AXLE = ("omega", "peak")
 PER_UNIT = tuple(name for name in Report._fields if name not in PER_AXLE)
 
 

@@ -134,7 +134,6 @@ class TrainMpc:
                 target=sense.target,
                 limit=sense.drive_limit if sense.target > 0.0 else sense.brake_limit,
                 peak=belief.peak[part].copy(),
-                slip_limit=belief.slip_limit[part].copy(),
                 peak_slip=top,
                 steepness=steepness,
                 carried=float(belief.carried_torque()[k]),
