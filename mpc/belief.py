@@ -196,7 +196,7 @@ class GroupBelief:
             observer.forget_forces()
 
     def update(self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats) -> None:
-        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m] (units,)."""
+        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m]."""
         felt = np.empty_like(self.peak)
         for j, (observer, part) in enumerate(zip(self.observers, self.parts, strict=True)):
             observer.axle_load[:] = self.load[part]

@@ -5,7 +5,8 @@ What is sought is the slip s at which the rail force less the price of its frict
 
     e = d ln mu / d ln s = p s / (1 - p s), about p s.
 
-Where adhesion hardly grows any more, slip costs more than it brings. On a wide peak the best slip lies well below the peak's.
+Where adhesion hardly grows any more, slip costs more than it brings. On a wide peak the best slip lies well below that of
+the peak.
 
 *Excitation.* The slip limit that the MPC keeps swings about its mean by `swing`, a sine of `swing_time`.
 
