@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import jit
+from alloc.compilation import equation, jit
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.axle_observer import mean_noise
@@ -264,11 +264,22 @@ def search_slip(search, axles, limited):
     _fit_curve(search, axles, i)
 
 
+@equation
+def no_steeper(peak_slip, steepness, most):
+    """Peak slip [m/s] and steepness of the curve nearest by of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
+
+    From steepness 2 on the steepest slope is that at the origin. Below, the curve turns on its way to the peak, and the line
+    is a bound from steepness 1 on, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
+    """
+    top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
+    allowed = STEEPEST_SLOPE * top / most
+    return top, min(steepness, allowed, 1.9 * allowed - 1.8)
+
+
 @jit
 def predicted_curve(search, axles):
     """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `STEEPEST_SLOPE`."""
     state, most = search.state[0], 0.0
     for i in range(axles.peak.size):
         most = max(most, axles.peak[i])
-    top = max(state.peak_slip, 1.5 * most / STEEPEST_SLOPE)
-    return top, min(state.steepness, STEEPEST_SLOPE * top / most)
+    return no_steeper(state.peak_slip, state.steepness, most)
