@@ -17,7 +17,14 @@ from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
 from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.structure import Floats
 from mpc.arrays import VECTOR, sweep
-from mpc.axle_observer import Axles, Constants, axles_of, constants_of, estimate_peaks, observe_axles
+from mpc.axle_observer import (
+    Axles,
+    Constants,
+    axles_of,
+    constants_of,
+    estimate_peaks,
+    observe_axles,
+)
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,

@@ -49,7 +49,9 @@ class GroupController(PredictiveController):
         mean = float(group.share @ speed)
         omega = omega + (mean - speed[group.unit]) / group.radius
         rail = (belief.peak, belief.slip_limit, belief.carried_torque())
-        problem = group.problem((mean, omega, torque), rail, belief.curve, target, self._before, limit)
+        problem = group.problem(
+            (mean, omega, torque), rail, belief.curve, target, self._before, limit
+        )
         if target.size > 1:
             return problem
         return problem._replace(upper=np.minimum(problem.upper, target))

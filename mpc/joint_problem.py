@@ -108,7 +108,9 @@ class JointProblem:
         slip_limit = np.concatenate([r.slip_limit for r in reports])
         curve = np.exp(np.mean(np.log([r.curve for r in reports]), axis=0))
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
-        problem = self._group.problem(state, (peak, slip_limit, carried), curve, target, before, limit)
+        problem = self._group.problem(
+            state, (peak, slip_limit, carried), curve, target, before, limit
+        )
         solver = self._group.solver
         if self._cold:
             solver.restart(before)
