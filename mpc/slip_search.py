@@ -56,6 +56,8 @@ AT_LIMIT = 0.5
 """Share of the slip sought from which on the slip limit is what binds."""
 JUMP = 0.12
 """Change of ln mu within the mean's time that is a change of the rail."""
+SURE = 4.0
+"""The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.1
 """Weight of the prior, over that of a slip that follows the swing."""
 MICRO = 0.6
@@ -180,7 +182,7 @@ def _slope_at_origin(axles, state):
 
 
 @jit
-def _demodulate(search, axles):
+def _demodulate(search, axles, felt):
     """Take the pairs of a period into the demodulated values; returns the axle with the largest mean slip, -1: none."""
     pace, state = search.pace, search.state[0]
     cosine, sine = math.cos(state.phase) * pace.period, math.sin(state.phase) * pace.period
@@ -192,7 +194,8 @@ def _demodulate(search, axles):
             continue
         slip, coefficient = math.log(axles.slip[i]), math.log(axles.coefficient[i])
         fresh = math.isnan(search.mean_slip[i])
-        if fresh or abs(coefficient - search.mean_coefficient[i]) > JUMP:
+        jump = max(JUMP, SURE * felt / axles.coefficient[i])
+        if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
                 z[k] *= 0.0 if fresh else 0.3
@@ -240,8 +243,11 @@ def _fit_curve(search, axles, i):
 
 
 @jit
-def search_slip(search, axles, limited):
-    """A control period of the search; `limited`: whether the unit gives less than is wanted of it."""
+def search_slip(search, axles, felt, limited):
+    """A control period of the search.
+
+    `felt`: deviation of a coefficient by noise; `limited`: whether the unit gives less than is wanted of it.
+    """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
     _slope_at_origin(axles, state)
@@ -251,7 +257,7 @@ def search_slip(search, axles, limited):
             search.mean_slip[i] = np.nan
         return
     state.limited_for += pace.period
-    i = _demodulate(search, axles)
+    i = _demodulate(search, axles, felt)
     if i < 0:
         return
     wanted = pace.price * state.slip
