@@ -30,6 +30,9 @@ NOISE_TIME = 1.0
 SMALLEST_NOISE = 2e-4
 """Noise [m/s] that is supposed at least: from there on a larger one is learnt."""
 
+FIRST_NOISE = 0.01
+"""Noise [m/s] supposed before any was felt: who supposes too little believes too firmly in what noise says."""
+
 DOUBT = 0.5
 """Deviation of a peak that nothing is known of, over the peak."""
 
@@ -101,7 +104,7 @@ def constants_of(context: UnitContext, belief: PeakBelief) -> Constants:
 def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
     """Axles of which nothing is known."""
     axles = Axles(*(np.zeros(context.axles) for _ in Axles._fields))
-    axles.noise[:] = SMALLEST_NOISE
+    axles.noise[:] = FIRST_NOISE
     axles.peak[:] = belief.initial
     axles.variance[:] = (DOUBT * belief.initial) ** 2
     return axles
@@ -166,7 +169,10 @@ def estimate_peaks(c, axles, peak_slip, steepness):
         if unexpected * unexpected > c.gate * expected:
             axles.variance[i] += (DOUBT * peak) ** 2
             expected = share * share * axles.variance[i] + error
-        gain = share * axles.variance[i] / expected
+        # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion
+        likely = max(slip + slope * of_slip * c.repeat * unexpected / expected, 0.0) / peak_slip
+        tells = steepness * likely / (1.0 + likely * (likely + steepness - 2.0))
+        gain = tells * axles.variance[i] / (tells * share * axles.variance[i] + error)
         axles.peak[i] = min(max(peak + gain * unexpected, c.floor), c.ceiling)
         grown = (1.0 - gain * share) * axles.variance[i] + c.walk * peak * peak
         axles.variance[i] = min(grown, (DOUBT * peak) ** 2)

@@ -24,6 +24,7 @@ from mpc.axle_observer import (
     axles_of,
     constants_of,
     estimate_peaks,
+    mean_noise,
     observe_axles,
 )
 from mpc.settings import MpcSettings
@@ -110,7 +111,8 @@ def believe(b, speed, omega, torque, wanted, estimate):
     for i in range(omega.size):
         mean += axles.coefficient[i] / omega.size
     foreign = abs(estimate - mean) > FOREIGN_FORCE  # False for nan
-    search_slip(b.search, axles, torque < LIMITING * wanted and not foreign)
+    felt = b.constants.felt_noise * mean_noise(axles)
+    search_slip(b.search, axles, felt, torque < LIMITING * wanted and not foreign)
     estimate_peaks(b.constants, axles, state.peak_slip, state.steepness)
     if not b.search.pace.seeks:
         for i in range(omega.size):

@@ -12,6 +12,7 @@ from mpc.belief import with_predicted_curve
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
+from mpc.slip_search import no_steeper
 from mpc.unit_model import parameters, unit_of_axle, unloading
 
 
@@ -49,12 +50,13 @@ class GroupProblem:
         """The problem from `state` on: speed [m/s], angular speeds (axles,), torques (units,).
 
         `rail`: believed peaks and slip limits (axles,), torques that it carries (units,). `curve`: peak slip [m/s] and
-        steepness of all. `target`, torques `before` and motors' `limit` [N m], (units,).
+        steepness of all, taken less steep where the axles' highest peak would make it too steep to predict with. `target`,
+        torques `before` and motors' `limit` [N m], (units,).
         """
         speed, omega, torque = state
         peak, slip_limit, carried = rail
         self._parameters[: omega.size] = peak
-        self._parameters[self._curve] = curve
+        self._parameters[self._curve] = no_steeper(*curve, peak.max())
         return HorizonProblem(
             state=np.concatenate([[speed], omega, torque]),
             parameters=self._parameters,

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import jit
+from alloc.compilation import equation, jit
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.axle_observer import mean_noise
@@ -59,6 +59,8 @@ AT_LIMIT = 0.5
 """Share of the slip sought from which on the slip limit is what binds."""
 JUMP = 0.12
 """Change of ln mu within the mean's time that is a change of the rail."""
+SURE = 4.0
+"""The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.1
 """Weight of the prior, over that of a slip that follows the swing."""
 MICRO = 0.6
@@ -183,7 +185,7 @@ def _slope_at_origin(axles, state):
 
 
 @jit
-def _demodulate(search, axles):
+def _demodulate(search, axles, felt):
     """Take the pairs of a period into the demodulated values; returns the axle with the largest mean slip, -1: none."""
     pace, state = search.pace, search.state[0]
     cosine, sine = math.cos(state.phase) * pace.period, math.sin(state.phase) * pace.period
@@ -195,7 +197,8 @@ def _demodulate(search, axles):
             continue
         slip, coefficient = math.log(axles.slip[i]), math.log(axles.coefficient[i])
         fresh = math.isnan(search.mean_slip[i])
-        if fresh or abs(coefficient - search.mean_coefficient[i]) > JUMP:
+        jump = max(JUMP, SURE * felt / axles.coefficient[i])
+        if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
                 z[k] *= 0.0 if fresh else 0.3
@@ -243,8 +246,11 @@ def _fit_curve(search, axles, i):
 
 
 @jit
-def search_slip(search, axles, limited):
-    """A control period of the search; `limited`: whether the unit gives less than is wanted of it."""
+def search_slip(search, axles, felt, limited):
+    """A control period of the search.
+
+    `felt`: deviation of a coefficient by noise; `limited`: whether the unit gives less than is wanted of it.
+    """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
     _slope_at_origin(axles, state)
@@ -254,7 +260,7 @@ def search_slip(search, axles, limited):
             search.mean_slip[i] = np.nan
         return
     state.limited_for += pace.period
-    i = _demodulate(search, axles)
+    i = _demodulate(search, axles, felt)
     if i < 0:
         return
     wanted = pace.price * state.slip
@@ -267,11 +273,22 @@ def search_slip(search, axles, limited):
     _fit_curve(search, axles, i)
 
 
+@equation
+def no_steeper(peak_slip, steepness, most):
+    """Peak slip [m/s] and steepness of the curve nearest by of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
+
+    From steepness 2 on the steepest slope is that at the origin. Below, the curve turns on its way to the peak, and the line
+    is a bound from steepness 1 on, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
+    """
+    top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
+    allowed = STEEPEST_SLOPE * top / most
+    return top, min(steepness, allowed, 1.9 * allowed - 1.8)
+
+
 @jit
 def predicted_curve(search, axles):
     """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `STEEPEST_SLOPE`."""
     state, most = search.state[0], 0.0
     for i in range(axles.peak.size):
         most = max(most, axles.peak[i])
-    top = max(state.peak_slip, 1.5 * most / STEEPEST_SLOPE)
-    return top, min(state.steepness, STEEPEST_SLOPE * top / most)
+    return no_steeper(state.peak_slip, state.steepness, most)

@@ -251,8 +251,12 @@ class RationalCurve(AdhesionCurve):
         PlantError.check("adhesion curve", self, positive=("peak_slip", "steepness"))
 
     def steepest_slope(self, peak: float) -> float:
-        """Slope at the origin, or on the way to the peak where the curve is hollow at first [s/m]."""
-        return peak / self.peak_slip * max(self.steepness, 2.0)
+        """Slope at the origin, or where the curve turns on its way to the peak if the steepness is below 2 [s/m]."""
+        n = self.steepness
+        # the second derivative is zero where x^3 - 3 x + 2 - n = 0
+        x = 0.0 if n >= 2.0 else 2.0 * math.cos((math.acos(0.5 * n - 1.0) + 4.0 * math.pi) / 3.0)
+        below = 1.0 + x * (x + n - 2.0)
+        return peak / self.peak_slip * (n * (1.0 - x * x) / (below * below))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from mpc.unit_model import parameters
 CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
 
 
-def _context(curve="piecewise", axles=4, believed=None, **values) -> UnitContext:
+def make_unit(curve="piecewise", axles=4, believed=None, **values) -> UnitContext:
     defaults = {
         "unit": 0, "axles": axles, "radius": 0.43, "inertia": 155.0, "gear_ratio": 7.07,
         "axle_load": 78e3, "mass": 55e3, "torque_lag": 5e-3, "curve": believed or CURVES[curve],
@@ -22,7 +22,7 @@ def _context(curve="piecewise", axles=4, believed=None, **values) -> UnitContext
 
 @pytest.fixture(scope="session")
 def context() -> UnitContext:
-    return _context()
+    return make_unit()
 
 
 def _problem(context: UnitContext, seed: int) -> HorizonProblem:
@@ -54,7 +54,7 @@ def _sense(speed=10.0, slip=0.02, torque=300.0, target=900.0, axles=4, **values)
 @pytest.fixture(scope="session")
 def make_context():
     """Function (name of the curve, axles, curve believed instead, values) -> context of a unit."""
-    return _context
+    return make_unit
 
 
 @pytest.fixture(scope="session")

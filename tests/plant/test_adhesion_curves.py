@@ -11,6 +11,7 @@ from alloc.plant.adhesion import (
     PiecewiseCurve,
     PolachByFrictionCurve,
     PolachCurve,
+    RationalCurve,
     SlipRatioCurve,
 )
 from alloc.plant.adhesion_laws import (
@@ -28,6 +29,9 @@ CURVES = {
     "polach-by-friction": PolachByFrictionCurve(),
     "slip-ratio": SlipRatioCurve(0.03, 1.0),
     "slip-ratio-falling": SlipRatioCurve(0.1, 0.4),
+    "rational": RationalCurve(),
+    "rational-flat": RationalCurve(0.3, 40.0),
+    "rational-hollow": RationalCurve(0.05, 0.5),
 }
 peaks = st.floats(1e-3, 1.0)
 speeds = st.floats(0.0, 100.0)

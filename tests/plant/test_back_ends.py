@@ -11,6 +11,7 @@ from alloc.plant.adhesion import (
     POLACH_WET,
     PiecewiseCurve,
     PolachByFrictionCurve,
+    RationalCurve,
     SlipRatioCurve,
 )
 from alloc.plant.array_model import ArrayModel, Local
@@ -30,6 +31,7 @@ CURVES = {
     "polach-wet": POLACH_WET,
     "polach-by-friction": PolachByFrictionCurve(),
     "slip-ratio": SlipRatioCurve(0.04, 0.7),
+    "rational": RationalCurve(0.05, 1.7),
 }
 LINE = Line(
     (0.0, 300.0, 420.0), (0.0, 0.02, -0.01), tunnels=((200.0, 380.0),), tunnel_factor=1.6,

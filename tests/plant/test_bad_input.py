@@ -5,7 +5,7 @@ import math
 import pytest
 
 from alloc.errors import PlantError
-from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, SlipRatioCurve
+from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, RationalCurve, SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.sander import Sander
@@ -128,6 +128,11 @@ FAULTS = [
     *[(PolachCurve, {n: -1.0}, n) for n in ("decay", "ratio_at_infinity")],
     *[(SlipRatioCurve, {"peak_slip_ratio": value}, "peak_slip_ratio") for value in (0.0, 1.0, NAN)],
     *[(SlipRatioCurve, {"residual_ratio": value}, "residual_ratio") for value in (-0.1, 1.1, NAN)],
+    *[
+        (RationalCurve, {n: v}, n)
+        for n in ("peak_slip", "steepness")
+        for v in (0.0, -1.0, NAN, INF)
+    ],
 ]
 
 

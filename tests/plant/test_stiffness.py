@@ -7,6 +7,7 @@ from alloc.plant.adhesion import (
     POLACH_DRY,
     PiecewiseCurve,
     PolachByFrictionCurve,
+    RationalCurve,
     SlipRatioCurve,
 )
 from alloc.plant.array_model import ArrayModel
@@ -16,7 +17,9 @@ from alloc.plant.sets import SETS
 from alloc.plant.train import DraftGear
 from tests.plant.numpy_plant import environment_at
 
-CURVES = [PiecewiseCurve(), POLACH_DRY, PolachByFrictionCurve(), SlipRatioCurve(0.03, 0.7)]
+CURVES = [
+    PiecewiseCurve(), POLACH_DRY, PolachByFrictionCurve(), SlipRatioCurve(0.03, 0.7), RationalCurve(),
+]  # fmt: skip
 DIFFERENCE = 1e-7
 
 
