@@ -275,7 +275,7 @@ def search_slip(search, axles, felt, limited):
 
 @equation
 def no_steeper(peak_slip, steepness, most):
-    """Peak slip [m/s] and steepness of the curve nearest by of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
+    """Peak slip [m/s] and steepness of the nearest curve of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
 
     From steepness 2 on the steepest slope is that at the origin. Below, the curve turns on its way to the peak, and the line
     is a bound from steepness 1 on, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
