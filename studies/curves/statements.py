@@ -17,8 +17,6 @@ CURVES: dict[str, dict[str, Any]] = {
 """Name -> keys of `[rail.curve]`: that of every other study first, the others with a wide peak or no fall beyond it."""
 BASE = "piecewise"
 RULES = ("alone", "greedy", "exact")
-INFORMED = "informed mpc"
-"""The MPC on a train that believes in the rail's own curve; all others believe in the piecewise one."""
 
 
 class Pair(NamedTuple):
@@ -33,7 +31,7 @@ PAIRS = (
     Pair("greedy less alone", Arm("greedy", "cut-and-ramp"), Arm("alone", "cut-and-ramp")),
     Pair("exact less greedy", Arm("exact", "cut-and-ramp"), Arm("greedy", "cut-and-ramp")),
     Pair("mpc less cut-and-ramp", Arm("exact", "mpc"), Arm("exact", "cut-and-ramp")),
-    Pair("informed mpc less cut-and-ramp", Arm("exact", INFORMED), Arm("exact", "cut-and-ramp")),
+    Pair("mpc less perturb-observe", Arm("exact", "mpc"), Arm("exact", "perturb-observe")),
 )
 METRICS = {
     "held_effort": "effort over plan",

@@ -12,25 +12,17 @@ from studies.claims.measures import measure
 from studies.claims.quantities import draw, event_name
 from studies.core.job import Job
 from studies.core.study import EachEvent, Study
-from studies.curves.statements import BASE, CURVES, INFORMED, RULES, curve_statements
+from studies.curves.statements import CURVES, RULES, curve_statements
 from studies.scenario.scenario import Scenario
 
-EVENTS_PER_MPC = 2
-"""Every so many events the MPC runs too, under one rule; its runs are the slowest."""
-MPC_RULE = "exact"
-KNOWN = "-known"
-"""End of the name of an event whose train knows the rail's curve."""
+SEEKING = ("perturb-observe", "mpc")
+"""Controllers that search for the peak, whatever curve the train believes in."""
+SEEKING_RULE = "exact"
 
 
 def name_of(seed: int, k: int, curve: str) -> str:
     """Name of event `k` on a rail of `curve`."""
     return f"{event_name(seed, k)}-{curve.replace(' ', '-')}"
-
-
-def informed(event: Scenario) -> Scenario:
-    """The same event for a train that believes in the rail's own curve."""
-    belief = event.belief.model_dump() | {"curve": event.rail.curve.model_dump()}
-    return event.changed(name=event.name + KNOWN, belief=belief)
 
 
 def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scenario:
@@ -51,22 +43,15 @@ def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
     for curve in CURVES:
         one = scenario(seed, k, curve, duration)
         found += [Job(one, rule, "cut-and-ramp", k, measure) for rule in RULES]
-        if k % EVENTS_PER_MPC == 0:
-            found.append(Job(one, MPC_RULE, "mpc", k, measure))
-            if curve != BASE:
-                found.append(Job(informed(one), MPC_RULE, "mpc", k, measure))
+        found += [Job(one, SEEKING_RULE, name, k, measure) for name in SEEKING]
     return found
 
 
 def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
-    """The rows with "event" and "curve"; an MPC that knows the rail's curve has a name of its own."""
+    """The rows with "event" and "curve"."""
     names = {name_of(seed, k, curve): (k, curve) for k in range(events) for curve in CURVES}
-    meaning = table["scenario"].str.removesuffix(KNOWN).map(names)
-    table = table.assign(event=meaning.str[0].astype(int), curve=meaning.str[1])
-    table.loc[table["scenario"].str.endswith(KNOWN), "controller"] = INFORMED
-    # where the rail has the curve that is believed in, the MPC is informed as it is
-    as_it_is = table[(table["curve"] == BASE) & (table["controller"] == "mpc")]
-    return pd.concat([table, as_it_is.assign(controller=INFORMED)], ignore_index=True)
+    meaning = table["scenario"].map(names)
+    return table.assign(event=meaning.str[0].astype(int), curve=meaning.str[1])
 
 
 CURVE_STUDY = Study(

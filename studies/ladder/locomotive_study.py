@@ -7,14 +7,13 @@ from studies.core.family import Claim, Part, Test, compared
 from studies.core.job import Job
 from studies.core.statement import Statement
 from studies.core.study import EachEvent, Study
-from studies.ladder.locomotive_events import DURATION, EVENTS, KINDS, RAILS, STATES, scenario
+from studies.ladder.locomotive_events import DURATION, EVENTS, RAILS, STATES, scenario
 from studies.ladder.published import ARMS, BAR, PUBLISHED
 from studies.ladder.statements import METRICS, PERCENT, STUDENT, difference, yardstick
 from studies.ladder.study import RULE
 
 HOSTED = ("mpc", "mpc-car")
-"""An axle's own problem, and one problem of all axles with load transfer. They meet half of the blocks of six events,
-for they take long: the first and the last of four, of which one has the narrow peak and one the wide."""
+"""An axle's own problem, and one problem of all axles with load transfer."""
 BELOW = "cut-and-ramp"
 """The simplest controller that answers a slip signal: what another one is worth is told by the difference."""
 
@@ -30,10 +29,9 @@ PARTS: dict[str, Part] = {
 
 
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
-    """Event `k` under the controllers that meet it."""
+    """Event `k` under every controller."""
     one = scenario(seed, k, duration)
-    hosted = HOSTED if k // KINDS % 4 in (0, 3) else ()
-    return [Job(one, RULE, controller, k) for controller in (*ARMS, *hosted)]
+    return [Job(one, RULE, controller, k) for controller in (*ARMS, *HOSTED)]
 
 
 def locomotive_statements(table: pd.DataFrame) -> list[Statement]:

@@ -14,8 +14,6 @@ LADDER = (
     "none", "table", "cut-and-ramp", "pi-creep", "perturb-observe", "steepest-gradient", "mpc",
 )  # fmt: skip
 """Controllers from the simplest on."""
-HOSTED_RUNG = "mpc"
-"""The one that does not meet every event."""
 LOCOMOTIVE = "locomotive and wagons"
 SEARCHING = ("perturb-observe", "steepest-gradient")
 """Creep controllers that look for the peak; pi-creep is the same loop without search."""
@@ -105,7 +103,7 @@ def _rung(events: pd.DataFrame, below: str, name: str) -> Claim:
 
 def _slow(events: pd.DataFrame, name: str) -> Claim:
     return Claim(
-        f"slow: {name}", f"{name} searches longer than the MPC, which knows a curve (arXiv 2406.13650: slow search)",
+        f"slow: {name}", f"{name} searches longer than the MPC, which predicts (arXiv 2406.13650: slow search)",
         events, Test(lambda e: difference(e, "search_time", name, "mpc")), PARTS, SECONDS,
         _less(events, "search_time", name, ("mpc", "pi-creep", "cut-and-ramp")),
         f"mean of paired differences above 0; {STUDENT}; unfinished searches count until they end",

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from studies.curves import study as curves
-from studies.curves.statements import CURVES, INFORMED, RULES
-from studies.ladder import study as ladder
+from studies.curves.statements import CURVES, RULES
 from studies.ladder.events import draw, event_name
 from studies.ladder.statements import LADDER
 
@@ -29,7 +28,7 @@ def ladder_table(events: int = 60, change: Change = lambda row: row) -> pd.DataF
     for k in range(events):
         common = 0.002 * float(noise.normal())
         drawn = {name: value for name, value in draw(0, k).items() if name != "number"}
-        for controller in ladder.controllers_of(k):
+        for controller in LADDER:
             own = {name: v * (1 + 0.001 * noise.normal()) for name, v in NUMBERS.items()}
             row = {"scenario": event_name(0, k), "controller": controller, "status": "ok"}
             row |= {**own, "utilisation_short": USED[controller] + common, **drawn}
@@ -38,21 +37,20 @@ def ladder_table(events: int = 60, change: Change = lambda row: row) -> pd.DataF
 
 
 CURVE_NUMBERS = {"held_effort": 0.95, "utilisation": 0.9, "slip_time": 5.0, "damage": 150.0, "jerk_rms": 0.2}  # fmt: skip
-GAIN = {"alone": 0.0, "greedy": 0.01, "exact": 0.02, "mpc": 0.03}
+GAIN = {"alone": 0.0, "greedy": 0.01, "exact": 0.02, "perturb-observe": 0.025, "mpc": 0.03}
 """What an arm delivers more than `alone`, as a share."""
 
 
 def curve_table(events: int = 24, change: Change = lambda row: row) -> pd.DataFrame:
-    """All metrics grow from alone over greedy and exact to the MPC, alike under every curve."""
-    noise = np.random.default_rng(4)
+    """All metrics grow from alone over greedy, exact and perturb-observe to the MPC, alike under every curve."""
+    noise = np.random.default_rng(6)
     rows = []
     for k in range(events):
         for curve in CURVES:
             arms = [(rule, "cut-and-ramp") for rule in RULES]
-            if k % curves.EVENTS_PER_MPC == 0:
-                arms += [(curves.MPC_RULE, "mpc"), (curves.MPC_RULE, INFORMED)]
+            arms += [(curves.SEEKING_RULE, name) for name in curves.SEEKING]
             for rule, controller in arms:
-                gain = GAIN[rule if controller == "cut-and-ramp" else "mpc"]
+                gain = GAIN[rule if controller == "cut-and-ramp" else controller]
                 gain += 0.001 * noise.normal()
                 row = {"event": k, "curve": curve, "rule": rule, "controller": controller}
                 row |= {name: v * (1.0 + gain) for name, v in CURVE_NUMBERS.items()}

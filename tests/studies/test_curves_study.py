@@ -18,14 +18,13 @@ from studies.core.statement import (
 from studies.curves.statements import (
     BASE,
     CURVES,
-    INFORMED,
     METRICS,
     PAIRS,
     RULES,
     curve_statements,
     paired_difference,
 )
-from studies.curves.study import CURVE_STUDY, informed, scenario
+from studies.curves.study import CURVE_STUDY, SEEKING, scenario
 from tests.studies.ladder_tables import curve_table
 
 SHORT = 2.5
@@ -47,8 +46,8 @@ def test_every_arm_meets_every_curve(swept):
     assert len(table) == len(CURVES) * (len(RULES) + 2)
     assert set(table["curve"]) == set(CURVES)
     for curve, rows in table.groupby("curve"):
-        assert rows["scenario_hash"].nunique() == (1 if curve == BASE else 2), curve
-        assert (rows["controller"] == INFORMED).sum() == 1
+        assert rows["scenario_hash"].nunique() == 1, curve
+        assert set(rows["controller"]) == {"cut-and-ramp", *SEEKING}
     assert {"held_effort", "utilisation", "event"} <= set(table)
 
 
@@ -78,15 +77,6 @@ def test_rails_differ_in_their_curve_and_not_in_their_peak(curve, k):
     )
     assert mean == pytest.approx(adhesion)
     assert other.event(k).onboard.belief.curve == base.event(k).onboard.belief.curve
-
-
-@pytest.mark.parametrize("curve", CURVES)
-def test_an_informed_train_differs_in_what_it_believes_alone(curve):
-    event = scenario(0, 1, curve)
-    known = informed(event)
-    assert known.event(1).onboard.belief.curve == known.event(1).model.rail.curve
-    assert known.event(1).model.rail == event.event(1).model.rail
-    assert known.changed(belief=event.belief.model_dump()).hash() == event.hash()
 
 
 @pytest.mark.parametrize("curve", [c for c in CURVES if "flat" in c])

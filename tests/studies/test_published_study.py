@@ -94,8 +94,8 @@ def test_six_events_are_every_rail_with_and_without_a_failed_motor():
         assert {(d["rail"], d["motors"]) for d in drawn} == {(r, m) for r in RAILS for m in STATES}
         assert len({d["curve"] for d in drawn}) == 1
         hosted = {job.controller for job in locomotive_cells(0, KINDS * block)} - set(BUILT_IN)
-        assert hosted == (set(HOSTED) if block in (0, 3) else set())
-        curves |= {d["curve"] for d in drawn if hosted}
+        assert hosted == set(HOSTED)
+        curves |= {d["curve"] for d in drawn}
     assert curves == {"piecewise", "polach"}
     events = pd.DataFrame([draw(0, k) for k in range(KINDS)])
     assert [int(part(events).sum()) for part in PARTS.values()] == [1] * KINDS
