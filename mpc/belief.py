@@ -27,6 +27,7 @@ from mpc.axle_observer import (
     mean_noise,
     observe_axles,
 )
+from mpc.drag import Drag, drag_of, estimate_drag
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,
@@ -70,6 +71,7 @@ class Belief(NamedTuple):
     """Load of each axle [N], (axles,)."""
     fresh: NDArray[np.bool_]
     """Whether the observers start anew at the next update, (1,)."""
+    drag: Drag
     search: Search
     given: Given
 
@@ -83,6 +85,7 @@ def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
         axles_of(context, settings.belief),
         np.full(context.axles, float(context.axle_load)),
         np.ones(1, dtype=np.bool_),
+        drag_of(context),
         search_of(context, settings.search, settings.belief.initial),
         Given(curve.kind, np.array(curve.q, dtype=float), float(settings.search.given_share)),
     )
@@ -106,6 +109,7 @@ def believe(b, speed, omega, torque, wanted, estimate):
     """
     axles, state = b.axles, b.search.state[0]
     observe_axles(b.constants, axles, b.load, speed, omega, torque * b.gear, b.fresh[0])
+    estimate_drag(b.drag, axles, b.load, speed, b.fresh[0])
     b.fresh[0] = False
     mean, least = 0.0, np.inf
     for i in range(omega.size):
@@ -135,6 +139,11 @@ class UnitBelief:
         """Coefficient that each axle feels, in the direction of the demand, (axles,)."""
         self.peak = self.record.axles.peak
         """Believed peak coefficient, (axles,)."""
+
+    @property
+    def grade(self) -> float:
+        """Gradient that stands for all drag, in the direction of the demand."""
+        return float(self.record.drag.grade[0])
 
     @property
     def slip_limit(self) -> float:
@@ -184,6 +193,8 @@ class GroupBelief:
         self._car = np.array([context.car for context in group])[self.unit]
         self._same_car = (self._car[:, None] == self._car[None, :]).astype(float)
         self._static = np.array([context.axle_load for context in group])[self.unit]
+        mass = np.array([context.mass for context in group])
+        self._share = mass / mass.sum()
         self._carried = np.array([torque_per_coefficient(context) for context in group])
         self.load = self._static.copy()
         """Load of each axle [N], (axles,)."""
@@ -208,6 +219,11 @@ class GroupBelief:
         force = self._same_car @ (felt * self.load)
         # an observer's transient must not take away a whole load
         self.load = np.maximum(self._static - self._unloading * force, 0.5 * self._static)
+
+    @property
+    def grade(self) -> float:
+        """Gradient that stands for all drag of the group."""
+        return float(sum(self._share * [observer.grade for observer in self.observers]))
 
     @property
     def curve(self) -> Floats:

@@ -55,6 +55,7 @@ def pose(u, target, limit):
         now.parameters[i] = axles.peak[i]
         u.solver.terms.axle.slip_limit[i] = most_slip
         least = min(least, axles.peak[i])
+    now.parameters[axles.peak.size] = u.belief.drag.grade[0]
     # the curve's are the last parameters of a unit alone
     curve = now.parameters.size - CURVE_PARAMETERS
     now.parameters[curve], now.parameters[curve + 1] = predicted_curve(search, axles)
