@@ -18,7 +18,9 @@ STILL = MpcSettings(search=SlipSearch(seek=False))
 
 def own_elasticity(unit, slip, d=1e-4):
     """d ln mu / d ln s of the true curve at `slip` [m/s]."""
-    return math.log(unit.coefficient(slip * (1.0 + d)) / unit.coefficient(slip * (1.0 - d))) / (2.0 * d)
+    return math.log(unit.coefficient(slip * (1.0 + d)) / unit.coefficient(slip * (1.0 - d))) / (
+        2.0 * d
+    )
 
 
 def read_elasticity(unit):
