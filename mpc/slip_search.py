@@ -59,6 +59,8 @@ AT_LIMIT = 0.5
 """Share of the slip sought from which on the slip limit is what binds."""
 JUMP = 0.12
 """Change of ln mu within the mean's time that is a change of the rail."""
+WHOLE_SWING = 1.3
+"""The same over the swing: filtered ln mu answers it by no more, from one extreme to the other."""
 SURE = 4.0
 """The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.1
@@ -197,7 +199,7 @@ def _demodulate(search, axles, felt):
             continue
         slip, coefficient = math.log(axles.slip[i]), math.log(axles.coefficient[i])
         fresh = math.isnan(search.mean_slip[i])
-        jump = max(JUMP, SURE * felt / axles.coefficient[i])
+        jump = max(JUMP, WHOLE_SWING * pace.swing, SURE * felt / axles.coefficient[i])
         if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):

@@ -16,14 +16,23 @@ HIGH, LOW = 0.18, 0.12
 
 
 def drop_event(
-    command=0.8, speed=8.0, level=HIGH, drop=LOW / HIGH, sensors=None, curve=None, **values
+    command=0.8,
+    speed=8.0,
+    level=HIGH,
+    drop=LOW / HIGH,
+    sensors=None,
+    curve=None,
+    truth=None,
+    **values,
 ):
     """The commuter set on a rail whose peak coefficient falls from 0.18 to 0.12 under the whole train at once.
 
-    `curve`: the adhesion curve that the train believes in; the true one is the default.
+    `curve`: the adhesion curve that the train is given, `truth`: the rail's; both are the piecewise one by default.
     """
     patch = Patch(drop, begin=DROP, until=BACK, fade=0.1)
-    model = build(find_set("commuter-8car"), Rail(level, patches=(patch,)))
+    model = build(
+        find_set("commuter-8car"), Rail(level, patches=(patch,), curve=truth or PiecewiseCurve())
+    )
     # the motors brake the whole train: the model of the MPC knows of no air brake
     onboard = Onboard(
         belief=Belief(curve=curve or PiecewiseCurve()),

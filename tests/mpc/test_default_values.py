@@ -67,17 +67,18 @@ ONBOARD = {
     "trigger": "limited", "hold_time": 5.0, "rise_time": 1.0, "period": 0.01, "limit_rate": None, "inertia_in_limit": True,
 }  # fmt: skip
 MPC = {
-    "horizon": 20, "step": 0.01, "slip_limit": 1.0, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
+    "horizon": 20, "step": 0.01, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
     "step_time": 1e-3, "deadline": 0.01, "computing_delay": 0, "compensated": True,
     "exact_hessian": False, "code": "numba",
     "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
     "belief": {
-        "initial": 0.2, "pole": 25.0, "gain": 60.0, "probe": 0.04, "informative": 0.9, "slip_error": 0.015,
-        "noise_margin": 4.0, "floor": 0.01, "ceiling": 0.5,
+        "initial": 0.2, "pole": 25.0, "walk": 0.05, "slip_error": 0.0015, "coefficient_error": 0.0006,
+        "relative_error": 0.006, "gate": 3.5, "floor": 0.01, "ceiling": 0.5,
     },
-    "curve": {
-        "estimate": True, "slip_scale": 0.015, "memory": 5.0, "prior": 0.02, "smallest": 0.4, "largest": 2.5,
-        "tested_share": 0.75, "untested_share": 0.5,
+    "search": {
+        "first": 0.1, "lowest": 0.02, "highest": 0.8, "noise_margin": 1.0, "friction_price": 0.3, "swing": 0.15,
+        "swing_time": 0.2, "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0, "seek": True,
+        "given_share": 1.0,
     },
     "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},
 }  # fmt: skip

@@ -1,90 +1,194 @@
-"""The belief about the peak follows what slipping axles feel, and rises slowly where nothing slips."""
+"""The belief about peaks: it follows what slipping axles feel, through noise, and nothing else moves it."""
 
 import math
 
 import numpy as np
 import pytest
 
-from mpc.belief import CurveObserver
-from mpc.settings import PeakBelief
+from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
+from mpc.belief import FOREIGN_FORCE, GroupBelief, UnitBelief
+from mpc.settings import MpcSettings, PeakBelief, SlipSearch
+from mpc.slip_search import GOLDEN, USUAL_SHARE
+from tests.mpc.conftest import make_unit
+from tests.mpc.groups import train_of
+from tests.mpc.synthetic_axles import SyntheticUnit
 
-PERIOD, PEAK = 0.01, 0.12
-BELIEF = PeakBelief(initial=0.2)
-
-
-def _drive(observer, context, peak, slip, seconds, acceleration=0.5):
-    """An axle that runs at constant `slip` on a rail of `peak`, with the torque that this takes."""
-    wheel = context.inertia * acceleration / context.radius
-    for k in range(round(seconds / PERIOD)):
-        speed = 10.0 + acceleration * k * PERIOD
-        coefficient = float(context.curve.coefficient(slip, peak, speed))
-        torque = (coefficient * context.axle_load * context.radius + wheel) / context.gear_ratio
-        omega = np.full(context.axles, (speed + slip) / context.radius)
-        observer.update(speed, omega, torque)
-    return coefficient
+INITIAL = MpcSettings().belief.initial
+BELIEVED = RationalCurve(MpcSettings().search.first / USUAL_SHARE, 2.0)
+"""Curve believed in before anything is felt; it stays so while the unit is not limited."""
 
 
-def test_axle_coefficient_is_that_of_the_rail(context):
-    observer = CurveObserver(context, BELIEF)
-    coefficient = _drive(observer, context, PEAK, 0.02, 0.5)
-    np.testing.assert_allclose(observer.coefficient, coefficient, rtol=1e-4)
+def _steady(unit, slip, seconds):
+    """Run at `slip` [m/s], not limited; returns the peaks, (time, axles)."""
+    peaks = []
+    for _ in range(round(seconds / unit.context.period)):
+        unit.period(slip, wanted=0.0)
+        peaks.append(unit.belief.peak.copy())
+    return np.array(peaks)
 
 
-@pytest.mark.parametrize("curve", ["piecewise", "polach"])
-@pytest.mark.parametrize("ratio", [2.0, 5.0])
-def test_slipping_axles_tell_the_peak(make_context, curve, ratio):
-    # wherever beyond the peak they slip: the curve says what share of the peak they feel
-    context = make_context(curve)
-    slip = ratio * float(context.curve.limit(PEAK, 10.0)[1])
-    observer = CurveObserver(context, BELIEF)
-    _drive(observer, context, PEAK, slip, 3.0)
-    np.testing.assert_allclose(observer.peak, PEAK, rtol=2e-3)
+def test_axle_coefficient_is_that_of_the_rail():
+    unit = SyntheticUnit(PiecewiseCurve())
+    _steady(unit, 0.02, 0.5)
+    np.testing.assert_allclose(unit.belief.coefficient, unit.coefficient(0.02), rtol=1e-6)
 
 
-def test_untested_belief_rises_at_the_probing_rate_to_the_ceiling(context):
-    observer = CurveObserver(context, BELIEF)
-    _drive(observer, context, PEAK, 0.005, 2.0)
-    np.testing.assert_allclose(observer.peak, 0.2 * math.exp(2.0 * BELIEF.probe), rtol=1e-9)
-    ceiling = PeakBelief(probe=5.0, ceiling=0.3)
-    observer = CurveObserver(context, ceiling)
-    _drive(observer, context, PEAK, 0.005, 2.0)
-    np.testing.assert_array_equal(observer.peak, 0.3)
+def test_slip_is_as_late_as_the_coefficient():
+    # while both change the pair stays on the curve: here on a straight line through the origin
+    unit = SyntheticUnit(RationalCurve(1e3, 2.0), peak=1e3)
+    rng, axles = np.random.default_rng(1), unit.belief.record.axles
+    for slip in np.cumsum(rng.normal(0.0, 1e-3, 300)) + 0.05:
+        unit.period(slip, wanted=0.0)
+    ratio = axles.coefficient / axles.slip
+    np.testing.assert_allclose(ratio, 2.0, rtol=0.05)
 
 
-def test_an_axle_that_feels_more_than_believed_raises_the_belief(context):
-    observer = CurveObserver(context, PeakBelief(initial=0.05, probe=0.0))
-    coefficient = _drive(observer, context, 0.2, 0.02, 1.0)
-    assert coefficient > 0.05
-    # the observer starts in equilibrium, and its first values hold the wheelset's acceleration
-    np.testing.assert_allclose(observer.peak, coefficient, rtol=0.02)
+# --- peaks
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0, 2.0])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.014])
+@pytest.mark.parametrize("truth", [0.06, 0.12, 0.3])
+def test_peaks_converge_to_the_truth_on_the_believed_curve(share, noise, truth):
+    for seed in range(3):
+        unit = SyntheticUnit(BELIEVED, truth, noise=noise, seed=seed)
+        peaks = _steady(unit, share * BELIEVED.peak_slip, 4.0)
+        np.testing.assert_allclose(peaks[-100:].mean(0), truth, rtol=0.04)
+
+
+@pytest.mark.parametrize(("noise", "seconds"), [(0.0, 0.15), (0.005, 0.15), (0.014, 0.5)])
+def test_a_sudden_fall_of_the_rail_is_taken_over_at_once(noise, seconds):
+    for seed in range(3):
+        unit = SyntheticUnit(BELIEVED, 0.15, noise=noise, seed=seed)
+        _steady(unit, 1.2 * BELIEVED.peak_slip, 3.0)
+        unit.peak = 0.6 * 0.15
+        fallen = _steady(unit, 1.2 * BELIEVED.peak_slip, seconds)[-1]
+        np.testing.assert_allclose(fallen, unit.peak, rtol=0.1)
+
+
+def test_variance_is_never_negative_and_peaks_keep_their_bounds(context):
+    belief = PeakBelief(initial=0.1, floor=0.05, ceiling=0.15)
+    rng = np.random.default_rng(5)
+    for scale in (0.003, 0.1, 3.0):
+        unit = UnitBelief(context, MpcSettings(belief=belief))
+        for _ in range(400):
+            omega = (10.0 + scale * rng.standard_normal(4)) / context.radius
+            unit.update(10.0, omega, rng.uniform(-300.0, 900.0), estimate=rng.uniform(-0.1, 0.2))
+            assert np.all(unit.record.axles.variance >= 0.0)
+            assert np.all((unit.peak >= 0.05) & (unit.peak <= 0.15))
+            assert np.isfinite([*unit.peak, unit.slip_limit, *unit.curve]).all()
+
+
+def test_an_axle_at_low_slip_does_not_lower_its_peak():
+    # as little as that is felt of a rail of any peak
+    unit = SyntheticUnit(BELIEVED, INITIAL, noise=0.002)
+    assert _steady(unit, 0.05 * BELIEVED.peak_slip, 5.0).min() > 0.95 * INITIAL
+
+
+def test_noise_of_a_rolling_axle_is_not_slip_on_a_rail_without_adhesion():
+    unit = SyntheticUnit(BELIEVED, INITIAL, noise=0.005)
+    unit.acceleration = 0.0
+    assert _steady(unit, 0.0, 2.0).min() > 0.7 * INITIAL
+
+
+def test_an_axle_that_feels_more_than_believed_raises_the_belief():
+    unit = SyntheticUnit(BELIEVED, 0.3, MpcSettings(belief=PeakBelief(initial=0.05)))
+    _steady(unit, 0.3 * BELIEVED.peak_slip, 1.0)
+    assert unit.belief.peak.min() > unit.coefficient(0.3 * BELIEVED.peak_slip)
 
 
 def test_belief_of_one_axle_leaves_the_others_alone(context):
-    observer = CurveObserver(context, PeakBelief(probe=0.0))
+    slips = np.array([[0.0, 0.0, 0.0, 0.02], [0.0, 0.0, 0.0, 0.3]])
+    one, other = (UnitBelief(context, MpcSettings()) for _ in range(2))
     for _ in range(100):
-        omega = np.array([10.005, 10.005, 10.005, 10.3]) / context.radius
-        observer.update(10.0, omega, 0.1 * context.axle_load * context.radius / 7.07)
-    np.testing.assert_array_equal(observer.peak[:3], 0.2)
-    felt = context.curve.coefficient(0.3, observer.peak[3])
-    assert felt == pytest.approx(0.1, rel=1e-3)
+        for belief, slip in zip((one, other), slips, strict=True):
+            belief.update(10.0, (10.0 + slip) / context.radius, 400.0, wanted=0.0)
+    # the noise is that of all: but for it, they know nothing of each other
+    np.testing.assert_allclose(one.peak[:3], other.peak[:3], rtol=1e-6)
+    assert one.peak[3] > 1.2 * other.peak[3]
 
 
-def test_peak_slip_is_that_of_the_believed_curve(context):
-    observer = CurveObserver(context, BELIEF)
-    _drive(observer, context, PEAK, 0.15, 0.3)
-    np.testing.assert_allclose(observer.peak_slip, context.curve.limit(observer.peak, 10.0)[1])
+# --- noise
 
 
-def test_measured_slip_within_its_error_does_not_lower_the_belief(context):
-    # white noise of the speed sensors on a rolling axle: without the margin it passes for slip on a rail without adhesion
+@pytest.mark.parametrize("noise", [0.001, 0.005, 0.02, 0.1])
+def test_noise_is_that_of_the_sensor(noise):
+    for seed in range(2):
+        unit = SyntheticUnit(BELIEVED, noise=noise, seed=seed)
+        felt = []
+        for k in range(1200):
+            # slip that moves as slowly as wheels do is no noise
+            unit.period(0.05 + 0.03 * math.sin(0.05 * k), wanted=0.0)
+            felt.append(unit.belief.record.axles.noise.mean())
+        assert np.mean(felt[600:]) == pytest.approx(noise, rel=0.1)
+
+
+# --- the unit
+
+
+def test_forces_are_forgotten_without_what_is_known_of_the_rail(context):
+    belief = UnitBelief(context, MpcSettings())
+    for k in range(100):
+        belief.update(10.0, np.full(4, (10.0 + 0.002 * k) / context.radius), 300.0)
+    peak, curve = belief.peak.copy(), belief.curve
+    belief.forget_forces()
+    np.testing.assert_array_equal(belief.peak, peak)
+    assert belief.curve == curve
+    belief.update(10.0, np.full(4, 10.01 / context.radius), 123.0)
+    # in equilibrium from the first reading on
+    expected = 123.0 * context.gear_ratio / (context.axle_load * context.radius)
+    np.testing.assert_allclose(belief.coefficient, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_search_rests_while_other_brakes_work(share, sign):
+    unit = SyntheticUnit(PiecewiseCurve())
+    for _ in range(50):
+        unit.period(0.03, estimate=float(unit.coefficient(0.03)) + sign * share * FOREIGN_FORCE)
+    assert (unit.search.limited_for > 0.3) == (share < 1.0)
+
+
+def test_a_given_share_of_the_given_curves_slip_is_held_where_nothing_is_sought():
+    for share in (0.7, 1.0):
+        settings = MpcSettings(search=SlipSearch(seek=False, given_share=share))
+        curve = PiecewiseCurve()
+        unit = SyntheticUnit(curve, 0.12, settings)
+        limits, held = [], []
+        for _ in range(400):
+            unit.period(0.04)
+            limits.append(unit.belief.slip_limit)
+            held.append(share * float(curve.limit(unit.belief.peak.min(), unit.speed)[1]))
+        # the mean over whole swings, whatever their length
+        turns = round(4.0 / settings.search.swing_time) // 2
+        last = round(turns * settings.search.swing_time / unit.context.period)
+        assert np.mean(limits[-last:]) == pytest.approx(np.mean(held[-last:]), rel=0.01)
+
+
+# --- a group
+
+
+def test_a_group_of_units_believes_what_they_would_alone():
+    units = [make_unit(unit=k, car=k, unloading=()) for k in range(3)]
+    settings = MpcSettings()
+    group, alone = GroupBelief(units, settings), [UnitBelief(u, settings) for u in units]
     rng = np.random.default_rng(3)
-    careful, rash = (
-        CurveObserver(context, PeakBelief(initial=0.05, probe=0.0, **margins))
-        for margins in ({}, {"slip_error": 0.0, "noise_margin": 0.0})
-    )
-    for _ in range(500):
-        omega = (10.02 + 0.01 * rng.standard_normal(4)) / context.radius
-        careful.update(10.0, omega, 20.0)
-        rash.update(10.0, omega, 20.0)
-    assert careful.peak.min() > 0.04
-    assert rash.peak.min() < 0.02
+    for _ in range(150):
+        omega = (10.0 + rng.uniform(0.0, 0.1, 12)) / 0.43
+        torque = rng.uniform(200.0, 500.0, 3)
+        group.update(np.full(3, 10.0), omega, torque, np.full(3, 900.0))
+        for k, one in enumerate(alone):
+            one.update(10.0, omega[4 * k : 4 * k + 4], torque[k], 900.0)
+    np.testing.assert_array_equal(group.peak, np.concatenate([one.peak for one in alone]))
+    np.testing.assert_array_equal(group.slip_limit, np.repeat([o.slip_limit for o in alone], 4))
+    mean = np.exp(np.mean([np.log(one.curve) for one in alone], axis=0))
+    np.testing.assert_allclose(group.curve, mean, rtol=1e-12)
+
+
+def test_units_swing_out_of_step():
+    group = GroupBelief(train_of(6), MpcSettings())
+    phases = np.array([o.record.search.state[0].phase for o in group.observers])
+    np.testing.assert_allclose(phases, GOLDEN * np.arange(6) % (2.0 * math.pi), rtol=1e-12)
+    apart = np.abs(np.exp(1j * phases)[:, None] - np.exp(1j * phases)[None, :])
+    assert apart[~np.eye(6, dtype=bool)].min() > 0.4
+    assert abs(np.exp(1j * phases).mean()) < 0.3

@@ -26,10 +26,12 @@ def test_with_slip_it_reduces_the_torque_and_the_more_the_lower_the_believed_pea
     torques = []
     for initial in (0.12, 0.1, 0.08):
         # a belief that stays, for these readings go with one peak only
-        settings = MpcSettings(belief=PeakBelief(initial=initial, gain=1e-9, probe=0.0))
+        settings = MpcSettings(
+            belief=PeakBelief(initial=initial, floor=initial - 1e-12, ceiling=initial)
+        )
         controller = MpcController(context, settings)
         for _ in range(5):
-            decision = controller.decide(make_sense(slip=0.07, torque=600.0))
+            decision = controller.decide(make_sense(slip=0.25, torque=600.0))
         assert decision.ok
         torques.append(decision.torque)
     assert 600.0 > torques[0] > torques[1] > torques[2]
@@ -47,7 +49,9 @@ def test_target_and_motor_bound_the_torque(context, make_sense, limit, bound):
 
 
 def test_believed_peak_and_headroom_bound_the_torque(context, make_sense):
-    settings = MpcSettings(headroom=0.05, belief=PeakBelief(initial=0.03, probe=0.0))
+    settings = MpcSettings(
+        headroom=0.05, belief=PeakBelief(initial=0.03, floor=0.03 - 1e-12, ceiling=0.03)
+    )
     controller = MpcController(context, settings)
     carried = 0.03 * 78e3 * 0.43 / 7.07 * (1 + 4 * 155.0 / (0.43**2 * 55e3))
     torque = 0.0

@@ -11,6 +11,8 @@ import mpc.joint_problem as joint_problem
 import mpc.train_controller as train_controller
 from alloc.onboard.host import TorqueDecision
 from alloc.onboard.parameters import Telegrams
+from alloc.plant.adhesion import RationalCurve
+from mpc.belief import with_predicted_curve
 from mpc.control_period import PredictiveController
 from mpc.group_controller import CarControllers, GroupController
 from mpc.group_problem import GroupProblem, even_split
@@ -18,6 +20,7 @@ from mpc.horizon import HorizonSolution, cost_of
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import JointProblem
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
+from mpc.slip_search import STEEPEST_SLOPE
 from mpc.telegrams import Report
 from mpc.train_controller import TrainMpc
 from mpc.unit_model import parameters, torque_per_coefficient
@@ -85,9 +88,10 @@ def test_a_period_restarts_then_shifts_and_commands_the_first_torques(pair, make
         (10.0, True, "ok", 0.25), (20.0, True, "ok", 0.25),
     ]  # fmt: skip
     assert [a.solve_time for a in answers] == [1e-3] * 2
-    speed, omega, torque, estimate = controller.believed
+    speed, omega, torque, wanted, estimate = controller.believed
     assert (speed, torque, estimate) == ([10.0, 10.0], [100.0, 200.0], [0.05, 0.06])
     np.testing.assert_allclose(omega, 10.02 / 0.43)
+    assert wanted == [500.0, 400.0]
     assert controller.asked == [speed, omega, torque, [500.0, 400.0], [1000.0, 1100.0]]
     assert solver.problem == "the problem"
     controller._answer(_senses(make_sense))
@@ -107,6 +111,10 @@ def test_braking_is_mirrored_and_a_change_of_direction_starts_anew(pair, make_se
     assert controller.asked[0] == [-10.0, -10.0]
     assert controller.asked[1][0] < 0.0
     assert controller.asked[2:] == [[-100.0, 200.0], [500.0, 400.0], [800.0, 900.0]]
+    assert controller.believed[3] == [500.0, 400.0]
+    # what the motors cannot give is not wanted of the rail
+    controller._answer(_senses(make_sense, (-950.0, -850.0), (100.0, -200.0)))
+    assert controller.believed[3] == [800.0, 850.0]
     assert controller.forgotten == 2
 
 
@@ -207,22 +215,21 @@ def no_solver(monkeypatch):
     return made
 
 
-SETTINGS = MpcSettings(
-    headroom=0.2, slip_limit=0.8, belief=PeakBelief(initial=0.3), group=GroupSettings(steps=2)
-)
+SETTINGS = MpcSettings(headroom=0.2, belief=PeakBelief(initial=0.3), group=GroupSettings(steps=2))
 
 
 def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
     units = [make_context(axles=1, radius=0.42), make_context(axles=2, radius=0.44)]
     group = GroupProblem(units, SETTINGS, 2)
-    assert no_solver == [(tuple(units), replace(SETTINGS, iterations=2), SETTINGS.group.evenness)]
+    predicted = tuple(map(with_predicted_curve, units))
+    assert no_solver == [(predicted, replace(SETTINGS, iterations=2), SETTINGS.group.evenness)]
     GroupProblem(units, SETTINGS)
     assert no_solver[1][1] is SETTINGS
     assert group.unit.tolist() == [0, 1, 1]
     assert group.radius.tolist() == [0.42, 0.44, 0.44]
-    np.testing.assert_array_equal(group._parameters, parameters(units, 0.3))
+    np.testing.assert_array_equal(group._parameters, parameters(predicted, 0.3))
     omega, torque = np.array([20.0, 21.0, 22.0]), np.array([100.0, 200.0])
-    peak, peak_slip, carried = (
+    peak, slip_limit, carried = (
         np.array([0.1, 0.2, 0.3]),
         np.array([0.01, 0.02, 0.03]),
         np.array([300.0, 500.0]),
@@ -232,16 +239,33 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
         np.array([90.0, 190.0]),
         np.array([350.0, 900.0]),
     )
-    problem = group.problem((9.0, omega, torque), (peak, peak_slip, carried), target, before, limit)
+    rail, curve = (peak, slip_limit, carried), RationalCurve(0.08, 2.2)
+    problem = group.problem((9.0, omega, torque), rail, curve.q[:2], target, before, limit)
     assert problem.state.tolist() == [9.0, 20.0, 21.0, 22.0, 100.0, 200.0]
-    np.testing.assert_array_equal(problem.parameters, parameters(units, peak))
-    np.testing.assert_allclose(problem.slip_limit, 0.8 * peak_slip)
+    believed = [replace(one, curve=curve) for one in units]
+    np.testing.assert_array_equal(problem.parameters, parameters(believed, peak))
+    np.testing.assert_array_equal(problem.slip_limit, slip_limit)
     assert (problem.target is target, problem.before is before) == (True, True)
     np.testing.assert_allclose(problem.upper, [350.0, 600.0])
     scale = np.array([0.1 * torque_per_coefficient(one) for one in units])
     np.testing.assert_allclose(
         problem.reference, even_split(target, carried, limit, scale, np.array([0.5, 0.5]))
     )
+    # a curve of which the axle with the highest peak makes too steep a one is not predicted with
+    steep = group.problem((9.0, omega, torque), rail, np.array([0.03, 2.2]), target, before, limit)
+    assert RationalCurve(*steep.parameters[-6:-4]).steepest_slope(0.3) <= STEEPEST_SLOPE * (
+        1 + 1e-9
+    )
+
+
+def test_the_curve_of_a_group_with_load_transfer_is_where_its_model_has_it(make_context, no_solver):
+    units = [make_context(axles=2, unloading=(0.1, -0.1)), make_context(axles=1, unloading=(0.2,))]
+    one, two = np.ones(2), np.ones(3)
+    problem = GroupProblem(units, SETTINGS).problem(
+        (9.0, 20.0 * two, one), (0.1 * two, 0.05 * two, one), np.array([0.09, 3.0]), one, one, one
+    )
+    believed = [replace(unit, curve=RationalCurve(0.09, 3.0)) for unit in units]
+    np.testing.assert_array_equal(problem.parameters, parameters(believed, 0.1))
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -294,7 +318,7 @@ def test_hosted_names_stand_for_their_controllers(make_context, no_solver):
 def _report(time=1.0, axles=2, **values):
     defaults = {
         "speed": 10.0, "omega": np.full(axles, 23.5), "torque": 150.0, "command": 160.0, "target": 500.0,
-        "limit": 1000.0, "peak": np.full(axles, 0.1), "peak_slip": np.full(axles, 0.02), "carried": 400.0,
+        "limit": 1000.0, "peak": np.full(axles, 0.1), "slip_limit": np.full(axles, 0.02), "curve": (0.1, 2.0), "carried": 400.0,
     }  # fmt: skip
     return Report(time, **(defaults | values))
 
@@ -317,7 +341,10 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     ]
     joint = JointProblem(units, SETTINGS)
     assert no_solver[0][1].iterations == 2
-    reports = [_report(axles=1), _report(axles=2, speed=11.0, carried=60.0, target=600.0)]
+    reports = [
+        _report(axles=1),
+        _report(axles=2, speed=11.0, carried=60.0, target=600.0, curve=(0.4, 8.0)),
+    ]
     commands = [np.array([]), np.array([165.0, 170.0, 180.0])]
     asked, solution = joint.solve(reports, commands)
     solver = joint._group.solver
@@ -328,6 +355,9 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
         problem.state, [9.5, *(9.5 + slip) / [0.43, 0.45, 0.45], 157.0, 157.0]
     )
     assert (problem.target.tolist(), problem.before.tolist()) == ([500.0, 600.0], [160.0, 180.0])
+    # one model has one curve: the units' geometric mean
+    np.testing.assert_allclose(problem.parameters[-6:-4], [0.2, 4.0])
+    np.testing.assert_array_equal(problem.slip_limit, 0.02)
     np.testing.assert_allclose(problem.upper, [480.0, 72.0])
     # an order stands for three steps: asked is what the third says, 4 and 5 of 0, 1, 2 ...
     assert (solution.torques[:2].tolist(), asked.tolist()) == ([0.0, 1.0], [4.0, 5.0])
@@ -385,7 +415,8 @@ class Cars:
     def __init__(self, contexts, settings):
         self.senses, self.ok = [], True
         unit = [SimpleNamespace(belief=SimpleNamespace(
-            parts=[np.arange(one.axles)], peak=np.full(one.axles, 0.1 + 0.01 * j), peak_slip=np.full(one.axles, 0.02),
+            parts=[np.arange(one.axles)], peak=np.full(one.axles, 0.1 + 0.01 * j), slip_limit=np.full(one.axles, 0.02),
+            observers=[SimpleNamespace(curve=(0.1 + j, 2.0))],
             carried_torque=lambda j=j: np.array([400.0 + j]),
         )) for j, one in enumerate(contexts)]  # fmt: skip
         self.controllers = unit
@@ -450,7 +481,8 @@ def test_orders_act_when_they_arrive_and_the_leaders_with_the_next_period(train,
     assert [(r.time, r.torque, r.target, r.limit, r.carried) for r in reports] == [
         (0.07, 100.0, 500.0, 1150.0, 400.0), (0.03, 101.0, 450.0, 1150.0, 401.0),
     ]  # fmt: skip
-    assert (reports[1].peak.tolist(), reports[1].peak_slip.tolist()) == ([0.11], [0.02])
+    assert [report.peak.tolist() for report in reports][1] == [0.11]
+    assert [(r.peak_slip, r.steepness) for r in reports] == [(0.1, 2.0), (1.1, 2.0)]
     assert commands == [[500.0] * 3, [450.0] * 7]
     # at 11 the order of 7, which acts from 10 on, is known, as far as the rail carries it
     _, commands = train.joint.calls[1]

@@ -9,7 +9,7 @@ from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.onboard.quantity import quantity
 from alloc.simulation import simulate
-from mpc.settings import CurveBelief, MpcSettings, Weights
+from mpc.settings import MpcSettings, PeakBelief, SlipSearch, Weights
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.scenario import Scenario
@@ -49,9 +49,14 @@ step_s = 0.02
 code = "c"
 [onboard.{table}.weights]
 slip_scale_kmh = 0.36
-[onboard.{table}.curve]
-estimate = false
+[onboard.{table}.belief]
+slip_error_kmh = 0.018
+pole_per_s = 20.0
+[onboard.{table}.search]
+seek = false
 memory_s = 2.0
+first_kmh = 0.72
+friction_price_s_per_m = 0.4
 """
     assert load(keys).event(0).onboard.hosted == {
         table.replace("_", "-"): MpcSettings(
@@ -59,7 +64,8 @@ memory_s = 2.0
             step=0.02,
             code="c",
             weights=Weights(slip_scale=0.36 * (1.0 / 3.6)),
-            curve=CurveBelief(estimate=False, memory=2.0),
+            belief=PeakBelief(slip_error=0.018 * (1.0 / 3.6), pole=20.0),
+            search=SlipSearch(seek=False, memory=2.0, first=0.72 * (1.0 / 3.6), friction_price=0.4),
         )
     }
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
+from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch, Weights
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,6 @@ from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
         (MpcSettings, "computing_delay", 2),
         (MpcSettings, "computing_delay", True),
         (MpcSettings, "headroom", -0.1),
-        (MpcSettings, "slip_limit", 0.0),
         (MpcSettings, "code", "fortran"),
         (MpcSettings, "weights", {"slip": 2.0}),
         (MpcSettings, "belief", None),
@@ -32,15 +31,24 @@ from mpc.settings import CurveBelief, MpcError, MpcSettings, PeakBelief, Weights
         (Weights, "slip_scale", math.nan),
         (PeakBelief, "initial", 0.6),
         (PeakBelief, "floor", 0.3),
-        (PeakBelief, "gain", 0.0),
+        (PeakBelief, "gate", 0.0),
+        (PeakBelief, "walk", -0.1),
+        (PeakBelief, "coefficient_error", math.nan),
+        (PeakBelief, "relative_error", 0.0),
         (PeakBelief, "pole", None),
-        (MpcSettings, "curve", None),
+        (MpcSettings, "search", None),
         (MpcSettings, "group", None),
-        (CurveBelief, "estimate", 1),
-        (CurveBelief, "memory", 0.0),
-        (CurveBelief, "smallest", 1.1),
-        (CurveBelief, "largest", 0.9),
-        (CurveBelief, "tested_share", 1.0),
+        (SlipSearch, "seek", 1),
+        (SlipSearch, "memory", 0.0),
+        (SlipSearch, "swing", 1.0),
+        (SlipSearch, "swing", 0.0),
+        (SlipSearch, "swing_time", -0.2),
+        (SlipSearch, "friction_price", -0.1),
+        (SlipSearch, "noise_margin", math.inf),
+        (SlipSearch, "lowest", 0.9),
+        (SlipSearch, "first", 5.0),
+        (SlipSearch, "highest", 0.001),
+        (SlipSearch, "given_share", 0.0),
     ],
 )
 def test_bad_value_is_named(kind, field, value):
@@ -52,4 +60,5 @@ def test_bad_value_is_named(kind, field, value):
 def test_edges_are_allowed():
     MpcSettings(horizon=2, headroom=0.0, tolerance=0.0)
     Weights(slip=0.0, rate=0.0)
-    PeakBelief(probe=0.0, slip_error=0.0, noise_margin=0.0)
+    PeakBelief(walk=0.0, slip_error=0.0)
+    SlipSearch(friction_price=0.0, noise_margin=0.0, lowest=0.1, first=0.1, highest=0.1)

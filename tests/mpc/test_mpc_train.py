@@ -8,11 +8,13 @@ import pytest
 from alloc.metrics import evaluate
 from alloc.onboard.host import UnitSense
 from alloc.onboard.parameters import Belief, Braking, Onboard, Telegrams
+from alloc.plant.adhesion import RationalCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
+from mpc.belief import with_predicted_curve
 from mpc.group_controller import CarControllers, GroupController
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import UnitForecast
@@ -157,17 +159,20 @@ def test_nothing_younger_than_the_telegrams_influences_an_answer(latency):
     assert first[1] == pytest.approx(event + 2.0 * latency + 0.02)
 
 
+CURVE = (0.08, 2.5)
+
+
 def _report(time, command=300.0, carried=800.0):
-    peak = np.full(4, 0.15)
-    top = train_of(1)[0].curve.limit(peak, 5.0)[1]
+    peak, slip_limit = np.full(4, 0.15), np.full(4, 0.06)
     omega = np.array([5.01, 5.02, 5.05, 5.1]) / 0.43
-    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, top, carried)
+    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, slip_limit, CURVE, carried)
 
 
 def test_the_forecast_over_the_delay_is_the_unit_model():
-    context = replace(train_of(1)[0], unloading=())
+    context = replace(train_of(1)[0], unloading=(), curve=RationalCurve(*CURVE))
     report, commands = _report(0.0), np.array([300.0, 300.0, 450.0, 450.0])
-    step = step_function(unit_model(context), 0.01, substeps(context, 0.01))
+    steps = substeps(with_predicted_curve(context), 0.01)
+    step = step_function(unit_model(context), 0.01, steps)
     state = np.concatenate([[report.speed], report.omega, [report.torque]])
     forecast = UnitForecast(context)
     np.testing.assert_array_equal(forecast.state(report, commands[:0]), state)

@@ -1,117 +1,292 @@
-"""Updates of the MPC's beliefs equal a second transcription; what the curve belief keeps is sums, here of lists of pairs."""
+"""Updates of the MPC's belief equal a second transcription, in complex numbers and one axle at a time."""
 
+import cmath
 import math
 
 import numpy as np
 import pytest
 
 from alloc.onboard.observer import observer_gains
-from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.adhesion_laws import tangential_coefficient
-from mpc import belief as beliefs
-from mpc import curve_belief
-from mpc.belief import FOREIGN_FORCE, CurveObserver, GroupBelief, measured_noise
-from mpc.curve_belief import CLASS, SUMS, Constants, Memory, Sums, micro_slip, stretch_estimate
-from mpc.settings import CurveBelief, PeakBelief
+from mpc import axle_observer, slip_search
+from mpc.belief import FOREIGN_FORCE, GroupBelief, UnitBelief
+from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 
-CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
-C = Constants(
-    prior=0.004, fading=3.0, smallest=0.4, largest=2.5, tested=0.75, untested=0.5, resolution=0.002
-)
+PERIOD = 0.01
 
 
-def limit(curve, peak, speed):
-    return tuple(map(float, curve.limit(peak, speed)))
+class Axle:
+    """Pair, noise, peak and demodulated values of one axle."""
+
+    def __init__(self, context, settings):
+        self.context, self.b, self.s = context, settings.belief, settings.search
+        self.keep, self.old, self.new = observer_gains(self.b.pole, PERIOD)
+        self.noise, self.peak = axle_observer.FIRST_NOISE, self.b.initial
+        self.variance = (axle_observer.DOUBT * self.peak) ** 2
+        self.mean, self.of_slip, self.of_coefficient = None, 0j, 0j
+
+    def observe(self, speed, omega, torque, load, fresh):
+        c, b = self.context, self.b
+        w = c.radius * omega - speed
+        value = torque * c.gear_ratio + b.pole * c.inertia * omega
+        if fresh:
+            self.slip = self.w1 = self.w2 = w
+            self.filtered = self.last = value
+        self.filtered = self.keep * self.filtered + self.old * self.last + self.new * value
+        self.last = value
+        self.mu = (self.filtered - b.pole * c.inertia * omega) / (load * c.radius)
+        rough = abs((w - self.w1) - (self.w1 - self.w2)) / 1.95
+        most = axle_observer.ROUGHEST * max(self.noise, axle_observer.SMALLEST_NOISE)
+        share = 1.0 - math.exp(-PERIOD / axle_observer.NOISE_TIME)
+        self.noise = (1.0 - share) * self.noise + share * min(rough, most)
+        self.slip = self.keep * self.slip + self.old * self.w1 + self.new * w
+        self.w2, self.w1 = self.w1, w
+
+    def estimate(self, noise, top, n):
+        c, b = self.context, self.b
+
+        def curve(s):
+            x = s / top
+            return n * x / (1.0 + (n - 2.0) * x + x * x)
+
+        s = max(self.slip, 0.0)
+        x = s / top
+        slope = self.peak * n * (1.0 - x * x) / (1.0 + (n - 2.0) * x + x * x) ** 2 / top
+        felt = b.pole * c.inertia / (c.radius**2 * c.axle_load) * noise
+        own = b.coefficient_error + b.relative_error * abs(self.mu)
+        of_slip = b.slip_error**2 + (1.0 - self.keep) / (1.0 + self.keep) * noise**2
+        repeat = max(1.0, 2.0 / (b.pole * PERIOD))
+        error = (own**2 + felt**2 + slope**2 * of_slip) * repeat
+        error += (0.5 * slope * (self.w1 - self.slip)) ** 2
+        off = self.mu - curve(s) * self.peak
+        total, doubted = curve(s) ** 2 * self.variance + error, False
+        if abs(off) > b.gate * math.sqrt(total):
+            self.variance += (axle_observer.DOUBT * self.peak) ** 2
+            total, doubted = curve(s) ** 2 * self.variance + error, True
+        tells = curve(max(0.0, s + slope * of_slip * repeat / total * off))
+        gain = tells * self.variance / (tells * curve(s) * self.variance + error)
+        before = self.peak
+        self.peak = float(np.clip(before + gain * off, b.floor, b.ceiling))
+        grown = self.variance * (1.0 - gain * curve(s)) + b.walk**2 * PERIOD * before**2
+        self.variance = min(grown, (axle_observer.DOUBT * before) ** 2)
+        return doubted
+
+    def demodulate(self, phase, felt):
+        """Whether the axle is listened to, and whether its rail jumped."""
+        if self.slip < slip_search.LEAST_SLIP or self.mu < slip_search.LEAST_COEFFICIENT:
+            self.mean = None
+            return False, False
+        pair = np.log([self.slip, self.mu])
+        jump = max(
+            slip_search.JUMP,
+            slip_search.WHOLE_SWING * self.s.swing,
+            slip_search.SURE * felt / self.mu,
+        )
+        if self.mean is None:
+            self.mean, self.of_slip, self.of_coefficient = pair, 0j, 0j
+            return True, False
+        if abs(pair[1] - self.mean[1]) > jump:
+            self.mean = pair
+            self.of_slip, self.of_coefficient = 0.3 * self.of_slip, 0.3 * self.of_coefficient
+            return True, True
+        self.mean = self.mean + (1.0 - math.exp(-PERIOD / slip_search.MEAN_TIME)) * (
+            pair - self.mean
+        )
+        turn, kept = cmath.exp(1j * phase) * PERIOD, math.exp(-PERIOD / self.s.memory)
+        self.of_slip = kept * self.of_slip + turn * (pair - self.mean)[0]
+        self.of_coefficient = kept * self.of_coefficient + turn * (pair - self.mean)[1]
+        return True, False
 
 
-def coefficient_at(curve, slip, speed, peak):
-    return tangential_coefficient(curve.kind, curve.q, slip, speed, speed + slip, peak)
+class Unit:
+    """The search, and what it asks of the axles."""
 
+    def __init__(self, context, settings):
+        self.context, self.s = context, settings.search
+        self.axles = [Axle(context, settings) for _ in range(context.axles)]
+        self.slip = self.s.first
+        self.phase = slip_search.GOLDEN * context.unit
+        self.answer, self.limited_for, self.fresh = 0j, 0.0, True
+        self.top, self.n = self.slip / slip_search.USUAL_SHARE, 2.0
+        self.below = 1e-4
+        self.above = 1e-4 * 2.0 * settings.belief.initial / self.top
+        self.elasticity = self.excitation = 0.0
+        self.seen = set()
 
-# --- peaks
+    def slope(self):
+        for a in self.axles:
+            y = a.mu / a.peak
+            if a.mu > 2.0 * slip_search.LEAST_COEFFICIENT and y < slip_search.MICRO:
+                self.seen.add("slope")
+                x = float(np.min(np.roots([y, y * (self.n - 2.0) - self.n, y]).real))
+                bend = 1.0 + (self.n - 2.0) * x + x * x
+                share = slip_search.SLOPE_SHARE
+                self.above += share * (a.mu**2 * bend - self.above)
+                self.below += share * (a.mu * a.slip - self.below)
 
-
-@pytest.mark.parametrize("kind", CURVES)
-def test_peaks_follow_what_slipping_axles_feel(make_context, kind):
-    context = make_context(kind, axles=3)
-    b = PeakBelief(
-        initial=0.15, probe=0.5, noise_margin=2.0, slip_error=0.01, floor=0.05, ceiling=0.22
-    )
-    observer = CurveObserver(context, b, CurveBelief(estimate=False))
-    rng, period = np.random.default_rng(4), context.period
-    keep, old, new = observer_gains(b.pole, period)
-    peak, noise, told, delayed = np.full(3, 0.15), np.full(3, 0.01), np.zeros(3), None
-    speed, branches = 9.0, set()
-    for tick in range(40):
-        speed += 0.01 * rng.uniform(-0.5, 1.0)
-        measured = rng.choice([0.005, 0.03, 1.2], 3) * rng.uniform(0.5, 1.5, 3)
-        omega, torque = (speed + measured) / context.radius, rng.uniform(100.0, 900.0)
-        measured = context.radius * omega - speed
-        if tick in (0, 20):
-            observer.forget_forces()
-        observer.axle_load[:] = context.axle_load * rng.uniform(0.9, 1.1, 3)
-        observer.update(speed, omega, torque)
-        # tau_c = z - a J w, z the filtered input
-        value = torque * context.gear_ratio + b.pole * context.inertia * omega
-        if tick in (0, 20):
-            delayed = last_slip = measured
-            filtered = last = value
-        filtered = keep * filtered + old * last + new * value
-        last = value
-        felt = (filtered - b.pole * context.inertia * omega) / (observer.axle_load * context.radius)
-        delayed = keep * delayed + old * last_slip + new * measured
-        last_slip = measured
-        for i in range(3):
-            off = abs(measured[i] - delayed[i])
-            micro = off - b.noise_margin * noise[i] - b.slip_error <= 0.2 * abs(delayed[i])
-            noise[i] += (1.0 - math.exp(-period / 1.0)) * (off - noise[i])
-            top_value, top = limit(context.curve, peak[i], speed)
-            rate = 1.0 - math.exp(-b.gain * period)
-            if delayed[i] >= b.informative * top + b.slip_error + b.noise_margin * noise[i]:
-                branches.add("slips")
-                share = coefficient_at(context.curve, delayed[i], speed, peak[i]) / peak[i]
-                peak[i] = (1.0 - rate) * peak[i] + rate * felt[i] / share
-                told[i], micro = peak[i], False
-            elif felt[i] > top_value:
-                branches.add("more")
-                peak[i] *= 1.0 + rate * (felt[i] / top_value - 1.0)
-            else:
-                branches.add("untested")
-                peak[i] *= math.exp(b.probe * period)
-            peak[i] = np.clip(peak[i], b.floor, b.ceiling)
-            assert observer.axles.micro[i] == micro
-            assert observer.peak_slip[i] == pytest.approx(
-                limit(context.curve, peak[i], speed)[1], rel=1e-6
+    def search(self, limited):
+        s = self.s
+        noise = float(np.mean([a.noise for a in self.axles]))
+        felt = (
+            self.axles[0].b.pole
+            * self.context.inertia
+            / (self.context.radius**2 * self.context.axle_load)
+            * noise
+        )
+        self.phase += 2.0 * math.pi * PERIOD / s.swing_time
+        self.slope()
+        if not limited:
+            self.limited_for = 0.0
+            for a in self.axles:
+                a.mean = None
+            self.seen.add("not limited")
+            return
+        self.limited_for += PERIOD
+        heard = []
+        for a in self.axles:
+            listened, jumped = a.demodulate(self.phase, felt)
+            if jumped:
+                self.seen.add("jump")
+            if listened:
+                heard.append(a)
+        if not heard:
+            self.seen.add("nothing heard")
+            return
+        a = max(heard, key=lambda one: one.mean[0])
+        full = 0.5 * s.memory * s.swing
+        self.answer += (1.0 - math.exp(-PERIOD / slip_search.INSTRUMENT_TIME)) * (
+            a.of_slip - self.answer
+        )
+        unit = self.answer / (abs(self.answer) + 1e-12)
+        below, above = (
+            max((a.of_slip * unit.conjugate()).real, 0.0),
+            (a.of_coefficient * unit.conjugate()).real,
+        )
+        prior, wanted = slip_search.PRIOR * full, s.friction_price * self.slip
+        self.elasticity = (above + prior * wanted) / (below + prior)
+        self.excitation = (below / full) ** 2
+        settled = self.limited_for > slip_search.SETTLED
+        if s.seek and settled and math.exp(a.mean[0]) > slip_search.AT_LIMIT * self.slip:
+            rate = float(
+                np.clip(s.gain * (self.elasticity - wanted), -s.fastest_fall, s.fastest_rise)
             )
-        for found, expected in ((observer.peak, peak), (observer.coefficient, felt), (observer.axles.told, told),
-                                (observer.axles.slip, delayed), (observer.axles.noise, noise)):  # fmt: skip
-            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
-    assert branches == {"slips", "more", "untested"}
+            lowest = max(s.lowest, s.noise_margin * noise)
+            self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
+            self.seen.add("moved")
+        known = self.excitation / (self.excitation + 0.3) if settled else 0.0
+        slope = float(np.clip(self.above / max(self.below, 1e-7), 1.0, 80.0))
+        ratio = max(slope * math.exp(a.mean[0]) / math.exp(a.mean[1]), 1.05)
+        x = math.sqrt(np.clip(1.0 - self.elasticity * ratio, 0.3, 1.1))
+        x = known * x + (1.0 - known) * slip_search.USUAL_SHARE
+        share = 1.0 - math.exp(-PERIOD / slip_search.SHAPE_TIME)
+        top = float(np.clip(self.slip / x, *slip_search.PEAK_SLIPS))
+        self.top = self.top ** (1.0 - share) * top**share
+        n = float(np.clip(slope * self.top / a.peak, *slip_search.STEEPNESS))
+        self.n = self.n ** (1.0 - share) * n**share
+
+    def update(self, speed, omega, torque, wanted, estimate, load):
+        for i, a in enumerate(self.axles):
+            a.observe(speed, omega[i], torque, load[i], self.fresh)
+        self.fresh = False
+        foreign = abs(estimate - np.mean([a.mu for a in self.axles])) > FOREIGN_FORCE
+        self.search(torque < slip_search.LIMITING * wanted and not foreign)
+        noise = float(np.mean([a.noise for a in self.axles]))
+        for a in self.axles:
+            if a.estimate(noise, self.top, self.n):
+                self.seen.add("doubt")
+        if not self.s.seek:
+            top = self.context.curve.limit(min(a.peak for a in self.axles), speed)[1]
+            self.slip = self.s.given_share * float(top)
 
 
-def test_what_was_supposed_of_the_noise_is_forgotten_as_noise_is_learnt(make_context):
-    b = PeakBelief(slip_error=0.02)
-    observer = CurveObserver(make_context(axles=2), b, CurveBelief())
-    for _ in range(50):
-        observer.update(8.0, np.full(2, 8.01 / 0.43), 100.0)
-    # steady slip: no noise at all
-    assert measured_noise(observer.record) == pytest.approx(0.0, abs=1e-12)
-    observer.axles.noise[:] += [0.003, 0.005]
-    left = math.exp(-50 * 0.01)
-    assert measured_noise(observer.record) == pytest.approx(0.004 / (1.0 - left), rel=1e-9)
+SETTINGS = {
+    "default": MpcSettings(),
+    "others": MpcSettings(
+        belief=PeakBelief(
+            initial=0.15, pole=40.0, walk=0.2, slip_error=0.003, coefficient_error=0.002, relative_error=0.02,
+            gate=2.0, floor=0.05, ceiling=0.3,
+        ),
+        search=SlipSearch(
+            first=0.06, lowest=0.03, highest=0.09, noise_margin=2.0, friction_price=1.0, swing=0.3, swing_time=0.15,
+            memory=0.5, gain=10.0, fastest_rise=1.0, fastest_fall=0.8,
+        ),
+    ),
+    "given": MpcSettings(search=SlipSearch(seek=False, given_share=0.8)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["piecewise", "polach"])
+@pytest.mark.parametrize("name", SETTINGS)
+def test_belief_is_its_second_transcription(make_context, kind, name):
+    context = make_context(kind, axles=3, unit=2)
+    belief, other = UnitBelief(context, SETTINGS[name]), Unit(context, SETTINGS[name])
+    rng, speed, slip, level = np.random.default_rng(4), 9.0, np.full(3, 0.05), 0.12
+    for tick in range(420):
+        speed += 0.005
+        level = 0.06 if tick > 250 else 0.12
+        if tick in (0, 200):
+            belief.forget_forces()
+            other.fresh = True
+        goal = belief.slip_limit if tick % 140 > 30 else 0.002 + 0.0003 * (tick % 140)
+        slip += 0.3 * (goal * np.array([1.0, 0.9, 0.8]) - slip)
+        measured = slip + 0.002 * rng.standard_normal(3)
+        mu = (
+            float(context.curve.coefficient(slip, level, speed).mean())
+            + 0.001 * rng.standard_normal()
+        )
+        torque = mu * context.axle_load * context.radius / context.gear_ratio
+        wanted = 0.5 * torque if 60 < tick < 70 else 900.0
+        estimate = mu + 0.05 if 80 < tick < 84 else math.nan
+        load = context.axle_load * rng.uniform(0.95, 1.05, 3)
+        omega = (speed + measured) / context.radius
+        belief.axle_load[:] = load
+        belief.update(speed, omega, torque, wanted, estimate)
+        other.update(speed, omega, torque, wanted, estimate, load)
+        state, axles = belief.record.search.state[0], belief.record.axles
+        for key in (
+            "slip",
+            "top",
+            "n",
+            "limited_for",
+            "elasticity",
+            "excitation",
+            "above",
+            "below",
+        ):
+            field = {
+                "top": "peak_slip",
+                "n": "steepness",
+                "above": "slope_above",
+                "below": "slope_below",
+            }
+            found = float(state[field.get(key, key)])
+            assert found == pytest.approx(getattr(other, key), rel=1e-6, abs=1e-9), (tick, key)
+        for key, attribute in (("coefficient", "mu"), ("slip", "slip"), ("noise", "noise"), ("peak", "peak"), ("variance", "variance")):  # fmt: skip
+            expected = [getattr(a, attribute) for a in other.axles]
+            np.testing.assert_allclose(getattr(axles, key), expected, rtol=1e-6, atol=1e-12)
+        limit = other.slip * (1.0 + SETTINGS[name].search.swing * math.sin(other.phase))
+        assert belief.slip_limit == pytest.approx(limit, rel=1e-6)
+    common = {"slope", "not limited", "jump", "doubt"}
+    assert other.seen >= common | (set() if name == "given" else {"moved"})
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
-def test_other_brakes_keep_the_slope_as_it_is(make_context, monkeypatch, share):
-    observer = CurveObserver(make_context(axles=2), PeakBelief(), CurveBelief())
-    calls = []
-    monkeypatch.setattr(beliefs, "update_slope", lambda *arguments: calls.append(arguments))
-    observer.update(8.0, np.full(2, 8.01 / 0.43), 300.0)
-    felt = observer.coefficient.mean()
+def test_other_brakes_let_the_search_rest(make_context, share):
+    belief = UnitBelief(make_context(axles=2), MpcSettings())
+    belief.update(8.0, np.full(2, 8.01 / 0.43), 300.0)
+    felt = belief.coefficient.mean()
     for sign in (-1.0, 1.0):
-        observer.update(8.0, np.full(2, 8.01 / 0.43), 300.0, felt + sign * share * FOREIGN_FORCE)
-    assert len(calls) == (3 if share < 1.0 else 1)
-    assert calls[0][-2:] == (4.0 * measured_noise(observer.record), 0.015)
+        belief.update(
+            8.0, np.full(2, 8.01 / 0.43), 300.0, math.inf, felt + sign * share * FOREIGN_FORCE
+        )
+    limited = belief.record.search.state[0].limited_for
+    assert limited == pytest.approx(0.03 if share < 1.0 else 0.0)
+
+
+@pytest.mark.parametrize("share", [0.9985, 0.9995])
+def test_a_unit_that_gives_what_is_wanted_is_not_limited(make_context, share):
+    belief = UnitBelief(make_context(axles=2), MpcSettings())
+    belief.update(8.0, np.full(2, 8.01 / 0.43), 300.0 * share, 300.0)
+    assert (belief.record.search.state[0].limited_for > 0.0) == (share < slip_search.LIMITING)
 
 
 def test_loads_of_a_group_follow_the_forces_of_the_car(make_context):
@@ -122,12 +297,12 @@ def test_loads_of_a_group_follow_the_forces_of_the_car(make_context):
             axles=4, car=1, unloading=(0.05, 0.02, -0.02, -9.0), axle_load=80e3, mass=60e3
         ),
     ]
-    group = GroupBelief(units, PeakBelief())
+    group = GroupBelief(units, MpcSettings())
     static = np.repeat([70e3, 74e3, 80e3], [2, 2, 4])
     unloading = np.concatenate([u.unloading for u in units])
     omega, torque, load = np.full(8, 8.02 / 0.43), np.array([200.0, 300.0, 400.0]), static.copy()
     for _ in range(3):
-        group.update(np.full(3, 8.0), omega, torque)
+        group.update(np.full(3, 8.0), omega, torque, np.full(3, 900.0))
         felt = np.repeat(torque * 7.07 / 0.43, [2, 2, 4]) / load
         np.testing.assert_allclose(
             np.concatenate([o.coefficient for o in group.observers]), felt, rtol=1e-9
@@ -136,213 +311,11 @@ def test_loads_of_a_group_follow_the_forces_of_the_car(make_context):
         load = np.maximum(static - unloading * force, 0.5 * static)
         np.testing.assert_allclose(group.load, load, rtol=1e-9)
     np.testing.assert_array_equal(group.peak, np.concatenate([o.peak for o in group.observers]))
-    np.testing.assert_array_equal(
-        group.peak_slip, np.concatenate([o.peak_slip for o in group.observers])
-    )
+    limits = [np.full(o.peak.size, o.slip_limit) for o in group.observers]
+    np.testing.assert_array_equal(group.slip_limit, np.concatenate(limits))
     group.peak[:] = np.linspace(0.1, 0.17, 8)
     share = group.peak * load / static
     rim = [155.0 * u.axles / (0.43**2 * u.mass) for u in units]
     carried = [u.axle_load * 0.43 / 7.07 * (1.0 + r) for u, r in zip(units, rim, strict=True)]
     weakest = [share[:2].min(), share[2:4].min(), share[4:].min()]
     np.testing.assert_allclose(group.carried_torque(), np.multiply(weakest, carried), rtol=1e-12)
-
-
-# --- the slope of the curve
-
-
-@pytest.mark.parametrize("kind", CURVES)
-@pytest.mark.parametrize("share", [-0.6, 0.3, 0.9])
-def test_micro_slip_is_the_rising_branch_read_backwards(kind, share):
-    curve, speed = CURVES[kind], 8.0
-    top_value, top = limit(curve, 0.12, speed)
-    slip = micro_slip(curve.kind, curve.q, share * top_value, 0.12, top, speed)
-    assert math.copysign(1.0, slip) == math.copysign(1.0, share)
-    assert 0.0 < abs(slip) < top
-    felt = coefficient_at(curve, abs(slip), speed, 0.12)
-    assert felt == pytest.approx(abs(share) * top_value, rel=1e-5)
-
-
-class Pairs:
-    """Accepted pairs with their weights: number, expected and measured slip."""
-
-    def __init__(self, pairs=()):
-        self.pairs = list(pairs)
-
-    def take(self, expected, slip, number, offset):
-        if abs(expected) < C.resolution:
-            expected = 0.0
-        along = slip * np.sign(expected) if expected else slip
-        least, most = C.smallest / 2.0 * abs(expected), C.largest * 2.0 * abs(expected)
-        if least - offset <= along <= most + offset:
-            keep = math.exp(-C.fading * number * expected**2)
-            self.pairs = [(n * keep, x, s) for n, x, s in self.pairs] + [(number, expected, slip)]
-
-    def sums(self):
-        n, x, s = np.array(self.pairs).reshape(-1, 3).T
-        return [n.sum(), (n * x).sum(), (n * x * x).sum(), (n * s).sum(), (n * x * s).sum()]
-
-
-def judge(curve, kept, peak, share, speed, offset, into):
-    """Take what was `kept` (class -> [number, sum of coefficients, sum of slips]) into `into`."""
-    top_value, top = limit(curve, peak, speed)
-    least = math.inf
-    for k in sorted(kept):
-        n, total, slips = kept[k]
-        if total / n > share * top_value:
-            continue
-        expected, slip = micro_slip(curve.kind, curve.q, total / n, peak, top, speed), slips / n
-        if expected > 3.0 * C.resolution:
-            if slip > 1.5 * least * expected:
-                return
-            least = min(least, max(slip, 0.0) / expected)
-        into.take(expected, slip, n, offset)
-
-
-@pytest.mark.parametrize("kind", CURVES)
-@pytest.mark.parametrize("seed", range(2))
-def test_pairs_are_kept_until_the_peak_is_known(kind, seed):
-    curve, speed, offset, initial = CURVES[kind], 8.0, 0.004, 0.15
-    rng = np.random.default_rng(seed)
-    memory = Memory(Sums.zeros(), Sums.zeros(), np.zeros((2, 40), CLASS), np.zeros(2))
-    kept, most, good = [{}, {}], np.zeros(2), Pairs()
-    told, twin_told = np.zeros(2), np.zeros(2)
-    top = limit(curve, 0.13, speed)[1]
-    for tick in range(48):
-        coefficient = rng.uniform(-0.02, 0.13, 2) * (1.5 if tick > 40 else 1.0)
-        slips = np.array(
-            [micro_slip(curve.kind, curve.q, c, 0.14, top, speed) for c in coefficient]
-        )
-        slips *= rng.uniform(0.6, 2.0, 2) * np.where(rng.random(2) < 0.1, 8.0, 1.0)
-        peak, micro = rng.uniform(0.11, 0.16, 2), rng.random(2) < 0.8
-        if tick in (15, 30):
-            told[tick // 30] = twin_told[tick // 30] = 0.125
-        news = curve_belief._update(
-            curve.kind,
-            curve.q,
-            C,
-            initial,
-            offset,
-            speed,
-            slips,
-            coefficient,
-            peak,
-            told,
-            micro,
-            memory,
-        )
-        for i in np.flatnonzero(micro):
-            if 0.0 < 1.2 * twin_told[i] < coefficient[i]:
-                twin_told[i], most[i] = 0.0, 0.0
-            if twin_told[i] > 0.0:
-                known = min(twin_told[i], peak[i])
-                if most[i] > 0.0:
-                    judge(curve, kept[i], max(known, most[i]), C.tested, speed, offset, good)
-                    kept[i], most[i] = {}, 0.0
-                top_value, at = limit(curve, known, speed)
-                if abs(coefficient[i]) <= C.tested * top_value:
-                    good.take(
-                        micro_slip(curve.kind, curve.q, coefficient[i], known, at, speed),
-                        slips[i],
-                        1.0,
-                        offset,
-                    )
-            else:
-                k = min(max(int(coefficient[i] / 0.0125), 0), 39)
-                row = np.array(kept[i].get(k, [0.0, 0.0, 0.0]))
-                kept[i][k] = row * (0.5 if row[0] >= 200.0 else 1.0) + [
-                    1.0,
-                    coefficient[i],
-                    slips[i],
-                ]
-                most[i] = max(most[i], coefficient[i])
-        np.testing.assert_array_equal(told, twin_told)
-        np.testing.assert_allclose(memory.sums.flat, good.sums(), rtol=1e-9, atol=1e-12)
-        if not news or tick % 7:
-            continue
-        total = Pairs(good.pairs)
-        for i in np.flatnonzero(most > 0.0):
-            supposed = min(peak[i], initial, twin_told.max() or math.inf)
-            judge(curve, kept[i], max(most[i], supposed), C.untested, speed, offset, total)
-        np.testing.assert_allclose(memory.total.flat, total.sums(), rtol=1e-9, atol=1e-12)
-    assert good.pairs
-
-
-def test_a_full_class_forgets_its_older_half():
-    bins = np.zeros(40, CLASS)
-    for _ in range(201):
-        curve_belief._keep(bins, 0.03, 0.002)
-    assert bins[2].pairs == pytest.approx(101.0)
-    assert bins[2].coefficient == pytest.approx(101.0 * 0.03)
-    assert bins[2].slip == pytest.approx(101.0 * 0.002)
-    curve_belief._keep(bins, 3.0, 0.0)
-    curve_belief._keep(bins, -3.0, 0.0)
-    assert (bins[39].pairs, bins[0].pairs) == (1.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("offset", "resolution"), [(0.0, 0.0), (0.0, 0.01), (0.004, 0.002), (0.02, 0.0)]
-)
-def test_the_stretch_is_the_regression_of_the_module(offset, resolution):
-    rng = np.random.default_rng(1)
-    n, pair = 30, rng.uniform(0.002, 0.03, (2, 30)) * [[1.0], [1.3]]
-    x, s = pair
-    sums = np.zeros(1, SUMS)
-    sums[0] = (n, x.sum(), (x * x).sum(), s.sum(), (x * s).sum())
-    k = offset**2 / (offset**2 + resolution**2) if offset else 0.0
-    top = C.prior + (x * s).sum() - k * x.sum() * s.sum() / n
-    expected = top / (C.prior + (x * x).sum() - k * x.sum() ** 2 / n)
-    assert stretch_estimate(sums[0], C, offset, resolution) == pytest.approx(expected, rel=1e-12)
-    assert 0.4 < expected < 2.5
-    assert stretch_estimate(np.zeros(1, SUMS)[0], C, offset, resolution) == 1.0
-    sums[0].x_slip = 9.0
-    assert stretch_estimate(sums[0], C, offset, resolution) == C.largest
-    sums[0].x_slip = -9.0
-    assert stretch_estimate(sums[0], C, offset, resolution) == C.smallest
-
-
-def _judged(rows, resolution, offset, share=0.9):
-    """Pairs taken of the classes `rows`: (coefficient, slip), one pair each."""
-    curve = CURVES["piecewise"]
-    bins, sums = np.zeros(40, CLASS), Sums.zeros()
-    for coefficient, slip in rows:
-        curve_belief._keep(bins, coefficient, slip)
-    c = C._replace(resolution=resolution, fading=0.0)
-    curve_belief._judge(curve.kind, curve.q, c, bins, 0.15, share, 8.0, offset, sums)
-    return sums.named[0].pairs
-
-
-def _expected(coefficient):
-    curve = CURVES["piecewise"]
-    return micro_slip(curve.kind, curve.q, coefficient, 0.15, limit(curve, 0.15, 8.0)[1], 8.0)
-
-
-def test_pairs_are_taken_up_to_where_the_curve_bends():
-    low, high = _expected(0.04), _expected(0.08)
-    assert _judged([(0.04, low), (0.08, 1.49 * high)], 1e-5, 0.0) == 2.0
-    assert _judged([(0.04, low), (0.08, 1.51 * high)], 1e-5, 0.0) == 1.0
-    # a slip against the force counts as none: whatever slips more than nothing is beyond the bend
-    assert _judged([(0.04, -0.5 * low), (0.08, -0.4 * low)], 1e-5, 1.0) == 2.0
-    assert _judged([(0.04, -0.5 * low), (0.08, 0.1 * low)], 1e-5, 1.0) == 1.0
-    # what is no more than noise says nothing of a bend
-    third = low / 3.0
-    exact = next(
-        r for r in (third, np.nextafter(third, 0.0), np.nextafter(third, 1.0)) if 3.0 * r <= low
-    )
-    bent = [(0.04, 0.3 * low), (0.08, high)]
-    assert _judged(bent, exact if 3.0 * exact == low else 1.01 * third, 1.0) == 2.0
-    assert _judged(bent, 0.99 * third, 1.0) == 1.0
-
-
-def test_times_of_the_belief_are_told_in_excitation():
-    # one axle that slips by the scale of 0.02 m/s excites by 0.0004 m2/s2 in each of 50 periods a second
-    belief = CurveBelief(slip_scale=0.02, memory=4.0, prior=0.5, smallest=0.6, largest=1.7)
-    slope = curve_belief.slope_belief(CURVES["polach"], 3, 0.02, belief, 0.17)
-    c = slope.constants
-    assert c.prior == pytest.approx(0.5 * 50 * 0.0004)
-    assert c.fading * 4.0 * 50 * 0.0004 == pytest.approx(1.0)
-    assert (c.smallest, c.largest, c.tested, c.untested) == (0.6, 1.7, 0.75, 0.5)
-    assert c.resolution == pytest.approx(0.002)
-    assert slope.initial == 0.17
-    assert (slope.memory.bins.shape, slope.memory.most.shape) == ((3, 40), (3,))
-    assert slope.stretch.tolist() == [1.0]
-    np.testing.assert_array_equal(slope.q, CURVES["polach"].q)
