@@ -18,7 +18,7 @@ from mpc.group_controller import CarControllers, GroupController
 from mpc.group_problem import GroupProblem, even_split
 from mpc.horizon import HorizonSolution, cost_of
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.joint_problem import JointProblem
+from mpc.joint_problem import NO_SLIP_LIMIT, JointProblem
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
 from mpc.slip_search import STEEPEST_SLOPE
 from mpc.telegrams import Report
@@ -318,7 +318,7 @@ def test_hosted_names_stand_for_their_controllers(make_context, no_solver):
 def _report(time=1.0, axles=2, **values):
     defaults = {
         "speed": 10.0, "omega": np.full(axles, 23.5), "torque": 150.0, "command": 160.0, "target": 500.0,
-        "limit": 1000.0, "peak": np.full(axles, 0.1), "slip_limit": np.full(axles, 0.02), "curve": (0.1, 2.0), "carried": 400.0,
+        "limit": 1000.0, "peak": np.full(axles, 0.1), "peak_slip": 0.1, "steepness": 2.0, "carried": 400.0,
     }  # fmt: skip
     return Report(time, **(defaults | values))
 
@@ -343,7 +343,7 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     assert no_solver[0][1].iterations == 2
     reports = [
         _report(axles=1),
-        _report(axles=2, speed=11.0, carried=60.0, target=600.0, curve=(0.4, 8.0)),
+        _report(axles=2, speed=11.0, carried=60.0, target=600.0, peak_slip=0.4, steepness=8.0),
     ]
     commands = [np.array([]), np.array([165.0, 170.0, 180.0])]
     asked, solution = joint.solve(reports, commands)
@@ -357,7 +357,7 @@ def test_the_joint_problem_begins_where_orders_can_act(make_context, no_solver, 
     assert (problem.target.tolist(), problem.before.tolist()) == ([500.0, 600.0], [160.0, 180.0])
     # one model has one curve: the units' geometric mean
     np.testing.assert_allclose(problem.parameters[-6:-4], [0.2, 4.0])
-    np.testing.assert_array_equal(problem.slip_limit, 0.02)
+    np.testing.assert_array_equal(problem.slip_limit, NO_SLIP_LIMIT)
     np.testing.assert_allclose(problem.upper, [480.0, 72.0])
     # an order stands for three steps: asked is what the third says, 4 and 5 of 0, 1, 2 ...
     assert (solution.torques[:2].tolist(), asked.tolist()) == ([0.0, 1.0], [4.0, 5.0])
@@ -397,6 +397,7 @@ def test_a_unit_of_which_no_report_is_used_rolls_with_the_leader(make_context, n
     torque = 300.0 if works else 0.0
     assert (supposed.torque, supposed.command, supposed.limit) == (torque,) * 3
     assert supposed.peak.tolist() == [0.3, 0.3]
+    assert (supposed.peak_slip, supposed.steepness) == (leader.peak_slip, leader.steepness)
     assert (supposed.carried > 300.0) if works else (supposed.carried == 0.0)
 
 
