@@ -1,6 +1,7 @@
 """What a unit, or a group of units, believes about its rail: peaks of its axles, the curve, and the slip that is best.
 
-`mpc.axle_observer` tells what axles feel and could carry, `mpc.slip_search` which slip yields most, and the curve to predict with.
+`mpc.axle_observer` tells what axles feel and could carry, `mpc.slip_search` which slip yields most, and the curve to
+predict with.
 """
 
 import math
@@ -197,7 +198,10 @@ class GroupBelief:
             observer.forget_forces()
 
     def update(self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats) -> None:
-        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted (units,) [N m]."""
+        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], and motor torques and those wanted [N m].
+
+        Torques are (units,).
+        """
         felt = np.empty_like(self.peak)
         for j, (observer, part) in enumerate(zip(self.observers, self.parts, strict=True)):
             observer.axle_load[:] = self.load[part]

@@ -56,7 +56,7 @@ class GroupProblem:
         speed, omega, torque = state
         peak, slip_limit, carried = rail
         self._parameters[: omega.size] = peak
-        self._parameters[self._curve] = no_steeper(*curve, peak.max())
+        self._parameters[self._curve] = no_steeper(curve[0], curve[1], peak.max())
         return HorizonProblem(
             state=np.concatenate([[speed], omega, torque]),
             parameters=self._parameters,

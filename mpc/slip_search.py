@@ -5,13 +5,14 @@ What is sought is the slip s at which the rail force less the price of its frict
 
     e = d ln mu / d ln s = p s / (1 - p s), about p s.
 
-Where adhesion hardly grows any more, slip costs more than it brings: on a wide peak the best slip lies well below the peak's.
+Where adhesion hardly grows any more, slip costs more than it brings: on a wide peak the best slip lies well below that of
+the peak.
 
 *Excitation.* The slip limit that the MPC keeps swings about its mean by `swing`, a sine of `swing_time`. *Elasticity.* ln
 mu and ln s of each axle, less their means, are demodulated at that frequency with a memory of `memory`: complex numbers Z_mu
-and Z_s. Their quotient would be biased towards zero, for slip is measured with noise, and the controller acts on that noise. So
-the swing itself is the instrument (instrumental variables; Soederstroem, Automatica 43 (2007) 939-958): with U, the
-mean of Z_s over `INSTRUMENT_TIME`, that is what the slip has of the swing,
+and Z_s. Their quotient would be biased towards zero, for slip is measured with noise, and the controller acts on that
+noise. So the swing itself is the instrument (instrumental variables; Soederstroem, Automatica 43 (2007) 939-958). With U,
+the mean of Z_s over `INSTRUMENT_TIME`, which is the part of the slip that follows the swing,
 
     e = Re(Z_mu conj U) / Re(Z_s conj U).
 
@@ -20,7 +21,7 @@ holds e at what it should be, and nothing moves. The axle asked is the one with 
 *Step.* d ln s / dt = `gain` (e - p s), within `fastest_rise` and `fastest_fall`: extremum seeking (Krstic and Wang,
 Automatica 36 (2000) 595-601) with the elasticity in place of the gradient, so that neither level nor slip needs a scale.
 
-*The curve.* What the MPC predicts with is the rational curve mu_p n x / (1 + (n - 2) x + x^2), x = s / s_p (Kiencke and Daiss,
+*The curve.* The MPC predicts with the rational curve mu_p n x / (1 + (n - 2) x + x^2), x = s / s_p (Kiencke and Daiss,
 1994). Its three numbers follow from three that are measured: the slope k = n mu_p / s_p at the origin, from pairs far below
 the peak by errors in the slip; the coefficient at the present slip; and e there. With D = s k / mu the curve's equations
 give e D = 1 - x^2, hence x, s_p = s / x. Peak, peak slip and steepness are so independent of each other.
@@ -39,7 +40,7 @@ from mpc.axle_observer import mean_noise
 from mpc.settings import SlipSearch
 
 STEEPEST_SLOPE = 12.0
-"""Slope [s/m] of the steepest curve that is predicted with; steeper ones would need shorter steps, and their slip is none."""
+"""Slope [s/m] of the steepest curve that is predicted with; a steeper one would need shorter steps for hardly any slip."""
 
 LEAST_COEFFICIENT = 0.01
 """Of an axle that is listened to; so small a force has no logarithm worth its noise."""
@@ -274,10 +275,10 @@ def search_slip(search, axles, felt, limited):
 
 @equation
 def no_steeper(peak_slip, steepness, most):
-    """Peak slip [m/s] and steepness of the curve nearest by of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
+    """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
 
-    From steepness 2 on the steepest slope is that at the origin. Below, the curve turns on its way to the peak, and the line
-    is a bound from steepness 1 on, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
+    `most`: the greatest peak coefficient that the curve is scaled with. From steepness 2 on the steepest slope is that at the
+    origin. Below, the curve turns on its way to the peak, and from steepness 1 on a straight line is a bound, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
     """
     top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
     allowed = STEEPEST_SLOPE * top / most

@@ -316,7 +316,8 @@ def test_hosted_names_stand_for_their_controllers(make_context, no_solver):
 def _report(time=1.0, axles=2, **values):
     defaults = {
         "speed": 10.0, "omega": np.full(axles, 23.5), "torque": 150.0, "command": 160.0, "target": 500.0,
-        "limit": 1000.0, "peak": np.full(axles, 0.1), "slip_limit": np.full(axles, 0.02), "curve": (0.1, 2.0), "carried": 400.0,
+        "limit": 1000.0, "peak": np.full(axles, 0.1), "slip_limit": np.full(axles, 0.02), "curve": (0.1, 2.0),
+        "carried": 400.0,
     }  # fmt: skip
     return Report(time, **(defaults | values))
 
