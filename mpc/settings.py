@@ -139,20 +139,20 @@ class GroupSettings:
 class MpcSettings:
     """Settings of the readhesion MPC; times in s.
 
-    `horizon` steps of `step`. `headroom`: the torque command never exceeds what the believed peak carries by more
-    than this share, whatever the optimiser says. `iterations`: most SQP steps per control period, the first always
-    taken, more while the optimality residual before the last one exceeds `tolerance` and time is left. Against
-    convergence one step alone costs up to 30 % of the closed loop's cost in the shipped events, five cost less than 1
-    % in driving and some percent with blended brakes. Time is simulated, so a run does not depend on the machine that
-    computes it. `step_time`: time that the computer on board takes for an SQP step, of a unit or of a group; assumed,
-    ten times what a workstation takes for four axles. `deadline`: longest solve, by default as long as the default
-    control period; what is longer than the control period counts as the period. No step is begun that would end
-    later, and where not even one fits, the answer is late, which counts as failed. `computing_delay`: control
-    periods, 0 or 1, from the readings to the command that they lead to; the controller of a unit or a group then
-    commands what it found before. `compensated`: it solves from the state that it predicts for the instant at which
-    its command will act. `exact_hessian`: second derivatives of the plant in the QP, indefinite parts reflected; else
-    Gauss-Newton. `code`: the model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler
-    ("c"); the answers are the same.
+    `horizon` steps of `step`. `headroom`: the torque command never exceeds what the believed peak carries by more than
+    this share, whatever the optimiser says. `iterations`: most SQP steps per control period, the first always taken,
+    more while the optimality residual before the last one exceeds `tolerance` and time is left. Against convergence one
+    step alone costs up to 30 % of the closed loop's cost in the shipped events, five cost about 1 % in driving and some
+    percent with blended brakes. Time is simulated, so a run does not depend on the machine that computes it.
+    `step_time`: time that the computer on board takes for an SQP step, of a unit or of a group; assumed, ten times what
+    a workstation takes for four axles.
+    `deadline`: longest solve, by default as long as the default control period; what is longer than the control period
+    counts as the period. No step is begun that would end later, and where not even one fits, the answer is late, which
+    counts as failed. `computing_delay`: control periods, 0 or 1, from the readings to the command that they lead to; the
+    controller of a unit or a group then commands what it found before. `compensated`: it solves from the state that it
+    predicts for the instant at which its command will act. `exact_hessian`: second derivatives of the plant in the QP,
+    indefinite parts reflected; else Gauss-Newton. `code`: the model compiled by Numba ("numba", needs nothing else) or
+    from C by the system's compiler ("c"); the answers are the same.
     """
 
     horizon: int = quantity(20, "1", most=200)

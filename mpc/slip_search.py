@@ -277,10 +277,11 @@ def search_slip(search, axles, felt, limited):
 
 @equation
 def no_steeper(peak_slip, steepness, most):
-    """Peak slip [m/s] and steepness of the nearest curve of which no slope exceeds `STEEPEST_SLOPE`; `most`: greatest peak.
+    """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
 
-    From steepness 2 on the steepest slope is that at the origin. Below, the curve turns on its way to the peak, and the line
-    is a bound from steepness 1 on, see `alloc.plant.adhesion.RationalCurve.steepest_slope`.
+    `most`: the greatest peak coefficient that the curve is scaled with. From steepness 2 on the steepest slope is that at
+    the origin. Below, the curve turns on its way to the peak, and from steepness 1 on a straight line is a bound, see
+    `alloc.plant.adhesion.RationalCurve.steepest_slope`.
     """
     top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
     allowed = STEEPEST_SLOPE * top / most

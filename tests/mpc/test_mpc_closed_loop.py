@@ -45,9 +45,6 @@ def test_it_keeps_more_effort_than_cut_and_ramp(drop_run):
     run, _ = drop_run
     classic = simulate(drop_event(), "alone", "cut-and-ramp")
     assert evaluate(run)["effort_ratio"] > evaluate(classic)["effort_ratio"]
-    # it slips near the peak all the time where cut-and-ramp leaves it: far beyond it does not
-    slip, far = (np.abs(one["slip_velocity"].values).max() for one in (run, classic))
-    assert slip < far
 
 
 def test_bounds_hold_all_the_way(drop_run):

@@ -31,7 +31,7 @@ def test_with_slip_it_reduces_the_torque_and_the_more_the_lower_the_believed_pea
         )
         controller = MpcController(context, settings)
         for _ in range(5):
-            decision = controller.decide(make_sense(slip=0.25, torque=600.0))
+            decision = controller.decide(make_sense(slip=0.13, torque=600.0))
         assert decision.ok
         torques.append(decision.torque)
     assert 600.0 > torques[0] > torques[1] > torques[2]

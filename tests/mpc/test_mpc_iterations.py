@@ -63,13 +63,13 @@ def converged(request):
     return event, _figures(event, CONVERGED)
 
 
-def test_the_default_is_within_one_percent_of_the_converged_controller(converged):
+def test_the_default_is_within_two_percent_of_the_converged_controller(converged):
     event, (cost, effort, damage, slip_time, residuals) = converged
     assert np.quantile(residuals, 0.99) < 1e-4, "the yardstick itself must be converged"
     own = _figures(event)
-    assert own[0] == pytest.approx(cost, rel=0.01)
+    assert own[0] == pytest.approx(cost, rel=0.02)
     assert own[1] == pytest.approx(effort, rel=0.01)
-    assert own[2] == pytest.approx(damage, rel=0.02)
+    assert own[2] == pytest.approx(damage, rel=0.01)
     assert own[3] == pytest.approx(slip_time, rel=0.01, abs=0.05)
 
 
