@@ -1,4 +1,4 @@
-"""What holds a unit back beside its own rails: gradient, running resistance, and cars that give less or more than their part.
+"""What holds a unit back beside its own rails: gradient, resistance, and cars that give less or more than their part.
 
 The prediction moves the unit with its share of the train's mass. Its believed rail forces over that mass, less the
 acceleration that the reference speed shows, are drag. It changes slowly and is taken for constant over the horizon: as the

@@ -65,6 +65,8 @@ SURE = 4.0
 """The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.1
 """Weight of the prior, over that of a slip that follows the swing."""
+UNTOLD = 0.05
+"""Excitation that tells half of what a full one tells."""
 MICRO = 0.6
 """Share of the peak up to which a pair tells the slope at the origin."""
 SLOPE_SHARE = 0.01
@@ -222,8 +224,10 @@ def _demodulate(search, axles, felt):
 def _elasticity(search, i, wanted):
     """Elasticity of axle `i`, `wanted` where nothing tells it, and how far slip follows the swing."""
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
-    state.cosine += pace.instrument * (z[0] - state.cosine)
-    state.sine += pace.instrument * (z[1] - state.sine)
+    # at first a plain mean: what slip answered before the unit was limited again may have been another phase
+    share = max(pace.instrument, pace.period / state.limited_for)
+    state.cosine += share * (z[0] - state.cosine)
+    state.sine += share * (z[1] - state.sine)
     size = math.sqrt(state.cosine * state.cosine + state.sine * state.sine) + 1e-12
     of_slip = max((z[0] * state.cosine + z[1] * state.sine) / size, 0.0)
     of_coefficient = (z[2] * state.cosine + z[3] * state.sine) / size
@@ -269,7 +273,8 @@ def search_slip(search, axles, felt, limited):
     _elasticity(search, i, wanted)
     at_limit = math.exp(search.mean_slip[i]) > AT_LIMIT * state.slip
     if pace.seeks and state.limited_for > SETTLED and at_limit:
-        rate = min(max(pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
+        told = state.excitation / (state.excitation + UNTOLD)
+        rate = min(max(told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
         lowest = max(pace.lowest, pace.noise_margin * mean_noise(axles))
         state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
     _fit_curve(search, axles, i)
