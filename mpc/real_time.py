@@ -42,10 +42,7 @@ class RealTimeIteration:
     For one unit, or for a group as one problem; `evenness` is the weight of that term of the cost.
     """
 
-    def __init__(
-        self, units: Units, settings: MpcSettings, evenness: float = 0.0, steepest: float = 1.0
-    ) -> None:
-        """`steepest`: how many times as steep as the given curve the believed one may become."""
+    def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
         self._settings = settings
         self.most = max(1, settings.steps_in_time(group_of(units)[0].period))
         """Most steps of a solve."""
@@ -55,7 +52,7 @@ class RealTimeIteration:
         self.units = made.units
         rules = Rules(
             step=float(settings.step),
-            most_substeps=substeps(units, settings.step, steepest),
+            most_substeps=substeps(units, settings.step),
             tolerance=settings.tolerance,
             least_curvature=2.0 * LEAST_CURVATURE * settings.weights.tracking,
             exact=settings.exact_hessian,
@@ -69,7 +66,7 @@ class RealTimeIteration:
         self.period = period(
             addresses, model.nonzeros, self._terms, rules, settings.horizon, made.parameters.numel()
         )
-        self.period.now.substeps[0] = substeps(units, settings.step)
+        self.period.now.substeps[0] = rules.most_substeps
         self._period = ByReference(self.period)
         self._iterate = iterate
         self.torques = self.period.guess.torques

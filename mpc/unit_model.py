@@ -5,7 +5,6 @@ driven axles, one group of motors each. Only states that decide slip are kept. W
 so all of the same shape and kind of adhesion curve share one expression and one compilation.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -14,13 +13,12 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from alloc.compilation import equation
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import CreepCurve
 from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.equations import slip_velocity
-from alloc.plant.model import STABLE_STEP, Inputs, Model, build
+from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.structure import Floats, Ints
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
@@ -30,9 +28,6 @@ Units = UnitContext | Sequence[UnitContext]
 
 UNBOUNDED_TORQUE = 1e9
 """Torque limit [N m] inside the model: the optimiser's bounds act instead, which keeps the model smooth."""
-
-SLOW_LAG = 1e9
-"""Time constant [s] of motors whose rate counts for nothing."""
 
 CONSTANTS = ("axle_load", "radius", "inertia", "gear_ratio", "torque_lag")
 """Values of each unit that the model takes as parameters after the mass, named as in `UnitContext`."""
@@ -202,25 +197,9 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     )
 
 
-def stiffness(units: Units) -> tuple[float, float]:
-    """The plant's own bound on the fastest rates [1/s] of what the given curve makes, and of the motors."""
-    group = group_of(units)
-    slow = tuple(replace(context, torque_lag=SLOW_LAG) for context in group)
-    return _plant(slow).stiffness(), max(1.0 / context.torque_lag for context in group)
-
-
-@equation
-def steps_of(step, contacts, motors, steepness):
-    """Runge-Kutta steps that make a prediction step of `step` [s].
-
-    Of the `stiffness` of `contacts` and `motors`, where the curve is `steepness` times as steep as the given one.
-    """
-    return max(1, math.ceil(step * max(contacts * steepness, motors) / STABLE_STEP))
-
-
-def substeps(units: Units, step: float, steepness: float = 1.0) -> int:
-    """As `steps_of`, of the `stiffness` of `units`."""
-    return int(steps_of(step, *stiffness(units), steepness))
+def substeps(units: Units, step: float) -> int:
+    """Runge-Kutta steps that make a prediction step of `step` [s], from the plant's own bound on stiffness."""
+    return _plant(group_of(units)).substeps(step)
 
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:

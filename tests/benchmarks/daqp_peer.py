@@ -22,8 +22,8 @@ PRIMAL_TOLERANCE = 1e-12
 class DaqpIteration(RealTimeIteration):
     """A `RealTimeIteration` whose `solve` is written with NumPy and DAQP."""
 
-    def __init__(self, units, settings, evenness=0.0, steepest=1.0):
-        super().__init__(units, settings, evenness, steepest)
+    def __init__(self, units, settings, evenness=0.0):
+        super().__init__(units, settings, evenness)
         n = self.torques.size
         self._daqp = daqp.Model()
         self._daqp.setup(

@@ -76,7 +76,7 @@ MPC = {
         "relative_error": 0.006, "gate": 3.5, "floor": 0.01, "ceiling": 0.5,
     },
     "search": {
-        "first": 0.1, "lowest": 0.02, "highest": 0.8, "noise_margin": 1.0, "friction_price": 0.3, "swing": 0.15,
+        "first": 0.08, "lowest": 0.02, "highest": 0.8, "noise_margin": 4.0, "friction_price": 0.3, "swing": 0.2,
         "swing_time": 0.2, "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0, "seek": True,
         "given_share": 1.0,
     },
