@@ -30,7 +30,7 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
     assert DEFAULT_SEEDS >= 5
     assert not grid.fixed
     cells = Counter((job.scenario.name, job.rule, job.controller) for job in grid.jobs())
-    seeds = {one: DEFAULT_SEEDS for one in COMPARED} | {SLOW_CONTROLLER: 1}
+    seeds = dict.fromkeys(COMPARED, DEFAULT_SEEDS) | {SLOW_CONTROLLER: 1}
     assert cells == {
         (name, rule, controller): count
         for name in wanted
