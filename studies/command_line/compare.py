@@ -54,7 +54,7 @@ def compare(
     rules
         Allocation rules [default: all but qp-cvxpy].
     controllers
-        Readhesion controllers [default: cut-and-ramp, and mpc on some of the events].
+        Readhesion controllers [default: cut-and-ramp, perturb-observe, and mpc on the first seed].
     seeds
         Number of seeds: 3 runs the seeds 0, 1 and 2; 0 is the event as its file states it [default:
         5, but 1 where nothing is drawn].

@@ -15,15 +15,9 @@ DEFAULT_SEEDS = 5
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
 """Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
 another answer only where the train believes in deviations of its caps, which no shipped scenario does."""
-MPC_CELLS = tuple(
-    (name, "cooperative")
-    for name in (
-        "very-low-adhesion",
-        "wet-patch",
-        "wrong-increments",
-    )
-)
-"""Where the default grid also runs the MPC, several times as slow as what is compiled: one event of each kind."""
+SLOW_CONTROLLER = "mpc"
+"""What joins in where nothing is said about controllers, on the first seed alone: it takes tens of times as long as what is
+compiled into the loop."""
 KEPT_RUNS = ("wet-patch/alone/*/0", "wet-patch/exact/*/0", "wet-patch/cooperative/*/0")
 """Runs that a comparison records as netCDF."""
 
@@ -50,7 +44,7 @@ def make_grid(
 ) -> Grid:
     """The grid for these parts; None stands for the default.
 
-    With nothing said about controllers the MPC joins in on the cells of `MPC_CELLS` that are part of the grid. Raises
+    With nothing said about controllers the MPC joins in under every rule, on the first seed of every event. Raises
     `StudyError` where several seeds are asked for and a scenario leaves nothing to them.
     """
     if seeds is not None and seeds < 1:
@@ -65,19 +59,10 @@ def make_grid(
     chosen = tuple(dict.fromkeys(default_rules() if rules is None else rules))
     built_in = tuple(dict.fromkeys(COMPARED if controllers is None else controllers))
     check_names(chosen, built_in)
-    extra: tuple[tuple[Scenario, str, str], ...] = ()
-    if controllers is None:
-        extra = tuple(
-            (scenario, rule, "mpc")
-            for scenario in scenarios
-            for name, rule in MPC_CELLS
-            if scenario.name == name and rule in chosen
-        )
-    if extra:
-        check_controller("mpc")
+    once = (SLOW_CONTROLLER,) if controllers is None else ()
+    check_names(chosen, once)
     return Grid(
-        tuple(scenarios), chosen, built_in, tuple(range(count)), extra,
-        frozenset(fixed),
+        tuple(scenarios), chosen, built_in, tuple(range(count)), once, frozenset(fixed),
     )  # fmt: skip
 
 

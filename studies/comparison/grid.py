@@ -9,29 +9,25 @@ from studies.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Grid:
-    """What a comparison consists of: the product of its parts over `seeds`, plus `extra` cells."""
+    """What a comparison consists of: the product of its parts over `seeds`, and slow controllers on the first of them."""
 
     scenarios: tuple[Scenario, ...]
     rules: tuple[str, ...]
     controllers: tuple[str, ...]
     seeds: tuple[int, ...]
-    extra: tuple[tuple[Scenario, str, str], ...] = ()
-    """Cells (scenario, rule, controller) beyond the product, over the same seeds."""
+    once: tuple[str, ...] = ()
+    """Controllers that meet every scenario under every rule too, but on the first seed alone."""
     fixed: frozenset[str] = frozenset()
     """Scenarios that meet the first seed alone, for every other would be the same event."""
 
     def jobs(self) -> list[Job]:
         """Every cell once: by scenario, then rule, controller, seed."""
-        cells = [
-            (scenario, rule, controller)
-            for scenario in self.scenarios
-            for rule in self.rules
-            for controller in self.controllers
-        ]
         jobs = [
             Job(scenario, rule, controller, seed)
-            for scenario, rule, controller in dict.fromkeys([*cells, *self.extra])
-            for seed in (self.seeds[:1] if scenario.name in self.fixed else self.seeds)
+            for scenario in dict.fromkeys(self.scenarios)
+            for rule in self.rules
+            for controller in dict.fromkeys((*self.controllers, *self.once))
+            for seed in self._seeds(scenario.name, controller)
         ]
         names = {job.scenario.name: job.scenario for job in jobs}
         for job in jobs:
@@ -42,3 +38,8 @@ class Grid:
         order = {name: k for k, name in enumerate(names)}
         rules = {rule: k for k, rule in enumerate(dict.fromkeys(job.rule for job in jobs))}
         return sorted(jobs, key=lambda job: (order[job.scenario.name], rules[job.rule]))
+
+    def _seeds(self, scenario: str, controller: str) -> tuple[int, ...]:
+        """Seeds that this scenario meets under this controller."""
+        alone = scenario in self.fixed or controller not in self.controllers
+        return self.seeds[:1] if alone else self.seeds

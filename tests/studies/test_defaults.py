@@ -9,7 +9,7 @@ from alloc.rules import RULES
 from studies.comparison.defaults import (
     DEFAULT_SEEDS,
     KEPT_RUNS,
-    MPC_CELLS,
+    SLOW_CONTROLLER,
     SLOW_RULES,
     default_grid,
     make_grid,
@@ -29,19 +29,22 @@ def test_by_default_every_scenario_but_those_of_faults_meets_every_rule_but_the_
     assert grid.seeds == tuple(range(DEFAULT_SEEDS))
     assert DEFAULT_SEEDS >= 5
     assert not grid.fixed
-    seeds = Counter(
-        job.controller
-        for job in grid.jobs()
-        if job.scenario.name == "wet-patch" and job.rule == "cooperative"
-    )
-    assert seeds == {
-        "cut-and-ramp": DEFAULT_SEEDS, "perturb-observe": DEFAULT_SEEDS, "mpc": DEFAULT_SEEDS,
-    }  # fmt: skip
+    cells = Counter((job.scenario.name, job.rule, job.controller) for job in grid.jobs())
+    seeds = dict.fromkeys(COMPARED, DEFAULT_SEEDS) | {SLOW_CONTROLLER: 1}
+    assert cells == {
+        (name, rule, controller): count
+        for name in wanted
+        for rule in grid.rules
+        for controller, count in seeds.items()
+    }
 
 
-def test_the_mpc_joins_in_where_it_is_meant_to():
-    labels = {(s.name, rule, controller) for s, rule, controller in default_grid().extra}
-    assert labels == {(name, rule, "mpc") for name, rule in MPC_CELLS}
+def test_the_slow_controller_meets_the_first_seed_and_all_where_it_is_named():
+    scenario = load_scenario("wet-start")
+    grid = make_grid([scenario], ["exact"], None, 2)
+    assert {job.seed for job in grid.jobs() if job.controller == SLOW_CONTROLLER} == {0}
+    named = make_grid([scenario], ["exact"], [SLOW_CONTROLLER], 2)
+    assert [job.seed for job in named.jobs()] == [0, 1]
 
 
 def test_every_pattern_of_runs_to_keep_matches_a_cell():
@@ -70,4 +73,4 @@ def test_at_least_one_seed_is_needed(seeds):
 
 def test_the_default_grid_leaves_the_joint_controllers_out():
     # they take several times as long, and answer another question
-    assert {job.controller for job in default_grid().jobs()} <= {*COMPARED, "mpc"}
+    assert {job.controller for job in default_grid().jobs()} == {*COMPARED, SLOW_CONTROLLER}

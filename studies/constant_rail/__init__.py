@@ -1,0 +1,1 @@
+"""Whether the MPC comes to rest on rails that do not change."""
