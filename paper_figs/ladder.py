@@ -80,8 +80,7 @@ def ladder(table: pd.DataFrame) -> Figure:
     name_rows(axes[0, 0], LADDER)
     counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
     drawn.suptitle(
-        f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events); "
-        "mpc: part of them",
+        f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events)",
         fontsize=8,
     )
     return drawn
