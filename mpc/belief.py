@@ -193,8 +193,6 @@ class GroupBelief:
         self._car = np.array([context.car for context in group])[self.unit]
         self._same_car = (self._car[:, None] == self._car[None, :]).astype(float)
         self._static = np.array([context.axle_load for context in group])[self.unit]
-        mass = np.array([context.mass for context in group])
-        self._share = mass / mass.sum()
         self._carried = np.array([torque_per_coefficient(context) for context in group])
         self.load = self._static.copy()
         """Load of each axle [N], (axles,)."""
@@ -219,11 +217,6 @@ class GroupBelief:
         force = self._same_car @ (felt * self.load)
         # an observer's transient must not take away a whole load
         self.load = np.maximum(self._static - self._unloading * force, 0.5 * self._static)
-
-    @property
-    def grade(self) -> float:
-        """Gradient that stands for all drag of the group."""
-        return float(sum(self._share * [observer.grade for observer in self.observers]))
 
     @property
     def curve(self) -> Floats:

@@ -151,9 +151,8 @@ class Unit:
             return
         a = max(heard, key=lambda one: one.mean[0])
         full = 0.5 * s.memory * s.swing
-        self.answer += (1.0 - math.exp(-PERIOD / slip_search.INSTRUMENT_TIME)) * (
-            a.of_slip - self.answer
-        )
+        filtered = 1.0 - math.exp(-PERIOD / slip_search.INSTRUMENT_TIME)
+        self.answer += max(filtered, PERIOD / self.limited_for) * (a.of_slip - self.answer)
         unit = self.answer / (abs(self.answer) + 1e-12)
         below, above = (
             max((a.of_slip * unit.conjugate()).real, 0.0),
@@ -164,9 +163,9 @@ class Unit:
         self.excitation = (below / full) ** 2
         settled = self.limited_for > slip_search.SETTLED
         if s.seek and settled and math.exp(a.mean[0]) > slip_search.AT_LIMIT * self.slip:
-            rate = float(
-                np.clip(s.gain * (self.elasticity - wanted), -s.fastest_fall, s.fastest_rise)
-            )
+            told = self.excitation / (self.excitation + slip_search.UNTOLD)
+            step = told * s.gain * (self.elasticity - wanted)
+            rate = float(np.clip(step, -s.fastest_fall, s.fastest_rise))
             lowest = max(s.lowest, s.noise_margin * noise)
             self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
             self.seen.add("moved")
