@@ -17,16 +17,17 @@ from tests.mpc.exported import STRICT, InC, InNumba, run_compiler, run_tool, wri
 from tests.mpc.test_mpc_generated_c import needs_compiler
 
 RELATIVE = 1e-9
-"""Of torques. The two compilers join multiplications and additions differently; both keep every nan."""
+"""Of torques. Numba joins multiplications and additions into one rounding where the processor can, C99 does not."""
+AMPLIFIED = 1e-8
+"""The same in a closed loop: steps that are far from converged amplify rounding. Compiled twice, with such instructions and
+without, the C differs from itself by 1.4e-9 in one of 1200 periods."""
 
 
 def _same(context, settings, senses, folder, flags=("-O0",), relative=RELATIVE):
-    """Ask both the same; returns the statuses that came."""
-    in_c, in_numba, statuses = (
-        InC(context, settings, folder, *flags),
-        InNumba(context, settings),
-        [],
-    )
+    """Ask both the same; returns status and number of SQP steps of each period."""
+    in_c, in_numba = InC(context, settings, folder, *flags), InNumba(context, settings)
+    statuses, steps = [], []
+    step_time = (settings or MpcSettings()).step_time
     for sense in senses:
         found, wanted = in_c.decide(sense), in_numba.decide(sense)
         for name in ("status", "usable", "solve_time"):
@@ -36,7 +37,8 @@ def _same(context, settings, senses, folder, flags=("-O0",), relative=RELATIVE):
             wanted.residual, rel=1e-6, abs=1e3 * relative, nan_ok=True
         )
         statuses.append(STATUSES[wanted.status])
-    return statuses
+        steps.append(wanted.solve_time / step_time)
+    return statuses, steps
 
 
 @pytest.fixture
@@ -74,7 +76,7 @@ SETTINGS = {
 def test_every_answer_is_that_of_numba(context, senses, tmp_path, name):
     # nothing depends on how the compiler is asked to optimise
     level = {"default": "-O2", "exact": "-O1"}.get(name, "-O0")
-    statuses = _same(context, SETTINGS[name], senses(), tmp_path, [level])
+    statuses, _ = _same(context, SETTINGS[name], senses(), tmp_path, [level])
     late = {"late"} if SETTINGS[name].step_time > 0.01 else set()
     assert set(statuses) == {"reading not finite", "ok"} | late
 
@@ -93,7 +95,7 @@ def test_slip_may_be_held_at_that_of_a_given_curve(senses, tmp_path, curve, rela
     _same(make_unit(curve), settings, senses(), tmp_path, relative=relative)
 
 
-def _recorded(name, duration, rule="alone", unit=1):
+def _recorded(name, duration, rule="alone", unit=0):
     """Context, settings and readings of a unit in a closed loop."""
     made = []
 
@@ -119,19 +121,17 @@ def _recorded(name, duration, rule="alone", unit=1):
 
 
 @needs_compiler
-@pytest.mark.parametrize(("name", "duration"), [("wet-patch", 5.0), ("wet-stop", 3.0)])
+@pytest.mark.parametrize(("name", "duration"), [("wet-patch", 12.0), ("wet-stop", 5.0)])
 def test_the_closed_loop_is_the_same(tmp_path, name, duration):
     context, senses = _recorded(name, duration)
-    slip = [np.ptp(np.append(context.radius * sense.omega, sense.speed)) for sense in senses]
-    assert max(slip) > 0.02, "without slip there is little to do"
     assert len(senses) == round(duration / context.period)
-    middle = len(senses) // 2
-    senses[middle] = senses[middle]._replace(speed=np.nan)
-    senses[middle + 20 :] = [
-        sense._replace(target=-sense.target) for sense in senses[middle + 20 :]
-    ]
-    statuses = _same(context, context.settings, senses, tmp_path)
-    assert [k for k, one in enumerate(statuses) if one != "ok"] == [middle]
+    bad = 200
+    senses[bad] = senses[bad]._replace(speed=np.nan)
+    for k in range(bad + 20, bad + 60):  # the driver changes his mind
+        senses[k] = senses[k]._replace(target=-senses[k].target)
+    statuses, steps = _same(context, context.settings, senses, tmp_path, relative=AMPLIFIED)
+    assert [k for k, one in enumerate(statuses) if one != "ok"] == [bad]
+    assert sum(one > 1.5 for one in steps) > 30, "without slip there is little to solve"
 
 
 @needs_compiler
