@@ -40,6 +40,11 @@ def is_known(value: Value, *kinds: type) -> bool:
     return isinstance(value.kind, Known) and isinstance(value.kind.value, kinds or object)
 
 
+def has_call(node: ast.AST) -> bool:
+    """Whether something is called in an expression."""
+    return any(isinstance(one, ast.Call) for one in ast.walk(node))
+
+
 class Expressions:
     """Translates the expressions of one function; `program` knows the other functions and the constants."""
 
@@ -231,6 +236,8 @@ class Expressions:
 
     def _compare(self, node: ast.Compare) -> Value:
         values, parts = [self.value(one) for one in (node.left, *node.comparators)], []
+        if any(has_call(one) for one in node.comparators[:-1]):  # it would be called twice
+            raise self.error(node, f"a call within {ast.unparse(node)}")
         for op, left, right in zip(node.ops, values, values[1:], strict=False):
             if right.parts and all(is_known(part, int) for part in right.parts):
                 right = Value(Known(tuple(part.kind.value for part in right.parts)))
@@ -254,7 +261,10 @@ class Expressions:
                     continue
                 if not texts:
                     return Value(Known(ends))
-            texts.append(self.as_number(value, operand).operand)
+            number = self.as_number(value, operand)
+            if number.kind != TRUTH:  # Python's `and` gives an operand back
+                raise self.error(node, f"no truth value: {ast.unparse(operand)}")
+            texts.append(number.operand)
         if len(texts) < 2:
             return Value(TRUTH, texts[0]) if texts else Value(Known(not ends))
         return Value(TRUTH, (" || " if ends else " && ").join(texts))

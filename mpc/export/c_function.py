@@ -6,7 +6,7 @@ from typing import Any
 from alloc.plant.simd import WIDTH
 from mpc.export import c_known as known
 from mpc.export.c_calls import Calls
-from mpc.export.c_expressions import is_known
+from mpc.export.c_expressions import has_call, is_known
 from mpc.export.c_kinds import (
     DOUBLE,
     INTEGER,
@@ -159,7 +159,8 @@ class Function(Calls):
         return [f"for ({declared}; {test}; {onward}) {{", *first, *self.block(node.body), "}"]
 
     def _do_augassign(self, node: ast.AugAssign) -> list[str]:
-        # Python evaluates the place once; no index here has a side effect
+        if has_call(node.target):  # Python evaluates the place once
+            raise self.error(node, f"a call within {ast.unparse(node.target)}")
         target = ast.parse(ast.unparse(node.target), mode="eval").body
         for one in ast.walk(target):
             ast.copy_location(one, node)

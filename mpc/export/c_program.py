@@ -13,6 +13,7 @@ from mpc.export.c_kinds import (
     INTEGER,
     Array,
     Known,
+    Lanes,
     Number,
     Record,
     Several,
@@ -124,6 +125,8 @@ class Program:
         given = arguments_of(source, arguments)
         if given is None:
             raise caller.error(node, f"the arguments of {ast.unparse(node)}")
+        if any(isinstance(value.kind, Lanes) or value.parts for value in arguments):
+            raise caller.error(node, f"lanes or a tuple handed over in {ast.unparse(node)}")
         instance = self._instance(source, given)
         texts: list[str] = []
         for name, kind in instance.parameters.items():

@@ -1,6 +1,7 @@
 """Variables of a compiled function in C: which names need one, and how they are declared."""
 
 import ast
+import re
 from collections import Counter
 from typing import Any
 
@@ -35,6 +36,15 @@ def loop_scoped(tree: ast.FunctionDef) -> set[str]:
     """Targets of loops that are neither bound nor read elsewhere; of others the last value may count."""
     loops = [node for node in ast.walk(tree) if isinstance(node, ast.For)]
     targets = Counter(node.target.id for node in loops if isinstance(node.target, ast.Name))
+    for loop in loops:
+        if isinstance(
+            loop.target, ast.Name
+        ):  # of a loop within one of the same name the last value counts
+            within = (node for part in loop.body for node in ast.walk(part))
+            targets[loop.target.id] += sum(
+                isinstance(node, ast.For) and ast.unparse(node.target) == loop.target.id
+                for node in within
+            )
     inside: set[int] = set()
     for loop in loops:
         if isinstance(loop.target, ast.Name):
@@ -63,7 +73,7 @@ def stays(value: Value) -> bool:
     if isinstance(value.kind, Known):
         return not isinstance(value.kind.value, float)
     if isinstance(value.kind, Structure):
-        return value.text.startswith("&memory")
+        return re.fullmatch(r"&memory[\w.]*\[\d+\]", value.text) is not None
     fixed = isinstance(value.kind, Array) and value.text.startswith("memory")
     return fixed and all(text.isdigit() for text in (*value.dims, value.offset or "0"))
 

@@ -40,6 +40,15 @@ def loops(a, b):
     return total_ + count + i
 
 
+def nested(a, b):
+    result = 0.0
+    for i in range(3):
+        for i in range(5):
+            result += a * i
+        result += b * i
+    return result
+
+
 def swapped(a, b):
     a, b = b, a - b
     low = 0.0 if a < b <= 3.0 else a
@@ -60,7 +69,7 @@ def logic(a, b):
     return (1 if known else 0.5) + (2 if math.isnan(a) else 0) + math.sqrt(abs(b)) / 2
 
 
-FUNCTIONS = (remainders, extremes, loops, swapped, logic)
+FUNCTIONS = (remainders, extremes, loops, nested, swapped, logic)
 VALUES = (-7.25, -3.0, -0.0, 0.4, 2.0, 9.5)
 
 
@@ -159,6 +168,27 @@ def two_kinds(a, b):
     return x[0]
 
 
+def valued(a, b):
+    return a or b
+
+
+def called_twice(a, b):
+    return 1.0 if a < _sum(a, b) < b else 0.0
+
+
+def by_name(a, b):
+    return _sum(a, b=b)
+
+
+def annotated(a, b):
+    c: float = a
+    return c + b
+
+
+def lanes(a, b):
+    return _sum(spread(a), b)
+
+
 @pytest.mark.parametrize(
     ("function", "line", "construct"),
     [
@@ -166,6 +196,11 @@ def two_kinds(a, b):
         (listed, 1, r"a call of sum|List"),
         (looped, 1, r"the loop over \(a, b\)"),
         (tried, 1, "the statement try:"),
+        (valued, 1, "no truth value: a"),
+        (called_twice, 1, "a call within a < _sum"),
+        (by_name, 1, "arguments by name"),
+        (annotated, 1, "the statement c: float = a"),
+        (lanes, 1, "lanes or a tuple handed over"),
         (backwards, 1, "the index -1"),
         (two_kinds, 4, "x, which stands for things of two kinds"),
     ],
