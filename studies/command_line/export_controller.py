@@ -32,7 +32,9 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath) -> None:
     event = chosen.event()
     units = event.model.layout.units
     if units == 0:
-        raise StudyError(f"scenario {chosen.name!r}: its train has no motors, so no controller")
+        raise StudyError(
+            f"scenario {chosen.name!r}: its train has no motors, so there is no controller to export"
+        )
     check_whole("--unit", unit, 1, units)
     check_place(out)
     from mpc.export.c_kinds import TranslationError

@@ -111,6 +111,15 @@ def test_a_construct_means_what_it_means_in_python(tmp_path, function):
                 assert in_c(a, b) == pytest.approx(function(a, b), rel=1e-15), (a, b)
 
 
+@needs_compiler
+def test_what_is_no_number_passes_as_it_does_in_python(tmp_path):
+    text, first = _program(extremes, [Value(DOUBLE, "a"), Value(DOUBLE, "b")])
+    in_c = _compile(text, tmp_path, first.name)
+    in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    for a, b in ((math.nan, 1.0), (1.0, math.nan), (-1.0, math.nan), (math.nan, math.nan)):
+        assert in_c(a, b) == pytest.approx(extremes(a, b), nan_ok=True), (a, b)
+
+
 def plain(cube, n):
     row, result = cube[1, 2], 0.0
     for m in range(0, 16, 8):
