@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from studies.command_line.analyse import analyse
 from studies.command_line.compare import compare
+from studies.command_line.export_controller import export_controller
 from studies.command_line.figures import figures
 from studies.command_line.list import list_names
 from studies.command_line.merge import merge
@@ -36,7 +37,7 @@ app = App(
     help_on_error=False,
     suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
 )
-for command in (compare, simulate, run_line, sweep, merge, figures, analyse):
+for command in (compare, simulate, run_line, sweep, merge, figures, analyse, export_controller):
     app.command(command)
 app.command(list_names, name="list")
 app.meta.suppress_keyboard_interrupt = False
