@@ -1,6 +1,8 @@
 """The controller of a unit in C is the one that Numba compiles: every answer, its memory, and nothing beside it."""
 
 import re
+import shutil
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -156,6 +158,9 @@ def test_it_includes_and_calls_nothing_but_mathematics(context):
 
 
 @needs_compiler
+@pytest.mark.skipif(
+    sys.platform != "linux" or not shutil.which("size"), reason="no GNU binutils on this machine"
+)
 def test_only_mathematics_is_linked(context, tmp_path):
     folder = write(export_unit(context), tmp_path)
     run_compiler(folder, *STRICT, "-ffreestanding", "-c", "controller.c")
