@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from paper_figs.palette import BLUE, DARK, VERMILION
+from paper_figs.palette import BLACK, BLUE, DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import new_panels
@@ -117,7 +117,7 @@ def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
             )
             axes.text(
                 x, y, panel.form.format(panel.factor * mean[own]), ha="center", va="center",
-                fontsize=6, color="white" if abs(worth - 0.5) > 0.35 else DARK,
+                fontsize=6, color="white" if abs(worth - 0.5) > 0.35 else BLACK,
             )  # fmt: skip
     axes.set_yticks(range(len(RAILS)), list(RAILS))
     axes.set_ylim(len(RAILS) - 0.5, -0.5)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from alloc.metrics.registry import record_period
 from mpc.settings import SlipSearch
@@ -38,9 +38,10 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     return result | {name: float(one.max()) for name, one in zip(names, values, strict=True)}
 
 
-def _trend(time: Floats) -> Floats:
-    """The course of the event: a parabola."""
-    scaled = time / time[-1]
+def _trend(time: ArrayLike) -> Floats:
+    """The course of the event: a parabola over time."""
+    scaled = np.asarray(time, dtype=float)
+    scaled = scaled / scaled[-1]
     return np.column_stack([np.ones_like(scaled), scaled, scaled**2])
 
 
