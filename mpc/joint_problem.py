@@ -113,7 +113,9 @@ class JointProblem:
         curve = np.exp(np.mean(np.log([(r.peak_slip, r.steepness) for r in reports]), axis=0))
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
         free = np.full_like(peak, NO_SLIP_LIMIT)
-        problem = self._group.problem(state, (peak, free, carried), curve, target, before, limit)
+        problem = self._group.problem(
+            state, (peak, free, carried), curve, target, before, limit
+        )
         solver = self._group.solver
         if self._cold:
             solver.restart(before)
