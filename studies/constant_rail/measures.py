@@ -2,7 +2,7 @@
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from alloc.metrics.registry import record_period
 from mpc.settings import SlipSearch
@@ -20,8 +20,7 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     With amplitudes over the mean torque, of the unit where they are greatest: `swinging`, of all about a parabola over time
     (root of twice the variance, a sine's amplitude); `beside_swing`, of what is left where each phase of the swing has a
     parabola of its own: without the swing, its harmonics, and their slow changes; `greatest_line`, of the greatest spectral
-    line in that (Hann window). `greatest_slip` [m/s] of the whole run,
-    `limited_units`: number of units.
+    line in that (Hann window). `greatest_slip` [m/s] of the whole run, `limited_units`: number of units.
     """
     count = round(SETTLED / record_period(run))
     factor = np.abs(run["torque_factor"].values[-count:])
@@ -39,14 +38,18 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     return result | {name: float(one.max()) for name, one in zip(names, values, strict=True)}
 
 
-def _trend(time: Floats) -> Floats:
-    """The course of the event: a parabola."""
-    scaled = time / time[-1]
+def _trend(time: ArrayLike) -> Floats:
+    """The course of the event: a parabola over time."""
+    scaled = np.asarray(time, dtype=float)
+    scaled = scaled / scaled[-1]
     return np.column_stack([np.ones_like(scaled), scaled, scaled**2])
 
 
 def _beside_swing(values: Floats, ticks: int) -> Floats:
-    """What a parabola over the periods of the swing, of so many ticks, leaves of each phase; as large as if it took nothing."""
+    """What a parabola over the periods of the swing, each of so many ticks, leaves of each phase.
+
+    Enlarged by the degrees of freedom that it takes.
+    """
     periods = values.shape[0] // ticks
     phases = values[: periods * ticks].reshape(periods, -1)
     base = _trend(np.arange(float(periods)))

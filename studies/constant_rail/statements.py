@@ -33,9 +33,10 @@ def constant_rail_statements(table: pd.DataFrame) -> list[Statement]:
 def _statements(rows: pd.DataFrame, controller: str) -> list[Statement]:
     limited = rows[rows["beside_swing"].notna()]
     beyond, cycling = rows["greatest_slip"] > SLIP, limited["beside_swing"] > CYCLE
-    slips: Numbers = {"greatest slip [m/s]": rows["greatest_slip"]} | _shares(
-        rows, beyond, f"beyond {SLIP:g} m/s"
-    )
+    slips: Numbers = {
+        "greatest slip [m/s]": rows["greatest_slip"],
+        **_shares(rows, beyond, f"beyond {SLIP:g} m/s"),
+    }
     swings: Numbers = {text: limited[name] for name, text in AMPLITUDES.items()}
     return [
         decided(
@@ -53,7 +54,9 @@ def _statements(rows: pd.DataFrame, controller: str) -> list[Statement]:
     ]  # fmt: skip
 
 
-def _shares(rows: pd.DataFrame, which: "pd.Series[bool]", words: str) -> Mapping[str, "pd.Series[bool]"]:
+def _shares(
+    rows: pd.DataFrame, which: "pd.Series[bool]", words: str
+) -> Mapping[str, "pd.Series[bool]"]:
     """Share of the rails, and of those of each curve."""
     found = {f"share of rails {words}": which}
     return found | {f"{words}, {curve}": which[rows["curve"] == curve] for curve in SHAPES}

@@ -60,5 +60,5 @@ def scenario(place: Place, setting: Setting, duration: float = DURATION) -> Scen
         name=place.name(setting),
         rail=base.rail.model_dump() | _rail(place.seed, place.number, place.curve),
         belief={"curve": curve_keys(believed, ratio)},
-        onboard=onboard | ({"mpc": setting.mpc} if setting.mpc else {}),
+        onboard=onboard | ({"mpc": dict(setting.mpc)} if setting.mpc else {}),
     )

@@ -1,5 +1,7 @@
-"""Controllers that meet the rails: two that search by themselves, the MPC that seeks its slip, the MPC that was given one."""
+"""Controllers that meet the rails: two without a model, the MPC that seeks its slip, and one that was given it."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from studies.mismatch.rails import RAILS
@@ -19,7 +21,7 @@ class Setting(NamedTuple):
 
     name: str
     controller: str
-    mpc: dict[str, Any] = {}
+    mpc: Mapping[str, Any] = MappingProxyType({})
     """Keys of `[onboard.mpc]`."""
     believed: str = USUAL
 
@@ -44,7 +46,10 @@ SHARES = {0.5: "half its peak", 1.0: "its peak", 1.5: "1.5 times its peak"}
 RIGHT = SHARES[1.0]
 GIVEN = (
     *(_given(share, OWN, name) for share, name in SHARES.items()),
-    *(_given(1.0, curve, f"peak of {curve}") for curve in ("piecewise", "Polach wet", "slip ratio")),
+    *(
+        _given(1.0, curve, f"peak of {curve}")
+        for curve in ("piecewise", "Polach wet", "slip ratio")
+    ),
 )
 """MPC that holds the slip of a believed curve's peak, as Railway Sciences 4(1):22 (2025) supposes it known: that of the
 rail's own curve, right and wrong by half, and that of another curve."""

@@ -41,7 +41,9 @@ def meant(table: pd.DataFrame, seed: int, events: int) -> pd.DataFrame:
     table = pd.concat([table, meaning], axis=1)
     # who believes in the rail's curve by its name believes in the rail's own
     same = [
-        table[(table["curve"] == one.believed) & (table["setting"] == RIGHT)].assign(setting=one.name)
+        table[(table["curve"] == one.believed) & (table["setting"] == RIGHT)].assign(
+            setting=one.name
+        )
         for one in GIVEN
         if one.believed != OWN
     ]

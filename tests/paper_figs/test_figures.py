@@ -45,6 +45,7 @@ from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
+from paper_figs.mismatch import mismatch
 from paper_figs.open_rails import open_rails
 from paper_figs.readhesion_paper import (
     CASES,
@@ -97,6 +98,7 @@ from tests.studies.brake_tables import brake_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
+from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.sander_tables import sander_table
 from tests.studies.short_route import short_route
@@ -188,6 +190,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "headroom": headroom(headroom_table()),
         "ladder": ladder(ladder_table()),
         "curves": curves(curve_table()),
+        "mismatch": mismatch(mismatch_table()),
         "torque-table": torque_table(),
         "adhesion-drop": adhesion_drop(),
         "readhesion-slip": readhesion_slip(cases),
