@@ -55,10 +55,10 @@ def test_the_command_compares_rules_on_it(capsys, tmp_path):
     ])  # fmt: skip
     content = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert [row["rule"] for row in content["rows"]] == ["alone"] * 2 + ["greedy"] * 2 + [
+    assert [row["rule"] for row in content["rows"]] == ["alone"] * 3 + ["greedy"] * 3 + [
         "exact"
-    ] * 2
-    assert len({row["controller"] for row in content["rows"]}) == 2
+    ] * 3
+    assert len({row["controller"] for row in content["rows"]}) == 3
     assert all(row["failed"] == 0 for row in content["rows"])
     (about,) = content["about"]["scenarios"].values()
     assert "868 m to 1082 m, 20 per mille" in about["title"]

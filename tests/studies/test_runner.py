@@ -69,12 +69,13 @@ def test_what_differs_in_rule_or_controller_alone_meets_the_same_event(short):
 
 def test_every_cell_runs_once_in_the_order_of_the_grid(short):
     other = short.changed(name="other")
-    grid = Grid((short, other), ("exact", "alone"), ("none",), (0, 1), ((short, "exact", "mpc"),))
+    grid = Grid((short, other), ("exact", "alone"), ("none",), (0, 1), ("mpc",))
     labels = [job.label for job in grid.jobs()]
     assert labels == [
-        "short/exact/none/0", "short/exact/none/1", "short/exact/mpc/0", "short/exact/mpc/1",
-        "short/alone/none/0", "short/alone/none/1",
-        "other/exact/none/0", "other/exact/none/1", "other/alone/none/0", "other/alone/none/1",
+        "short/exact/none/0", "short/exact/none/1", "short/exact/mpc/0",
+        "short/alone/none/0", "short/alone/none/1", "short/alone/mpc/0",
+        "other/exact/none/0", "other/exact/none/1", "other/exact/mpc/0",
+        "other/alone/none/0", "other/alone/none/1", "other/alone/mpc/0",
     ]  # fmt: skip
 
 
