@@ -52,7 +52,7 @@ class RealTimeIteration:
         self.units = made.units
         rules = Rules(
             step=float(settings.step),
-            most_substeps=substeps(units, settings.step),
+            substeps=substeps(units, settings.step),
             tolerance=settings.tolerance,
             least_curvature=2.0 * LEAST_CURVATURE * settings.weights.tracking,
             exact=settings.exact_hessian,
@@ -66,7 +66,6 @@ class RealTimeIteration:
         self.period = period(
             addresses, model.nonzeros, self._terms, rules, settings.horizon, made.parameters.numel()
         )
-        self.period.now.substeps[0] = rules.most_substeps
         self._period = ByReference(self.period)
         self._iterate = iterate
         self.torques = self.period.guess.torques

@@ -27,7 +27,7 @@ def linearise_at(torques, p):
     """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
-    substeps = p.now.substeps[0]
+    substeps = p.rules.substeps
     linearise(
         rate_at(p.model.rate), tangent_at(p.model.tangent), torques, p.now.parameters, p.rules.step / substeps,
         substeps, p.around,
@@ -50,7 +50,7 @@ def optimality(p):
 @sweep(void(PERIOD))
 def second_derivatives(p):
     """Add the model's second derivatives to the quadratic model, which may become indefinite."""
-    second, substeps = p.second, p.now.substeps[0]
+    second, substeps = p.second, p.rules.substeps
     second_order(
         curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.parameters,
         p.rules.step / substeps, substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
@@ -78,7 +78,7 @@ def step(p):
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
-    guess, units, substeps = p.guess, p.terms.unit.scale.size, p.now.substeps[0]
+    guess, units, substeps = p.guess, p.terms.unit.scale.size, p.rules.substeps
     for _ in range(trials):
         for i in range(p.now.state.size):
             guess.nodes[0, i] = p.now.state[i]
@@ -122,7 +122,7 @@ def hold(p):
 def ahead(time, p):
     """Move the state on by `time` [s] under the torques of the period before."""
     state, nodes, before = p.now.state, p.guess.nodes, p.terms.unit.before
-    substeps = int(np.ceil(p.now.substeps[0] * time / p.rules.step * (1.0 - 1e-9)))
+    substeps = int(np.ceil(p.rules.substeps * time / p.rules.step * (1.0 - 1e-9)))
     for i in range(state.size):
         nodes[0, i] = state[i]
     simulate(

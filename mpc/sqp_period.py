@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.by_reference import ByReference
-from alloc.plant.structure import Floats, Ints
+from alloc.plant.structure import Floats
 from mpc.box_qp import BoxWorkspace, box_workspace
 from mpc.condensing import Quadratic, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
@@ -28,8 +28,8 @@ class Rules(NamedTuple):
 
     step: float
     """Of the horizon [s]."""
-    most_substeps: int
-    """Greatest number of Runge-Kutta steps of a step of the horizon."""
+    substeps: int
+    """Runge-Kutta steps of a step of the horizon."""
     tolerance: float
     """Residual at which the step that follows is the last."""
     least_curvature: float
@@ -45,8 +45,6 @@ class Now(NamedTuple):
     parameters: Floats
     upper: Floats
     """(horizon * units,)"""
-    substeps: Ints
-    """Runge-Kutta steps of a step of the horizon, (1,): more where the believed curve gets steeper."""
 
 
 class Guess(NamedTuple):
@@ -103,7 +101,7 @@ def period(
     """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
     (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
     n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.most_substeps if rules.exact else 4
+    evaluations = 4 * horizon * rules.substeps if rules.exact else 4
     guess = Guess(
         torques=np.zeros(n),
         trial=np.zeros(n),
@@ -118,7 +116,7 @@ def period(
     return Period(
         model,
         rules,
-        Now(np.zeros(states), np.zeros(parameters), np.zeros(n), np.ones(1, dtype=np.int64)),
+        Now(np.zeros(states), np.zeros(parameters), np.zeros(n)),
         guess,
         nonzeros,
         linearised(horizon, evaluations, states, units, nonzeros.row.size),

@@ -389,7 +389,7 @@ def sample(number: int, seed: int, keep: bool) -> int:
 
 def again(number: int, seed: int) -> int:
     """Draw `number` stored faults that were noticed and can still be made; 1 if their tests do not notice them any more."""
-    rows = [row for row in read_stored() if row["noticed_by"]]
+    rows = [row for row in read_stored() if row["noticed_by"] and Path(row["file"]).exists()]
     random.Random(seed).shuffle(rows)
     noticed: list[bool] = []
     for row in rows:
