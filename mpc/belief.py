@@ -5,6 +5,7 @@ predict with.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -50,6 +51,11 @@ PREDICTED = RationalCurve(peak_slip=2.0 / STEEPEST_SLOPE, steepness=2.0)
 def with_predicted_curve(context: UnitContext) -> UnitContext:
     """The unit as the prediction has it: whatever curve it was given, its model has the rational one."""
     return replace(context, curve=PREDICTED)
+
+
+def mean_curve(curves: Sequence[tuple[float, float]]) -> Floats:
+    """Geometric mean of peak slips [m/s] and of steepnesses, (2,): units of a group share one model."""
+    return np.asarray(np.exp(np.mean(np.log(curves), axis=0)))
 
 
 class Given(NamedTuple):
@@ -221,7 +227,7 @@ class GroupBelief:
     @property
     def curve(self) -> Floats:
         """Peak slip [m/s] and steepness to predict with, (2,)."""
-        return np.exp(np.mean(np.log([observer.curve for observer in self.observers]), axis=0))
+        return mean_curve([observer.curve for observer in self.observers])
 
     def carried_torque(self) -> Floats:
         """Motor torque of each unit that its weakest axle just carries [N m], (units,)."""

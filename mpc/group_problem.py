@@ -13,7 +13,7 @@ from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.slip_search import no_steeper
-from mpc.unit_model import parameters, unit_of_axle, unloading
+from mpc.unit_model import curve_place, parameters, unit_of_axle
 
 
 class GroupProblem:
@@ -34,9 +34,7 @@ class GroupProblem:
         self.radius = np.array([context.radius for context in group])[self.unit]
         """Of each axle's wheels [m], (axles,)."""
         self._parameters = parameters(group, settings.belief.initial)
-        moved = self.unit.size if unloading(group).any() else 0
-        begin = self._parameters.size - moved - group[0].curve.q.size
-        self._curve = slice(begin, begin + 2)
+        self._curve = curve_place(group)
 
     def problem(
         self,

@@ -12,13 +12,13 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.assembly import compiled_group
-from mpc.belief import with_predicted_curve
+from mpc.belief import mean_curve, with_predicted_curve
 from mpc.group_problem import GroupProblem
 from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.telegrams import Report
-from mpc.unit_model import parameters, substeps, torque_per_coefficient
+from mpc.unit_model import curve_place, parameters, substeps, torque_per_coefficient
 
 NO_SLIP_LIMIT = 1e3
 """Slip limit [m/s] of the train's problem: which slip is best every unit searches for itself, and better than a report of
@@ -32,6 +32,7 @@ class UnitForecast:
         alone = replace(with_predicted_curve(context), unloading=())
         self._context, self._period = alone, context.period
         self._slope = compiled_group(alone).slope
+        self._curve = curve_place(alone)
         self._substeps = substeps(alone, context.period)
         self._scratch = np.zeros((3, context.axles + 2))
 
@@ -41,7 +42,7 @@ class UnitForecast:
         nodes[0] = np.concatenate([[report.speed], report.omega, [report.torque]])
         if commands.size:
             values = parameters(self._context, report.peak)
-            values[-6:-4] = report.peak_slip, report.steepness
+            values[self._curve] = report.peak_slip, report.steepness
             simulate(
                 self._slope, commands, values,
                 self._period / self._substeps, self._substeps, nodes, self._scratch,
@@ -110,7 +111,7 @@ class JointProblem:
         )
         target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
         peak = np.concatenate([r.peak for r in reports])
-        curve = np.exp(np.mean(np.log([(r.peak_slip, r.steepness) for r in reports]), axis=0))
+        curve = mean_curve([(r.peak_slip, r.steepness) for r in reports])
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
         free = np.full_like(peak, NO_SLIP_LIMIT)
         problem = self._group.problem(state, (peak, free, carried), curve, target, before, limit)

@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import equation, jit
+from alloc.named_record import named_record
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.axle_observer import mean_noise
@@ -110,17 +111,9 @@ class Pace(NamedTuple):
     seeks: bool
 
 
-STATE = np.dtype(
-    (
-        np.record,
-        [
-            (name, float)
-            for name in (
-                "slip", "phase", "cosine", "sine", "limited_for", "elasticity", "excitation",
-                "slope_above", "slope_below", "peak_slip", "steepness",
-            )
-        ],
-    )
+STATE = named_record(
+    "slip", "phase", "cosine", "sine", "limited_for", "elasticity", "excitation",
+    "slope_above", "slope_below", "peak_slip", "steepness",
 )  # fmt: skip
 """`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
 `excitation`, 1: slip follows the swing; sums for the slope at the origin; peak slip [m/s] and steepness of the curve."""

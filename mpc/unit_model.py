@@ -29,6 +29,9 @@ Units = UnitContext | Sequence[UnitContext]
 UNBOUNDED_TORQUE = 1e9
 """Torque limit [N m] inside the model: the optimiser's bounds act instead, which keeps the model smooth."""
 
+CURVE_PARAMETERS = 6
+"""Of the model, for the adhesion curve."""
+
 CONSTANTS = ("axle_load", "radius", "inertia", "gear_ratio", "torque_lag")
 """Values of each unit that the model takes as parameters after the mass, named as in `UnitContext`."""
 
@@ -217,6 +220,13 @@ def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats
     lost = moved if moved.any() else moved[:0]
     creep = creep_stiffnesses(group)
     return np.concatenate([peaks, [grade, mass], constants, creep, group[0].curve.q, lost])
+
+
+def curve_place(units: Units) -> slice:
+    """Where among the `parameters` the first two of the adhesion curve stand: those of the rational one."""
+    moved = unloading(units)
+    begin = parameters(units, 0.0).size - CURVE_PARAMETERS - moved.size * bool(moved.any())
+    return slice(begin, begin + 2)
 
 
 def slip_matrix(units: Units) -> Floats:

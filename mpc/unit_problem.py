@@ -13,10 +13,7 @@ from mpc.belief import Belief, belief_of
 from mpc.settings import MpcSettings
 from mpc.slip_search import predicted_curve, slip_limit
 from mpc.sqp_period import Period, empty_period
-from mpc.unit_model import parameters, torque_per_coefficient
-
-CURVE_PARAMETERS = 6
-"""Of the model, for the adhesion curve."""
+from mpc.unit_model import curve_place, parameters, torque_per_coefficient
 
 
 class UnitProblem(NamedTuple):
@@ -24,6 +21,8 @@ class UnitProblem(NamedTuple):
 
     carried: float
     """Greatest motor torque per believed coefficient, headroom included [N m]."""
+    curve: int
+    """Place of the curve among the parameters of the model, see `mpc.unit_model.curve_place`."""
     belief: Belief
     solver: Period
 
@@ -34,13 +33,13 @@ def unit_problem(
     """The unit's problem at the start of a run; `solver`: where the problem is written to."""
     solver.now.parameters[:] = parameters(context, belief.axles.peak)
     carried = (1.0 + settings.headroom) * torque_per_coefficient(context)
-    return UnitProblem(float(carried), belief, solver)
+    return UnitProblem(float(carried), curve_place(context).start, belief, solver)
 
 
 def empty_problem() -> UnitProblem:
     """A problem of hardly any size, of whose kind all others are."""
     context = UnitContext(0, 1, 0.4, 100.0, 5.0, 1e5, 4e4, 0.01, PiecewiseCurve(), 0.01)
-    return UnitProblem(0.0, belief_of(context, MpcSettings()), empty_period())
+    return UnitProblem(0.0, 0, belief_of(context, MpcSettings()), empty_period())
 
 
 UNIT_PROBLEM = ByReference(empty_problem()).kind
@@ -56,9 +55,7 @@ def pose(u, target, limit):
         u.solver.terms.axle.slip_limit[i] = most_slip
         least = min(least, axles.peak[i])
     now.parameters[axles.peak.size] = u.belief.drag.grade[0]
-    # the curve's are the last parameters of a unit alone
-    curve = now.parameters.size - CURVE_PARAMETERS
-    now.parameters[curve], now.parameters[curve + 1] = predicted_curve(search, axles)
+    now.parameters[u.curve], now.parameters[u.curve + 1] = predicted_curve(search, axles)
     most = min(min(target, limit), least * u.carried)
     for k in range(now.upper.size):
         now.upper[k] = most

@@ -77,7 +77,7 @@ def _kind() -> Any:
     return ByReference(UnitState(times, empty_problem(), *none)).kind
 
 
-_state_at = record_at(_kind())
+state_at = record_at(_kind())
 
 
 @jit
@@ -146,7 +146,7 @@ def _decide(u, reading, omega, answer):
 @sweep(STEP.signature)
 def unit_step(address, reading, omega, answer):
     """A control period, see `alloc.onboard.compiled_controller.STEP`; `address`: of a `UnitState`."""
-    u = _state_at(address)
+    u = state_at(address)
     answer.residual, answer.solve_time = np.nan, 0.0
     status = _decide(u, reading, omega, answer)
     if status != 0:

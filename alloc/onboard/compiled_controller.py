@@ -14,22 +14,17 @@ from numpy.typing import NDArray
 
 from alloc.by_address import function_at
 from alloc.compilation import equation
+from alloc.named_record import named_record
 from alloc.onboard.controllers.built_in import share_of_target
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats, Ints
 
-
-def _named(*names: str, **others: type) -> np.dtype[np.void]:
-    """Type of records of numbers, whose fields are attributes in Python as in compiled code."""
-    return np.dtype((np.record, [(name, float) for name in names] + list(others.items())))
-
-
-READING = _named(
+READING = named_record(
     "time", "speed", "torque", "target", "drive_limit", "brake_limit", "coefficient", slipping=np.int64
 )  # fmt: skip
 """What a unit's computer reads at a control instant, as `UnitSense`; but for the angular speeds of its axles."""
-ANSWER = _named("torque", "solve_time", "residual", usable=np.int64, status=np.int64)
+ANSWER = named_record("torque", "solve_time", "residual", usable=np.int64, status=np.int64)
 """What a controller answers, as `TorqueDecision`: `usable` 0 or 1, and `status` by its number; 0 is "ok"."""
 
 STEP = types.FunctionType(void(int64, from_dtype(READING), float64[::1], from_dtype(ANSWER)))

@@ -16,7 +16,7 @@ from mpc.export.c_program import Program, structure
 from mpc.settings import MpcSettings
 from mpc.sqp_period import Addresses
 from mpc.unit_model import unit_model
-from mpc.unit_step import STATUSES, UnitState, _state_at, compiled_unit, unit_step
+from mpc.unit_step import STATUSES, UnitState, compiled_unit, state_at, unit_step
 
 _FIELDS = {
     "time": "[s]; not used",
@@ -57,7 +57,7 @@ def export_unit(
     record = compiled_unit(context, settings).kept[0]
     model = compiled_model(unit_model(with_predicted_curve(context)), "numba")
     state = _with_functions(UnitState(*(getattr(record, one) for one in UnitState._fields)), model)
-    program = Program({_state_at: Value(Record("memory", state))})
+    program = Program({state_at: Value(Record("memory", state))})
     reading = Value(structure("const ControllerReading", READING), "reading")
     answer = Value(structure("ControllerAnswer", ANSWER), "answer")
     omega = Value(Array(DOUBLE, (context.axles,)), "omega", (str(context.axles),))

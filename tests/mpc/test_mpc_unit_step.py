@@ -7,7 +7,6 @@ import pytest
 from numba.core.runtime import _nrt_python
 
 import mpc.unit_controller
-from alloc.onboard.compiled_controller import ANSWER, READING
 from alloc.onboard.host import HostedController, each_unit
 from alloc.simulation import simulate
 from mpc.belief import with_predicted_curve
@@ -16,28 +15,15 @@ from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings, PeakBelief
 from mpc.unit_controller import MpcController
 from mpc.unit_model import substeps, unit_model
-from mpc.unit_step import STATUSES, compiled_unit, unit_step
+from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.benchmarks.unit_step import step_function
+from tests.mpc.exported import InNumba
 
 IN_PYTHON = HostedController(
     "mpc", "in Python", each_unit(lambda context: MpcController(context, context.settings))
 )
-
-
-class Compiled:
-    """The compiled controller, asked from Python."""
-
-    def __init__(self, context, settings=None):
-        self.controller = compiled_unit(context, settings)
-        self.reading, self.answer = np.zeros(1, READING)[0], np.zeros(1, ANSWER)[0]
-
-    def decide(self, sense):
-        for name in READING.names:
-            self.reading[name] = getattr(sense, name)
-        unit_step(self.controller.state, self.reading, sense.omega, self.answer)
-        return self.answer
 
 
 def _readings(make_sense, seed):
@@ -83,7 +69,7 @@ def _readings(make_sense, seed):
     ],
 )
 def test_every_answer_is_that_in_python(context, make_sense, settings):
-    one, other = Compiled(context, settings), MpcController(context, settings)
+    one, other = InNumba(context, settings), MpcController(context, settings)
     statuses = set()
     for sense in _readings(make_sense, 3):
         found, wanted = one.decide(sense), other.decide(sense)
@@ -132,7 +118,7 @@ def test_with_a_perfect_model_a_delayed_command_is_found_from_the_state_it_acts_
         controller = MpcController(context, settings)
         now = controller._solver.period.now
     else:
-        controller = Compiled(context, settings)
+        controller = InNumba(context, settings)
         now = controller.controller.kept[1].period.now
     predicted = with_predicted_curve(context)
     step = step_function(unit_model(predicted), context.period, substeps(predicted, context.period))
@@ -146,8 +132,8 @@ def test_with_a_perfect_model_a_delayed_command_is_found_from_the_state_it_acts_
 
 
 def test_without_compensation_a_delayed_command_is_that_of_the_period_before(context, make_sense):
-    at_once = Compiled(context, FIXED)
-    delayed = Compiled(context, replace(FIXED, computing_delay=1, compensated=False))
+    at_once = InNumba(context, FIXED)
+    delayed = InNumba(context, replace(FIXED, computing_delay=1, compensated=False))
     rng, found = np.random.default_rng(2), []
     for _ in range(40):
         sense = make_sense(slip=rng.uniform(0.0, 0.1), torque=rng.uniform(300.0, 600.0))
@@ -160,7 +146,7 @@ def test_without_compensation_a_delayed_command_is_that_of_the_period_before(con
 
 
 def test_a_delayed_failure_fails_when_its_command_would_act(context, make_sense):
-    one = Compiled(context, replace(FIXED, computing_delay=1))
+    one = InNumba(context, replace(FIXED, computing_delay=1))
     senses = [make_sense(torque=300.0)] * 5
     senses[2] = senses[2]._replace(speed=np.nan)
     statuses = [STATUSES[one.decide(sense).status] for sense in senses]
@@ -168,7 +154,7 @@ def test_a_delayed_failure_fails_when_its_command_would_act(context, make_sense)
 
 
 def test_a_period_allocates_nothing(context, make_sense):
-    one = Compiled(context)
+    one = InNumba(context)
     senses = list(_readings(make_sense, 5))
     one.decide(senses[0])
     _nrt_python.memsys_enable_stats()
