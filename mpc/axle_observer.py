@@ -1,15 +1,9 @@
-"""What each axle of a unit feels and how much it could carry at most, from torque and speeds alone.
+"""What each axle of a unit feels, from torque and speeds alone: pairs of coefficient and slip.
 
-Coefficient and slip come as a pair: a disturbance observer tells the coefficient, and the measured slip passes the same
-filter, so both are of one instant. The peak is a random walk, seen through the shape f of the rational curve
-(`alloc.plant.adhesion_laws`) that the unit believes in, whose slip at the peak and steepness `mpc.slip_search` tells:
-
-    coefficient = f(slip) peak + error,
-
-so a scalar Kalman filter estimates it. Both values of a pair are in error. That of the slip counts with the curve's slope
-there (effective variance: Orear, Am. J. Phys. 50 (1982) 912-916). An axle on the steep part of its curve tells little of its
-peak, and the estimate hardly moves. A pair that is too far from what was expected says that the rail has changed: the
-filter then doubts its peak, and takes over the next pairs at once.
+A disturbance observer tells the coefficient (JP5484215 (1)-(4), `alloc.onboard.observer`), and the measured slip passes the
+same filter, so both are of one instant. Between readings speeds are taken as linear. Torque is not: it follows the command,
+which changes once a period, with the motor's lag, so most of its change comes early. Taken as linear it would seem late, and
+what turns the wheelset faster and slower would pass for adhesion that grows with slip.
 """
 
 import math
@@ -19,7 +13,7 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.onboard.host import UnitContext
-from alloc.onboard.observer import observe, observer_gains, tangential_coefficient_estimate
+from alloc.onboard.observer import observer_gains, tangential_coefficient_estimate
 from alloc.plant.equations import slip_velocity
 from alloc.plant.structure import Floats
 from mpc.settings import PeakBelief
@@ -50,6 +44,9 @@ class Constants(NamedTuple):
     """Of the observer's filter, as are `old` and `new`."""
     old: float
     new: float
+    old_torque: float
+    """Weights of the torque, as `old` and `new` of the speed."""
+    new_torque: float
     noise_share: float
     """Share of a new value in the mean noise."""
     repeat: float
@@ -72,8 +69,11 @@ class Axles(NamedTuple):
     """What is remembered of each axle, (axles,) each."""
 
     filtered: Floats
-    """Of the observer, as is `last`."""
-    last: Floats
+    """Of the observer, as are `turned` and `drove` [N m]."""
+    turned: Floats
+    """Last input that the speed made."""
+    drove: Floats
+    """Last torque."""
     slip: Floats
     """Measured slip, as late as the coefficient [m/s]."""
     measured: Floats
@@ -88,12 +88,24 @@ class Axles(NamedTuple):
     """Of the peak."""
 
 
+def torque_share(pole: float, period: float, lag: float) -> float:
+    """Weight that the torque of the reading before has in the filtered one: between readings it follows a held command.
+
+    With T = command + (T_0 - command) exp(-t / lag), the filter gives the command a weight of 1 - exp(-pole period) less that
+    of the exponential, and the reading T_1 at the end tells the command.
+    """
+    left, keep, gap = math.exp(-period / lag), math.exp(-pole * period), pole - 1.0 / lag
+    transient = pole * keep * (math.expm1(gap * period) / gap if gap else period)
+    return (transient - left * (1.0 - keep)) / (1.0 - left)
+
+
 def constants_of(context: UnitContext, belief: PeakBelief) -> Constants:
     """Constants of a unit."""
     period, pole = context.period, belief.pole
     keep, old, new = observer_gains(pole, period)
+    old_torque = torque_share(pole, period, context.torque_lag)
     values = (
-        context.inertia, context.radius, pole, keep, old, new, -math.expm1(-period / NOISE_TIME),
+        context.inertia, context.radius, pole, keep, old, new, old_torque, 1.0 - keep - old_torque, -math.expm1(-period / NOISE_TIME),
         max(1.0, 2.0 / (pole * period)), (1.0 - keep) / (1.0 + keep),
         pole * context.inertia / (context.radius**2 * context.axle_load), belief.walk**2 * period,
         belief.slip_error, belief.coefficient_error, belief.relative_error, belief.gate**2, belief.floor, belief.ceiling,
@@ -115,20 +127,16 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
     """Take in the readings of a period, in the direction of the demand; `torque` at the wheel, `load` [N] (axles,)."""
     for i in range(omega.size):
         measured = slip_velocity(omega[i], c.radius, speed)
+        turned = c.pole * c.inertia * omega[i]
         if fresh:  # start in equilibrium
             axles.slip[i] = axles.measured[i] = axles.before[i] = measured
-            axles.last[i] = axles.filtered[i] = torque + c.pole * c.inertia * omega[i]
-        axles.filtered[i], axles.last[i], load_torque = observe(
-            axles.filtered[i],
-            axles.last[i],
-            torque,
-            omega[i],
-            c.inertia,
-            c.pole,
-            c.keep,
-            c.old,
-            c.new,
-        )
+            axles.turned[i], axles.drove[i] = turned, torque
+            axles.filtered[i] = torque + turned
+        axles.filtered[i] *= c.keep
+        axles.filtered[i] += c.old * axles.turned[i] + c.new * turned
+        axles.filtered[i] += c.old_torque * axles.drove[i] + c.new_torque * torque
+        axles.turned[i], axles.drove[i] = turned, torque
+        load_torque = axles.filtered[i] - turned
         axles.coefficient[i] = tangential_coefficient_estimate(load_torque, load[i], c.radius)
         # E|x| of a normal second difference is 0.8 sqrt(6) of a reading's deviation
         rough = abs(measured - 2.0 * axles.measured[i] + axles.before[i]) / 1.95
@@ -145,34 +153,3 @@ def mean_noise(axles):
     for i in range(axles.noise.size):
         total += axles.noise[i] / axles.noise.size
     return total
-
-
-@jit
-def estimate_peaks(c, axles, peak_slip, steepness):
-    """A step of the peaks' Kalman filters; the believed curve has its peak at `peak_slip` [m/s]."""
-    noise = mean_noise(axles)
-    felt = c.felt_noise * noise
-    for i in range(axles.peak.size):
-        slip, coefficient, peak = max(axles.slip[i], 0.0), axles.coefficient[i], axles.peak[i]
-        x = slip / peak_slip
-        below = 1.0 + x * (x + steepness - 2.0)
-        share = steepness * x / below
-        slope = peak * steepness * (1.0 - x * x) / (below * below * peak_slip)
-        own = c.coefficient_error + c.relative_error * abs(coefficient)
-        of_slip = c.slip_error * c.slip_error + c.kept_noise * noise * noise
-        error = (own * own + felt * felt + slope * slope * of_slip) * c.repeat
-        # while slip changes fast, the filtered pair lies beside the curve
-        moving = 0.5 * slope * (axles.measured[i] - axles.slip[i])
-        error += moving * moving
-        unexpected = coefficient - share * peak
-        expected = share * share * axles.variance[i] + error
-        if unexpected * unexpected > c.gate * expected:
-            axles.variance[i] += (DOUBT * peak) ** 2
-            expected = share * share * axles.variance[i] + error
-        # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion
-        likely = max(slip + slope * of_slip * c.repeat * unexpected / expected, 0.0) / peak_slip
-        tells = steepness * likely / (1.0 + likely * (likely + steepness - 2.0))
-        gain = tells * axles.variance[i] / (tells * share * axles.variance[i] + error)
-        axles.peak[i] = min(max(peak + gain * unexpected, c.floor), c.ceiling)
-        grown = (1.0 - gain * share) * axles.variance[i] + c.walk * peak * peak
-        axles.variance[i] = min(grown, (DOUBT * peak) ** 2)

@@ -24,15 +24,16 @@ from mpc.axle_observer import (
     Constants,
     axles_of,
     constants_of,
-    estimate_peaks,
     mean_noise,
     observe_axles,
 )
+from mpc.curve_filter import Curve, curve_of, take_in_pairs
 from mpc.drag import Drag, drag_of, estimate_drag
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,
     STEEPEST_SLOPE,
+    USUAL_SHARE,
     Search,
     predicted_curve,
     search_of,
@@ -79,6 +80,7 @@ class Belief(NamedTuple):
     """Whether the observers start anew at the next update, (1,)."""
     drag: Drag
     search: Search
+    curve: Curve
     given: Given
 
 
@@ -92,7 +94,8 @@ def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
         np.full(context.axles, float(context.axle_load)),
         np.ones(1, dtype=np.bool_),
         drag_of(context),
-        search_of(context, settings.search, settings.belief.initial),
+        search_of(context, settings.search),
+        curve_of(settings.belief, context.period, settings.search.first / USUAL_SHARE),
         Given(curve.kind, np.array(curve.q, dtype=float), float(settings.search.given_share)),
     )
 
@@ -121,9 +124,10 @@ def believe(b, speed, omega, torque, wanted, estimate):
     for i in range(omega.size):
         mean += axles.coefficient[i] / omega.size
     foreign = abs(estimate - mean) > FOREIGN_FORCE  # False for nan
-    felt = b.constants.felt_noise * mean_noise(axles)
-    search_slip(b.search, axles, felt, torque < LIMITING * wanted and not foreign)
-    estimate_peaks(b.constants, axles, state.peak_slip, state.steepness)
+    noise = mean_noise(axles)
+    take_in_pairs(b.constants, axles, b.curve, noise)
+    limited = torque < LIMITING * wanted and not foreign
+    search_slip(b.search, axles, b.curve, b.constants.felt_noise * noise, noise, limited)
     if not b.search.pace.seeks:
         for i in range(omega.size):
             least = min(least, axles.peak[i])
@@ -138,6 +142,7 @@ class UnitBelief:
         self.record = belief_of(context, settings)
         self._record = ByReference(self.record)
         self._search = ByReference(self.record.search)
+        self._curve = ByReference(self.record.curve)
         self._axles = ByReference(self.record.axles)
         self.axle_load = self.record.load
         """Load of each axle [N], (axles,); who knows of load transfer keeps it up to date."""
@@ -159,7 +164,7 @@ class UnitBelief:
     @property
     def curve(self) -> tuple[float, float]:
         """Peak slip [m/s] and steepness to predict with."""
-        top, steepness = predicted_curve(self._search, self._axles)
+        top, steepness = predicted_curve(self._curve, self._axles)
         return float(top), float(steepness)
 
     def forget_forces(self) -> None:

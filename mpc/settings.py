@@ -47,10 +47,11 @@ class Weights:
 
 @dataclass(frozen=True)
 class PeakBelief:
-    """Parameters of the belief about what each axle could carry, see `mpc.axle_observer`.
+    """Parameters of the belief about the rail, see `mpc.axle_observer` and `mpc.curve_filter`.
 
     `initial`: peak coefficient before anything was felt. `pole` [1/s] of the observers of single axles: that of the unit's
-    own. `walk`: relative deviation by which a peak may have changed after a second. `slip_error` [m/s]: of measured slip
+    own. `walk`, `slope_walk`: relative deviation by which a peak, and the slope at the origin over it, may have changed after
+    a second. `slip_error` [m/s]: of measured slip
     beside its noise, that of the reference speed; `coefficient_error` and `relative_error`: of the observed coefficient and
     of the curve's shape. `gate`: deviations from what was expected that say that the rail has changed. `floor`, `ceiling`:
     bounds of the belief.
@@ -59,6 +60,7 @@ class PeakBelief:
     initial: float = quantity(0.2, "1")
     pole: float = quantity(25.0, "1/s")
     walk: float = quantity(0.05, "1")
+    slope_walk: float = quantity(0.05, "1")
     slip_error: float = quantity(0.0015, "km/h")
     coefficient_error: float = quantity(0.0006, "1")
     relative_error: float = quantity(0.006, "1")
@@ -67,7 +69,7 @@ class PeakBelief:
     ceiling: float = quantity(0.5, "1")
 
     def __post_init__(self) -> None:
-        _check("belief", self, zero=("walk", "slip_error"))
+        _check("belief", self, zero=("walk", "slope_walk", "slip_error"))
         if not self.floor < self.initial <= self.ceiling:
             raise MpcError(
                 f"belief: needs floor < initial <= ceiling, got {self.floor!r}, {self.initial!r} and "

@@ -39,7 +39,7 @@ from alloc.compilation import equation, jit
 from alloc.named_record import named_record
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
-from mpc.axle_observer import mean_noise
+from mpc.curve_filter import steepness, take_in_elasticity
 from mpc.settings import SlipSearch
 
 STEEPEST_SLOPE = 12.0
@@ -65,23 +65,15 @@ WHOLE_SWING = 1.3
 SURE = 4.0
 """The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.1
-"""Weight of the prior, over that of a slip that follows the swing."""
-UNTOLD = 0.05
-"""Excitation that tells half of what a full one tells."""
-MICRO = 0.6
-"""Share of the peak up to which a pair tells the slope at the origin."""
-SLOPE_SHARE = 0.01
-"""Share of a new pair in the sums for that slope."""
-SHAPE_TIME = 0.3
-"""Time [s] in which the predicted curve follows."""
+"""Deviation of an elasticity from the one wanted, before it is heard."""
+FOLLOWS = 4.0
+"""Weight of the slip's noise against its answer."""
+FIRST_ERROR = 0.2
+"""Error of an elasticity heard at first, from a slip that follows the swing."""
 USUAL_SHARE = 0.8
 """Slip sought over that of the peak, as long as no elasticity tells."""
 LIMITING = 0.999
 """Share of its target below which a unit counts as limited."""
-STEEPNESS = (1.0, 60.0)
-"""Bounds of n."""
-PEAK_SLIPS = (0.012, 1.5)
-"""Bounds of the peak's slip [m/s]."""
 GOLDEN = 2.399963
 """Golden angle: units swing out of step, so the train does not swing."""
 
@@ -95,9 +87,8 @@ class Pace(NamedTuple):
     kept: float
     """Of the demodulated values."""
     mean: float
-    """Share of a new value, as are `instrument` and `shape`."""
+    """Share of a new value, as is `instrument`."""
     instrument: float
-    shape: float
     period: float
     gain: float
     rise: float
@@ -106,17 +97,14 @@ class Pace(NamedTuple):
     lowest: float
     highest: float
     noise_margin: float
-    full: float
-    """Demodulated value of a slip that follows the swing."""
     seeks: bool
 
 
 STATE = named_record(
-    "slip", "phase", "cosine", "sine", "limited_for", "elasticity", "excitation",
-    "slope_above", "slope_below", "peak_slip", "steepness",
+    "slip", "phase", "cosine", "sine", "limited_for", "elasticity", "told", "noise", "slip_noise",
 )  # fmt: skip
 """`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
-`excitation`, 1: slip follows the swing; sums for the slope at the origin; peak slip [m/s] and steepness of the curve."""
+how far it is `told`, 0 to 1; variances across the answer, of ln mu and of ln s."""
 
 
 class Search(NamedTuple):
@@ -132,8 +120,8 @@ class Search(NamedTuple):
     """Parts of Z_s and of Z_mu of each axle, (axles, 4)."""
 
 
-def search_of(context: UnitContext, settings: SlipSearch, peak: float) -> Search:
-    """The search of a unit at the start of a run; `peak`: believed before anything was felt."""
+def search_of(context: UnitContext, settings: SlipSearch) -> Search:
+    """The search of a unit at the start of a run."""
     dt = context.period
 
     def share(time: float) -> float:
@@ -141,19 +129,17 @@ def search_of(context: UnitContext, settings: SlipSearch, peak: float) -> Search
 
     pace = Pace(
         float(settings.swing), 2.0 * math.pi * dt / settings.swing_time, math.exp(-dt / settings.memory),
-        share(MEAN_TIME), share(INSTRUMENT_TIME), share(SHAPE_TIME), float(dt), float(settings.gain),
+        share(MEAN_TIME), share(INSTRUMENT_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        0.5 * settings.memory * settings.swing, bool(settings.seek),
+        bool(settings.seek),
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip = settings.first
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
-    one.peak_slip = settings.first / USUAL_SHARE
-    one.steepness = 2.0
-    one.slope_below = 1e-4
-    one.slope_above = one.slope_below * one.steepness * peak / one.peak_slip
+    one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
+    one.slip_noise = one.noise
     n = context.axles
     return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
 
@@ -163,22 +149,6 @@ def slip_limit(search):
     """Slip [m/s] that no axle of the unit should exceed now."""
     state = search.state[0]
     return state.slip * (1.0 + search.pace.swing * math.sin(state.phase))
-
-
-@jit
-def _slope_at_origin(axles, state):
-    """Take in what pairs far below the peak tell; the slip, which is in error, is divided by and never squared."""
-    for i in range(axles.peak.size):
-        share = axles.coefficient[i] / axles.peak[i]
-        if axles.coefficient[i] > 2.0 * LEAST_COEFFICIENT and share < MICRO:
-            n = state.steepness
-            half = 0.5 * (n - share * (n - 2.0))
-            # x at which the curve has this share
-            x = (half - math.sqrt(max(half * half - share * share, 0.0))) / share
-            bend = 1.0 + x * (x + n - 2.0)
-            mu = axles.coefficient[i]
-            state.slope_above += SLOPE_SHARE * (mu * mu * bend - state.slope_above)
-            state.slope_below += SLOPE_SHARE * (mu * axles.slip[i] - state.slope_below)
 
 
 @jit
@@ -215,44 +185,39 @@ def _demodulate(search, axles, felt):
 
 @jit
 def _elasticity(search, i, wanted):
-    """Elasticity of axle `i`, `wanted` where nothing tells it, and how far slip follows the swing."""
+    """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says."""
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
     # at first a plain mean: what slip answered before the unit was limited again may have been another phase
     share = max(pace.instrument, pace.period / state.limited_for)
     state.cosine += share * (z[0] - state.cosine)
     state.sine += share * (z[1] - state.sine)
     size = math.sqrt(state.cosine * state.cosine + state.sine * state.sine) + 1e-12
-    of_slip = max((z[0] * state.cosine + z[1] * state.sine) / size, 0.0)
-    of_coefficient = (z[2] * state.cosine + z[3] * state.sine) / size
-    prior = PRIOR * pace.full
-    state.elasticity = (of_coefficient + prior * wanted) / (of_slip + prior)
-    state.excitation = (of_slip / pace.full) ** 2
+    cosine, sine = state.cosine / size, state.sine / size
+    of_slip = max(z[0] * cosine + z[1] * sine, 0.0)
+    of_coefficient = z[2] * cosine + z[3] * sine
+    # what lies across the answer is no answer
+    across = z[1] * cosine - z[0] * sine
+    noise = z[3] * cosine - z[2] * sine - state.elasticity * across
+    state.slip_noise += pace.instrument * (across * across - state.slip_noise)
+    state.noise += pace.instrument * (noise * noise - state.noise)
+    answer = of_slip * of_slip
+    doubt = FOLLOWS * state.slip_noise + state.noise / (PRIOR * PRIOR) + 1e-12
+    state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
+    state.told = answer / (answer + doubt)
+    return of_coefficient / max(of_slip, 1e-9)
 
 
 @jit
-def _fit_curve(search, axles, i):
-    """Move the predicted curve towards the one through what is measured."""
-    pace, state = search.pace, search.state[0]
-    known = state.excitation / (state.excitation + 0.3) if state.limited_for > SETTLED else 0.0
-    slope = min(max(state.slope_above / max(state.slope_below, 1e-7), 1.0), 80.0)
-    ratio = max(math.exp(search.mean_slip[i] - search.mean_coefficient[i]) * slope, 1.05)
-    x = math.sqrt(min(max(1.0 - state.elasticity * ratio, 0.3), 1.1))
-    x = known * x + (1.0 - known) * USUAL_SHARE
-    top = min(max(state.slip / x, PEAK_SLIPS[0]), PEAK_SLIPS[1])
-    state.peak_slip *= math.exp(pace.shape * math.log(top / state.peak_slip))
-    n = min(max(slope * state.peak_slip / axles.peak[i], STEEPNESS[0]), STEEPNESS[1])
-    state.steepness *= math.exp(pace.shape * math.log(n / state.steepness))
+def search_slip(search, axles, curve, felt, noise, limited):
+    """A control period of the search, which tells the `curve` what it hears.
 
-
-@jit
-def search_slip(search, axles, felt, limited):
-    """A control period of the search.
-
-    `felt`: deviation of a coefficient by noise; `limited`: whether the unit gives less than is wanted of it.
+    `noise`: deviation of measured slip [m/s], `felt`: that of a coefficient by it; `limited`: whether the unit gives less than is wanted of it.
     """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
-    _slope_at_origin(axles, state)
+    lowest = max(pace.lowest, pace.noise_margin * noise)
+    if curve.state[0].heard_for == 0.0:  # pairs below the peak are all that is known
+        state.slip = min(max(USUAL_SHARE * curve.state[0].peak_slip, lowest), pace.highest)
     if not limited:
         state.limited_for = 0.0
         for i in range(search.mean_slip.size):
@@ -263,18 +228,17 @@ def search_slip(search, axles, felt, limited):
     if i < 0:
         return
     wanted = pace.price * state.slip
-    _elasticity(search, i, wanted)
-    at_limit = math.exp(search.mean_slip[i]) > AT_LIMIT * state.slip
-    if pace.seeks and state.limited_for > SETTLED and at_limit:
-        told = state.excitation / (state.excitation + UNTOLD)
-        rate = min(max(told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
-        lowest = max(pace.lowest, pace.noise_margin * mean_noise(axles))
-        state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
-    _fit_curve(search, axles, i)
+    heard = _elasticity(search, i, wanted)
+    slip = math.exp(search.mean_slip[i])
+    if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
+        if pace.seeks:
+            rate = min(max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
+            state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
+        take_in_elasticity(curve, slip, heard, state.told)
 
 
 @equation
-def no_steeper(peak_slip, steepness, most):
+def no_steeper(peak_slip, n, most):
     """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
 
     `most`: the greatest peak coefficient that the curve is scaled with. From steepness 2 on the steepest slope is that at
@@ -283,13 +247,13 @@ def no_steeper(peak_slip, steepness, most):
     """
     top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
     allowed = STEEPEST_SLOPE * top / most
-    return top, min(steepness, allowed, 1.9 * allowed - 1.8)
+    return top, min(n, allowed, 1.9 * allowed - 1.8)
 
 
 @jit
-def predicted_curve(search, axles):
+def predicted_curve(curve, axles):
     """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `STEEPEST_SLOPE`."""
-    state, most = search.state[0], 0.0
+    most = 0.0
     for i in range(axles.peak.size):
         most = max(most, axles.peak[i])
-    return no_steeper(state.peak_slip, state.steepness, most)
+    return no_steeper(curve.state[0].peak_slip, steepness(curve), most)

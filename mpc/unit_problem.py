@@ -55,7 +55,7 @@ def pose(u, target, limit):
         u.solver.terms.axle.slip_limit[i] = most_slip
         least = min(least, axles.peak[i])
     now.parameters[axles.peak.size] = u.belief.drag.grade[0]
-    now.parameters[u.curve], now.parameters[u.curve + 1] = predicted_curve(search, axles)
+    now.parameters[u.curve], now.parameters[u.curve + 1] = predicted_curve(u.belief.curve, axles)
     most = min(min(target, limit), least * u.carried)
     for k in range(now.upper.size):
         now.upper[k] = most
