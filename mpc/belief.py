@@ -94,7 +94,7 @@ def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
         np.full(context.axles, float(context.axle_load)),
         np.ones(1, dtype=np.bool_),
         drag_of(context),
-        search_of(context, settings.search),
+        search_of(context, settings.search, settings.belief.pole),
         curve_of(settings.belief, context.period, settings.search.first / USUAL_SHARE),
         Given(curve.kind, np.array(curve.q, dtype=float), float(settings.search.given_share)),
     )

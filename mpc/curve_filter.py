@@ -49,7 +49,10 @@ SHAPE_TIME = 0.3
 LEAST_X = 0.5
 """Share of s_p that a slip is taken for at least: what lies further off is not seen from there."""
 
-STATE = named_record("peak_slip", "slope", "variance", "heard_for")
+REACH = 1.25
+"""s_p that is predicted with, over the slip sought, at least: who believes that the top is passed does not look beyond it."""
+
+STATE = named_record("peak_slip", "top", "slope", "variance", "heard_for")
 """s_p [m/s]; r [s/m] and the variance of its logarithm; time for which elasticities were heard [s]."""
 
 
@@ -75,7 +78,8 @@ def curve_of(belief: PeakBelief, period: float, peak_slip: float) -> Curve:
     """The curve of which nothing is known but a likely `peak_slip` [m/s]."""
     state = np.zeros(1, STATE)
     one = state[0]
-    one.peak_slip, one.slope = peak_slip, USUAL_STEEPNESS / peak_slip
+    one.peak_slip = one.top = peak_slip
+    one.slope = USUAL_STEEPNESS / peak_slip
     one.variance = FIRST_DEVIATION**2
     pace = Pace(belief.slope_walk**2 * period, -math.expm1(-period / SHAPE_TIME), period)
     return Curve(pace, state)
@@ -131,17 +135,18 @@ def take_in_pairs(c, axles, curve, noise):
         state.variance -= by_slope * by_slope * expected
     if state.heard_for == 0.0:
         top = USUAL_STEEPNESS / state.slope
-        state.peak_slip = min(max(top, PEAK_SLIPS[0]), PEAK_SLIPS[1])
+        state.peak_slip = state.top = min(max(top, PEAK_SLIPS[0]), PEAK_SLIPS[1])
 
 
 @jit
-def take_in_elasticity(curve, slip, elasticity, told):
+def take_in_elasticity(curve, slip, sought, elasticity, told):
     """Move s_p towards what the `elasticity` at `slip` [m/s] says; `told`: how far it is known, 0 to 1."""
     state, e = curve.state[0], max(elasticity, -0.5)
     state.heard_for += curve.pace.period * told
     left = 1.0 - e * (1.0 + e) * state.slope * slip
     x = max((e + math.sqrt(max(left, 0.0))) / (1.0 + e), LEAST_X)
     top = min(max(slip / x, PEAK_SLIPS[0]), PEAK_SLIPS[1])
-    state.peak_slip *= math.exp(curve.pace.shape * told * math.log(top / state.peak_slip))
+    state.top *= math.exp(curve.pace.shape * told * math.log(top / state.top))
     if left < 0.0:  # so steep a curve would have bent more
         state.slope *= math.exp(curve.pace.shape * told * math.log(1.0 / (1.0 - left)))
+    state.peak_slip = max(state.top, REACH * sought)

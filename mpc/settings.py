@@ -100,6 +100,12 @@ class SlipSearch:
     gain: float = quantity(25.0, "1/s")
     fastest_rise: float = quantity(2.5, "1/s")
     fastest_fall: float = quantity(3.0, "1/s")
+    prior: float = quantity(0.1, "1")
+    follows: float = quantity(4.0, "1")
+    answer_lag: float = quantity(0.015, "s")
+    first_error: float = quantity(0.2, "1")
+    shape_time: float = quantity(0.3, "s")
+    rising: float = quantity(0.8, "1")
     seek: bool = True
     given_share: float = quantity(1.0, "1")
 

@@ -98,10 +98,14 @@ class Pace(NamedTuple):
     highest: float
     noise_margin: float
     seeks: bool
+    prior: float
+    follows: float
+    cosine: float
+    sine: float
 
 
 STATE = named_record(
-    "slip", "phase", "cosine", "sine", "limited_for", "elasticity", "told", "noise", "slip_noise",
+    "slip", "phase", "limited_for", "elasticity", "told", "noise", "slip_noise",
 )  # fmt: skip
 """`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
 how far it is `told`, 0 to 1; variances across the answer, of ln mu and of ln s."""
@@ -120,25 +124,27 @@ class Search(NamedTuple):
     """Parts of Z_s and of Z_mu of each axle, (axles, 4)."""
 
 
-def search_of(context: UnitContext, settings: SlipSearch) -> Search:
+def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search:
     """The search of a unit at the start of a run."""
     dt = context.period
 
     def share(time: float) -> float:
         return -math.expm1(-dt / time)
 
+    turning = 2.0 * math.pi / settings.swing_time
+    lag = math.atan(turning / pole) + turning * settings.answer_lag
     pace = Pace(
         float(settings.swing), 2.0 * math.pi * dt / settings.swing_time, math.exp(-dt / settings.memory),
         share(MEAN_TIME), share(INSTRUMENT_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek),
+        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag),
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip = settings.first
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
-    one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
+    one.noise = (settings.first_error * 0.5 * settings.memory * settings.swing) ** 2
     one.slip_noise = one.noise
     n = context.axles
     return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
@@ -187,12 +193,7 @@ def _demodulate(search, axles, felt):
 def _elasticity(search, i, wanted):
     """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says."""
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
-    # at first a plain mean: what slip answered before the unit was limited again may have been another phase
-    share = max(pace.instrument, pace.period / state.limited_for)
-    state.cosine += share * (z[0] - state.cosine)
-    state.sine += share * (z[1] - state.sine)
-    size = math.sqrt(state.cosine * state.cosine + state.sine * state.sine) + 1e-12
-    cosine, sine = state.cosine / size, state.sine / size
+    cosine, sine = pace.cosine, pace.sine
     of_slip = max(z[0] * cosine + z[1] * sine, 0.0)
     of_coefficient = z[2] * cosine + z[3] * sine
     # what lies across the answer is no answer
@@ -201,7 +202,7 @@ def _elasticity(search, i, wanted):
     state.slip_noise += pace.instrument * (across * across - state.slip_noise)
     state.noise += pace.instrument * (noise * noise - state.noise)
     answer = of_slip * of_slip
-    doubt = FOLLOWS * state.slip_noise + state.noise / (PRIOR * PRIOR) + 1e-12
+    doubt = pace.follows * state.slip_noise + state.noise / (pace.prior * pace.prior) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
     state.told = answer / (answer + doubt)
     return of_coefficient / max(of_slip, 1e-9)
@@ -234,7 +235,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
         if pace.seeks:
             rate = min(max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
             state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
-        take_in_elasticity(curve, slip, heard, state.told)
+        take_in_elasticity(curve, slip, state.slip, heard, state.told)
 
 
 @equation
