@@ -34,7 +34,7 @@ from alloc.named_record import named_record
 from mpc.axle_observer import DOUBT
 from mpc.settings import PeakBelief
 
-PEAK_SLIPS = (0.012, 1.5)
+PEAK_SLIPS = (0.012, 3.0)
 """Bounds of s_p [m/s]."""
 STEEPNESS = (1.0, 60.0)
 """Bounds of n."""

@@ -102,10 +102,13 @@ class Pace(NamedTuple):
     follows: float
     cosine: float
     sine: float
+    least_swing: float
+    goal: float
+    adapt: float
 
 
 STATE = named_record(
-    "slip", "phase", "limited_for", "elasticity", "told", "noise", "slip_noise",
+    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "slip_noise",
 )  # fmt: skip
 """`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
 how far it is `told`, 0 to 1; variances across the answer, of ln mu and of ln s."""
@@ -138,11 +141,11 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         share(MEAN_TIME), share(INSTRUMENT_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag),
+        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag), settings.least_swing, settings.goal, settings.adapt * dt,
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
-    one.slip = settings.first
+    one.slip, one.swing = settings.first, settings.swing
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
     one.noise = (settings.first_error * 0.5 * settings.memory * settings.swing) ** 2
     one.slip_noise = one.noise
@@ -154,7 +157,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
 def slip_limit(search):
     """Slip [m/s] that no axle of the unit should exceed now."""
     state = search.state[0]
-    return state.slip * (1.0 + search.pace.swing * math.sin(state.phase))
+    return state.slip * (1.0 + state.swing * math.sin(state.phase))
 
 
 @jit
@@ -230,6 +233,8 @@ def search_slip(search, axles, curve, felt, noise, limited):
         return
     wanted = pace.price * state.slip
     heard = _elasticity(search, i, wanted)
+    swing = state.swing * math.exp(pace.adapt * (pace.goal - state.told))
+    state.swing = min(max(swing, pace.least_swing), pace.swing)
     slip = math.exp(search.mean_slip[i])
     if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
         if pace.seeks:
