@@ -120,7 +120,7 @@ def take_in_pairs(c, axles, curve, noise):
         unsure = error + by_slope * by_slope * state.variance
         unexpected = coefficient - share * peak
         expected = share * share * axles.variance[i] + unsure
-        if unexpected * unexpected > c.gate * expected:
+        if unexpected * unexpected > c.gate * (expected - error * (1.0 - 1.0 / c.repeat)):
             axles.variance[i] += (DOUBT * peak) ** 2
             expected = share * share * axles.variance[i] + unsure
         # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion

@@ -64,7 +64,7 @@ class PeakBelief:
     slip_error: float = quantity(0.0015, "km/h")
     coefficient_error: float = quantity(0.0006, "1")
     relative_error: float = quantity(0.006, "1")
-    gate: float = quantity(3.5, "1")
+    gate: float = quantity(5.0, "1")
     floor: float = quantity(0.01, "1")
     ceiling: float = quantity(0.5, "1")
 
@@ -105,6 +105,8 @@ class SlipSearch:
     least_swing: float = quantity(0.03, "1")
     goal: float = quantity(0.8, "1")
     adapt: float = quantity(3.0, "1/s")
+    noise_time: float = quantity(1.0, "s")
+    jump_keep: float = quantity(0.3, "1")
     answer_lag: float = quantity(0.015, "s")
     first_error: float = quantity(0.2, "1")
     shape_time: float = quantity(0.3, "s")
@@ -113,7 +115,7 @@ class SlipSearch:
     given_share: float = quantity(1.0, "1")
 
     def __post_init__(self) -> None:
-        _check("search", self, zero=("noise_margin", "friction_price"))
+        _check("search", self, zero=("noise_margin", "friction_price", "jump_keep"))
         if not isinstance(self.seek, bool):
             raise MpcError(f"search: seek = {self.seek!r} must be True or False")
         if not self.swing < 1.0:

@@ -103,6 +103,7 @@ class Pace(NamedTuple):
     cosine: float
     sine: float
     least_swing: float
+    jump_keep: float
     goal: float
     adapt: float
 
@@ -138,10 +139,10 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
     lag = math.atan(turning / pole) + turning * settings.answer_lag
     pace = Pace(
         float(settings.swing), 2.0 * math.pi * dt / settings.swing_time, math.exp(-dt / settings.memory),
-        share(MEAN_TIME), share(INSTRUMENT_TIME), float(dt), float(settings.gain),
+        share(MEAN_TIME), share(settings.noise_time), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag), settings.least_swing, settings.goal, settings.adapt * dt,
+        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag), settings.least_swing, settings.jump_keep, settings.goal, settings.adapt * dt,
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
@@ -177,7 +178,8 @@ def _demodulate(search, axles, felt):
         if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
-                z[k] *= 0.0 if fresh else 0.3
+                z[k] *= 0.0 if fresh else pace.jump_keep
+            state.swing = pace.swing
         else:
             search.mean_slip[i] += pace.mean * (slip - search.mean_slip[i])
             search.mean_coefficient[i] += pace.mean * (coefficient - search.mean_coefficient[i])
