@@ -91,8 +91,7 @@ class Axles(NamedTuple):
 def torque_share(pole: float, period: float, lag: float) -> float:
     """Weight that the torque of the reading before has in the filtered one: between readings it follows a held command.
 
-    With T = command + (T_0 - command) exp(-t / lag), the filter gives the command a weight of 1 - exp(-pole period) less that
-    of the exponential, and the reading T_1 at the end tells the command.
+    T = command + (T_0 - command) exp(-t / lag), so the reading T_1 at the end of the period tells the command.
     """
     left, keep, gap = math.exp(-period / lag), math.exp(-pole * period), pole - 1.0 / lag
     transient = pole * keep * (math.expm1(gap * period) / gap if gap else period)
@@ -105,7 +104,8 @@ def constants_of(context: UnitContext, belief: PeakBelief) -> Constants:
     keep, old, new = observer_gains(pole, period)
     old_torque = torque_share(pole, period, context.torque_lag)
     values = (
-        context.inertia, context.radius, pole, keep, old, new, old_torque, 1.0 - keep - old_torque, -math.expm1(-period / NOISE_TIME),
+        context.inertia, context.radius, pole, keep, old, new, old_torque,
+        1.0 - keep - old_torque, -math.expm1(-period / NOISE_TIME),
         max(1.0, 2.0 / (pole * period)), (1.0 - keep) / (1.0 + keep),
         pole * context.inertia / (context.radius**2 * context.axle_load), belief.walk**2 * period,
         belief.slip_error, belief.coefficient_error, belief.relative_error, belief.gate**2, belief.floor, belief.ceiling,

@@ -37,6 +37,8 @@ class PredictiveController:
         self._period = contexts[0].period
         self._shifts = math.isclose(self._period, settings.step)
         self._sign = 0.0
+        self._observed = 0.0
+        """Direction that the observers count in; 0: a reading was missed."""
         self._before = np.zeros(len(contexts))
         self._in_force = self._before
         """Signed torques of the present period, if computing takes one."""
@@ -62,7 +64,9 @@ class PredictiveController:
             status = "late"
         elapsed = steps * self.settings.step_time
         if status != "ok":
-            self._sign = 0.0  # start anew: what the units do meanwhile is not known here
+            self._sign = (
+                0.0  # guess anew: what the units do meanwhile is not known here, but observed
+            )
         if self.settings.computing_delay:
             torques, status, self._found = self._in_force, self._found, status
         if status != "ok":
@@ -77,14 +81,17 @@ class PredictiveController:
         ).T
         omega = np.concatenate([sense.omega for sense in senses])
         if not (np.isfinite(columns).all() and np.isfinite(omega).all()):
+            self._observed = 0.0
             return self._before, "reading not finite", math.nan, 0
         if omega.size != self._axles:
             raise ValueError(f"{omega.size} angular speeds for {self._axles} axles")
         speed, torque, target, drive_limit, brake_limit = columns
         total = float(target.sum())
         sign = math.copysign(1.0, total) if total else self._sign or 1.0
-        if sign != self._sign:
+        if sign != self._observed:
             self.belief.forget_forces()
+            self._observed = sign
+        if sign != self._sign:
             self._before = np.maximum(sign * torque, 0.0)
             self._solver.restart(self._before)
             self._sign = sign

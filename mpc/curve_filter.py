@@ -1,26 +1,27 @@
-"""Joint filter of a unit: peak coefficient of each axle, slope at the origin and slip of the peak of the curve that they share.
+"""Joint filter of a unit: the peak coefficient of each axle, and the curve of all by its slope at the origin and peak slip.
 
 What an axle feels is mu = mu_p f(s), with the rational curve of Kiencke and Daiss (1994) in the form
 
     f = r s / ((1 - x)^2 + r s),    x = s / s_p,
 
-where r [s/m] is its slope at the origin over the peak; its steepness is n = r s_p. Each of the three is found from what tells
-it, and from nothing else, for rails follow the family only nearly:
+where r [s/m] is its slope at the origin over the peak; its steepness is n = r s_p. Each of the three is found from what
+tells it, and from nothing else, for rails follow the family only nearly:
 
 *Peaks and slope*, random walks both, from pairs of coefficient and slip, one of each axle and period, by an extended Kalman
-filter. The derivatives are d mu / d mu_p = f and d mu / d ln r = mu (1 - f): pairs far below the peak tell r mu_p, those near
-it tell the peak. Which of the two gives way is a matter of their variances; at the start r is the less known. Pairs beyond
-`RISING` of the peak say nothing of r. Both values of a pair are in error. That of the slip counts with the curve's slope
-there (effective variance: Orear, Am. J. Phys. 50 (1982) 912-916). A pair too far from what was expected says that the rail
-has changed: the filter then doubts the axle's peak, and takes over the next pairs at once. Covariances are left out: peaks
-change from place to place, the curve does not.
+filter. The derivatives are d mu / d mu_p = f and d mu / d ln r = mu (1 - f): pairs far below the peak tell r mu_p, those
+near it tell the peak. Which of the two gives way is a matter of their variances; at the start r is the less known. Pairs
+beyond `RISING` of the peak say nothing of r. Both values of a pair are in error. That of the slip counts with the curve's
+slope there (effective variance: Orear, Am. J. Phys. 50 (1982) 912-916). A pair too far from what was expected says that the
+rail has changed: the filter then doubts the axle's peak, and takes over the next pairs at once. Covariances are left out:
+peaks change from place to place, the curve does not.
 
-*Slip of the peak* from the elasticity e at a slip s, which `mpc.slip_search` hears. From e = 1 - 2 r... the curve's
-e = (1 - x^2) / ((1 - x)^2 + r s) follows
+*Slip of the peak* from the elasticity e at a slip s, which `mpc.slip_search` hears: from e = (1 - x^2) / ((1 - x)^2 + r s)
+follows
 
-    x = (e + sqrt(1 - e (1 + e) r s)) / (1 + e),
+    x = (e + sqrt(1 - e (1 + e) r s)) / (1 + e),    s_p = s / x.
 
-and s_p = s / x. As long as no elasticity was heard, the curve is taken for one of steepness 2, whose s_p = 2 / r.
+As long as no elasticity was heard, the curve is taken for one of steepness 2, whose s_p = 2 / r. That is `top`. The MPC
+predicts, and reads its pairs, with a peak that lies `REACH` times beyond the slip sought at least (`peak_slip`).
 """
 
 import math
@@ -50,10 +51,10 @@ LEAST_X = 0.5
 """Share of s_p that a slip is taken for at least: what lies further off is not seen from there."""
 
 REACH = 1.25
-"""s_p that is predicted with, over the slip sought, at least: who believes that the top is passed does not look beyond it."""
+"""Least s_p that is predicted with, over the slip sought: who believes that the top is passed does not look beyond."""
 
 STATE = named_record("peak_slip", "top", "slope", "variance", "heard_for")
-"""s_p [m/s]; r [s/m] and the variance of its logarithm; time for which elasticities were heard [s]."""
+"""s_p [m/s] that is predicted with, and as heard; r [s/m] and the variance of its logarithm; time of hearing [s]."""
 
 
 class Pace(NamedTuple):
@@ -120,11 +121,14 @@ def take_in_pairs(c, axles, curve, noise):
         unsure = error + by_slope * by_slope * state.variance
         unexpected = coefficient - share * peak
         expected = share * share * axles.variance[i] + unsure
+        # a single pair is no less sure for being one of many alike
         if unexpected * unexpected > c.gate * (expected - error * (1.0 - 1.0 / c.repeat)):
             axles.variance[i] += (DOUBT * peak) ** 2
             expected = share * share * axles.variance[i] + unsure
         # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion
-        likely = max(slip + slope * of_slip * c.repeat * unexpected / expected, 0.0) / state.peak_slip
+        likely = (
+            max(slip + slope * of_slip * c.repeat * unexpected / expected, 0.0) / state.peak_slip
+        )
         tells = n * likely / bend(likely, n)
         gain = tells * axles.variance[i] / (tells * share * axles.variance[i] + unsure)
         axles.peak[i] = min(max(peak + gain * unexpected, c.floor), c.ceiling)
@@ -140,7 +144,7 @@ def take_in_pairs(c, axles, curve, noise):
 
 @jit
 def take_in_elasticity(curve, slip, sought, elasticity, told):
-    """Move s_p towards what the `elasticity` at `slip` [m/s] says; `told`: how far it is known, 0 to 1."""
+    """Move s_p towards what the `elasticity` at `slip` [m/s] says, of which 0 to 1 is `told`; `sought` slip [m/s]."""
     state, e = curve.state[0], max(elasticity, -0.5)
     state.heard_for += curve.pace.period * told
     left = 1.0 - e * (1.0 + e) * state.slope * slip

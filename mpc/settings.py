@@ -49,19 +49,18 @@ class Weights:
 class PeakBelief:
     """Parameters of the belief about the rail, see `mpc.axle_observer` and `mpc.curve_filter`.
 
-    `initial`: peak coefficient before anything was felt. `pole` [1/s] of the observers of single axles: that of the unit's
-    own. `walk`, `slope_walk`: relative deviation by which a peak, and the slope at the origin over it, may have changed after
-    a second. `slip_error` [m/s]: of measured slip
-    beside its noise, that of the reference speed; `coefficient_error` and `relative_error`: of the observed coefficient and
-    of the curve's shape. `gate`: deviations from what was expected that say that the rail has changed. `floor`, `ceiling`:
-    bounds of the belief.
+    `initial`: peak coefficient before anything was felt. `pole` [1/s] of the observers of single axles: that of the
+    unit's own. `walk`, `slope_walk`: relative deviation by which a peak, and the slope at the origin over it, may have
+    changed after a second. `slip_error` [m/s]: of measured slip beside its noise, that of the reference speed;
+    `coefficient_error` and `relative_error`: of the observed coefficient and of the curve's shape. `gate`: deviations
+    from what was expected that say that the rail has changed. `floor`, `ceiling`: bounds of the belief.
     """
 
     initial: float = quantity(0.2, "1")
     pole: float = quantity(25.0, "1/s")
     walk: float = quantity(0.05, "1")
     slope_walk: float = quantity(0.05, "1")
-    slip_error: float = quantity(0.0015, "km/h")
+    slip_error: float = quantity(0.001, "km/h")
     coefficient_error: float = quantity(0.0006, "1")
     relative_error: float = quantity(0.006, "1")
     gate: float = quantity(5.0, "1")
@@ -81,12 +80,13 @@ class PeakBelief:
 class SlipSearch:
     """Parameters of the search for the best slip, see `mpc.slip_search`; slips in m/s.
 
-    `first`: slip held before anything is known; `lowest`, `highest`: bounds, and `noise_margin` deviations of the measured
-    slip's noise are a bound from below too. `friction_price` [s/m]: relative loss of force that a slip of 1 m/s is worth
-    avoiding. `swing`: of the slip limit about its mean, as a share of it, with the period `swing_time` [s]. `memory` [s] of
-    the answer to it. `gain` [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and
-    `fastest_fall` [1/s]. Tuned on eight probe events of `studies.ladder.events` (seed 1000, the multiple units).
-    `seek`: off, slip is held at `given_share` of the slip at the peak of the curve that the unit was given.
+    `first`: slip held before anything is known; `lowest`, `highest`: bounds, and `noise_margin` deviations of the
+    measured slip's noise are a bound from below too. `friction_price` [s/m]: relative loss of force that a slip of 1
+    m/s is worth avoiding. `swing`: greatest one of the slip limit about its mean, as a share of it, with the period
+    `swing_time` [s]; `least_swing`: what it shrinks to where the answer is clear. `memory` [s] of the answer. `gain`
+    [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and `fastest_fall` [1/s]. Tuned on
+    14 events of `studies.ladder.events` and two of `studies.curves` (seed 3000). `seek`: off, slip is held at
+    `given_share` of the slip at the peak of the curve that the unit was given.
     """
 
     first: float = quantity(0.08, "km/h")
@@ -95,31 +95,25 @@ class SlipSearch:
     noise_margin: float = quantity(4.0, "1")
     friction_price: float = quantity(0.15, "s/m")
     swing: float = quantity(0.1, "1")
+    least_swing: float = quantity(0.03, "1")
     swing_time: float = quantity(0.2, "s")
     memory: float = quantity(0.35, "s")
     gain: float = quantity(25.0, "1/s")
     fastest_rise: float = quantity(2.5, "1/s")
     fastest_fall: float = quantity(3.0, "1/s")
-    prior: float = quantity(0.3, "1")
-    follows: float = quantity(1.5, "1")
-    least_swing: float = quantity(0.03, "1")
-    goal: float = quantity(0.8, "1")
-    adapt: float = quantity(3.0, "1/s")
-    noise_time: float = quantity(1.0, "s")
-    jump_keep: float = quantity(0.3, "1")
-    answer_lag: float = quantity(0.015, "s")
-    first_error: float = quantity(0.2, "1")
-    shape_time: float = quantity(0.3, "s")
-    rising: float = quantity(0.8, "1")
     seek: bool = True
     given_share: float = quantity(1.0, "1")
 
     def __post_init__(self) -> None:
-        _check("search", self, zero=("noise_margin", "friction_price", "jump_keep"))
+        _check("search", self, zero=("noise_margin", "friction_price"))
         if not isinstance(self.seek, bool):
             raise MpcError(f"search: seek = {self.seek!r} must be True or False")
         if not self.swing < 1.0:
             raise MpcError(f"search: swing = {self.swing!r} must lie in (0, 1)")
+        if not self.least_swing <= self.swing:
+            raise MpcError(
+                f"search: least_swing = {self.least_swing!r} must not exceed swing = {self.swing!r}"
+            )
         if not self.lowest <= self.first <= self.highest:
             raise MpcError(
                 f"search: needs lowest <= first <= highest, got {self.lowest!r}, {self.first!r} and "

@@ -8,25 +8,29 @@ What is sought is the slip s at which the rail force less the price of its frict
 Where adhesion hardly grows any more, slip costs more than it brings. On a wide peak the best slip lies well below that of
 the peak.
 
-*Excitation.* The slip limit that the MPC keeps swings about its mean by `swing`, a sine of `swing_time`.
+*Excitation.* The slip limit that the MPC keeps swings about its mean, a sine of `swing_time`.
 
 *Elasticity.* ln mu and ln s of each axle, less their means, are demodulated at that frequency with a memory of `memory`:
-complex numbers Z_mu and Z_s. Their quotient would be biased towards zero, for slip is measured with noise, and the
-controller acts on that noise. So the swing itself is the instrument (instrumental variables; Soederstroem, Automatica 43
-(2007) 939-958). With U, the mean of Z_s over `INSTRUMENT_TIME`, which is what the slip has of the swing,
+complex numbers Z_mu and Z_s. Their quotient would be biased towards zero, for slip is measured with noise. So the swing
+itself is the instrument (instrumental variables; Soederstroem, Automatica 43 (2007) 939-958): slip answers it with a known
+lag, and u is the phase of that answer. A wrong lag costs signal, but makes no bias. With the parts along u and across it,
 
-    e = Re(Z_mu conj U) / Re(Z_s conj U).
+    A = Re(Z_s conj u),    B = Re(Z_mu conj u),    e = (A B + D e_0) / (A^2 + D).
 
-A rail that changes is no answer to the swing, and adds noise but no bias. While slip does not follow the swing, a prior
-holds e at what it should be, and nothing moves. The axle asked is the one with the largest slip: it is at its limit.
+What lies across u is no answer, so it tells the noise: D = `FOLLOWS` var(Z_s) + var(Z_mu - e Z_s) / `PRIOR`^2 holds e at
+e_0 = p s, where nothing moves, as long as slip does not follow or adhesion changes by itself. A^2 / (A^2 + D) is how far e
+is told. A rail that changes is no answer to the swing either. The axle asked is the one with the largest slip: it is at its
+limit.
 
-*Step.* d ln s / dt = `gain` (e - p s), within `fastest_rise` and `fastest_fall`. This is extremum seeking (Krstic and Wang,
-Automatica 36 (2000) 595-601) with the elasticity in place of the gradient, so that neither level nor slip needs a scale.
+*Its size.* Where e is told better than `GOAL`, the swing shrinks, down to `least_swing`, for it costs torque; else it grows
+up to `swing`.
 
-*The curve.* The MPC predicts with the rational curve mu_p n x / (1 + (n - 2) x + x^2), x = s / s_p (Kiencke and Daiss,
-1994). Its three numbers follow from three that are measured: the slope k = n mu_p / s_p at the origin, from pairs far below
-the peak; the coefficient at the present slip; and e there. With D = s k / mu the curve's equations give e D = 1 - x^2,
-hence x and s_p = s / x. Peak, peak slip and steepness are so independent of each other.
+*Step.* d ln s / dt = `gain` A^2 / (A^2 + D) (e - p s), within `fastest_rise` and `fastest_fall`. This is extremum seeking
+(Krstic and Wang, Automatica 36 (2000) 595-601) with the elasticity in place of the gradient, so that neither level nor slip
+needs a scale.
+
+*Start.* Before any elasticity is told, the slip sought is `USUAL_SHARE` of what `mpc.curve_filter` takes for the peak's: the
+rise of the torque has told the slope of the curve by then.
 """
 
 import math
@@ -52,8 +56,10 @@ LEAST_SLIP = 0.004
 
 MEAN_TIME = 0.2
 """Time [s] over which the mean is taken that demodulation removes."""
-INSTRUMENT_TIME = 1.0
-"""Time [s] over which the slip's answer to the swing is taken."""
+NOISE_TIME = 1.0
+"""Time [s] over which the variances across the answer are taken."""
+ANSWER_LAG = 0.015
+"""Time [s] by which slip follows its limit, the filter of the pairs apart."""
 SETTLED = 0.2
 """Time [s] of limitation after which the search goes on."""
 AT_LIMIT = 0.5
@@ -64,10 +70,16 @@ WHOLE_SWING = 1.3
 """The same over the swing: filtered ln mu answers it by no more, from one extreme to the other."""
 SURE = 4.0
 """The same over the deviation of ln mu that noise makes, where that is more."""
-PRIOR = 0.1
+PRIOR = 0.3
 """Deviation of an elasticity from the one wanted, before it is heard."""
-FOLLOWS = 4.0
+FOLLOWS = 1.5
 """Weight of the slip's noise against its answer."""
+KEPT_AFTER_JUMP = 0.3
+"""Share of the demodulated values that is kept where the rail changes."""
+GOAL = 0.8
+"""How far an elasticity should be told."""
+SWING_RATE = 3.0
+"""Logarithmic speed of the swing [1/s], per `told` above or below the goal."""
 FIRST_ERROR = 0.2
 """Error of an elasticity heard at first, from a slip that follows the swing."""
 USUAL_SHARE = 0.8
@@ -87,8 +99,8 @@ class Pace(NamedTuple):
     kept: float
     """Of the demodulated values."""
     mean: float
-    """Share of a new value, as is `instrument`."""
-    instrument: float
+    """Share of a new value, as is `noise`."""
+    noise: float
     period: float
     gain: float
     rise: float
@@ -98,14 +110,12 @@ class Pace(NamedTuple):
     highest: float
     noise_margin: float
     seeks: bool
-    prior: float
-    follows: float
     cosine: float
+    """Of the phase of an answer, as is `sine`."""
     sine: float
     least_swing: float
-    jump_keep: float
-    goal: float
-    adapt: float
+    swing_rate: float
+    """Logarithmic, per `told` above `GOAL`."""
 
 
 STATE = named_record(
@@ -136,19 +146,19 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         return -math.expm1(-dt / time)
 
     turning = 2.0 * math.pi / settings.swing_time
-    lag = math.atan(turning / pole) + turning * settings.answer_lag
+    lag = math.atan(turning / pole) + turning * ANSWER_LAG
     pace = Pace(
         float(settings.swing), 2.0 * math.pi * dt / settings.swing_time, math.exp(-dt / settings.memory),
-        share(MEAN_TIME), share(settings.noise_time), float(dt), float(settings.gain),
+        share(MEAN_TIME), share(NOISE_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), settings.prior, settings.follows, -math.sin(lag), math.cos(lag), settings.least_swing, settings.jump_keep, settings.goal, settings.adapt * dt,
+        bool(settings.seek), -math.sin(lag), math.cos(lag), settings.least_swing, SWING_RATE * dt,
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip, one.swing = settings.first, settings.swing
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
-    one.noise = (settings.first_error * 0.5 * settings.memory * settings.swing) ** 2
+    one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
     one.slip_noise = one.noise
     n = context.axles
     return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
@@ -178,7 +188,7 @@ def _demodulate(search, axles, felt):
         if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
-                z[k] *= 0.0 if fresh else pace.jump_keep
+                z[k] *= 0.0 if fresh else KEPT_AFTER_JUMP
             state.swing = pace.swing
         else:
             search.mean_slip[i] += pace.mean * (slip - search.mean_slip[i])
@@ -204,10 +214,10 @@ def _elasticity(search, i, wanted):
     # what lies across the answer is no answer
     across = z[1] * cosine - z[0] * sine
     noise = z[3] * cosine - z[2] * sine - state.elasticity * across
-    state.slip_noise += pace.instrument * (across * across - state.slip_noise)
-    state.noise += pace.instrument * (noise * noise - state.noise)
+    state.slip_noise += pace.noise * (across * across - state.slip_noise)
+    state.noise += pace.noise * (noise * noise - state.noise)
     answer = of_slip * of_slip
-    doubt = pace.follows * state.slip_noise + state.noise / (pace.prior * pace.prior) + 1e-12
+    doubt = FOLLOWS * state.slip_noise + state.noise / (PRIOR * PRIOR) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
     state.told = answer / (answer + doubt)
     return of_coefficient / max(of_slip, 1e-9)
@@ -217,7 +227,8 @@ def _elasticity(search, i, wanted):
 def search_slip(search, axles, curve, felt, noise, limited):
     """A control period of the search, which tells the `curve` what it hears.
 
-    `noise`: deviation of measured slip [m/s], `felt`: that of a coefficient by it; `limited`: whether the unit gives less than is wanted of it.
+    `noise`: deviation of measured slip [m/s], `felt`: that of a coefficient by it; `limited`: whether the unit gives
+    less than is wanted of it.
     """
     pace, state = search.pace, search.state[0]
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
@@ -235,12 +246,14 @@ def search_slip(search, axles, curve, felt, noise, limited):
         return
     wanted = pace.price * state.slip
     heard = _elasticity(search, i, wanted)
-    swing = state.swing * math.exp(pace.adapt * (pace.goal - state.told))
+    swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.told))
     state.swing = min(max(swing, pace.least_swing), pace.swing)
     slip = math.exp(search.mean_slip[i])
     if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
         if pace.seeks:
-            rate = min(max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise)
+            rate = min(
+                max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise
+            )
             state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
         take_in_elasticity(curve, slip, state.slip, heard, state.told)
 

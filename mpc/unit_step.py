@@ -55,6 +55,8 @@ class UnitState(NamedTuple):
     problem: UnitProblem
     sign: Floats
     """Direction of the demand of the last period; 0: start anew, (1,)."""
+    observed: Floats
+    """Direction that the observers count in; 0: a reading was missed, (1,)."""
     found: Ints
     """Status of the command that will act next, if commands are delayed, (1,)."""
 
@@ -73,7 +75,7 @@ def times_of(context: UnitContext, settings: MpcSettings) -> Times:
 def _kind() -> Any:
     """Numba's type of a `UnitState`."""
     times = Times(1, False, True, 0.0, 0.0, False, False)
-    none = np.zeros(1), np.zeros(1, dtype=np.int64)
+    none = np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64)
     return ByReference(UnitState(times, empty_problem(), *none)).kind
 
 
@@ -97,8 +99,10 @@ def _start(u, reading):
     sign = u.sign[0] if u.sign[0] != 0.0 else 1.0
     if reading.target != 0.0:
         sign = 1.0 if reading.target > 0.0 else -1.0
-    if sign != u.sign[0]:
+    if sign != u.observed[0]:
         u.problem.belief.fresh[0] = True
+        u.observed[0] = sign
+    if sign != u.sign[0]:
         before[0] = max(sign * reading.torque, 0.0)
         hold(u.problem.solver)
         u.sign[0] = sign
@@ -113,6 +117,7 @@ def _decide(u, reading, omega, answer):
     in_force = u.sign[0] * before[0]
     answer.torque = in_force
     if not _finite(reading, omega):
+        u.observed[0] = 0.0
         return NOT_A_NUMBER
     _start(u, reading)
     sign, p, n = u.sign[0], u.problem.solver, omega.size
@@ -150,7 +155,7 @@ def unit_step(address, reading, omega, answer):
     answer.residual, answer.solve_time = np.nan, 0.0
     status = _decide(u, reading, omega, answer)
     if status != 0:
-        u.sign[0] = 0.0  # start anew: what the unit does meanwhile is not known here
+        u.sign[0] = 0.0  # guess anew: what the unit does meanwhile is not known here, but observed
     if u.times.delayed:
         status, u.found[0] = u.found[0], status
     answer.status, answer.usable = status, int(status == 0)
@@ -164,9 +169,8 @@ def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> 
     predicted = with_predicted_curve(context)
     solver = RealTimeIteration(predicted, settings)
     problem = unit_problem(predicted, settings, belief_of(context, settings), solver.period)
-    state = UnitState(
-        times_of(context, settings), problem, np.zeros(1), np.zeros(1, dtype=np.int64)
-    )
+    zero, found = np.zeros(1), np.zeros(1, dtype=np.int64)
+    state = UnitState(times_of(context, settings), problem, zero, zero.copy(), found)
     record = ByReference(state)
     return CompiledController(
         address_of(unit_step, STEP), record.address, STATUSES, (record, solver)
