@@ -113,16 +113,15 @@ def take_in_pairs(c, axles, curve, noise):
         slope = peak * n * (1.0 - x * x) / (below * below * state.peak_slip)
         own = c.coefficient_error + c.relative_error * abs(coefficient)
         of_slip = c.slip_error * c.slip_error + c.kept_noise * noise * noise
-        error = (own * own + felt * felt + slope * slope * of_slip) * c.repeat
+        error = own * own + felt * felt + slope * slope * of_slip
         # while slip changes fast, the filtered pair lies beside the curve
         moving = 0.5 * slope * (axles.measured[i] - axles.slip[i])
-        error += moving * moving
         by_slope = peak * share * (1.0 - share) if x < 1.0 and share < RISING else 0.0
-        unsure = error + by_slope * by_slope * state.variance
+        unsure = error * c.repeat + moving * moving + by_slope * by_slope * state.variance
         unexpected = coefficient - share * peak
         expected = share * share * axles.variance[i] + unsure
         # a single pair is no less sure for being one of many alike
-        if unexpected * unexpected > c.gate * (expected - error * (1.0 - 1.0 / c.repeat)):
+        if unexpected * unexpected > c.gate * (expected - error * (c.repeat - 1.0)):
             axles.variance[i] += (DOUBT * peak) ** 2
             expected = share * share * axles.variance[i] + unsure
         # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion

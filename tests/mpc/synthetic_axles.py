@@ -16,7 +16,8 @@ class SyntheticUnit:
     acceleration = 0.5
 
     def __init__(self, curve, peak=0.12, settings=None, noise=0.0, seed=0, speed=10.0, **context):
-        self.context = make_unit(**({"believed": curve} | context))
+        # with so long a lag, torque changes evenly from reading to reading
+        self.context = make_unit(**({"believed": curve, "torque_lag": 10.0} | context))
         self.settings = settings or MpcSettings()
         self.belief = UnitBelief(self.context, self.settings)
         self.curve, self.peak, self.noise = curve, peak, noise
@@ -28,6 +29,11 @@ class SyntheticUnit:
     def search(self):
         """State of the search."""
         return self.belief.record.search.state[0]
+
+    @property
+    def believed(self):
+        """State of the curve's filter."""
+        return self.belief.record.curve.state[0]
 
     @property
     def swing(self):

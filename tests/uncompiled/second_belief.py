@@ -6,10 +6,20 @@ import math
 import numpy as np
 
 from alloc.onboard.observer import observer_gains
-from mpc import axle_observer, slip_search
+from mpc import axle_observer, curve_filter, slip_search
 from mpc.belief import FOREIGN_FORCE
 
 PERIOD = 0.01
+
+
+def torque_weights(pole, lag):
+    """Weights of the torques at both ends of a period in the filtered one, by quadrature."""
+    time = (np.arange(200000) + 0.5) * PERIOD / 200000
+    kernel = pole * np.exp(-pole * (PERIOD - time)) * PERIOD / time.size
+    left = math.exp(-PERIOD / lag)
+    # T = command + (T_0 - command) exp(-t / lag) for T_0 = 1 and T_1 = 0, then the other way round
+    shapes = [(np.exp(-time / lag) - left) / (1 - left), (1 - np.exp(-time / lag)) / (1 - left)]
+    return [float(kernel @ shape) for shape in shapes]
 
 
 class Axle:
@@ -18,6 +28,7 @@ class Axle:
     def __init__(self, context, settings):
         self.context, self.b, self.s = context, settings.belief, settings.search
         self.keep, self.old, self.new = observer_gains(self.b.pole, PERIOD)
+        self.weights = torque_weights(self.b.pole, context.torque_lag)
         self.noise, self.peak = axle_observer.FIRST_NOISE, self.b.initial
         self.variance = (axle_observer.DOUBT * self.peak) ** 2
         self.mean, self.of_slip, self.of_coefficient = None, 0j, 0j
@@ -25,13 +36,19 @@ class Axle:
     def observe(self, speed, omega, torque, load, fresh):
         c, b = self.context, self.b
         w = c.radius * omega - speed
-        value = torque * c.gear_ratio + b.pole * c.inertia * omega
+        torque, turned = torque * c.gear_ratio, b.pole * c.inertia * omega
         if fresh:
             self.slip = self.w1 = self.w2 = w
-            self.filtered = self.last = value
-        self.filtered = self.keep * self.filtered + self.old * self.last + self.new * value
-        self.last = value
-        self.mu = (self.filtered - b.pole * c.inertia * omega) / (load * c.radius)
+            self.filtered, self.turned, self.torque = torque + turned, turned, torque
+        self.filtered = (
+            self.keep * self.filtered
+            + self.old * self.turned
+            + self.new * turned
+            + self.weights[0] * self.torque
+            + self.weights[1] * torque
+        )
+        self.turned, self.torque = turned, torque
+        self.mu = (self.filtered - turned) / (load * c.radius)
         rough = abs((w - self.w1) - (self.w1 - self.w2)) / 1.95
         most = axle_observer.ROUGHEST * max(self.noise, axle_observer.SMALLEST_NOISE)
         share = 1.0 - math.exp(-PERIOD / axle_observer.NOISE_TIME)
@@ -39,10 +56,11 @@ class Axle:
         self.slip = self.keep * self.slip + self.old * self.w1 + self.new * w
         self.w2, self.w1 = self.w1, w
 
-    def estimate(self, noise, top, n):
-        c, b = self.context, self.b
+    def estimate(self, noise, curve):
+        """A step of the peak's filter, and of the curve's slope; whether the rail seems to have changed."""
+        c, b, top, n = self.context, self.b, curve.predicted, curve.n
 
-        def curve(s):
+        def shape(s):
             x = s / top
             return n * x / (1.0 + (n - 2.0) * x + x * x)
 
@@ -53,19 +71,26 @@ class Axle:
         own = b.coefficient_error + b.relative_error * abs(self.mu)
         of_slip = b.slip_error**2 + (1.0 - self.keep) / (1.0 + self.keep) * noise**2
         repeat = max(1.0, 2.0 / (b.pole * PERIOD))
-        error = (own**2 + felt**2 + slope**2 * of_slip) * repeat
-        error += (0.5 * slope * (self.w1 - self.slip)) ** 2
-        off = self.mu - curve(s) * self.peak
-        total, doubted = curve(s) ** 2 * self.variance + error, False
-        if abs(off) > b.gate * math.sqrt(total):
+        single = own**2 + felt**2 + slope**2 * of_slip
+        moving = (0.5 * slope * (self.w1 - self.slip)) ** 2
+        rising = s < top and shape(s) < curve_filter.RISING
+        by_slope = self.peak * shape(s) * (1.0 - shape(s)) * rising
+        of_curve = by_slope**2 * curve.variance + moving
+        off = self.mu - shape(s) * self.peak
+        doubted = False
+        if off**2 > b.gate**2 * (shape(s) ** 2 * self.variance + of_curve + single):
             self.variance += (axle_observer.DOUBT * self.peak) ** 2
-            total, doubted = curve(s) ** 2 * self.variance + error, True
-        tells = curve(max(0.0, s + slope * of_slip * repeat / total * off))
-        gain = tells * self.variance / (tells * curve(s) * self.variance + error)
+            doubted = True
+        error = of_curve + single * repeat
+        total = shape(s) ** 2 * self.variance + error
+        tells = shape(max(0.0, s + slope * of_slip * repeat / total * off))
+        gain = tells * self.variance / (tells * shape(s) * self.variance + error)
         before = self.peak
         self.peak = float(np.clip(before + gain * off, b.floor, b.ceiling))
-        grown = self.variance * (1.0 - gain * curve(s)) + b.walk**2 * PERIOD * before**2
+        grown = self.variance * (1.0 - gain * shape(s)) + b.walk**2 * PERIOD * before**2
         self.variance = min(grown, (axle_observer.DOUBT * before) ** 2)
+        curve.log_slope += curve.variance * by_slope / total * off
+        curve.variance *= 1.0 - by_slope**2 * curve.variance / total
         return doubted
 
     def demodulate(self, phase, felt):
@@ -81,10 +106,11 @@ class Axle:
         )
         if self.mean is None:
             self.mean, self.of_slip, self.of_coefficient = pair, 0j, 0j
-            return True, False
+            return True, True
         if abs(pair[1] - self.mean[1]) > jump:
+            kept = slip_search.KEPT_AFTER_JUMP
             self.mean = pair
-            self.of_slip, self.of_coefficient = 0.3 * self.of_slip, 0.3 * self.of_coefficient
+            self.of_slip, self.of_coefficient = kept * self.of_slip, kept * self.of_coefficient
             return True, True
         self.mean = self.mean + (1.0 - math.exp(-PERIOD / slip_search.MEAN_TIME)) * (
             pair - self.mean
@@ -95,35 +121,69 @@ class Axle:
         return True, False
 
 
+class Curve:
+    """Slope at the origin and slip of the peak."""
+
+    def __init__(self, settings):
+        self.walk = settings.belief.slope_walk
+        self.predicted = self.top = settings.search.first / slip_search.USUAL_SHARE
+        self.log_slope = math.log(curve_filter.USUAL_STEEPNESS / self.top)
+        self.variance, self.heard_for = curve_filter.FIRST_DEVIATION**2, 0.0
+
+    @property
+    def slope(self):
+        return math.exp(self.log_slope)
+
+    @property
+    def n(self):
+        return float(np.clip(self.slope * self.predicted, *curve_filter.STEEPNESS))
+
+    def older(self):
+        grown = self.variance + self.walk**2 * PERIOD
+        self.variance = min(grown, curve_filter.FIRST_DEVIATION**2)
+
+    def guess(self):
+        if self.heard_for == 0.0:
+            guess = curve_filter.USUAL_STEEPNESS / self.slope
+            self.predicted = self.top = float(np.clip(guess, *curve_filter.PEAK_SLIPS))
+
+    def hear(self, slip, sought, e, told):
+        self.heard_for += PERIOD * told
+        e = max(e, -0.5)
+        # (1 - x^2) / ((1 - x)^2 + slope slip) = e, the larger root where there is one
+        x = np.roots([1.0 + e, -2.0 * e, e * (1.0 + self.slope * slip) - 1.0])
+        missing = e * (1.0 + e) * self.slope * slip - 1.0
+        x = max(float(np.max(x.real)), curve_filter.LEAST_X)
+        top = float(np.clip(slip / x, *curve_filter.PEAK_SLIPS))
+        share = (1.0 - math.exp(-PERIOD / curve_filter.SHAPE_TIME)) * told
+        self.top = self.top ** (1.0 - share) * top**share
+        if missing > 0.0:
+            self.log_slope -= share * math.log(1.0 + missing)
+        self.predicted = max(self.top, curve_filter.REACH * sought)
+        return missing > 0.0
+
+
 class Unit:
     """The search, and what it asks of the axles."""
 
     def __init__(self, context, settings):
         self.context, self.s = context, settings.search
         self.axles = [Axle(context, settings) for _ in range(context.axles)]
-        self.slip = self.s.first
+        self.curve = Curve(settings)
+        self.slip, self.swing = self.s.first, self.s.swing
         self.phase = slip_search.GOLDEN * context.unit
-        self.answer, self.limited_for, self.fresh = 0j, 0.0, True
-        self.top, self.n = self.slip / slip_search.USUAL_SHARE, 2.0
-        self.below = 1e-4
-        self.above = 1e-4 * 2.0 * settings.belief.initial / self.top
-        self.elasticity = self.excitation = 0.0
+        self.limited_for, self.fresh = 0.0, True
+        turning = 2.0 * math.pi / self.s.swing_time
+        lag = math.atan(turning / settings.belief.pole) + turning * slip_search.ANSWER_LAG
+        self.answer = 1j * cmath.exp(1j * lag)
+        self.noise = self.slip_noise = (
+            slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing
+        ) ** 2
+        self.elasticity = self.told = 0.0
         self.seen = set()
 
-    def slope(self):
-        for a in self.axles:
-            y = a.mu / a.peak
-            if a.mu > 2.0 * slip_search.LEAST_COEFFICIENT and y < slip_search.MICRO:
-                self.seen.add("slope")
-                x = float(np.min(np.roots([y, y * (self.n - 2.0) - self.n, y]).real))
-                bend = 1.0 + (self.n - 2.0) * x + x * x
-                share = slip_search.SLOPE_SHARE
-                self.above += share * (a.mu**2 * bend - self.above)
-                self.below += share * (a.mu * a.slip - self.below)
-
-    def search(self, limited):
+    def search(self, noise, limited):
         s = self.s
-        noise = float(np.mean([a.noise for a in self.axles]))
         felt = (
             self.axles[0].b.pole
             * self.context.inertia
@@ -131,7 +191,10 @@ class Unit:
             * noise
         )
         self.phase += 2.0 * math.pi * PERIOD / s.swing_time
-        self.slope()
+        lowest = max(s.lowest, s.noise_margin * noise)
+        if self.curve.heard_for == 0.0:
+            usual = slip_search.USUAL_SHARE * self.curve.predicted
+            self.slip = min(max(usual, lowest), s.highest)
         if not limited:
             self.limited_for = 0.0
             for a in self.axles:
@@ -143,53 +206,54 @@ class Unit:
         for a in self.axles:
             listened, jumped = a.demodulate(self.phase, felt)
             if jumped:
+                self.swing = s.swing
                 self.seen.add("jump")
             if listened:
                 heard.append(a)
         if not heard:
             self.seen.add("nothing heard")
             return
-        a = max(heard, key=lambda one: one.mean[0])
-        full = 0.5 * s.memory * s.swing
-        filtered = 1.0 - math.exp(-PERIOD / slip_search.INSTRUMENT_TIME)
-        self.answer += max(filtered, PERIOD / self.limited_for) * (a.of_slip - self.answer)
-        unit = self.answer / (abs(self.answer) + 1e-12)
-        below, above = (
-            max((a.of_slip * unit.conjugate()).real, 0.0),
-            (a.of_coefficient * unit.conjugate()).real,
+        a, wanted = max(heard, key=lambda one: one.mean[0]), s.friction_price * self.slip
+        along, across = (
+            (a.of_slip * self.answer.conjugate()).real,
+            (a.of_slip * self.answer.conjugate()).imag,
         )
-        prior, wanted = slip_search.PRIOR * full, s.friction_price * self.slip
-        self.elasticity = (above + prior * wanted) / (below + prior)
-        self.excitation = (below / full) ** 2
-        settled = self.limited_for > slip_search.SETTLED
-        if s.seek and settled and math.exp(a.mean[0]) > slip_search.AT_LIMIT * self.slip:
-            told = self.excitation / (self.excitation + slip_search.UNTOLD)
-            step = told * s.gain * (self.elasticity - wanted)
-            rate = float(np.clip(step, -s.fastest_fall, s.fastest_rise))
-            lowest = max(s.lowest, s.noise_margin * noise)
-            self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
-            self.seen.add("moved")
-        known = self.excitation / (self.excitation + 0.3) if settled else 0.0
-        slope = float(np.clip(self.above / max(self.below, 1e-7), 1.0, 80.0))
-        ratio = max(slope * math.exp(a.mean[0]) / math.exp(a.mean[1]), 1.05)
-        x = math.sqrt(np.clip(1.0 - self.elasticity * ratio, 0.3, 1.1))
-        x = known * x + (1.0 - known) * slip_search.USUAL_SHARE
-        share = 1.0 - math.exp(-PERIOD / slip_search.SHAPE_TIME)
-        top = float(np.clip(self.slip / x, *slip_search.PEAK_SLIPS))
-        self.top = self.top ** (1.0 - share) * top**share
-        n = float(np.clip(slope * self.top / a.peak, *slip_search.STEEPNESS))
-        self.n = self.n ** (1.0 - share) * n**share
+        along = max(along, 0.0)
+        coefficient = a.of_coefficient * self.answer.conjugate()
+        share = 1.0 - math.exp(-PERIOD / slip_search.NOISE_TIME)
+        rest = coefficient.imag - self.elasticity * across
+        self.slip_noise += share * (across**2 - self.slip_noise)
+        self.noise += share * (rest**2 - self.noise)
+        doubt = slip_search.FOLLOWS * self.slip_noise + self.noise / slip_search.PRIOR**2 + 1e-12
+        self.told = along**2 / (along**2 + doubt)
+        alone = coefficient.real / max(along, 1e-9)
+        self.elasticity = self.told * alone + (1.0 - self.told) * wanted
+        swing = self.swing * math.exp(
+            slip_search.SWING_RATE * PERIOD * (slip_search.GOAL - self.told)
+        )
+        self.swing = min(max(swing, s.least_swing), s.swing)
+        slip = math.exp(a.mean[0])
+        if self.limited_for > slip_search.SETTLED and slip > slip_search.AT_LIMIT * self.slip:
+            if s.seek:
+                step = self.told * s.gain * (self.elasticity - wanted)
+                rate = float(np.clip(step, -s.fastest_fall, s.fastest_rise))
+                self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
+                self.seen.add("moved")
+            if self.curve.hear(slip, self.slip, alone, self.told):
+                self.seen.add("too steep")
 
     def update(self, speed, omega, torque, wanted, estimate, load):
         for i, a in enumerate(self.axles):
             a.observe(speed, omega[i], torque, load[i], self.fresh)
         self.fresh = False
         foreign = abs(estimate - np.mean([a.mu for a in self.axles])) > FOREIGN_FORCE
-        self.search(torque < slip_search.LIMITING * wanted and not foreign)
         noise = float(np.mean([a.noise for a in self.axles]))
+        self.curve.older()
         for a in self.axles:
-            if a.estimate(noise, self.top, self.n):
+            if a.estimate(noise, self.curve):
                 self.seen.add("doubt")
+        self.curve.guess()
+        self.search(noise, torque < slip_search.LIMITING * wanted and not foreign)
         if not self.s.seek:
             top = self.context.curve.limit(min(a.peak for a in self.axles), speed)[1]
             self.slip = self.s.given_share * float(top)

@@ -14,12 +14,12 @@ SETTINGS = {
     "default": MpcSettings(),
     "others": MpcSettings(
         belief=PeakBelief(
-            initial=0.15, pole=40.0, walk=0.2, slip_error=0.003, coefficient_error=0.002, relative_error=0.02,
-            gate=2.0, floor=0.05, ceiling=0.3,
+            initial=0.15, pole=40.0, walk=0.2, slope_walk=0.1, slip_error=0.003, coefficient_error=0.002,
+            relative_error=0.02, gate=2.0, floor=0.05, ceiling=0.3,
         ),
         search=SlipSearch(
-            first=0.06, lowest=0.03, highest=0.09, noise_margin=2.0, friction_price=1.0, swing=0.3, swing_time=0.15,
-            memory=0.5, gain=10.0, fastest_rise=1.0, fastest_fall=0.8,
+            first=0.06, lowest=0.03, highest=0.09, noise_margin=2.0, friction_price=1.0, swing=0.3, least_swing=0.1,
+            swing_time=0.15, memory=0.5, gain=10.0, fastest_rise=1.0, fastest_fall=0.8,
         ),
     ),
     "given": MpcSettings(search=SlipSearch(seek=False, given_share=0.8)),
@@ -55,30 +55,22 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
         other.update(speed, omega, torque, wanted, estimate, load)
         state, axles = belief.record.search.state[0], belief.record.axles
         for key in (
-            "slip",
-            "top",
-            "n",
-            "limited_for",
-            "elasticity",
-            "excitation",
-            "above",
-            "below",
-        ):
-            field = {
-                "top": "peak_slip",
-                "n": "steepness",
-                "above": "slope_above",
-                "below": "slope_below",
-            }
-            found = float(state[field.get(key, key)])
-            assert found == pytest.approx(getattr(other, key), rel=1e-5, abs=1e-7), (tick, key)
+            "slip", "swing", "limited_for", "elasticity", "told", "noise", "slip_noise",
+        ):  # fmt: skip
+            expected = pytest.approx(getattr(other, key), rel=1e-5, abs=1e-9)
+            assert float(state[key]) == expected, (tick, key)
+        curve = belief.record.curve.state[0]
+        for key in ("top", "slope", "variance", "heard_for"):
+            expected = pytest.approx(getattr(other.curve, key), rel=1e-5, abs=1e-9)
+            assert float(curve[key]) == expected, (tick, key)
+        assert float(curve.peak_slip) == pytest.approx(other.curve.predicted, rel=1e-5)
         for key in ("coefficient", "slip", "noise", "peak", "variance"):
             attribute = "mu" if key == "coefficient" else key
             expected = [getattr(a, attribute) for a in other.axles]
             np.testing.assert_allclose(getattr(axles, key), expected, rtol=1e-5, atol=1e-9)
-        limit = other.slip * (1.0 + SETTINGS[name].search.swing * math.sin(other.phase))
+        limit = other.slip * (1.0 + other.swing * math.sin(other.phase))
         assert belief.slip_limit == pytest.approx(limit, rel=1e-6)
-    common = {"slope", "not limited", "jump", "doubt"}
+    common = {"not limited", "jump", "doubt"}
     assert other.seen >= common | (set() if name == "given" else {"moved"})
 
 
