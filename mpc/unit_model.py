@@ -8,20 +8,22 @@ so all of the same shape and kind of adhesion curve share one expression and one
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
-from alloc.plant.adhesion import CreepCurve
-from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION
+from alloc.plant.adhesion import CreepCurve, RationalCurve
+from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION, tangential_coefficient
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.equations import slip_velocity
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.structure import Floats, Ints
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
+from mpc.folding import without_clamps
+from mpc.stiffness import Stiffness
 
 Units = UnitContext | Sequence[UnitContext]
 """A unit alone, or a group, foremost first."""
@@ -71,6 +73,41 @@ def creep_stiffnesses(units: Units) -> Floats:
     return np.array([context.curve.q[4] for context in group]) / group[0].curve.q[4]
 
 
+class Steps(NamedTuple):
+    """The right side in steps, for derivatives that are computed once and used several times."""
+
+    slip: cs.SX
+    """Slip velocities by the state."""
+    slip_symbol: cs.SX
+    coefficient: cs.SX
+    """Tangential coefficients by `slip_symbol` and the state."""
+    coefficient_symbol: cs.SX
+    rate: cs.SX
+    """Right side by `coefficient_symbol` and the state."""
+
+    def whole(self, expressions: list[cs.SX]) -> list[cs.SX]:
+        """The expressions by state and torque alone."""
+        pairs = (self.coefficient_symbol, self.coefficient), (self.slip_symbol, self.slip)
+        for symbol, expression in pairs:
+            expressions = cs.substitute(expressions, [symbol], [expression])
+        return list(cs.cse(expressions))
+
+
+class _ArrayModel(ArrayModel):
+    """The plant with slips and coefficients as symbols. Nothing sticks, so deflections stay zero."""
+
+    def _contacts(self, state: Any, peak: Any) -> tuple[Any, Any, Any]:
+        n, s = self.layout, self.structure
+        speed, omega = self.body_of_axle @ state[n.speed], state[n.omega]
+        self.slip = slip_velocity(omega, s.radius, speed)
+        self.slip_symbol = cs.SX.sym("slip", n.axles)
+        self.coefficient = tangential_coefficient(
+            self.curve_kind, self.curve, self.slip_symbol, speed, s.radius * omega, peak, self.contact
+        )
+        self.coefficient_symbol = cs.SX.sym("coefficient", n.axles)
+        return self.slip_symbol, self.coefficient_symbol, cs.SX.zeros(n.axles)
+
+
 @dataclass(frozen=True)
 class UnitModel:
     """Symbolic right side of a group; get it with `unit_model`.
@@ -86,6 +123,8 @@ class UnitModel:
     parameters: cs.SX
     rate: cs.SX
     """Derivative of the state."""
+    steps: Steps
+    """The same."""
 
     @property
     def states(self) -> int:
@@ -179,7 +218,7 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     stiffness = by_axle(contact) if creeps else np.ones(n)
     curve = [q[k] for k in range(6)]
     # nothing sticks: the deflections of the contacts are no states of the model, and zero
-    arrays = ArrayModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
+    arrays = _ArrayModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
@@ -190,19 +229,37 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
     local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)
     rate = arrays.derivative(whole, Inputs(**inputs), local)
-    return UnitModel(
-        axles=n,
-        units=m,
-        state=state,
-        torque=torque,
-        parameters=parameters,
-        rate=cs.cse(cs.vertcat(*(rate[block] for block in rows))),
+    steps = Steps(
+        arrays.slip,
+        arrays.slip_symbol,
+        arrays.coefficient,
+        arrays.coefficient_symbol,
+        without_clamps(cs.vertcat(*(rate[block] for block in rows)), UNBOUNDED_TORQUE),
     )
+    return UnitModel(n, m, state, torque, parameters, steps.whole([steps.rate])[0], steps)
 
 
 def substeps(units: Units, step: float) -> int:
     """Runge-Kutta steps that make a prediction step of `step` [s], from the plant's own bound on stiffness."""
     return _plant(group_of(units)).substeps(step)
+
+
+def stiffness_of(units: Units, step: float) -> Stiffness:
+    """Stiffness of a group, from that of the plant on a very steep curve and on a very flat one."""
+    group, extreme = group_of(units), 1e9
+
+    def fastest(slope: float) -> float:
+        curve = RationalCurve(peak_slip=2.0 / slope, steepness=2.0)
+        return _plant(tuple(replace(context, curve=curve) for context in group)).stiffness()
+
+    rational = isinstance(group[0].curve, RationalCurve)
+    return Stiffness(
+        slope=float(fastest(extreme) / extreme),
+        rest=float(fastest(1.0 / extreme)),
+        axles=int(unit_of_axle(group).size),
+        curve=curve_place(group).start if rational else -1,
+        most=substeps(group, step),
+    )
 
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:
