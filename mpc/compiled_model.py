@@ -38,17 +38,6 @@ class CompiledModel(NamedTuple):
 _compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
 
 
-def _jacobian(model: UnitModel) -> cs.SX:
-    """Derivatives of the right side by state and torque: a contact is differentiated once, whatever moves its slip."""
-    steps, point = model.steps, cs.vertcat(model.state, model.torque)
-    slip = cs.jacobian(steps.slip, point)
-    coefficient = cs.jacobian(steps.coefficient, steps.slip_symbol) @ slip
-    coefficient += cs.jacobian(steps.coefficient, point)
-    rate = cs.jacobian(steps.rate, steps.coefficient_symbol) @ coefficient
-    rate += cs.jacobian(steps.rate, steps.slip_symbol) @ slip + cs.jacobian(steps.rate, point)
-    return cs.sparsify(steps.whole([rate])[0])
-
-
 def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
     """The three functions as CasADi has them; what the Numba functions are translated from."""
     x, u, p, f = model.state, model.torque, model.parameters, model.rate
@@ -64,7 +53,7 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
 
     return {
         "slope": function("slope", [x, u, p], {"slopes": f}),
-        "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": _jacobian(model)}),
+        "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": model.steps.jacobian(point)}),
         "curvature": function("curvature", [x, u, p, weights], {"nonzeros": hessian}),
     }
 

@@ -26,7 +26,9 @@ def _walk(
 
     `entry`: of a nonzero of an input; `number`: of a number; `combined`: of an operation and one or two values.
     """
-    outputs: list[list[Made]] = [[number(0.0)] * function.nnz_out(k) for k in range(function.n_out())]
+    outputs: list[list[Made]] = [
+        [number(0.0)] * function.nnz_out(k) for k in range(function.n_out())
+    ]
     work: dict[int, Made] = {}
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
@@ -51,14 +53,13 @@ def without_clamps(expression: cs.SX, unbounded: float) -> cs.SX:
     def combined(operation: int, a: cs.SX, b: cs.SX | None = None) -> cs.SX:
         if b is None:
             return cs.SX.unary(operation, a)
-        if operation in (cs.OP_FMIN, cs.OP_FMAX):
-            for bound, value in ((a, b), (b, a)):
-                if bound.is_constant() and abs(float(bound)) == unbounded:
-                    return value
-                other = cs.OP_FMAX if operation == cs.OP_FMIN else cs.OP_FMIN
-                if bound.is_zero() and value.op() == other:
-                    if value.dep(0).is_zero() or value.dep(1).is_zero():
-                        return bound
+        other = {cs.OP_FMIN: cs.OP_FMAX, cs.OP_FMAX: cs.OP_FMIN}.get(operation)
+        for bound, value in ((a, b), (b, a)) if other is not None else ():
+            if bound.is_constant() and abs(float(bound)) == unbounded:
+                return value
+            empty = bound.is_zero() and value.op() == other
+            if empty and any(value.dep(k).is_zero() for k in range(2)):
+                return bound
         return cs.SX.binary(operation, a, b)
 
     symbols = cs.symvar(expression)
@@ -142,5 +143,7 @@ def folded(functions: dict[str, cs.Function]) -> dict[str, cs.Function]:
         inputs[name][place], names[place] = symbols, CONSTANTS
         outputs = cs.cse(made[name])
         result[name] = cs.Function(name, inputs[name], outputs, names, function.name_out())
-    whole = [[folding.parameters], [cs.cse(expressions)], [PARAMETERS], [CONSTANTS]]
-    return {"prepare": cs.Function("prepare", *whole), **result}
+    prepare = cs.Function(
+        "prepare", [folding.parameters], [cs.cse(expressions)], [PARAMETERS], [CONSTANTS]
+    )
+    return {"prepare": prepare, **result}

@@ -66,7 +66,11 @@ class RealTimeIteration:
             address_of(model.tangent, TANGENT),
         )
         self.period = period(
-            addresses, model.nonzeros, self._terms, rules, settings.horizon,
+            addresses,
+            model.nonzeros,
+            self._terms,
+            rules,
+            settings.horizon,
             (made.parameters.numel(), model.constants),
         )
         self._period = ByReference(self.period)

@@ -123,7 +123,13 @@ def period(
     return Period(
         model,
         rules,
-        Now(np.zeros(states), np.zeros(sizes[0]), np.zeros(n), np.zeros(sizes[1]), np.ones(1, dtype=np.int64)),
+        Now(
+            np.zeros(states),
+            np.zeros(sizes[0]),
+            np.zeros(n),
+            np.zeros(sizes[1]),
+            np.ones(1, dtype=np.int64),
+        ),
         guess,
         nonzeros,
         linearised(horizon, evaluations, states, units, nonzeros.row.size),

@@ -46,5 +46,5 @@ def needed_substeps(stiffness, step, parameters):
         peak = max(peak, parameters[i])
     slope = steepest(peak, parameters[stiffness.curve], parameters[stiffness.curve + 1])
     needed = step * max(stiffness.slope * slope, stiffness.rest) / STABLE_STEP
-    # what is no number must surface, but not as a number of steps
+    # what is no number surfaces in the trajectory; a number of steps it must not become
     return max(1, int(np.ceil(needed))) if needed < stiffness.most else stiffness.most

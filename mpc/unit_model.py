@@ -8,21 +8,22 @@ so all of the same shape and kind of adhesion curve share one expression and one
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import CreepCurve, RationalCurve
-from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION, tangential_coefficient
-from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION
+from alloc.plant.array_model import Local
 from alloc.plant.equations import slip_velocity
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.structure import Floats, Ints
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
 from mpc.folding import without_clamps
+from mpc.stepped_model import SteppedModel, Steps
 from mpc.stiffness import Stiffness
 
 Units = UnitContext | Sequence[UnitContext]
@@ -71,41 +72,6 @@ def creep_stiffnesses(units: Units) -> Floats:
     if not isinstance(group[0].curve, CreepCurve):
         return np.zeros(0)
     return np.array([context.curve.q[4] for context in group]) / group[0].curve.q[4]
-
-
-class Steps(NamedTuple):
-    """The right side in steps, for derivatives that are computed once and used several times."""
-
-    slip: cs.SX
-    """Slip velocities by the state."""
-    slip_symbol: cs.SX
-    coefficient: cs.SX
-    """Tangential coefficients by `slip_symbol` and the state."""
-    coefficient_symbol: cs.SX
-    rate: cs.SX
-    """Right side by `coefficient_symbol` and the state."""
-
-    def whole(self, expressions: list[cs.SX]) -> list[cs.SX]:
-        """The expressions by state and torque alone."""
-        pairs = (self.coefficient_symbol, self.coefficient), (self.slip_symbol, self.slip)
-        for symbol, expression in pairs:
-            expressions = cs.substitute(expressions, [symbol], [expression])
-        return list(cs.cse(expressions))
-
-
-class _ArrayModel(ArrayModel):
-    """The plant with slips and coefficients as symbols. Nothing sticks, so deflections stay zero."""
-
-    def _contacts(self, state: Any, peak: Any) -> tuple[Any, Any, Any]:
-        n, s = self.layout, self.structure
-        speed, omega = self.body_of_axle @ state[n.speed], state[n.omega]
-        self.slip = slip_velocity(omega, s.radius, speed)
-        self.slip_symbol = cs.SX.sym("slip", n.axles)
-        self.coefficient = tangential_coefficient(
-            self.curve_kind, self.curve, self.slip_symbol, speed, s.radius * omega, peak, self.contact
-        )
-        self.coefficient_symbol = cs.SX.sym("coefficient", n.axles)
-        return self.slip_symbol, self.coefficient_symbol, cs.SX.zeros(n.axles)
 
 
 @dataclass(frozen=True)
@@ -218,7 +184,7 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     stiffness = by_axle(contact) if creeps else np.ones(n)
     curve = [q[k] for k in range(6)]
     # nothing sticks: the deflections of the contacts are no states of the model, and zero
-    arrays = _ArrayModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
+    arrays = SteppedModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
@@ -229,12 +195,8 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
     local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)
     rate = arrays.derivative(whole, Inputs(**inputs), local)
-    steps = Steps(
-        arrays.slip,
-        arrays.slip_symbol,
-        arrays.coefficient,
-        arrays.coefficient_symbol,
-        without_clamps(cs.vertcat(*(rate[block] for block in rows)), UNBOUNDED_TORQUE),
+    steps = arrays.steps(
+        without_clamps(cs.vertcat(*(rate[block] for block in rows)), UNBOUNDED_TORQUE)
     )
     return UnitModel(n, m, state, torque, parameters, steps.whole([steps.rate])[0], steps)
 

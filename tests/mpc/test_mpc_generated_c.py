@@ -100,7 +100,9 @@ def test_nan_surfaces_where_it_does_with_numba(context, random_problem):
         for code in ("numba", "c"):
             model = compiled_model(unit_model(context), code)
             slopes, nonzeros = np.zeros(6), np.zeros(model.nonzeros.row.size)
-            model.rate(state, np.array([500.0]), model.prepared(problem.parameters), slopes, nonzeros)
+            model.rate(
+                state, np.array([500.0]), model.prepared(problem.parameters), slopes, nonzeros
+            )
             found.append(np.isnan(np.concatenate([slopes, nonzeros])))
         assert found[1].any()
         np.testing.assert_array_equal(*found)
