@@ -209,10 +209,11 @@ def substeps(units: Units, step: float) -> int:
 def stiffness_of(units: Units, step: float) -> Stiffness:
     """Stiffness of a group, from that of the plant on a very steep curve and on a very flat one."""
     group, extreme = group_of(units), 1e9
+    plant = _plant(group)
 
     def fastest(slope: float) -> float:
         curve = RationalCurve(peak_slip=2.0 / slope, steepness=2.0)
-        return _plant(tuple(replace(context, curve=curve) for context in group)).stiffness()
+        return replace(plant, rail=Rail(1.0, curve=curve)).stiffness()
 
     rational = isinstance(group[0].curve, RationalCurve)
     return Stiffness(
@@ -220,7 +221,7 @@ def stiffness_of(units: Units, step: float) -> Stiffness:
         rest=float(fastest(1.0 / extreme)),
         axles=int(unit_of_axle(group).size),
         curve=curve_place(group).start if rational else -1,
-        most=substeps(group, step),
+        most=plant.substeps(step),
     )
 
 
