@@ -17,14 +17,16 @@ from alloc.compilation import FASTMATH, compiled
 
 VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
 INDEX = int64[::1]
+PREPARE = types.FunctionType(void(VECTOR, VECTOR))
+"""What follows from a model's parameters alone: (parameters, constants)."""
 SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
-"""Model: (state, torque of each unit, parameters, slope)."""
+"""Model: (state, torque of each unit, constants, slope)."""
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
-"""Model with derivatives: (state, torque, parameters, slope, nonzeros of the Jacobian)."""
+"""Model with derivatives: (state, torque, constants, slope, nonzeros of the Jacobian)."""
 TANGENT = types.FunctionType(void(MATRIX, float64, MATRIX, CUBE))
 """Sensitivities of a Runge-Kutta step, see `mpc.tangent`."""
 CURVATURE = RATE
-"""Second derivatives: (state, torque, parameters, weights of the slopes, nonzeros of the upper Hessian)."""
+"""Second derivatives: (state, torque, constants, weights of the slopes, nonzeros of the upper Hessian)."""
 
 
 def sweep(signature: Any) -> Callable[[Any], Any]:
@@ -39,7 +41,8 @@ def sweep(signature: Any) -> Callable[[Any], Any]:
     )
 
 
-slope_at, rate_at, tangent_at = function_at(SLOPE), function_at(RATE), function_at(TANGENT)
+prepare_at, slope_at, rate_at = function_at(PREPARE), function_at(SLOPE), function_at(RATE)
+tangent_at = function_at(TANGENT)
 curvature_at = rate_at
 
 

@@ -28,35 +28,47 @@ class _Block(NamedTuple):
     axle: int
     """Number of its first axle."""
     unit: int
+    constant: int
+    """Place of its first constant."""
     nonzero: int
     """Place of its first nonzero of the Jacobian."""
     upper: int
     transfer: bool
 
 
-_GATHER = """
-    x, u = on_stack({states}), on_stack({m})
-    p, f = on_stack({size}), on_stack({states})
+_PREPARE = """
+    p = on_stack({size})
     for c in range({cars}):
         a, j = {axle} + c * {n}, {unit} + c * {m}
-        x[0] = state[0]
         # the body's mass, and its weight on the gradient, count once
         p[{n}] = parameters[{axles}] if a == 0 else 0.0
         p[{n} + 1] = parameters[{axles} + 1]
         curve = {axles} + 2 + {constants} * {units}
         rest = {n} + 2 + {constants} * {m}
         for i in range({n}):
-            x[1 + i] = state[1 + a + i]
             p[i] = parameters[a + i]
             if {transfer}:
                 p[rest + 6 + i] = parameters[curve + 6 + a + i]
         for i in range({m}):
-            x[1 + {n} + i] = state[1 + {axles} + j + i]
-            u[i] = torque[j + i]
             for k in range({constants}):
                 p[{n} + 2 + k * {m} + i] = parameters[{axles} + 2 + k * {units} + j + i]
         for i in range(6):
             p[rest + i] = parameters[curve + i]
+        k = {constant} + c * {constants_of_it}
+        prepare_{b}(p, constants[k : k + {constants_of_it}])
+"""
+_GATHER = """
+    x, u, f = on_stack({states}), on_stack({m}), on_stack({states})
+    for c in range({cars}):
+        a, j = {axle} + c * {n}, {unit} + c * {m}
+        x[0] = state[0]
+        for i in range({n}):
+            x[1 + i] = state[1 + a + i]
+        for i in range({m}):
+            x[1 + {n} + i] = state[1 + {axles} + j + i]
+            u[i] = torque[j + i]
+        k = {constant} + c * {constants_of_it}
+        own = constants[k : k + {constants_of_it}]
 """
 _SCATTER = """
         slopes[0] += f[0]
@@ -65,10 +77,10 @@ _SCATTER = """
         for i in range({m}):
             slopes[1 + {axles} + j + i] = f[1 + {n} + i]
 """
-_SLOPE = "        slope_{b}(x, u, p, f)" + _SCATTER
+_SLOPE = "        slope_{b}(x, u, own, f)" + _SCATTER
 _RATE = (
     "        e = {nonzero} + c * {nonzeros}\n"
-    "        rate_{b}(x, u, p, f, nonzeros[e : e + {nonzeros}])" + _SCATTER
+    "        rate_{b}(x, u, own, f, nonzeros[e : e + {nonzeros}])" + _SCATTER
 )
 _CURVATURE = """        e = {upper} + c * {uppers}
         f[0] = weights[0]
@@ -76,25 +88,28 @@ _CURVATURE = """        e = {upper} + c * {uppers}
             f[1 + i] = weights[1 + a + i]
         for i in range({m}):
             f[1 + {n} + i] = weights[1 + {axles} + j + i]
-        curvature_{b}(x, u, p, f, nonzeros[e : e + {uppers}])
+        curvature_{b}(x, u, own, f, nonzeros[e : e + {uppers}])
 """
+_POINT = "state", "torque", "constants"
 _FUNCTIONS = (
-    ("slope", ("slopes",), _SLOPE),
-    ("rate", ("slopes", "nonzeros"), _RATE),
-    ("curvature", ("weights", "nonzeros"), _CURVATURE),
+    ("prepare", ("parameters", "constants"), _PREPARE),
+    ("slope", (*_POINT, "slopes"), _GATHER + _SLOPE),
+    ("rate", (*_POINT, "slopes", "nonzeros"), _GATHER + _RATE),
+    ("curvature", (*_POINT, "weights", "nonzeros"), _GATHER + _CURVATURE),
 )
 
 
 def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
     pairs = [(unit_model(car), bool(unloading(car).any())) for car in cars_of(group)]
     blocks: list[_Block] = []
-    axle = unit = nonzero = upper = 0
+    axle = unit = constant = nonzero = upper = 0
     for _, alike in groupby(pairs, key=lambda pair: id(pair[0])):
         run = list(alike)
         (model, transfer), cars = run[0], len(run)
         cell = compiled_model(model, code)
-        blocks.append(_Block(cell, model, cars, axle, unit, nonzero, upper, transfer))
+        blocks.append(_Block(cell, model, cars, axle, unit, constant, nonzero, upper, transfer))
         axle, unit = axle + cars * model.axles, unit + cars * model.units
+        constant += cars * cell.constants
         nonzero += cars * cell.nonzeros.row.size
         upper += cars * cell.nonzeros.upper_row.size
     return blocks
@@ -104,20 +119,21 @@ def _source(blocks: list[_Block], axles: int, units: int) -> str:
     text = ""
     for b, block in enumerate(blocks):
         names = ", ".join(f"{name} as {name}_{b}" for name, _, _ in _FUNCTIONS)
-        text += f"from {block.cell.slope.__module__} import {names}\n"
-    for name, outputs, template in _FUNCTIONS:
-        body = "    slopes[0] = 0.0\n" if "slopes" in outputs else ""
+        text += f"from {block.cell.rate.__module__} import {names}\n"
+    for name, arguments, template in _FUNCTIONS:
+        body = "    slopes[0] = 0.0\n" if "slopes" in arguments else ""
         for b, block in enumerate(blocks):
             n, m = block.model.axles, block.model.units
             size = block.model.parameters.numel()
-            body += (_GATHER + template).format(
+            body += template.format(
                 b=b, n=n, m=m, size=size,
                 states=block.model.states, cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
-                constants=(size - n - 8 - n * block.transfer) // m, transfer=block.transfer, nonzero=block.nonzero,
+                constants=(size - n - 8 - n * block.transfer) // m, transfer=block.transfer,
+                constant=block.constant, constants_of_it=block.cell.constants, nonzero=block.nonzero,
                 nonzeros=block.cell.nonzeros.row.size, upper=block.upper,
                 uppers=block.cell.nonzeros.upper_row.size,
             )  # fmt: skip
-        text += function_source(name, ["state", "torque", "parameters", *outputs], body)
+        text += function_source(name, [*arguments], body)
     return text
 
 
@@ -148,4 +164,6 @@ def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
     made = compile_source(_source(blocks, axles, len(group)))
     places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]
     tangent = compile_tangent(places[0], places[1], axles + 1 + len(group), len(group))
-    return CompiledModel(made["slope"], made["rate"], made["curvature"], tangent, Nonzeros(*places))
+    functions = made["prepare"], made["slope"], made["rate"], made["curvature"], tangent
+    constants = sum(block.cars * block.cell.constants for block in blocks)
+    return CompiledModel(*functions, Nonzeros(*places), constants)

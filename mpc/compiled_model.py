@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import casadi as cs
 import numpy as np
 
+from alloc.plant.structure import Floats
+from mpc.folding import folded
 from mpc.generated import compile_functions
 from mpc.generated_c import compile_c_functions
 from mpc.shooting import Nonzeros
@@ -16,11 +18,21 @@ from mpc.unit_model import UnitModel
 class CompiledModel(NamedTuple):
     """Functions of the model as the sweeps of `mpc.shooting` call them; torques come last in a point."""
 
+    prepare: Callable[..., Any]
+    """(parameters, constants): what follows from the parameters alone, which the others take."""
     slope: Callable[..., Any]
     rate: Callable[..., Any]
     curvature: Callable[..., Any]
     tangent: Callable[..., Any]
     nonzeros: Nonzeros
+    constants: int
+    """Number of the constants."""
+
+    def prepared(self, parameters: Floats) -> Floats:
+        """Constants of the functions for the model's `parameters`, (constants,)."""
+        values = np.zeros(self.constants)
+        self.prepare(parameters, values)
+        return values
 
 
 _compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
@@ -31,7 +43,6 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
     x, u, p, f = model.state, model.torque, model.parameters, model.rate
     point = cs.vertcat(x, u)
     weights = cs.SX.sym("weights", model.states)
-    jacobian = cs.jacobian(f, point)
     hessian = cs.triu(cs.hessian(cs.dot(weights, f), point)[0])
     names = ["state", "torque", "parameters"]
 
@@ -42,7 +53,7 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
 
     return {
         "slope": function("slope", [x, u, p], {"slopes": f}),
-        "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": jacobian}),
+        "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": model.steps.jacobian(point)}),
         "curvature": function("curvature", [x, u, p, weights], {"nonzeros": hessian}),
     }
 
@@ -58,10 +69,12 @@ def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
         row, column = functions["rate"].sparsity_out(1).get_triplet()
         upper = functions["curvature"].sparsity_out(0).get_triplet()
         compile_ = compile_c_functions if code == "c" else compile_functions
-        made = compile_(list(functions.values()))
+        whole = folded(functions)
+        made = compile_(list(whole.values()))
         places = [np.array(values, dtype=np.int64) for values in (row, column, *upper)]
         tangent = compile_tangent(places[0], places[1], model.states, model.units)
-        functions_of_it = made["slope"], made["rate"], made["curvature"], tangent
+        of_it = made["prepare"], made["slope"], made["rate"], made["curvature"], tangent
         # the model is kept along: its id must not be given to another one
-        _compiled[key] = model, CompiledModel(*functions_of_it, Nonzeros(*places))
+        constants = whole["prepare"].numel_out(0)
+        _compiled[key] = model, CompiledModel(*of_it, Nonzeros(*places), constants)
     return _compiled[key][1]

@@ -54,24 +54,27 @@ class TranslationError(NotImplementedError):
 
 
 def _body(function: cs.Function) -> str:
-    text = ""
+    """Every result has a name of its own: Numba cannot tell the type of one that is used again hundreds of times."""
+    text, names = "", dict[int, str]()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         inputs, outputs = function.instruction_input(k), function.instruction_output(k)
-        target = f"w{outputs[0]}"
+        target, read = f"w{k}", [names.get(i, "") for i in inputs]
         if operation == cs.OP_CONST:
             value = repr(function.instruction_constant(k))
         elif operation == cs.OP_INPUT:
             value = f"{function.name_in(inputs[0])}[{inputs[1]}]"
         elif operation == cs.OP_OUTPUT:
-            target, value = f"{function.name_out(outputs[0])}[{outputs[1]}]", f"w{inputs[0]}"
+            target, value = f"{function.name_out(outputs[0])}[{outputs[1]}]", read[0]
         elif operation in _OPERATIONS:
-            value = _OPERATIONS[operation].format(*(f"w{i}" for i in inputs))
+            value = _OPERATIONS[operation].format(*read)
         else:
             raise TranslationError(
                 f"{function.name()}: CasADi operation {operation} has no translation"
             )
         text += f"    {target} = {value}\n"
+        if operation != cs.OP_OUTPUT:
+            names[outputs[0]] = target
     return text
 
 

@@ -31,7 +31,7 @@ class UnitForecast:
     def __init__(self, context: UnitContext) -> None:
         alone = replace(with_predicted_curve(context), unloading=())
         self._context, self._period = alone, context.period
-        self._slope = compiled_group(alone).slope
+        self._model = compiled_group(alone)
         self._curve = curve_place(alone)
         self._substeps = substeps(alone, context.period)
         self._scratch = np.zeros((3, context.axles + 2))
@@ -44,7 +44,7 @@ class UnitForecast:
             values = parameters(self._context, report.peak)
             values[self._curve] = report.peak_slip, report.steepness
             simulate(
-                self._slope, commands, values,
+                self._model.slope, commands, self._model.prepared(values),
                 self._period / self._substeps, self._substeps, nodes, self._scratch,
             )  # fmt: skip
         return np.asarray(nodes[-1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from alloc.by_address import address_of
 from alloc.by_reference import ByReference
-from mpc.arrays import CURVATURE, RATE, SLOPE, TANGENT
+from mpc.arrays import CURVATURE, PREPARE, RATE, SLOPE, TANGENT
 from mpc.assembly import compiled_group
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
 from mpc.settings import MpcSettings
@@ -20,10 +20,11 @@ from mpc.sqp import (
     ahead,
     hold,
     iterate,
+    prepare,
     shift,
 )
 from mpc.sqp_period import Addresses, Rules, period
-from mpc.unit_model import Units, group_of, substeps, unit_model
+from mpc.unit_model import Units, group_of, stiffness_of, unit_model
 
 LEAST_CURVATURE = 0.1
 """Least eigenvalue of the quadratic model, relative to twice the weight of tracking; reflection can leave a small one."""
@@ -52,19 +53,25 @@ class RealTimeIteration:
         self.units = made.units
         rules = Rules(
             step=float(settings.step),
-            substeps=substeps(units, settings.step),
+            stiffness=stiffness_of(units, settings.step),
             tolerance=settings.tolerance,
             least_curvature=2.0 * LEAST_CURVATURE * settings.weights.tracking,
             exact=settings.exact_hessian,
         )
         addresses = Addresses(
+            address_of(model.prepare, PREPARE),
             address_of(model.slope, SLOPE),
             address_of(model.rate, RATE),
             address_of(model.curvature, CURVATURE),
             address_of(model.tangent, TANGENT),
         )
         self.period = period(
-            addresses, model.nonzeros, self._terms, rules, settings.horizon, made.parameters.numel()
+            addresses,
+            model.nonzeros,
+            self._terms,
+            rules,
+            settings.horizon,
+            (made.parameters.numel(), model.constants),
         )
         self._period = ByReference(self.period)
         self._iterate = iterate
@@ -88,6 +95,7 @@ class RealTimeIteration:
         axle.slip_limit[:] = problem.slip_limit
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
+        prepare(self._period)
 
     def ahead(self, problem: HorizonProblem, time: float) -> HorizonProblem:
         """The problem from the state on that is predicted after `time` [s] under the torques before."""

@@ -74,7 +74,7 @@ LINEARISED = ByReference(linearised(0, 0, 0, 0, 0)).kind
 
 
 @sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))
-def simulate(model, torques, parameters, step, substeps, nodes, scratch):
+def simulate(model, torques, constants, step, substeps, nodes, scratch):
     """Fill `nodes` (horizon + 1, states) from its first row on under `torques` (horizon * units,).
 
     `step` [s] is that of one Runge-Kutta step, of which `substeps` make a prediction step; `scratch` (3, states).
@@ -91,7 +91,7 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
             for i in range(states):
                 point[i] = total[i] = now[i]
             for stage in range(4):
-                model(point, torque, parameters, slope)
+                model(point, torque, constants, slope)
                 ahead = step if stage == 2 else 0.5 * step
                 share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for i in range(states):
@@ -102,7 +102,7 @@ def simulate(model, torques, parameters, step, substeps, nodes, scratch):
 
 
 @sweep(void(RATE, TANGENT, VECTOR, VECTOR, float64, int64, LINEARISED))
-def linearise(model, tangent, torques, parameters, step, substeps, out):
+def linearise(model, tangent, torques, constants, step, substeps, out):
     """As `simulate`, and fill `out` with the derivatives too."""
     points, jacobians = out.points, out.jacobians
     slope, total = out.slope[0], out.slope[1]
@@ -124,7 +124,7 @@ def linearise(model, tangent, torques, parameters, step, substeps, out):
                 points[first, i] = now[i]
             for stage in range(4):
                 e = first + stage
-                model(points[e], torque, parameters, slope, jacobians[e])
+                model(points[e], torque, constants, slope, jacobians[e])
                 ahead = step if stage == 2 else 0.5 * step
                 share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for i in range(states):
@@ -143,7 +143,7 @@ def linearise(model, tangent, torques, parameters, step, substeps, out):
     )
 )  # fmt: skip
 def second_order(
-    curvature, nonzeros, torques, parameters, step, substeps, around, adjoint, hessians, scratch
+    curvature, nonzeros, torques, constants, step, substeps, around, adjoint, hessians, scratch
 ):
     """Fill `hessians` (horizon, states + units, states + units): second derivatives of adjoint[k + 1] . node[k + 1].
 
@@ -187,7 +187,7 @@ def second_order(
                         point_owed[column[j]] += jacobians[e, j] * weight[row[j]]
                 for i in range(states):
                     base_owed[i] += point_owed[i]
-                curvature(points[e], torque, parameters, weight, values)
+                curvature(points[e], torque, constants, weight, values)
                 for j in range(values.size):
                     a, b, value = upper_row[j], upper_column[j], values[j]
                     if value == 0.0:

@@ -7,13 +7,14 @@ within the bounds, and go there, or half the way while the cost would rise.
 import numpy as np
 from numba import boolean, float64, int64, types, void
 
-from mpc.arrays import VECTOR, curvature_at, rate_at, slope_at, sweep, tangent_at
+from mpc.arrays import VECTOR, curvature_at, prepare_at, rate_at, slope_at, sweep, tangent_at
 from mpc.box_qp import solve_box_qp
 from mpc.condensing import add_second_order, condense
 from mpc.cost import cost_up_to, trajectory_cost
 from mpc.reflection import reflect
 from mpc.shooting import linearise, second_order, simulate
 from mpc.sqp_period import PERIOD
+from mpc.stiffness import needed_substeps
 
 HALVINGS = 12
 """Most halvings of a step that would raise the cost; the last is taken only if it does not."""
@@ -22,14 +23,22 @@ GOING, ENDED, NOT_FINITE, NO_SOLUTION, NO_EIGENVALUES = range(5)
 """How a call of `iterate` ends: the steps were used up; nothing more is to be gained; failures."""
 
 
+@sweep(void(PERIOD))
+def prepare(p):
+    """Take in new parameters: the model's constants, and the number of substeps."""
+    now, rules = p.now, p.rules
+    prepare_at(p.model.prepare)(now.parameters, now.constants)
+    now.substeps[0] = needed_substeps(rules.stiffness, rules.step, now.parameters)
+
+
 @sweep(void(VECTOR, PERIOD))
 def linearise_at(torques, p):
     """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
-    substeps = p.rules.substeps
+    substeps = p.now.substeps[0]
     linearise(
-        rate_at(p.model.rate), tangent_at(p.model.tangent), torques, p.now.parameters, p.rules.step / substeps,
+        rate_at(p.model.rate), tangent_at(p.model.tangent), torques, p.now.constants, p.rules.step / substeps,
         substeps, p.around,
     )  # fmt: skip
 
@@ -50,9 +59,9 @@ def optimality(p):
 @sweep(void(PERIOD))
 def second_derivatives(p):
     """Add the model's second derivatives to the quadratic model, which may become indefinite."""
-    second, substeps = p.second, p.rules.substeps
+    second, substeps = p.second, p.now.substeps[0]
     second_order(
-        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.parameters,
+        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.constants,
         p.rules.step / substeps, substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
     )  # fmt: skip
     add_second_order(second.hessians, p.terms, p.quadratic, second.wide)
@@ -78,7 +87,7 @@ def step(p):
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
-    guess, units, substeps = p.guess, p.terms.unit.scale.size, p.rules.substeps
+    guess, units, substeps = p.guess, p.terms.unit.scale.size, p.now.substeps[0]
     for _ in range(trials):
         for i in range(p.now.state.size):
             guess.nodes[0, i] = p.now.state[i]
@@ -86,7 +95,7 @@ def search(cost, trials, p):
         while k + 1 < guess.nodes.shape[0] and reached <= cost:  # costs only add up
             torque = guess.trial[k * units : (k + 1) * units]
             simulate(
-                slope_at(p.model.slope), torque, p.now.parameters, p.rules.step / substeps, substeps,
+                slope_at(p.model.slope), torque, p.now.constants, p.rules.step / substeps, substeps,
                 guess.nodes[k : k + 2], guess.scratch,
             )  # fmt: skip
             reached = cost_up_to(k, reached, guess.nodes, guess.trial, p.terms)
@@ -122,11 +131,12 @@ def hold(p):
 def ahead(time, p):
     """Move the state on by `time` [s] under the torques of the period before."""
     state, nodes, before = p.now.state, p.guess.nodes, p.terms.unit.before
-    substeps = int(np.ceil(p.rules.substeps * time / p.rules.step * (1.0 - 1e-9)))
+    prepare(p)
+    substeps = int(np.ceil(p.now.substeps[0] * time / p.rules.step * (1.0 - 1e-9)))
     for i in range(state.size):
         nodes[0, i] = state[i]
     simulate(
-        slope_at(p.model.slope), before, p.now.parameters, time / substeps, substeps, nodes[0:2], p.guess.scratch,
+        slope_at(p.model.slope), before, p.now.constants, time / substeps, substeps, nodes[0:2], p.guess.scratch,
     )  # fmt: skip
     for i in range(state.size):
         state[i] = nodes[1, i]
@@ -140,6 +150,7 @@ def iterate(most, p):
     measurement; more are, while the residual exceeds the tolerance before the last one.
     """
     guess, exact = p.guess, p.rules.exact
+    prepare(p)
     cost, residual, done, known = np.nan, np.inf, 0, False
     for i in range(guess.torques.size):
         guess.torques[i] = min(max(guess.torques[i], 0.0), p.now.upper[i])

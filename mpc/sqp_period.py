@@ -5,17 +5,19 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.by_reference import ByReference
-from alloc.plant.structure import Floats
+from alloc.plant.structure import Floats, Ints
 from mpc.box_qp import BoxWorkspace, box_workspace
 from mpc.condensing import Quadratic, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
 from mpc.reflection import EigenWorkspace, eigen_workspace
 from mpc.shooting import Linearised, Nonzeros, linearised
+from mpc.stiffness import Stiffness
 
 
 class Addresses(NamedTuple):
     """Where the model's compiled functions stand."""
 
+    prepare: int
     slope: int
     rate: int
     curvature: int
@@ -28,8 +30,8 @@ class Rules(NamedTuple):
 
     step: float
     """Of the horizon [s]."""
-    substeps: int
-    """Runge-Kutta steps of a step of the horizon."""
+    stiffness: Stiffness
+    """Says how many Runge-Kutta steps make a step of the horizon."""
     tolerance: float
     """Residual at which the step that follows is the last."""
     least_curvature: float
@@ -45,6 +47,10 @@ class Now(NamedTuple):
     parameters: Floats
     upper: Floats
     """(horizon * units,)"""
+    constants: Floats
+    """What follows from the parameters, see `mpc.folding`."""
+    substeps: Ints
+    """Runge-Kutta steps of a step of the horizon, (1,): as many as the believed curve needs."""
 
 
 class Guess(NamedTuple):
@@ -96,12 +102,13 @@ def period(
     terms: Cost,
     rules: Rules,
     horizon: int,
-    parameters: int,
+    sizes: tuple[int, int],
 ) -> Period:
-    """Room for the periods of the problem of cost `terms` over `horizon` steps; `parameters`: number of the model's."""
+    """Room for the periods of the problem of cost `terms` over `horizon` steps; `sizes`: numbers of
+    the model's parameters and constants."""
     (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
     n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.substeps if rules.exact else 4
+    evaluations = 4 * horizon * rules.stiffness.most if rules.exact else 4
     guess = Guess(
         torques=np.zeros(n),
         trial=np.zeros(n),
@@ -116,7 +123,13 @@ def period(
     return Period(
         model,
         rules,
-        Now(np.zeros(states), np.zeros(parameters), np.zeros(n)),
+        Now(
+            np.zeros(states),
+            np.zeros(sizes[0]),
+            np.zeros(n),
+            np.zeros(sizes[1]),
+            np.ones(1, dtype=np.int64),
+        ),
         guess,
         nonzeros,
         linearised(horizon, evaluations, states, units, nonzeros.row.size),
@@ -138,8 +151,8 @@ def empty_period() -> Period:
     terms = Cost(
         np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
     )
-    rules = Rules(0.0, 1, 0.0, 0.0, False)
-    return period(Addresses(0, 0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, 0)
+    rules = Rules(0.0, Stiffness(0.0, 0.0, 0, -1, 1), 0.0, 0.0, False)
+    return period(Addresses(0, 0, 0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, (0, 0))
 
 
 PERIOD = ByReference(empty_period()).kind

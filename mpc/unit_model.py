@@ -14,14 +14,17 @@ import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
-from alloc.plant.adhesion import CreepCurve
+from alloc.plant.adhesion import CreepCurve, RationalCurve
 from alloc.plant.adhesion_laws import POLACH, POLACH_BY_FRICTION
-from alloc.plant.array_model import ArrayModel, Local
+from alloc.plant.array_model import Local
 from alloc.plant.equations import slip_velocity
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.structure import Floats, Ints
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
+from mpc.folding import without_clamps
+from mpc.stepped_model import SteppedModel, Steps
+from mpc.stiffness import Stiffness
 
 Units = UnitContext | Sequence[UnitContext]
 """A unit alone, or a group, foremost first."""
@@ -86,6 +89,8 @@ class UnitModel:
     parameters: cs.SX
     rate: cs.SX
     """Derivative of the state."""
+    steps: Steps
+    """The same."""
 
     @property
     def states(self) -> int:
@@ -179,7 +184,7 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     stiffness = by_axle(contact) if creeps else np.ones(n)
     curve = [q[k] for k in range(6)]
     # nothing sticks: the deflections of the contacts are no states of the model, and zero
-    arrays = ArrayModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
+    arrays = SteppedModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
@@ -190,19 +195,34 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
     local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)
     rate = arrays.derivative(whole, Inputs(**inputs), local)
-    return UnitModel(
-        axles=n,
-        units=m,
-        state=state,
-        torque=torque,
-        parameters=parameters,
-        rate=cs.cse(cs.vertcat(*(rate[block] for block in rows))),
+    steps = arrays.steps(
+        without_clamps(cs.vertcat(*(rate[block] for block in rows)), UNBOUNDED_TORQUE)
     )
+    return UnitModel(n, m, state, torque, parameters, steps.whole([steps.rate])[0], steps)
 
 
 def substeps(units: Units, step: float) -> int:
     """Runge-Kutta steps that make a prediction step of `step` [s], from the plant's own bound on stiffness."""
     return _plant(group_of(units)).substeps(step)
+
+
+def stiffness_of(units: Units, step: float) -> Stiffness:
+    """Stiffness of a group, from that of the plant on a very steep curve and on a very flat one."""
+    group, extreme = group_of(units), 1e9
+    plant = _plant(group)
+
+    def fastest(slope: float) -> float:
+        curve = RationalCurve(peak_slip=2.0 / slope, steepness=2.0)
+        return replace(plant, rail=Rail(1.0, curve=curve)).stiffness()
+
+    rational = isinstance(group[0].curve, RationalCurve)
+    return Stiffness(
+        slope=float(fastest(extreme) / extreme),
+        rest=float(fastest(1.0 / extreme)),
+        axles=int(unit_of_axle(group).size),
+        curve=curve_place(group).start if rational else -1,
+        most=plant.substeps(step),
+    )
 
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:

@@ -87,8 +87,8 @@ class DaqpIteration(RealTimeIteration):
         for _ in range(HALVINGS + 1):
             made.guess.nodes[0] = problem.state
             simulate(
-                self._model.slope, trial, problem.parameters, made.rules.step / made.rules.substeps,
-                int(made.rules.substeps), made.guess.nodes, made.guess.scratch,
+                self._model.slope, trial, made.now.constants, made.rules.step / made.now.substeps[0],
+                int(made.now.substeps[0]), made.guess.nodes, made.guess.scratch,
             )  # fmt: skip
             if trajectory_cost(made.guess.nodes, trial, terms) <= cost:
                 self.torques[:] = trial

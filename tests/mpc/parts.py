@@ -25,7 +25,7 @@ def cost_of_torques(solver, problem, torques):
     made = solver.period
     made.guess.nodes[0] = problem.state
     simulate(
-        solver._model.slope, torques, problem.parameters, made.rules.step / made.rules.substeps,
-        int(made.rules.substeps), made.guess.nodes, made.guess.scratch,
+        solver._model.slope, torques, made.now.constants, made.rules.step / made.now.substeps[0],
+        int(made.now.substeps[0]), made.guess.nodes, made.guess.scratch,
     )  # fmt: skip
     return trajectory_cost(made.guess.nodes, torques, ByReference(made.terms))

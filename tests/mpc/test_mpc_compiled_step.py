@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
+from mpc.belief import with_predicted_curve
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from tests.benchmarks.daqp_peer import DaqpIteration
@@ -16,14 +17,17 @@ SETTINGS = MpcSettings()
 
 
 @pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
-@pytest.mark.parametrize("kind", ["unit", "group"])
-def test_every_solution_is_the_references(context, random_problem, kind, exact):
+@pytest.mark.parametrize("kind", ["unit", "unit of eight axles", "group"])
+def test_every_solution_is_the_references(make_context, random_problem, kind, exact):
     settings = replace(SETTINGS, exact_hessian=exact, tolerance=1e-4)
-    units, evenness = (context, 0.0) if kind == "unit" else (car_of_four(), 0.05)
+    context = make_context(axles=8 if kind == "unit of eight axles" else 4, mass=110e3)
+    # the curve that units predict with: its parameters say how many substeps are taken
+    context = with_predicted_curve(context)
+    units, evenness = (car_of_four(), 0.05) if kind == "group" else (context, 0.0)
     own, other = (K(units, settings, evenness) for K in (RealTimeIteration, DaqpIteration))
     steps = 0
     for seed in range(12):
-        data = random_problem(context, seed) if kind == "unit" else problem(units, seed)
+        data = random_problem(context, seed) if kind != "group" else problem(units, seed)
         for solver in (own, other):
             solver.restart(data.before)
         for _ in range(2):

@@ -41,7 +41,7 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
         problem = random_problem(context, seed)
         solver, _ = _linearised(context, problem, seed)
         around = solver.period.around
-        step = step_function(model, SETTINGS.step, int(solver.period.rules.substeps))
+        step = step_function(model, SETTINGS.step, int(solver.period.now.substeps[0]))
         x, u, p = model.state, model.torque, model.parameters
         end = step(x, u, p)
         jacobian = cs.Function("jacobian", [x, u, p], [cs.jacobian(end, cs.vertcat(x, u))])

@@ -22,6 +22,7 @@ def test_numba_equals_casadi(make_context, random_problem, curve):
             inputs += [rng.standard_normal(model.states)] * (name == "curvature")
             expected = function.call(inputs)
             outputs = [np.full(function.nnz_out(k), np.nan) for k in range(function.n_out())]
+            inputs[2] = compiled.prepared(problem.parameters)
             getattr(compiled, name)(*inputs, *outputs)
             for value, wanted in zip(outputs, expected, strict=True):
                 values = np.array(wanted.nonzeros())

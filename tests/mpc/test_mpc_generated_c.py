@@ -62,6 +62,7 @@ def test_c_equals_numba(make_context, random_problem, curve, axles):
             answers = []
             for way in ways:
                 outputs = [np.full(function.nnz_out(k), np.nan) for k in range(function.n_out())]
+                inputs[2] = way.prepared(problem.parameters)
                 getattr(way, name)(*inputs, *outputs)
                 answers.append(outputs)
             for value, expected in zip(answers[1], answers[0], strict=True):
@@ -99,7 +100,9 @@ def test_nan_surfaces_where_it_does_with_numba(context, random_problem):
         for code in ("numba", "c"):
             model = compiled_model(unit_model(context), code)
             slopes, nonzeros = np.zeros(6), np.zeros(model.nonzeros.row.size)
-            model.rate(state, np.array([500.0]), problem.parameters, slopes, nonzeros)
+            model.rate(
+                state, np.array([500.0]), model.prepared(problem.parameters), slopes, nonzeros
+            )
             found.append(np.isnan(np.concatenate([slopes, nonzeros])))
         assert found[1].any()
         np.testing.assert_array_equal(*found)

@@ -96,9 +96,10 @@ def test_assembled_functions_equal_the_whole_expression(group):
             np.full(made.nonzeros.row.size, np.nan),
             np.full(made.nonzeros.upper_row.size, np.nan),
         )
-        made.slope(*inputs, slopes)
-        made.rate(*inputs, again, jacobian)
-        made.curvature(*inputs, weights, hessian)
+        point = (*inputs[:2], made.prepared(data.parameters))
+        made.slope(*point, slopes)
+        made.rate(*point, again, jacobian)
+        made.curvature(*point, weights, hessian)
         f, j = symbolic["rate"].call(inputs)
         h = symbolic["curvature"].call([*inputs, weights])[0]
         np.testing.assert_array_equal(slopes, again)

@@ -14,7 +14,7 @@ from mpc.hosted import MPC
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings, PeakBelief
 from mpc.unit_controller import MpcController
-from mpc.unit_model import substeps, unit_model
+from mpc.unit_model import unit_model
 from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
@@ -120,12 +120,12 @@ def test_with_a_perfect_model_a_delayed_command_is_found_from_the_state_it_acts_
     else:
         controller = InNumba(context, settings)
         now = controller.controller.kept[1].period.now
-    predicted = with_predicted_curve(context)
-    step = step_function(unit_model(predicted), context.period, substeps(predicted, context.period))
+    model = unit_model(with_predicted_curve(context))
     state, commands = np.array([10.0, *[10.1 / 0.43] * 4, 500.0]), []
     for _ in range(60):
         sense = make_sense(speed=state[0], torque=state[5])._replace(omega=state[1:5].copy())
         commands.append(float(controller.decide(sense).torque))
+        step = step_function(model, context.period, int(now.substeps[0]))
         state = np.asarray(step(state, commands[-1], now.parameters)).ravel()
         np.testing.assert_allclose(now.state, state, rtol=1e-9)
     assert np.ptp(commands) > 100.0

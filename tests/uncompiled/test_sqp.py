@@ -13,6 +13,7 @@ from mpc.settings import MpcSettings
 from mpc.shooting import Nonzeros
 from mpc.sqp import ENDED, GOING, NO_EIGENVALUES, NO_SOLUTION, NOT_FINITE
 from mpc.sqp_period import Addresses, Rules, period
+from mpc.stiffness import Stiffness
 
 SCALE, UPPER = np.array([10.0, 20.0]), np.array([50.0, 60.0])
 
@@ -26,10 +27,22 @@ def _period(tolerance=0.01, exact=False):
         CostWeights(1.0, 1.0, 1.0, 0.0, 1.0),
     )
     none = np.zeros(0, dtype=np.int64)
-    rules = Rules(0.01, 1, tolerance, 0.2, exact)
-    made = period(Addresses(1, 2, 3, 4), Nonzeros(none, none, none, none), terms, rules, 2, 3)
+    rules = Rules(0.01, Stiffness(100.0, 50.0, 1, 1, 9), tolerance, 0.2, exact)
+    addresses = Addresses(1, 2, 3, 4, 5)
+    made = period(addresses, Nonzeros(none, none, none, none), terms, rules, 2, (3, 3))
     made.now.upper[:] = np.tile(UPPER, 2)
+    made.now.parameters[:] = 0.1, 0.05, 4.0
     return made
+
+
+@pytest.fixture(autouse=True)
+def _prepared(monkeypatch):
+    """A model whose constants are its parameters, doubled."""
+
+    def prepare(parameters, constants):
+        constants[:] = 2.0 * parameters
+
+    monkeypatch.setattr(sqp, "prepare_at", lambda address: prepare)
 
 
 @pytest.fixture
@@ -53,6 +66,28 @@ def steps(monkeypatch):
         return made, done
 
     return make
+
+
+@pytest.mark.parametrize(
+    ("peak", "peak_slip", "steepness", "substeps"),
+    [
+        (
+            0.1,
+            0.05,
+            4.0,
+            4,
+        ),  # 100 / s per s/m of a slope of 8 s/m over 10 ms, in steps of two time constants
+        (0.1, 0.05, 1.0, 2),  # at most as steep as a straight line times 2.8 / 1.9
+        (0.01, 0.5, 2.0, 1),
+        (0.5, 0.01, 9.0, 9),
+    ],
+)
+def test_steps_are_as_short_as_the_curve_is_steep(steps, peak, peak_slip, steepness, substeps):
+    made, _ = steps([0.0])
+    made.now.parameters[:] = peak, peak_slip, steepness
+    sqp.iterate(1, made)
+    assert made.now.substeps[0] == substeps
+    assert made.now.constants.tolist() == [2.0 * peak, 2.0 * peak_slip, 2.0 * steepness]
 
 
 @pytest.mark.parametrize(
@@ -203,6 +238,7 @@ def test_what_is_new_in_a_period_is_handed_over():
     )  # fmt: skip
     now, unit = solver.period.now, solver._terms.unit
     assert (now.state.tolist(), now.parameters.tolist()) == ([7.0], [0.0, 1.0, 2.0])
+    assert now.constants.tolist() == [0.0, 2.0, 4.0]
     assert now.upper.tolist() == [50.0, 60.0, 50.0, 60.0]
     assert solver._terms.axle.slip_limit.tolist() == [0.1]
     assert [v.tolist() for v in unit[:3]] == [[4.0, 4.0], [5.0, 5.0], [6.0, 6.0]]

@@ -1,0 +1,50 @@
+"""How many Runge-Kutta steps a step of the horizon needs: as many as the believed curve is steep.
+
+The bound is the plant's (`alloc.plant.model.Model.stiffness`), whose greatest rate is that of a wheelset on the steepest
+part of its adhesion curve.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from alloc.compilation import equation, jit
+from alloc.plant.model import STABLE_STEP
+
+
+class Stiffness(NamedTuple):
+    """What decides how short a Runge-Kutta step of a group must be."""
+
+    slope: float
+    """Rate of its wheelsets [1/s] per slope of the curve [s/m]."""
+    rest: float
+    """Fastest rate of all else [1/s]."""
+    axles: int
+    curve: int
+    """Place of the rational curve among the parameters; -1: the model has another curve."""
+    most: int
+    """Most substeps; for another curve, always."""
+
+
+@equation
+def steepest(peak, peak_slip, steepness):
+    """Bound of the slope [s/m] of the rational curve, for a steepness from 1 on: above 2, its slope at the origin.
+
+    Below, the curve turns on its way to the peak, and a straight line is a bound, see
+    `alloc.plant.adhesion.RationalCurve.steepest_slope`.
+    """
+    return peak / peak_slip * max(steepness, (steepness + 1.8) / 1.9)
+
+
+@jit
+def needed_substeps(stiffness, step, parameters):
+    """Substeps of a step of `step` [s] with the model's `parameters`."""
+    if stiffness.curve < 0:
+        return stiffness.most
+    peak = 0.0
+    for i in range(stiffness.axles):
+        peak = max(peak, parameters[i])
+    slope = steepest(peak, parameters[stiffness.curve], parameters[stiffness.curve + 1])
+    needed = step * max(stiffness.slope * slope, stiffness.rest) / STABLE_STEP
+    # what is no number surfaces in the trajectory; a number of steps it must not become
+    return max(1, int(np.ceil(needed))) if needed < stiffness.most else stiffness.most
