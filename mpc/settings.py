@@ -93,7 +93,7 @@ class SlipSearch:
     lowest: float = quantity(0.02, "km/h")
     highest: float = quantity(1.6, "km/h")
     noise_margin: float = quantity(4.0, "1")
-    friction_price: float = quantity(0.15, "s/m")
+    friction_price: float = quantity(0.18, "s/m")
     swing: float = quantity(0.1, "1")
     least_swing: float = quantity(0.03, "1")
     swing_time: float = quantity(0.2, "s")
