@@ -16,8 +16,9 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, HorizonSolution
+from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from tests.benchmarks.stages import Stages, stages
+from tests.benchmarks.stages import Stages, stages, with_numbers
 
 UNBOUNDED = 1e9
 """What acados takes for no bound."""
@@ -131,3 +132,30 @@ class AcadosSolver:
             iterations=1,
             status="ok" if flag == 0 else f"acados status {flag}",
         )
+
+
+class AcadosIteration(RealTimeIteration):
+    """A `RealTimeIteration` whose `solve` is a step of acados, for the closed loop."""
+
+    def __init__(self, units, settings):
+        super().__init__(units, settings)
+        self._peer = AcadosSolver(units, settings)
+        self._starts = True
+
+    def restart(self, torque):
+        super().restart(torque)
+        self._starts = True
+
+    def shift(self):
+        super().shift()
+        if not self._starts:
+            self._peer.shift()
+
+    def solve(self, problem):
+        one = with_numbers(problem)
+        if self._starts:  # only now there is a state to start from
+            self._peer.restart(one, float(self.torques[0]))
+            self._starts = False
+        solution = self._peer.solve(one)
+        self.torques[:] = solution.torques
+        return solution

@@ -1,0 +1,223 @@
+"""Solvers of the horizon's problem, each as the controller of a unit in the closed loop.
+
+Belief, search, limits, model, horizon and weights are the same for all: those of `mpc.unit_controller`. Only the solver
+differs. Of each event this tells failures, the share of adhesion used where it is short, wheel damage, and iterations and
+time per period. A run is simulated as if every solver answered in time, so that what it answers and how fast it is are two questions.
+
+`make bench` runs it; `python -m tests.benchmarks.closed_loop --help` has more events, shipped ones too.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from alloc.event import Event
+from alloc.metrics import METRICS
+from alloc.onboard.host import HostedController, TorqueDecision, UnitContext, UnitSense, each_unit
+from alloc.simulation import simulate
+from mpc.real_time import RealTimeIteration
+from mpc.settings import MpcSettings
+from mpc.unit_controller import Iteration, MpcController
+from mpc.unit_step import STATUSES
+from studies.scenario.loading import load_scenario
+from tests.benchmarks.closed_loop_events import drawn_event
+from tests.benchmarks.peer_iteration import PEERS, missing
+from tests.benchmarks.qpsolvers_peer import iterations as qp_iterations
+from tests.mpc.exported import InNumba
+
+SETTINGS = MpcSettings()
+CONVERGED = replace(SETTINGS, exact_hessian=True, iterations=100, tolerance=1e-6, step_time=1e-5)
+"""With which the own iteration goes on to the optimum, as the converging peers do."""
+
+COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration, converged"
+
+
+@dataclass
+class Asked:
+    """What a solver was asked in a run, and how long it took."""
+
+    times: list[float] = field(default_factory=list)
+    """CPU time [s], a solve each; of the compiled step the whole period, with belief and search."""
+    iterations: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A solver in the closed loop."""
+
+    name: str
+    controller: Callable[[UnitContext, Asked], "MpcController | CompiledStep"]
+    converges: bool = False
+    """Whether it goes on to the optimum in every period."""
+    missing: str = ""
+    """Why it cannot be run here."""
+
+
+class CompiledStep:
+    """The compiled period of a unit, timed; a `HostController`."""
+
+    def __init__(self, context: UnitContext, asked: Asked) -> None:
+        self._step, self._asked = InNumba(context, SETTINGS), asked
+
+    def decide(self, sense: UnitSense) -> TorqueDecision:
+        """Torque command for the coming control period."""
+        begun = time.process_time()
+        answer = self._step.decide(sense)
+        taken = time.process_time() - begun
+        if sense.target != 0.0:
+            self._asked.times.append(taken)
+            self._asked.iterations.append(round(float(answer.solve_time) / SETTINGS.step_time))
+        return TorqueDecision(
+            float(answer.torque), bool(answer.usable), STATUSES[answer.status],
+            float(answer.solve_time), float(answer.residual),
+        )  # fmt: skip
+
+
+def with_solver(
+    iteration: Iteration, settings: MpcSettings = SETTINGS
+) -> Callable[[UnitContext, Asked], MpcController]:
+    """What makes a unit's controller in Python, with the solver that `iteration` makes, each solve of it timed."""
+
+    def make(context: UnitContext, asked: Asked) -> MpcController:
+        def timed(units, given):
+            solver = iteration(units, given)
+            solve = solver.solve
+
+            def solve_timed(problem):
+                begun = time.process_time()
+                solution = solve(problem)
+                asked.times.append(time.process_time() - begun)
+                asked.iterations.append(solution.iterations)
+                return solution
+
+            solver.solve = solve_timed
+            return solver
+
+        return MpcController(context, settings, timed)
+
+    return make
+
+
+def ways() -> list[Way]:
+    """Every solver that there is an adapter for, the own first, then peers, then the QP solvers in the iteration."""
+    own = [
+        Way(COMPILED, CompiledStep),
+        Way(OWN, with_solver(RealTimeIteration)),
+        Way(OWN_CONVERGED, with_solver(RealTimeIteration, CONVERGED), converges=True),
+    ]
+    peers = [
+        Way(name, with_solver(iteration), "SQP_RTI" not in name, missing(name))
+        for name, iteration in PEERS.items()
+    ]
+    programs = [
+        Way(f"QP by {name}", with_solver(iteration)) for name, iteration in qp_iterations().items()
+    ]
+    return [*own, *peers, *programs]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A way in an event."""
+
+    way: str
+    event: str
+    calls: int
+    failures: int
+    used: float
+    """Share of the adhesion that units used while they were short of it; nan where they never were."""
+    damage: float
+    """[kJ]"""
+    asked: Asked
+
+
+def run(way: Way, event: Event) -> Run:
+    """`event` with every unit under the controller of this way."""
+    asked = Asked()
+    each = each_unit(partial(way.controller, asked=asked))
+    recorded = simulate(event, "alone", HostedController("mpc", way.name, each))
+    used, damage = (
+        METRICS.find(name).function(recorded) for name in ("utilisation_short", "damage")
+    )
+    return Run(
+        way.name,
+        event.name,
+        int(recorded.attrs["controller_calls"]),
+        int(recorded.attrs["controller_failures"]),
+        used,
+        damage,
+        asked,
+    )
+
+
+def table(runs: Iterable[Run]) -> pd.DataFrame:
+    """A row per way: means over the events, times and iterations of all their periods."""
+    rows = []
+    found = list(runs)
+    for name in dict.fromkeys(one.way for one in found):
+        mine = [one for one in found if one.way == name]
+        times = 1e3 * np.concatenate([one.asked.times for one in mine])
+        steps = np.concatenate([one.asked.iterations for one in mine])
+        rows.append(
+            {
+                "solver": name,
+                "failures": sum(one.failures for one in mine),
+                "periods": sum(one.calls for one in mine),
+                "used [%]": 100.0 * np.mean([one.used for one in mine]),
+                "Q [kJ]": np.mean([one.damage for one in mine]),
+                "iterations, median": np.median(steps),
+                "most": steps.max(),
+                "time, median [ms]": np.median(times),
+                "p99 [ms]": np.quantile(times, 0.99),
+            }
+        )
+    return pd.DataFrame(rows).set_index("solver")
+
+
+def differences(runs: Sequence[Run], reference: str = OWN_CONVERGED) -> dict[str, float]:
+    """Greatest difference of the adhesion used in an event from that of `reference`, by way."""
+    used = {(one.way, one.event): one.used for one in runs}
+    return {
+        name: float(
+            np.nanmax(
+                [abs(one.used - used[reference, one.event]) for one in runs if one.way == name]
+            )
+        )
+        for name in dict.fromkeys(one.way for one in runs)
+    }
+
+
+def main() -> None:
+    """Print the table of the events asked for, as the page docs/mpc-peers.md has it."""
+    parser = argparse.ArgumentParser(description="Solvers as controllers in the closed loop.")
+    parser.add_argument("--events", type=int, default=4, help="number of drawn events")
+    parser.add_argument("--seed", type=int, default=1, help="of the drawn events")
+    parser.add_argument("--scenario", action="append", default=[], help="a shipped event, as well")
+    parser.add_argument("--seconds", type=float, default=8.0, help="of a shipped event")
+    parser.add_argument("--solver", action="append", default=[], help="part of a name; all without")
+    chosen = parser.parse_args()
+    events = [drawn_event(chosen.seed, k) for k in range(chosen.events)]
+    events += [
+        replace(load_scenario(name).event(), duration=chosen.seconds) for name in chosen.scenario
+    ]
+    runs = []
+    for way in ways():
+        if chosen.solver and not any(part in way.name for part in chosen.solver):
+            continue
+        if way.missing:
+            print(f"{way.name}: left out, {way.missing}")
+            continue
+        runs += [run(way, event) for event in events]
+        print(
+            table(runs[-len(events) :]).to_string(float_format="%.4g", header=way.name == COMPILED),
+            flush=True,
+        )
+    print(table(runs).to_string(float_format="%.4g"))
+
+
+if __name__ == "__main__":
+    main()
