@@ -1,8 +1,8 @@
 """Solvers of the horizon's problem, each as the controller of a unit in the closed loop.
 
 Belief, search, limits, model, horizon and weights are the same for all: those of `mpc.unit_controller`. Only the solver
-differs. Of each event this tells failures, the share of adhesion used where it is short, wheel damage, and iterations and
-time per period. A run is simulated as if every solver answered in time, so that what it answers and how fast it is are two questions.
+differs. Of each event this tells failures, the share of adhesion used where it is short, wheel damage, iterations and time
+per period. A run is simulated as if every solver answered in time: what it answers and how fast it is are two questions.
 
 `make bench` runs it; `python -m tests.benchmarks.closed_loop --help` has more events, shipped ones too.
 """
@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from alloc.errors import InputError
 from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.onboard.host import HostedController, TorqueDecision, UnitContext, UnitSense, each_unit
@@ -27,6 +28,7 @@ from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.closed_loop_events import drawn_event
 from tests.benchmarks.peer_iteration import PEERS, missing
+from tests.benchmarks.qpsolvers_peer import QpsolversIteration
 from tests.benchmarks.qpsolvers_peer import iterations as qp_iterations
 from tests.mpc.exported import InNumba
 
@@ -34,7 +36,7 @@ SETTINGS = MpcSettings()
 CONVERGED = replace(SETTINGS, exact_hessian=True, iterations=100, tolerance=1e-6, step_time=1e-5)
 """With which the own iteration goes on to the optimum, as the converging peers do."""
 
-COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration, converged"
+COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration converged"
 
 
 @dataclass
@@ -44,6 +46,8 @@ class Asked:
     times: list[float] = field(default_factory=list)
     """CPU time [s], a solve each; of the compiled step the whole period, with belief and search."""
     iterations: list[int] = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
+    """Of the answers of a solver of `qpsolvers`, see `QpsolversIteration`."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,8 @@ def with_solver(
     def make(context: UnitContext, asked: Asked) -> MpcController:
         def timed(units, given):
             solver = iteration(units, given)
+            if isinstance(solver, QpsolversIteration):
+                solver.residuals = asked.residuals
             solve = solver.solve
 
             def solve_timed(problem):
@@ -173,6 +179,7 @@ def table(runs: Iterable[Run]) -> pd.DataFrame:
                 "most": steps.max(),
                 "time, median [ms]": np.median(times),
                 "p99 [ms]": np.quantile(times, 0.99),
+                "QP residual": max(max(one.asked.residuals, default=np.nan) for one in mine),
             }
         )
     return pd.DataFrame(rows).set_index("solver")
@@ -191,32 +198,57 @@ def differences(runs: Sequence[Run], reference: str = OWN_CONVERGED) -> dict[str
     }
 
 
-def main() -> None:
+def text(runs: Iterable[Run]) -> str:
+    """The table in plain text."""
+    return str(table(runs).to_string(float_format="%.4g", na_rep=""))
+
+
+def _events(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> list[Event]:
+    """Drawn and shipped events that are asked for."""
+    if asked.seed < 0:
+        parser.error(f"--seed {asked.seed}: must be 0 or greater")
+    try:
+        shipped = [load_scenario(name).event() for name in asked.scenario]
+        drawn = [drawn_event(asked.seed, k) for k in range(asked.events)]
+        events = drawn + [replace(event, duration=asked.seconds) for event in shipped]
+    except (InputError, ValueError) as error:
+        parser.error(str(error))
+    if not events:
+        parser.error("no event is left: ask for --events of 1 or more, or for a --scenario")
+    return events
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table of the events asked for, as the page docs/mpc-peers.md has it."""
-    parser = argparse.ArgumentParser(description="Solvers as controllers in the closed loop.")
-    parser.add_argument("--events", type=int, default=4, help="number of drawn events")
-    parser.add_argument("--seed", type=int, default=1, help="of the drawn events")
+    parser = argparse.ArgumentParser(
+        "closed_loop", description="Solvers as controllers in the closed loop."
+    )
+    parser.add_argument("--events", type=int, default=3, help="number of drawn events")
+    parser.add_argument("--seed", type=int, default=2026, help="of the drawn events")
     parser.add_argument("--scenario", action="append", default=[], help="a shipped event, as well")
-    parser.add_argument("--seconds", type=float, default=8.0, help="of a shipped event")
-    parser.add_argument("--solver", action="append", default=[], help="part of a name; all without")
-    chosen = parser.parse_args()
-    events = [drawn_event(chosen.seed, k) for k in range(chosen.events)]
-    events += [
-        replace(load_scenario(name).event(), duration=chosen.seconds) for name in chosen.scenario
+    parser.add_argument("--seconds", type=float, default=8.0, help="length of a shipped event")
+    parser.add_argument(
+        "--solver", action="append", default=[], help="part of a name; default: all"
+    )
+    asked = parser.parse_args(arguments)
+    events, everything = _events(parser, asked), ways()
+    chosen = [
+        way
+        for way in everything
+        if not asked.solver or any(part in way.name for part in asked.solver)
     ]
+    if not chosen:
+        parser.error(f"no solver is called so; there are {', '.join(w.name for w in everything)}")
     runs = []
-    for way in ways():
-        if chosen.solver and not any(part in way.name for part in chosen.solver):
-            continue
+    for way in chosen:
         if way.missing:
             print(f"{way.name}: left out, {way.missing}")
             continue
         runs += [run(way, event) for event in events]
-        print(
-            table(runs[-len(events) :]).to_string(float_format="%.4g", header=way.name == COMPILED),
-            flush=True,
-        )
-    print(table(runs).to_string(float_format="%.4g"))
+        print(f"{way.name}: done", flush=True)
+    print(text(runs))
+    for event in events:
+        print(f"\n{event.name}\n{text([one for one in runs if one.event == event.name])}")
 
 
 if __name__ == "__main__":

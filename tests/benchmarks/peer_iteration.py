@@ -38,8 +38,8 @@ class PeerIteration(RealTimeIteration):
 
 CONVERGING = {
     "ipopt": ReferenceSolver,
-    "Opti, ipopt": OptiSolver,
-    "do-mpc, ipopt": DoMpcSolver,
+    "Opti with ipopt": OptiSolver,
+    "do-mpc with ipopt": DoMpcSolver,
     "fatrop": FatropSolver,
 }
 """Classes of converging solvers by name."""
@@ -51,7 +51,7 @@ PEERS: dict[str, Callable[..., RealTimeIteration]] = {
 """What makes a peer's iteration, by name: (units, settings) -> iteration."""
 
 NEEDED = {
-    "do-mpc, ipopt": ("do_mpc", "do-mpc is not installed: pip install -c constraints.txt -e '.[bench]'"),
+    "do-mpc with ipopt": ("do_mpc", "do-mpc is not installed: pip install -c constraints.txt -e '.[bench]'"),
     "acados SQP_RTI": ("acados_template", "acados is not installed: see docs.acados.org"),
 }  # fmt: skip
 """Package that a peer needs beside this project's, and what to say where it is not there."""
