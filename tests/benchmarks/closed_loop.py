@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,14 +22,16 @@ from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.onboard.host import HostedController, TorqueDecision, UnitContext, UnitSense, each_unit
 from alloc.simulation import simulate
+from mpc.horizon import HorizonProblem, HorizonSolution
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.unit_controller import Iteration, MpcController
+from mpc.unit_model import Units
 from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.closed_loop_events import drawn_event
 from tests.benchmarks.peer_iteration import PEERS, missing
-from tests.benchmarks.qpsolvers_peer import QpsolversIteration
+from tests.benchmarks.qpsolvers_peer import QpsolversIteration, Solved
 from tests.benchmarks.qpsolvers_peer import iterations as qp_iterations
 from tests.mpc.exported import InNumba
 
@@ -46,8 +49,8 @@ class Asked:
     times: list[float] = field(default_factory=list)
     """CPU time [s], a solve each; of the compiled step the whole period, with belief and search."""
     iterations: list[int] = field(default_factory=list)
-    residuals: list[float] = field(default_factory=list)
-    """Of the answers of a solver of `qpsolvers`, see `QpsolversIteration`."""
+    programs: list[Solved] = field(default_factory=list)
+    """Quadratic programs of a solver of `qpsolvers`."""
 
 
 @dataclass(frozen=True)
@@ -82,27 +85,34 @@ class CompiledStep:
         )  # fmt: skip
 
 
+class Timed:
+    """A solver whose solves are timed; in all else it is that solver."""
+
+    def __init__(self, solver: RealTimeIteration, asked: Asked) -> None:
+        self._timed, self._asked = solver, asked
+        if isinstance(solver, QpsolversIteration):
+            solver.solved = asked.programs
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._timed, name)
+
+    def solve(self, problem: HorizonProblem) -> HorizonSolution:
+        """As the solver."""
+        begun = time.process_time()
+        solution = self._timed.solve(problem)
+        self._asked.times.append(time.process_time() - begun)
+        self._asked.iterations.append(solution.iterations)
+        return solution
+
+
 def with_solver(
     iteration: Iteration, settings: MpcSettings = SETTINGS
 ) -> Callable[[UnitContext, Asked], MpcController]:
     """What makes a unit's controller in Python, with the solver that `iteration` makes, each solve of it timed."""
 
     def make(context: UnitContext, asked: Asked) -> MpcController:
-        def timed(units, given):
-            solver = iteration(units, given)
-            if isinstance(solver, QpsolversIteration):
-                solver.residuals = asked.residuals
-            solve = solver.solve
-
-            def solve_timed(problem):
-                begun = time.process_time()
-                solution = solve(problem)
-                asked.times.append(time.process_time() - begun)
-                asked.iterations.append(solution.iterations)
-                return solution
-
-            solver.solve = solve_timed
-            return solver
+        def timed(units: Units, given: MpcSettings) -> Any:
+            return Timed(iteration(units, given), asked)
 
         return MpcController(context, settings, timed)
 
@@ -138,6 +148,8 @@ class Run:
     """Share of the adhesion that units used while they were short of it; nan where they never were."""
     damage: float
     """[kJ]"""
+    step_error: float
+    """Greatest error of a quadratic program's solution, over the torque scale; nan where others solve none."""
     asked: Asked
 
 
@@ -156,7 +168,8 @@ def run(way: Way, event: Event) -> Run:
         int(recorded.attrs["controller_failures"]),
         used,
         damage,
-        asked,
+        max((program.error for program in asked.programs), default=np.nan),
+        replace(asked, programs=[]),
     )
 
 
@@ -179,7 +192,7 @@ def table(runs: Iterable[Run]) -> pd.DataFrame:
                 "most": steps.max(),
                 "time, median [ms]": np.median(times),
                 "p99 [ms]": np.quantile(times, 0.99),
-                "QP residual": max(max(one.asked.residuals, default=np.nan) for one in mine),
+                "worst QP step": max(one.step_error for one in mine),
             }
         )
     return pd.DataFrame(rows).set_index("solver")

@@ -13,7 +13,7 @@ from mpc.settings import MpcSettings
 from tests.benchmarks import closed_loop
 from tests.benchmarks.closed_loop_events import DROP, drawn_event
 from tests.benchmarks.peer_iteration import NEEDED, PEERS, missing
-from tests.benchmarks.qpsolvers_peer import QpsolversIteration, iterations
+from tests.benchmarks.qpsolvers_peer import QpsolversIteration, Solved, iterations
 
 EVENT = replace(drawn_event(1, 0), duration=DROP + 0.5)
 LONG = drawn_event(1, 1)
@@ -47,7 +47,7 @@ def test_the_iteration_with_an_exact_qp_solver_runs_as_the_own(own, name):
     assert found.failures == 0
     assert found.used == pytest.approx(own.used, abs=SAME_USE)
     assert found.damage == pytest.approx(own.damage, rel=1e-3)
-    assert max(found.asked.residuals) < 1e-6
+    assert found.step_error < 1e-6
     # without demand nothing is solved
     assert 0.9 * found.calls < len(found.asked.iterations) < found.calls
     assert max(found.asked.iterations) <= closed_loop.SETTINGS.iterations
@@ -104,8 +104,15 @@ def test_a_program_without_an_answer_has_none(context):
     n = SHORT_HORIZON.horizon
     bounds = -np.ones(n), np.ones(n)
     np.testing.assert_allclose(solver.program(np.eye(n), np.full(n, 3.0), *bounds), -1.0)
-    assert solver.residuals == pytest.approx([0.0], abs=1e-9)
+    assert [solved.error for solved in solver.solved] == pytest.approx([0.0], abs=1e-9)
     assert solver.program(-np.eye(n), np.ones(n), *bounds) is None
+
+
+def test_a_wrong_solution_of_a_program_has_an_error():
+    program = Solved(
+        np.eye(2), np.array([-0.5, -3.0]), -np.ones(2), np.ones(2), np.array([0.5, 0.9])
+    )
+    assert program.error == pytest.approx(0.1)
 
 
 def test_what_is_not_installed_is_named(context, monkeypatch):
