@@ -39,6 +39,9 @@ SETTINGS = MpcSettings()
 CONVERGED = replace(SETTINGS, exact_hessian=True, iterations=100, tolerance=1e-6, step_time=1e-5)
 """With which the own iteration goes on to the optimum, as the converging peers do."""
 
+ONE_STEP = replace(SETTINGS, iterations=1)
+"""With which it takes one step, as acados' does."""
+
 COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration converged"
 
 
@@ -124,6 +127,7 @@ def ways() -> list[Way]:
     own = [
         Way(COMPILED, CompiledStep),
         Way(OWN, with_solver(RealTimeIteration)),
+        Way("own iteration, one step", with_solver(RealTimeIteration, ONE_STEP)),
         Way(OWN_CONVERGED, with_solver(RealTimeIteration, CONVERGED), converges=True),
     ]
     peers = [
@@ -186,26 +190,26 @@ def table(runs: Iterable[Run]) -> pd.DataFrame:
                 "solver": name,
                 "failures": sum(one.failures for one in mine),
                 "periods": sum(one.calls for one in mine),
-                "used [%]": 100.0 * np.mean([one.used for one in mine]),
+                "used [%]": 100.0 * pd.Series([one.used for one in mine]).mean(),  # nan left out
                 "Q [kJ]": np.mean([one.damage for one in mine]),
                 "iterations, median": np.median(steps),
                 "most": steps.max(),
                 "time, median [ms]": np.median(times),
                 "p99 [ms]": np.quantile(times, 0.99),
-                "worst QP step": max(one.step_error for one in mine),
+                "worst QP step": pd.Series([one.step_error for one in mine]).max(),
             }
         )
     return pd.DataFrame(rows).set_index("solver")
 
 
 def differences(runs: Sequence[Run], reference: str = OWN_CONVERGED) -> dict[str, float]:
-    """Greatest difference of the adhesion used in an event from that of `reference`, by way."""
+    """Greatest difference of the adhesion used in an event from that of `reference`, by way; nan without shortage."""
     used = {(one.way, one.event): one.used for one in runs}
     return {
         name: float(
-            np.nanmax(
+            pd.Series(
                 [abs(one.used - used[reference, one.event]) for one in runs if one.way == name]
-            )
+            ).max()
         )
         for name in dict.fromkeys(one.way for one in runs)
     }
@@ -213,7 +217,7 @@ def differences(runs: Sequence[Run], reference: str = OWN_CONVERGED) -> dict[str
 
 def text(runs: Iterable[Run]) -> str:
     """The table in plain text."""
-    return str(table(runs).to_string(float_format="%.4g", na_rep=""))
+    return str(table(runs).to_string(float_format="%.4g", na_rep="-"))
 
 
 def _events(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> list[Event]:

@@ -4,6 +4,7 @@ Caron et al.: qpsolvers: quadratic programming solvers in Python with a unified 
 Solvers have their default settings, as who tries them in the loop's place would have.
 """
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -55,7 +56,10 @@ class QpsolversIteration(PythonIteration):
         """As any."""
         problem = qpsolvers.Problem(self._matrix(hessian), gradient.copy(), lb=lower, ub=upper)
         try:
-            solution = qpsolvers.solve_problem(problem, solver=self._name)
+            with warnings.catch_warnings():
+                # qpsolvers asks OSQP in a way that will change
+                warnings.simplefilter("ignore", PendingDeprecationWarning)
+                solution = qpsolvers.solve_problem(problem, solver=self._name)
         except qpsolvers.QPError:
             return None
         step = solution.x
