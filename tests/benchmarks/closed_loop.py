@@ -30,7 +30,7 @@ from mpc.unit_model import Units
 from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.closed_loop_events import drawn_event
-from tests.benchmarks.peer_iteration import PEERS, missing
+from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
 from tests.benchmarks.qpsolvers_peer import QpsolversIteration, Solved
 from tests.benchmarks.qpsolvers_peer import iterations as qp_iterations
 from tests.mpc.exported import InNumba
@@ -41,6 +41,8 @@ CONVERGED = replace(SETTINGS, exact_hessian=True, iterations=100, tolerance=1e-6
 
 ONE_STEP = replace(SETTINGS, iterations=1)
 """With which it takes one step, as acados' does."""
+
+SECOND_ORDER = replace(SETTINGS, exact_hessian=True)
 
 COMPILED, OWN, OWN_CONVERGED = "compiled step", "own iteration", "own iteration converged"
 
@@ -128,10 +130,11 @@ def ways() -> list[Way]:
         Way(COMPILED, CompiledStep),
         Way(OWN, with_solver(RealTimeIteration)),
         Way("own iteration, one step", with_solver(RealTimeIteration, ONE_STEP)),
+        Way("own iteration, exact Hessian", with_solver(RealTimeIteration, SECOND_ORDER)),
         Way(OWN_CONVERGED, with_solver(RealTimeIteration, CONVERGED), converges=True),
     ]
     peers = [
-        Way(name, with_solver(iteration), "SQP_RTI" not in name, missing(name))
+        Way(name, with_solver(iteration), name in CONVERGING, missing(name))
         for name, iteration in PEERS.items()
     ]
     programs = [
