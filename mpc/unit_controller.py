@@ -1,5 +1,7 @@
 """The readhesion MPC of one traction unit in Python, its solver exchangeable: the reference of `mpc.unit_step`."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from alloc.by_reference import ByReference
@@ -10,22 +12,31 @@ from mpc.control_period import PredictiveController
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
+from mpc.unit_model import Units
 from mpc.unit_problem import pose, unit_problem
+
+Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
+"""Makes what solves a unit's problem; another solver derives from `RealTimeIteration` and has a `solve` of its own."""
 
 
 class MpcController(PredictiveController):
     """Readhesion MPC of one unit; a `HostController`.
 
     It follows the target torque, keeps the slip at what `mpc.slip_search` finds best, and avoids changes of torque; see
-    `MpcSettings` for the weights.
+    `MpcSettings` for the weights. `iteration` makes its solver: belief, limits and problem are the same for all.
     """
 
     belief: UnitBelief
 
-    def __init__(self, context: UnitContext, settings: MpcSettings | None = None) -> None:
+    def __init__(
+        self,
+        context: UnitContext,
+        settings: MpcSettings | None = None,
+        iteration: Iteration = RealTimeIteration,
+    ) -> None:
         settings = settings or MpcSettings()
         predicted = with_predicted_curve(context)
-        solver = RealTimeIteration(predicted, settings)
+        solver = iteration(predicted, settings)
         super().__init__([context], settings, solver)
         self.belief = UnitBelief(context, settings)
         self._unit = unit_problem(predicted, settings, self.belief.record, solver.period)

@@ -7,6 +7,7 @@ come with this project; see docs.acados.org for how to install it. Never used in
 
 import shutil
 import tempfile
+import warnings
 import weakref
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, HorizonSolution
+from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from tests.benchmarks.stages import Stages, stages
+from tests.benchmarks.stages import Stages, stages, with_numbers
 
 UNBOUNDED = 1e9
 """What acados takes for no bound."""
@@ -71,6 +73,16 @@ def _description(template: Any, made: Stages, settings: MpcSettings, axles: int)
     return ocp
 
 
+def _built(template: Any, ocp: Any, folder: Path) -> Any:
+    """The solver, generated and compiled in this folder."""
+    if hasattr(getattr(ocp, "code_gen_options", None), "json_file"):
+        ocp.code_gen_options.code_export_directory = str(folder)
+        ocp.code_gen_options.json_file = "problem.json"
+        return template.AcadosOcpSolver(ocp, verbose=False)
+    ocp.code_export_directory = str(folder)  # before acados 0.5.6
+    return template.AcadosOcpSolver(ocp, json_file=str(folder / "problem.json"), verbose=False)
+
+
 class AcadosSolver:
     """Solver of `HorizonProblem` by one Gauss-Newton step of acados per call, from its last solution.
 
@@ -78,17 +90,17 @@ class AcadosSolver:
     """
 
     def __init__(self, context: UnitContext, settings: MpcSettings) -> None:
-        import acados_template as template
-
         self._stages = stages(context, settings)
         self._horizon = settings.horizon
-        folder = Path(tempfile.mkdtemp(prefix="readhesion-acados-"))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        ocp = _description(template, self._stages, settings, context.axles)
-        ocp.code_export_directory = str(folder / "code")
-        self._solver = template.AcadosOcpSolver(
-            ocp, json_file=str(folder / "problem.json"), verbose=False
-        )
+        with warnings.catch_warnings():
+            # of names of its own that acados calls old and still reads, and of CasADi's that it was not tested with
+            warnings.simplefilter("ignore")
+            import acados_template as template
+
+            folder = Path(tempfile.mkdtemp(prefix="readhesion-acados-"))
+            weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+            ocp = _description(template, self._stages, settings, context.axles)
+            self._solver = _built(template, ocp, folder)
 
     def restart(self, problem: HorizonProblem, torque: float) -> None:
         """Forget the guess: hold `torque` [N m] over the horizon, with the states that follow."""
@@ -98,6 +110,11 @@ class AcadosSolver:
         for k, state in enumerate(trajectory):
             self._solver.set(k, "u", controls[k : k + 1])
             self._solver.set(k + 1, "x", state)
+
+    @property
+    def own_time(self) -> float:
+        """Time of the last step as acados counts it [s]: without Python's part, that of handing data over."""
+        return float(self._solver.get_stats("time_tot"))
 
     def shift(self) -> None:
         """Move the guess on by one period."""
@@ -131,3 +148,34 @@ class AcadosSolver:
             iterations=1,
             status="ok" if flag == 0 else f"acados status {flag}",
         )
+
+
+class AcadosIteration(RealTimeIteration):
+    """A `RealTimeIteration` whose `solve` is a step of acados, for the closed loop."""
+
+    def __init__(self, units, settings):
+        super().__init__(units, settings)
+        self._peer = AcadosSolver(units, settings)
+        self._starts = True
+
+    @property
+    def own_time(self):
+        return self._peer.own_time
+
+    def restart(self, torque):
+        super().restart(torque)
+        self._starts = True
+
+    def shift(self):
+        super().shift()
+        if not self._starts:
+            self._peer.shift()
+
+    def solve(self, problem):
+        one = with_numbers(problem)
+        if self._starts:  # only now there is a state to start from
+            self._peer.restart(one, float(self.torques[0]))
+            self._starts = False
+        solution = self._peer.solve(one)
+        self.torques[:] = solution.torques
+        return solution

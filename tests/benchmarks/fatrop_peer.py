@@ -89,6 +89,10 @@ class FatropSolver:
         self._solver = cs.nlpsol("fatrop_peer", "fatrop", problem, options)
         self._multipliers: dict[str, cs.DM] = {}
 
+    def forget(self) -> None:
+        """Start the next solve without multipliers."""
+        self._multipliers = {}
+
     def solve(self, problem: HorizonProblem, guess: np.ndarray | None = None) -> HorizonSolution:
         """Solve from `guess` (horizon,) [N m], by default the target cut to the bounds.
 

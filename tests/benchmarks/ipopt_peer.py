@@ -24,6 +24,15 @@ OPTIONS: dict[str, Any] = {
 }
 
 
+def ipopt_options(tolerance: float, warm_start: bool) -> dict[str, Any]:
+    """Options of CasADi's nlpsol; `warm_start`: for guesses and multipliers that are near the solution."""
+    # no early end at a looser tolerance
+    options = OPTIONS | {"ipopt.tol": tolerance, "ipopt.acceptable_tol": tolerance}
+    if warm_start:
+        options |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6}
+    return options
+
+
 class ReferenceSolver:
     """Solver of `HorizonProblem` by ipopt to `tolerance`; a local optimum, as it depends on the guess."""
 
@@ -72,17 +81,17 @@ class ReferenceSolver:
         unknowns = cs.vertcat(cs.vec(nodes), cs.vec(torques), cs.vec(slack))
         data = cs.vertcat(start, constants, limit, target, before, even)
         constraints = cs.vertcat(cs.vec(defects), cs.vec(slack - excess))
-        # no early end at a looser tolerance
-        options = OPTIONS | {"ipopt.tol": tolerance, "ipopt.acceptable_tol": tolerance}
-        if warm_start:
-            options |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6}
         self._solver = cs.nlpsol(
             "reference", "ipopt", {"x": unknowns, "p": data, "f": cost, "g": constraints},
-            options,
+            ipopt_options(tolerance, warm_start),
         )  # fmt: skip
         self._step, self._warm = step, warm_start
         self._slip, self._slip_scale = slip_matrix(units), w.slip_scale
         self._multipliers: dict[str, cs.DM] = {}
+
+    def forget(self) -> None:
+        """Start the next solve without multipliers."""
+        self._multipliers = {}
 
     def solve(self, problem: HorizonProblem, guess: np.ndarray | None = None) -> HorizonSolution:
         """Solve from `guess` (horizon * units,) [N m], by default the target cut to the bounds.

@@ -20,6 +20,7 @@ from mpc.unit_model import (
     torque_per_coefficient,
     unit_model,
 )
+from tests.benchmarks.peer_iteration import PEERS
 from tests.benchmarks.unit_step import step_function
 
 HORIZON = 20
@@ -38,8 +39,8 @@ class Case:
     axles: int
     units: int = 1
     iteration: Callable[[Units, MpcSettings], Any] = RealTimeIteration
-    peers: tuple[str, ...] = ("ipopt", "fatrop", "acados")
-    """Solvers that can take the case's problems."""
+    peers: tuple[str, ...] = tuple(PEERS)
+    """Those that can take the case's problems."""
     least_speed_up: tuple[float, float] = (20.0, 40.0)
     """Over warm ipopt, in medians, with the model compiled by Numba and from C."""
 

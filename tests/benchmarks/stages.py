@@ -19,6 +19,15 @@ from tests.benchmarks.unit_step import step_function
 Floats = NDArray[np.float64]
 
 
+def with_numbers(problem: HorizonProblem) -> HorizonProblem:
+    """The problem of one unit with plain numbers, as solvers of one torque take it."""
+    target, before, upper, reference = (
+        float(np.ravel(value)[0])
+        for value in (problem.target, problem.before, problem.upper, problem.reference)
+    )
+    return problem._replace(target=target, before=before, upper=upper, reference=reference)
+
+
 class Stages(NamedTuple):
     """Functions of one stage. State (axles + 3,): the model's and the last torque; control: torque; all scaled."""
 

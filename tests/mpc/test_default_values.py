@@ -72,12 +72,12 @@ MPC = {
     "exact_hessian": False, "code": "numba",
     "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
     "belief": {
-        "initial": 0.2, "pole": 25.0, "walk": 0.05, "slip_error": 0.0015, "coefficient_error": 0.0006,
-        "relative_error": 0.006, "gate": 3.5, "floor": 0.01, "ceiling": 0.5,
+        "initial": 0.2, "pole": 25.0, "walk": 0.05, "slope_walk": 0.05, "slip_error": 0.001, "coefficient_error": 0.0006,
+        "relative_error": 0.006, "gate": 5.0, "floor": 0.01, "ceiling": 0.5,
     },
     "search": {
-        "first": 0.08, "lowest": 0.02, "highest": 0.8, "noise_margin": 4.0, "friction_price": 0.3, "swing": 0.2,
-        "swing_time": 0.2, "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0, "seek": True,
+        "first": 0.08, "lowest": 0.02, "highest": 1.6, "noise_margin": 4.0, "friction_price": 0.18, "swing": 0.1,
+        "least_swing": 0.03, "swing_time": 0.2, "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0, "seek": True,
         "given_share": 1.0,
     },
     "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},

@@ -1,12 +1,12 @@
 """The compiled period of a unit's MPC is the one in Python: for readings of all kinds, and in the closed loop."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
-import mpc.unit_controller
 from alloc.onboard.host import HostedController, each_unit
 from alloc.simulation import simulate
 from mpc.belief import with_predicted_curve
@@ -20,10 +20,6 @@ from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.exported import InNumba
-
-IN_PYTHON = HostedController(
-    "mpc", "in Python", each_unit(lambda context: MpcController(context, context.settings))
-)
 
 
 def _readings(make_sense, seed):
@@ -88,7 +84,7 @@ def test_every_answer_is_that_in_python(context, make_sense, settings):
 @pytest.mark.parametrize(
     ("name", "rule", "duration"), [("wet-patch", "alone", 9.0), ("wet-stop", "cooperative", 5.0)]
 )
-def test_the_closed_loop_is_the_references(monkeypatch, name, rule, duration):
+def test_the_closed_loop_is_the_references(name, rule, duration):
     event = replace(load_scenario(name).event(), duration=duration)
     own = simulate(event, rule, MPC)
     assert own.attrs["controller_failures"] == 0
@@ -96,8 +92,8 @@ def test_the_closed_loop_is_the_references(monkeypatch, name, rule, duration):
     assert (slip > own["peak_slip"].values).any(), "without slip there is little to solve"
     command = own["torque_command"].values
     for kind in (RealTimeIteration, DaqpIteration):
-        monkeypatch.setattr(mpc.unit_controller, "RealTimeIteration", kind)
-        other = simulate(event, rule, IN_PYTHON)
+        in_python = HostedController("mpc", "", each_unit(partial(MpcController, iteration=kind)))
+        other = simulate(event, rule, in_python)
         for key in ("controller_calls", "controller_failures", "controller_time_s", "messages"):
             assert own.attrs[key] == other.attrs[key]
         np.testing.assert_allclose(

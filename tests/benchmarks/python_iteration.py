@@ -1,0 +1,87 @@
+"""The compiled real-time iteration's loop in Python, with a quadratic program that others solve.
+
+Linearisation, condensing and simulation are those of the compiled step.
+"""
+
+import numpy as np
+
+from alloc.by_reference import ByReference
+from mpc.condensing import condense
+from mpc.cost import trajectory_cost
+from mpc.horizon import HorizonSolution
+from mpc.real_time import FAILURES, RealTimeIteration
+from mpc.shooting import simulate
+from mpc.sqp import HALVINGS, NO_SOLUTION, NOT_FINITE, linearise_at, second_derivatives
+
+
+class PythonIteration(RealTimeIteration):
+    """A `RealTimeIteration` whose `solve` is written with NumPy; a subclass solves the quadratic program."""
+
+    def __init__(self, units, settings, evenness=0.0):
+        super().__init__(units, settings, evenness)
+        made = self.period
+        self._parts = [ByReference(part) for part in (made.around, made.terms, made.quadratic)]
+
+    def program(self, hessian, gradient, lower, upper):
+        """Step of the scaled torques that minimises the quadratic model within the bounds, (n,); None if there is none."""
+        raise NotImplementedError
+
+    def solve(self, problem):
+        """As the compiled one."""
+        self.take(problem)
+        made, settings = self.period, self._settings
+        around, terms, quadratic = self._parts
+        upper, scale = made.now.upper, made.guess.scale
+        self.torques[:] = np.clip(self.torques, 0.0, upper)
+        cost, residual, done = np.nan, np.inf, 0
+        while done < self.most:
+            linearise_at(self.torques, self._period)
+            condense(around, self.torques, terms, settings.exact_hessian, quadratic)
+            cost = trajectory_cost(made.around.nodes, self.torques, terms)
+            scaled = self.torques / scale
+            projected = np.clip(scaled - made.quadratic.gradient, 0.0, upper / scale)
+            residual = float(np.abs(projected - scaled).max())
+            if not np.isfinite([cost, residual]).all():
+                return self._answer(cost, residual, done, FAILURES[NOT_FINITE])
+            near = residual <= settings.tolerance
+            if near and done > 0:
+                break
+            done += 1
+            bounds = -scaled, (upper - self.torques) / scale
+            step = self.program(self._hessian(), made.quadratic.gradient, *bounds)
+            if step is None:
+                return self._answer(cost, residual, done, FAILURES[NO_SOLUTION])
+            trial = np.clip(self.torques + scale * step, 0.0, upper)
+            if not self._better(problem, trial, cost) or near:
+                break
+        return self._answer(cost, residual, done, "ok")
+
+    def _answer(self, *found):
+        return HorizonSolution(self.torques.copy(), *found)
+
+    def _hessian(self):
+        """That of the quadratic model, made convex where it has second derivatives."""
+        made = self.period
+        hessian = made.quadratic.hessian
+        if made.rules.exact:
+            second_derivatives(self._period)
+            values, vectors = np.linalg.eigh(hessian)
+            raised = np.maximum(np.abs(values), made.rules.least_curvature)
+            if values[0] < made.rules.least_curvature:
+                hessian[:] = vectors * raised @ vectors.T
+        return hessian
+
+    def _better(self, problem, trial, cost):
+        """Take the trial torques, halving the step while the cost rises; False if no step lowers it."""
+        made, terms = self.period, self._parts[1]
+        for _ in range(HALVINGS + 1):
+            made.guess.nodes[0] = problem.state
+            simulate(
+                self._model.slope, trial, made.now.constants, made.rules.step / made.now.substeps[0],
+                int(made.now.substeps[0]), made.guess.nodes, made.guess.scratch,
+            )  # fmt: skip
+            if trajectory_cost(made.guess.nodes, trial, terms) <= cost:
+                self.torques[:] = trial
+                return True
+            trial = 0.5 * (trial + self.torques)
+        return False
