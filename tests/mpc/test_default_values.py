@@ -77,8 +77,9 @@ MPC = {
     },
     "search": {
         "first": 0.08, "lowest": 0.02, "highest": 1.6, "noise_margin": 4.0, "friction_price": 0.18, "swing": 0.1,
-        "least_swing": 0.03, "swing_time": 0.2, "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0, "seek": True,
-        "given_share": 1.0,
+        "least_swing": 0.03, "swing_time": 0.2,
+        "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0,
+        "seek": True, "given_share": 1.0,
     },
     "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},
 }  # fmt: skip
