@@ -17,10 +17,10 @@ lag, and u is the phase of that answer. A wrong lag costs signal, but makes no b
 
     A = Re(Z_s conj u),    B = Re(Z_mu conj u),    e = (A B + D e_0) / (A^2 + D).
 
-What lies across u is no answer, so it tells the noise: D = `FOLLOWS` var(Z_s) + var(Z_mu - e Z_s) / `PRIOR`^2 holds e at
-e_0 = p s, where nothing moves, as long as slip does not follow or adhesion changes by itself. A^2 / (A^2 + D) is how far e
-is told. A rail that changes is no answer to the swing either. The axle asked is the one with the largest slip: it is at its
-limit.
+The part of Z_mu across u that does not follow slip is no answer, so it tells the noise: D = `FOLLOWS` var(Z_s) +
+var(Z_mu - e Z_s) / `PRIOR`^2 holds e at e_0 = p s, where nothing moves, as long as slip does not follow or adhesion changes
+by itself; var(Z_s) is what the sensors' noise makes. A^2 / (A^2 + D) is how far e is told. A rail that changes is no answer
+to the swing either. The axle asked is the one with the largest slip: it is at its limit.
 
 *Its size.* Where e is told better than `GOAL`, the swing shrinks, down to `least_swing`, for it costs torque; else it grows
 up to `swing`.
@@ -57,7 +57,7 @@ LEAST_SLIP = 0.004
 MEAN_TIME = 0.2
 """Time [s] over which the mean is taken that demodulation removes."""
 NOISE_TIME = 1.0
-"""Time [s] over which the variances across the answer are taken."""
+"""Time [s] over which the variance across the answer is taken."""
 ANSWER_LAG = 0.015
 """Time [s] by which slip follows its limit, the filter of the pairs apart."""
 SETTLED = 0.2
@@ -72,8 +72,8 @@ SURE = 4.0
 """The same over the deviation of ln mu that noise makes, where that is more."""
 PRIOR = 0.3
 """Deviation of an elasticity from the one wanted, before it is heard."""
-FOLLOWS = 1.5
-"""Weight of the slip's noise against its answer."""
+FOLLOWS = 2.0
+"""Weight of the noise in the slip against its answer."""
 KEPT_AFTER_JUMP = 0.3
 """Share of the demodulated values that is kept where the rail changes."""
 GOAL = 0.8
@@ -114,15 +114,17 @@ class Pace(NamedTuple):
     """Of the phase of an answer, as is `sine`."""
     sine: float
     least_swing: float
+    heard: float
+    """Variance that noise of a reading makes in a demodulated value, over its own."""
     swing_rate: float
     """Logarithmic, per `told` above `GOAL`."""
 
 
 STATE = named_record(
-    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "slip_noise",
+    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise",
 )  # fmt: skip
 """`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
-how far it is `told`, 0 to 1; variances across the answer, of ln mu and of ln s."""
+how far it is `told`, 0 to 1; variance of ln mu across the answer."""
 
 
 class Search(NamedTuple):
@@ -152,14 +154,15 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         share(MEAN_TIME), share(NOISE_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), -math.sin(lag), math.cos(lag), settings.least_swing, SWING_RATE * dt,
+        bool(settings.seek), -math.sin(lag), math.cos(lag), settings.least_swing,
+        0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
+        SWING_RATE * dt,
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip, one.swing = settings.first, settings.swing
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
     one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
-    one.slip_noise = one.noise
     n = context.axles
     return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
 
@@ -205,7 +208,7 @@ def _demodulate(search, axles, felt):
 
 
 @jit
-def _elasticity(search, i, wanted):
+def _elasticity(search, i, wanted, read):
     """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says."""
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
     cosine, sine = pace.cosine, pace.sine
@@ -214,10 +217,10 @@ def _elasticity(search, i, wanted):
     # what lies across the answer is no answer
     across = z[1] * cosine - z[0] * sine
     noise = z[3] * cosine - z[2] * sine - state.elasticity * across
-    state.slip_noise += pace.noise * (across * across - state.slip_noise)
     state.noise += pace.noise * (noise * noise - state.noise)
     answer = of_slip * of_slip
-    doubt = FOLLOWS * state.slip_noise + state.noise / (PRIOR * PRIOR) + 1e-12
+    rough = read / math.exp(search.mean_slip[i])
+    doubt = FOLLOWS * pace.heard * rough * rough + state.noise / (PRIOR * PRIOR) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
     state.told = answer / (answer + doubt)
     return of_coefficient / max(of_slip, 1e-9)
@@ -245,7 +248,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     if i < 0:
         return
     wanted = pace.price * state.slip
-    heard = _elasticity(search, i, wanted)
+    heard = _elasticity(search, i, wanted, noise)
     swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.told))
     state.swing = min(max(swing, pace.least_swing), pace.swing)
     slip = math.exp(search.mean_slip[i])

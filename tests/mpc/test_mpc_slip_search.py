@@ -183,7 +183,7 @@ def test_no_slip_is_sought_that_noise_hides():
 @pytest.mark.parametrize("reading", [{"wanted": 0.0}, {"estimate": 0.5}])
 def test_nothing_moves_while_the_rail_does_not_limit(reading):
     unit = SyntheticUnit(PiecewiseCurve())
-    heard = "elasticity", "told", "swing", "noise", "slip_noise"
+    heard = "elasticity", "told", "swing", "noise"
     before = [float(unit.search[name]) for name in heard]
     for _ in range(300):
         unit.period(0.04 * unit.swing, **reading)

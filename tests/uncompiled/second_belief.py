@@ -176,9 +176,7 @@ class Unit:
         turning = 2.0 * math.pi / self.s.swing_time
         lag = math.atan(turning / settings.belief.pole) + turning * slip_search.ANSWER_LAG
         self.answer = 1j * cmath.exp(1j * lag)
-        self.noise = self.slip_noise = (
-            slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing
-        ) ** 2
+        self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
         self.elasticity = self.told = 0.0
         self.seen = set()
 
@@ -214,6 +212,7 @@ class Unit:
             self.seen.add("nothing heard")
             return
         a, wanted = max(heard, key=lambda one: one.mean[0]), s.friction_price * self.slip
+        slip = math.exp(a.mean[0])
         along, across = (
             (a.of_slip * self.answer.conjugate()).real,
             (a.of_slip * self.answer.conjugate()).imag,
@@ -222,9 +221,12 @@ class Unit:
         coefficient = a.of_coefficient * self.answer.conjugate()
         share = 1.0 - math.exp(-PERIOD / slip_search.NOISE_TIME)
         rest = coefficient.imag - self.elasticity * across
-        self.slip_noise += share * (across**2 - self.slip_noise)
         self.noise += share * (rest**2 - self.noise)
-        doubt = slip_search.FOLLOWS * self.slip_noise + self.noise / slip_search.PRIOR**2 + 1e-12
+        # power of white noise at the swing's frequency, through the filter of the pairs and the memory of the answer
+        turning = 2.0 * math.pi / s.swing_time
+        passed = abs(1.0 / (1.0 + 1j * turning / a.b.pole)) ** 2 * PERIOD * s.memory / 4.0
+        doubt = slip_search.FOLLOWS * passed * (noise / slip) ** 2
+        doubt += self.noise / slip_search.PRIOR**2 + 1e-12
         self.told = along**2 / (along**2 + doubt)
         alone = coefficient.real / max(along, 1e-9)
         self.elasticity = self.told * alone + (1.0 - self.told) * wanted
@@ -232,7 +234,6 @@ class Unit:
             slip_search.SWING_RATE * PERIOD * (slip_search.GOAL - self.told)
         )
         self.swing = min(max(swing, s.least_swing), s.swing)
-        slip = math.exp(a.mean[0])
         if self.limited_for > slip_search.SETTLED and slip > slip_search.AT_LIMIT * self.slip:
             if s.seek:
                 step = self.told * s.gain * (self.elasticity - wanted)

@@ -55,7 +55,7 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
         other.update(speed, omega, torque, wanted, estimate, load)
         state, axles = belief.record.search.state[0], belief.record.axles
         for key in (
-            "slip", "swing", "limited_for", "elasticity", "told", "noise", "slip_noise",
+            "slip", "swing", "limited_for", "elasticity", "told", "noise",
         ):  # fmt: skip
             expected = pytest.approx(getattr(other, key), rel=1e-5, abs=1e-9)
             assert float(state[key]) == expected, (tick, key)
