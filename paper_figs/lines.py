@@ -33,18 +33,18 @@ def real_line(found: LineRun) -> Figure:
 
 
 def _draw_speed(axes: Axes, found: LineRun, edges: np.ndarray) -> None:
-    profile, run = found.profile, found.run
+    profile, run = found, found.run
     start, end = found.path.span
     limits = 3.6 * np.array([section.speed_limit for section in found.path.sections])
     place = np.linspace(start, end, 4000)
     axes.stairs(limits, edges, baseline=None, color=GREY, linewidth=0.9, label="limit of the line")
     axes.plot(
-        1e-3 * place, 3.6 * profile.permitted(place), color=ORANGE, linewidth=0.9,
+        1e-3 * place, 3.6 * found.permitted(place), color=ORANGE, linewidth=0.9,
         linestyle=(0, (4, 1.5)), label="permitted: whole train, vehicle, braking",
     )  # fmt: skip
     x, speed = 1e-3 * run["position"].values, 3.6 * run["speed"].values
     axes.plot(x, speed, color=BLUE, linewidth=1.2, label="speed")
-    top = max(limits[np.isfinite(limits)].max(initial=0.0), 3.6 * max(profile.limits))
+    top = max(limits[np.isfinite(limits)].max(initial=0.0), 3.6 * max(max(leg.profile.limits) for leg in found.legs))
     _name_points(axes, found)
     margin = 0.008 * (end - start)
     axes.set(xlim=(1e-3 * (start - margin), 1e-3 * (end + margin)), ylim=(0.0, 1.18 * top))

@@ -1,22 +1,21 @@
 """Checked records read from files: frozen, no unknown keys, and errors of one line that name the key."""
 
 import tomllib
-from collections.abc import Mapping
-from typing import Any, TypeVar
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from studies.files.small_file import small_text
-from studies.files.study_error import StudyError, nearest
+from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
 
 
-class Strict(BaseModel):
-    """A frozen record; a key that it does not know is an error."""
+class _Plain(BaseModel):
+    """A frozen record whose numbers are numbers."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, str_strip_whitespace=True
-    )
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
     @field_validator("*", mode="before")
     @classmethod
@@ -29,6 +28,12 @@ class Strict(BaseModel):
             ):
                 raise ValueError(f"must be a number without quotes, not {part!r}")
         return value
+
+
+class Strict(_Plain):
+    """A frozen record; a key that it does not know is an error."""
+
+    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
     @field_validator("*")
     @classmethod
@@ -44,10 +49,15 @@ class Strict(BaseModel):
         return cls
 
 
-class Foreign(BaseModel):
-    """A frozen record of somebody else's format: keys that this project does not use are passed over."""
+class Foreign(_Plain):
+    """A frozen record of somebody else's format: keys that this project does not use are passed over.
 
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+    `unused`: those that the format knows beyond them. `warn_of_unknown` speaks of all others.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    unused: ClassVar[frozenset[str]] = frozenset()
 
 
 def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
@@ -68,6 +78,39 @@ def parse(kind: type[Record], data: Any, source: str) -> Record:
         return kind.model_validate(data)
     except ValidationError as error:
         raise StudyError(f"{source}: {explain(kind, error)}") from None
+
+
+def warn_of_unknown(kind: type[Foreign], data: Any, source: str) -> None:
+    """Warn of each key in `data` that the format of `kind` does not know, once, with its first place and the nearest key."""
+    told: dict[tuple[type[Foreign], str], list[str]] = {}
+    for record, key, place in _unknown(kind, data, ()):
+        told.setdefault((record, key), []).append(_dotted(place))
+    for (record, key), places in told.items():
+        valid = [*record.model_fields, *sorted(record.unused)]
+        near = nearest(key, valid)
+        hint = f"did you mean {near!r}?" if near else f"known keys: {', '.join(valid)}"
+        more = f" and {len(places) - 1} more like it" if len(places) > 1 else ""
+        warnings.warn(
+            f"{source}: key {places[0]!r}{more} is unknown and passed over; {hint}",
+            FileWarning,
+            stacklevel=2,
+        )
+
+
+def _unknown(
+    kind: type[Foreign], data: Any, place: tuple[int | str, ...]
+) -> Iterator[tuple[type[Foreign], str, tuple[int | str, ...]]]:
+    """Record, key and place of every key below `data` that is neither a field nor known to be unused."""
+    for k, item in enumerate(data if isinstance(data, list) else ()):
+        yield from _unknown(kind, item, (*place, k))
+    for key, value in data.items() if isinstance(data, Mapping) else ():
+        name = str(key)
+        if name in kind.model_fields:
+            inner = _record_in(kind.model_fields[name].annotation)
+            if inner is not None and issubclass(inner, Foreign):
+                yield from _unknown(inner, value, (*place, name))
+        elif name not in kind.unused:
+            yield kind, name, (*place, name)
 
 
 def explain(kind: type[BaseModel], error: ValidationError) -> str:

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from studies.railtoolkit.keys import VehicleKeys
-from studies.railtoolkit.reading import PointOfInterest, RollingStock, RunningPath, Section
+from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, Section
 from studies.railtoolkit.vehicles import build_formation
 
 _SECTIONS = (
