@@ -12,6 +12,14 @@ from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
 
 
+def _leaves(value: Any) -> Iterator[Any]:
+    """What stands in a list, and in lists in it; the value itself if it is no list."""
+    for part in value if isinstance(value, list) else ():
+        yield from _leaves(part)
+    if not isinstance(value, list):
+        yield value
+
+
 class _Plain(BaseModel):
     """A frozen record whose numbers are numbers."""
 
@@ -22,7 +30,7 @@ class _Plain(BaseModel):
     def _no_disguise(cls, value: Any, info: ValidationInfo) -> Any:
         """Refuse a number in quotes, and true or false for one, which the library would convert."""
         stated = str(cls.model_fields[str(info.field_name)].annotation)
-        for part in value if isinstance(value, list) else [value]:
+        for part in _leaves(value):
             if (isinstance(part, bool) and "bool" not in stated) or (
                 isinstance(part, str) and "str" not in stated and is_number(part)
             ):
@@ -77,7 +85,8 @@ def parse(kind: type[Record], data: Any, source: str) -> Record:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise StudyError(f"{source}: {explain(kind, error)}") from None
+        hint = _misspelling(kind, data) if issubclass(kind, Foreign) else ""
+        raise StudyError(f"{source}: {explain(kind, error)}{hint}") from None
 
 
 def warn_of_unknown(kind: type[Foreign], data: Any, source: str) -> None:
@@ -95,6 +104,14 @@ def warn_of_unknown(kind: type[Foreign], data: Any, source: str) -> None:
             FileWarning,
             stacklevel=2,
         )
+
+
+def _misspelling(kind: type[Foreign], data: Any) -> str:
+    """The first key that the format does not know but nearly, which may be why something is missing."""
+    for record, key, place in _unknown(kind, data, ()):
+        if near := nearest(key, record.model_fields):
+            return f" (there is an unknown key {_dotted(place)!r}; did you mean {near!r}?)"
+    return ""
 
 
 def _unknown(

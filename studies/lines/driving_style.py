@@ -1,14 +1,18 @@
 """How a line is driven: where the train stops and for how long, its share of the effort, and how long it coasts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from studies.files.study_error import StudyError
+from studies.files.study_error import StudyError, unknown
+from studies.files.units import is_number
 from studies.lines.speed_profile import SpeedProfile
 from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath
 
 LEAST_LEG = 50.0
 """Least distance [m] between two stops."""
 LONGEST_DWELL = 3600.0
+USUAL_DWELL = 30.0
+"""Time [s] at a stop of which nothing else is said: of local trains."""
 COASTING_ENDS = 1.5
 """Where the way to the next braking curve grows to so many times the coasting time the train stops coasting and pulls again:
 a climb has slowed it. Larger than 1, so that it does not go to and fro."""
@@ -16,8 +20,9 @@ a climb has slowed it. Larger than 1, so that it does not go to and fro."""
 
 @dataclass(frozen=True)
 class DrivingStyle:
-    """`effort`: share of the tractive effort that is used at most. `coasting`: time [s] before a braking curve from which the
-    train rolls without effort; 0 gives the minimum running time for that effort.
+    """`effort`: share of the tractive effort that is used at most.
+
+    `coasting`: time [s] before a braking curve from which the train rolls without effort; 0 gives the minimum running time.
     """
 
     effort: float = 1.0
@@ -25,7 +30,9 @@ class DrivingStyle:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.effort <= 1.0:
-            raise StudyError(f"effort = {self.effort!r}: give a share of the tractive effort, above 0, 1 at most")
+            raise StudyError(
+                f"effort = {self.effort!r}: give a share of the tractive effort, above 0, 1 at most"
+            )
         if not 0.0 <= self.coasting <= 3600.0:
             raise StudyError(f"coasting = {self.coasting!r} s: give a time from 0 to 3600 s")
 
@@ -58,32 +65,61 @@ class Leg:
 
 
 def legs(path: RunningPath, stock: RollingStock) -> tuple[Leg, ...]:
-    """The run over a line, stop by stop; the last leg ends at the end of the line, where the run is over."""
-    end = PointOfInterest(path.span[1], "end of the line", dwell=0.0)
+    """The run over a line, stop by stop; the last leg ends at the end of the line, where the run is over.
+
+    Raises `StudyError` where two stops are too close, or one lies off the line.
+    """
+    first, last = path.span
+    found, before = [], first
+    for stop in path.stops():
+        place = stop.front_position(stock.length)
+        if not 0.0 <= (stop.dwell or 0.0) <= LONGEST_DWELL:
+            raise StudyError(
+                f"stop {stop.name!r}: dwell {stop.dwell:g} s must lie from 0 to {LONGEST_DWELL:g} s"
+            )
+        if not before + LEAST_LEG <= place <= last - LEAST_LEG:
+            raise StudyError(
+                f"stop {stop.name!r}: the front stands at {place:g} m; that must be {LEAST_LEG:g} m or more from "
+                f"other stops and from the ends of the line, {first:g} m and {last:g} m"
+            )
+        found.append((place, stop))
+        before = place
+    found.append((last, PointOfInterest(last, "end of the line", dwell=0.0)))
     return tuple(
         Leg(
-            SpeedProfile(
-                path.sections, stock.length, stock.deceleration, stock.speed_limit, stop.station
-            ),
+            SpeedProfile(path.sections, stock.length, stock.deceleration, stock.speed_limit, place),
             stop,
         )
-        for stop in (*path.stops(), end)
+        for place, stop in found
     )
 
 
-def with_stops(path: RunningPath, stops: tuple[PointOfInterest, ...]) -> RunningPath:
-    """The line with these stops alone; raises `StudyError` where two are too close, or one lies off the line."""
-    ordered = sorted(stops, key=lambda stop: stop.station)
-    before = path.span[0]
-    for stop in ordered:
-        if not 0.0 <= (stop.dwell or 0.0) <= LONGEST_DWELL:
-            raise StudyError(f"stop {stop.name!r}: dwell {stop.dwell:g} s must lie from 0 to {LONGEST_DWELL:g} s")
-        if not before + LEAST_LEG <= stop.station <= path.span[1] - LEAST_LEG:
+def with_stops(path: RunningPath, wanted: Sequence[str], dwell: float | None) -> RunningPath:
+    """The line with stops at the `wanted` points alone, each a name or a station [m]; or at "all" points, or at "none".
+
+    `dwell` [s]: how long it stands, in place of what the points say. Raises `StudyError` with the nearest name.
+    """
+    by_name = {point.name: point for point in path.points}
+    chosen: list[PointOfInterest] = []
+    for item in wanted:
+        if item == "all":
+            chosen += path.points
+        elif item in by_name:
+            chosen.append(by_name[item])
+        elif is_number(item):
+            chosen.append(PointOfInterest(float(item), f"{float(item):g} m"))
+        elif item != "none":
             raise StudyError(
-                f"stop {stop.name!r} at {stop.station:g} m must lie {LEAST_LEG:g} m or more from other stops and from the "
-                f"ends of the line, {path.span[0]:g} m and {path.span[1]:g} m"
+                f"{unknown('stop', item, [*by_name, 'all', 'none'])}; or give a station in m"
             )
-        before = stop.station
-    named = {(stop.station, stop.name) for stop in ordered}
-    rest = [replace(p, dwell=None) for p in path.points if (p.station, p.name) not in named]
-    return replace(path, points=tuple(sorted([*rest, *ordered], key=lambda p: p.station)))
+    stops = {
+        (point.station, point.name): replace(point, dwell=_dwell(point, dwell)) for point in chosen
+    }
+    rest = [replace(p, dwell=None) for p in path.points if (p.station, p.name) not in stops]
+    points = sorted([*rest, *stops.values()], key=lambda point: point.station)
+    return replace(path, points=tuple(points))
+
+
+def _dwell(point: PointOfInterest, dwell: float | None) -> float:
+    usual = USUAL_DWELL if point.dwell is None else point.dwell
+    return usual if dwell is None else dwell

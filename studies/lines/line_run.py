@@ -16,8 +16,8 @@ from alloc.run_size import MOST_AXLE_RECORDS
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import FASTEST, DrivingStyle, Leg, legs
+from studies.lines.lumped_train import lumped
 from studies.lines.minimum_time import MinimumTimeDriver
-from studies.lines.train_forces import TrainForces
 from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath
 from studies.railtoolkit.vehicles import BRAKED_FALL
 
@@ -91,7 +91,7 @@ class LineRun:
         return {
             "motors": float(work[work > 0.0].sum()),
             "resistance_and_gradient": float(last["resistance_work"]),
-            "electric_brake": -float(work[work < 0.0].sum()),
+            "electric_brake": float(np.abs(work[work < 0.0]).sum()),
             "brake_shoes": float(last["shoe_work"]),
             "creep": float(last["friction_work"].sum()),
         }
@@ -112,7 +112,7 @@ def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESIO
             f"line {path.name!r}: falls by {-1e3 * steepest.grade:g} per mille at {steepest.start:g} m; the brake "
             f"assumed for a_braking holds on {1e3 * BRAKED_FALL:g} per mille at most"
         )
-    model = build(stock.train, Rail(adhesion), path.line(), span=path.span)
+    model = build(lumped(stock.train), Rail(adhesion), path.line(), span=path.span)
     s = model.structure
     for unit in range(model.layout.units):
         axles = s.axle_unit == unit
@@ -121,7 +121,7 @@ def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESIO
         needed = effort / float(s.static_load[axles].sum())
         if needed >= adhesion:
             raise StudyError(
-                f"{stock.train.source}: the effort needs an adhesion coefficient of {needed:.2f} on the driven axles; "
+                f"train {stock.train.name!r}: the effort needs an adhesion coefficient of {needed:.2f} on the driven axles; "
                 f"a line run has {adhesion:g}"
             )
     return model
@@ -139,7 +139,9 @@ def run_line(
     route = legs(path, stock)
     fastest = route[-1].profile.shortest_time()
     if fastest > LONGEST_TIME:
-        raise StudyError(f"line {path.name!r}: a run takes {fastest:.3g} s and more; {LONGEST_TIME:g} s are the most")
+        raise StudyError(
+            f"line {path.name!r}: a run takes {fastest:.3g} s and more; {LONGEST_TIME:g} s are the most"
+        )
     model = line_model(path, stock)
     driver = MinimumTimeDriver(model, route, style)
     quick = run_by_distance(driver.forces, path.sections, route, style=style)
@@ -159,7 +161,7 @@ def run_line(
             f"line {path.name!r}: the train is at {last:.0f} m of {end:.0f} m after {longest:.0f} s"
         )
     stops = tuple(
-        Stop(leg.stop, halt.arrival, halt.departure, halt.position - leg.stop.station)
+        Stop(leg.stop, halt.arrival, halt.departure, halt.position - leg.profile.end)
         for leg, halt in zip(route, driver.halts, strict=True)
     )
     passings = tuple(

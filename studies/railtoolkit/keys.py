@@ -37,7 +37,9 @@ def check_line(rows: Sequence[tuple[float, float, float]], where: str) -> None:
         raise ValueError(f"{where}: the line is {length:g} m long; give {LONGEST_LINE:g} m at most")
 
 
-def check_points(points: Sequence[tuple[float, str]], ends: tuple[float, float], where: str) -> None:
+def check_points(
+    points: Sequence[tuple[float, str]], ends: tuple[float, float], where: str
+) -> None:
     """Raise `ValueError` unless points, each a station [m] and a name, lie on the line between its `ends` [m]."""
     first, last = ends
     for k, (station, name) in enumerate(points):

@@ -61,7 +61,9 @@ def read_rolling_stock(path: str | Path, load_share: float = 1.0) -> RollingStoc
     braking = [-vehicle.a_braking for vehicle in members if vehicle.a_braking is not None]
     if not braking:
         braking = [default_deceleration(members)]
-        kind = "a train with freight wagons" if braking[0] < 0.3 else "a train without freight wagons"
+        kind = (
+            "a train with freight wagons" if braking[0] < 0.3 else "a train without freight wagons"
+        )
         warnings.warn(
             f"{path}: no vehicle of the train has the key 'a_braking'; taken as {-braking[0]:g} m/s2, the format's "
             f"usual one for {kind}",
@@ -134,7 +136,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
 
 def _check_depth(text: str) -> None:
-    """Raise `ValueError` where lists stand deeper in lists than in any line or train; the library would exhaust the stack."""
+    """Raise `ValueError` where lists are nested deeper than in any line or train; the library would exhaust the stack."""
     depth = 0
     for event in yaml.parse(text, _Loader):
         depth += isinstance(event, yaml.CollectionStartEvent)

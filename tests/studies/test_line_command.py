@@ -44,6 +44,34 @@ STOCK = {
         }
     ],
 }
+NAMED_PATH = {
+    "schema": "https://railtoolkit.org/schema/running-path.json",
+    "schema_version": "2024.07",
+    "paths": [
+        {
+            "description": "short line",
+            "id": "p1",
+            "points_of_interest": [
+                {"position": 400.0, "label": "signal", "measure": "front"},
+                {"position": 400.0, "label": "clear", "measure": "rear"},
+            ],
+            "characteristic_sections": [
+                {"position": 0.0, "speed": 60, "resistance": 0.0},
+                {"position": 500.0, "speed": 40, "resistance": 8.0},
+                {"position": 900.0, "speed": 40},
+            ],
+        }
+    ],
+}
+OWN_LINE = """
+name = "own"
+end_m = 2000.0
+sections = [
+    { start_m = 0.0, limit_kmh = 80.0 },
+    { start_m = 1000.0, limit_kmh = 60.0, grade_permille = 5.0 },
+]
+points = [{ station_m = 500.0, name = "halt", dwell_s = 20.0 }]
+"""
 NOTHING = object()
 
 
@@ -211,8 +239,8 @@ def test_a_broken_line_is_refused_with_file_key_and_reason(refused, line, words)
             "key 'vehicles[1].a_braking' = 0.6: input should be less than 0",
         ),
         (
-            changed(STOCK, "vehicles", 0, "a_braking", NOTHING),
-            "train.yaml: key 'vehicles.a_braking' of vehicle 'R1' is missing",
+            changed(changed(STOCK, "vehicles", 0, "mass", NOTHING), "vehicles", 0, "mas", 66.0),
+            "'vehicles[1].mass' is missing (there is an unknown key 'vehicles[1].mas'; did you mean 'mass'?)",
         ),
         (
             changed(STOCK, "vehicles", 0, "tractive_effort", [[10, 1e4], [5, 2e4]]),
@@ -220,7 +248,7 @@ def test_a_broken_line_is_refused_with_file_key_and_reason(refused, line, words)
         ),
         (
             changed(STOCK, "vehicles", 0, "tractive_effort", [[0, 400e3], [60, 1e3]]),
-            "railtoolkit file train.yaml: tractive_effort needs an adhesion coefficient of 0.81",
+            "train 'a train': the effort needs an adhesion coefficient of 0.81",
         ),
     ],
 )

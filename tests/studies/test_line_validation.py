@@ -168,7 +168,10 @@ def test_its_own_scheme_gives_its_states(stock):
 def test_with_small_steps_its_scheme_goes_to_the_simulated_run(line, found):
     run = found[line]
     forces = TrainForces(line_model(run.path, run.stock))
-    times = [run_by_distance(forces, run.path.sections, run.legs, step).running_time for step in (2.0, 1.0)]
+    times = [
+        run_by_distance(forces, run.path.sections, run.legs, step).running_time
+        for step in (2.0, 1.0)
+    ]
     # explicit Euler in distance converges slowly at the start, where v grows with the root of the way
     assert expected_time(line) < times[0] < times[1] < run.running_time
     assert times[1] == pytest.approx(run.running_time, rel=6e-4)

@@ -13,13 +13,13 @@ from alloc.plant.model import build
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import legs
-from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import LineRun, line_model, run_line
 from studies.lines.minimum_time import MinimumTimeDriver
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
 from studies.railtoolkit.records import PointOfInterest, RunningPath, Section
 from tests.plant.numpy_plant import environment_at
+from tests.studies.example_line import EXAMPLE_PATH, example_stock
 
 OVERSPEED = 0.05
 """Margin [m/s], 0.2 km/h, by which a limit is exceeded for a moment where the gradient jumps."""

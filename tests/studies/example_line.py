@@ -1,4 +1,4 @@
-"""An example line and an example railcar, made up: to try a line run where no files of a real line are at hand."""
+"""An example line and an example railcar, made up: short, so that a run takes a moment."""
 
 from itertools import pairwise
 
