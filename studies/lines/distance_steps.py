@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 USUAL_STEP = 20.0
 """Step [m] of TrainRuns.jl where nothing else is set."""
+FALL = 0.19
+"""Share of the kinetic energy that a train loses at most in a step without effort; a tenth of its speed."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +77,13 @@ def _run_leg(
         change = min(profile.next_change(x), section.end, profile.end)
         reach = min(step, change - x)
         resistance = forces.level_resistance(v) + forces.climbing(section.grade)
-        pull = 0.0 if coasting(profile, x, v) else style.effort * forces.effort(v)
+        rolls = coasting(profile, x, v)
+        pull = 0.0 if rolls else style.effort * forces.effort(v)
         a = (pull - resistance) / forces.inertia
         if v >= limit:
             a = min(a, 0.0)  # held: with less than all effort, or the brake
+        if rolls and a < 0.0:
+            reach = min(reach, FALL * v**2 / (-2.0 * a))  # it pulls again before it stands
         if v**2 + 2.0 * a * reach <= 0.0:
             raise StudyError(
                 f"the train cannot climb at {x:.0f} m: effort {1e-3 * pull:.1f} kN, "

@@ -1,5 +1,6 @@
 """How a line is driven: where the train stops and for how long, its share of the effort, and how long it coasts."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,9 +14,8 @@ LEAST_LEG = 50.0
 LONGEST_DWELL = 3600.0
 USUAL_DWELL = 30.0
 """Time [s] at a stop of which nothing else is said: of local trains."""
-COASTING_ENDS = 1.5
-"""Where the way to the next braking curve grows to so many times the coasting time the train stops coasting and pulls again:
-a climb has slowed it. Larger than 1, so that it does not go to and fro."""
+SLOWEST_COASTING = 0.7
+"""Share of the speed at which coasting began down to which it goes on; a train that a climb slows more pulls again."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,27 @@ FASTEST = DrivingStyle()
 
 
 class Coasting:
-    """Whether the train coasts, asked from place to place along a leg."""
+    """Whether the train coasts, asked from place to place along a leg; once before each braking curve."""
 
     def __init__(self, style: DrivingStyle) -> None:
         self.time = style.coasting
-        self.active = False
+        self._slowest: float | None = None
+        """Speed [m/s] at which it ends; None before it has begun."""
+        self._over = False
+        self._curve = -math.inf
+        """End of the braking curve before which it coasts [m]."""
 
     def __call__(self, profile: SpeedProfile, position: float, speed: float) -> bool:
         """Whether the train is to coast at `position` [m] with `speed` [m/s]."""
-        if self.time > 0.0:
-            way = self.time * max(speed, 0.0)
-            ahead = profile.braking_point(position, speed) - position
-            self.active = ahead < (COASTING_ENDS * way if self.active else way)
-        return self.active
+        if self.time == 0.0:
+            return False
+        met, curve = profile.braking_point(position, speed)
+        if curve != self._curve:
+            self._slowest, self._over, self._curve = None, False, curve
+        if self._slowest is None and met - position < self.time * speed:
+            self._slowest = SLOWEST_COASTING * speed
+        self._over = self._over or (self._slowest is not None and speed < self._slowest)
+        return self._slowest is not None and not self._over
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ ARRIVING = 0.2
 """Speed [m/s] of the braking curve below which standing still means having arrived."""
 ROLLING_BACK = -0.05
 """Speed [m/s] at which a train that cannot climb is seen to be lost."""
+HANDING_OVER = 0.2
+"""Time [s] by which the air brake is asked ahead of the electric brake's fading: the lag of the assumed brake."""
 HOLDING = 0.01
 """Brake force that holds the train at a stop, beyond that against the gradient, as a share of the weight."""
 
@@ -113,10 +115,12 @@ class MinimumTimeDriver:
             controls.torque[:] = self.forces.peak_torque
 
     def _brake(self, force: float, speed: float, controls: Controls) -> None:
-        available = self.forces.electric_brake(speed)
-        electric = min(force, available)
+        # what the electric brake will give when the air brake has answered: it fades towards standstill
+        soon = speed - HANDING_OVER * self.profile.deceleration
+        electric = min(force, self.forces.electric_brake(soon))
         if electric > 0.0:
-            controls.torque[:] = self.forces.torque(-electric / available, speed)
+            share = electric / self.forces.electric_brake(speed)
+            controls.torque[:] = self.forces.torque(-share, speed)
         pressure = self.forces.brake_pressure(force - electric, speed)
         controls.pressure[:] = min(pressure, self._greatest_pressure)
 

@@ -74,16 +74,17 @@ class SpeedProfile:
             return 0.0
         return math.sqrt(self._intercepts[ahead] - 2.0 * self.deceleration * position)
 
-    def braking_point(self, position: float, speed: float) -> float:
-        """Where [m] a train that goes on from `position` [m] at `speed` [m/s] meets the first braking curve."""
-        double, met = 2.0 * self.deceleration, math.inf
+    def braking_point(self, position: float, speed: float) -> tuple[float, float]:
+        """Where [m] a train that goes on from `position` [m] at `speed` [m/s] meets the first braking curve, and its end [m]."""
+        double, met, leads = 2.0 * self.deceleration, math.inf, self.end
         for ahead in range(bisect_right(self._fall_stations, position), len(self._falls)):
             station, after = self._falls[ahead]
-            if after < speed:
-                met = min(met, station - (speed**2 - after**2) / double)
+            begins = station - (speed**2 - after**2) / double
+            if after < speed and begins < met:
+                met, leads = begins, station
             if station - speed**2 / double > met:
                 break  # curves of what comes later are met later
-        return met
+        return met, leads
 
     def next_fall(self, position: float) -> tuple[float, float]:
         """Where the lowest braking curve at `position` [m] leads: station [m] and speed [m/s]."""

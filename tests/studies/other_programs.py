@@ -192,7 +192,12 @@ def exact_time(run: PlainRun) -> float:
         at_limit.terminal, at_limit.direction = True, 1.0
         at_change.terminal = True
         found = solve_ivp(
-            rate, (0.0, 3600.0), (x, v), events=(at_limit, at_change, at_curve), max_step=2.0, rtol=1e-8
+            rate,
+            (0.0, 3600.0),
+            (x, v),
+            events=(at_limit, at_change, at_curve),
+            max_step=2.0,
+            rtol=1e-8,
         )
         t, x, v = t + found.t[-1], *found.y[:, -1]
         if found.t_events[0].size:

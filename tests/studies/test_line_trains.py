@@ -1,4 +1,4 @@
-"""Trains of several vehicles and with load: running times against other ways of calculation, and what the format leaves open."""
+"""Trains of several vehicles and with load: running times against other ways of calculation."""
 
 import warnings
 
@@ -24,7 +24,10 @@ LINE = [
 
 def hyperbola(start: float, power: float, last: float) -> tuple[tuple[float, float], ...]:
     """Effort [N] of a starting effort and a power [W], every 1 km/h."""
-    return ((0.0, start), *((float(k), min(start, 3.6 * power / k)) for k in range(1, int(last) + 1)))
+    return (
+        (0.0, start),
+        *((float(k), min(start, 3.6 * power / k)) for k in range(1, int(last) + 1)),
+    )
 
 
 FREIGHT_ENGINE = PlainVehicle(
