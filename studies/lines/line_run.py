@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from alloc.driving import drive
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
-from alloc.run_size import MOST_AXLE_RECORDS
+from alloc.run_size import MOST_AXLE_RECORDS, longest_duration
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import FASTEST, DrivingStyle, Leg, legs
@@ -28,6 +28,8 @@ CONTROL_PERIOD = 0.1
 """Control period [s]; twice or half of it changes the running time of 100 km by less than 0.1 s."""
 LONGEST = 1.1
 """Bound of the simulated time over the running time by distance steps; the two differ by less than 1 %."""
+MOST_AXLE_STEPS = 3e9
+"""Integration steps times wheelsets: ten times what other runs may have, for a heavy train on a hundred kilometres."""
 LONGEST_TIME = 86400.0
 """Longest run [s]."""
 PAD_WEAR = 0.3e-6
@@ -148,10 +150,16 @@ def run_line(
     longest = LONGEST * quick.running_time + 60.0
     records = longest / period * model.layout.axles
     every = math.ceil(records / (0.999 * MOST_AXLE_RECORDS))  # so that long trains fit into memory
+    allowed = longest_duration(model, period, every * period, MOST_AXLE_STEPS)
+    if longest > allowed:
+        raise StudyError(
+            f"line {path.name!r}: a run of {longest:.0f} s with {model.layout.axles} wheelsets is too large, "
+            f"{allowed:.0f} s are the most; give a shorter line or train"
+        )
     # one step a period: the plant divides it as far as it needs to be stable
     run = drive(
         model, driver, longest, path.name, 0.0, start, period, step=period,
-        record_period=every * period, on_progress=on_progress,
+        record_period=every * period, on_progress=on_progress, most_axle_steps=MOST_AXLE_STEPS,
     )  # fmt: skip
     last = float(run["position"][-1])
     if driver.stalled:

@@ -75,7 +75,7 @@ class SpeedProfile:
         return math.sqrt(self._intercepts[ahead] - 2.0 * self.deceleration * position)
 
     def braking_point(self, position: float, speed: float) -> tuple[float, float]:
-        """Where [m] a train that goes on from `position` [m] at `speed` [m/s] meets the first braking curve, and its end [m]."""
+        """Where [m] a train that goes on at `speed` [m/s] meets the first braking curve, and where [m] that ends."""
         double, met, leads = 2.0 * self.deceleration, math.inf, self.end
         for ahead in range(bisect_right(self._fall_stations, position), len(self._falls)):
             station, after = self._falls[ahead]
