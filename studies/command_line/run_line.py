@@ -136,6 +136,10 @@ def clock(seconds: float) -> str:
     return f"{tenths // 600}:{tenths % 600 / 10:04.1f}"
 
 
+def _or_never(seconds: float | None) -> str:
+    return "never: a mass point stalls" if seconds is None else f"{clock(seconds)} min"
+
+
 def _print(content: dict[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
@@ -147,7 +151,7 @@ def _print(content: dict[str, Any]) -> None:
     table.add_column(justify="right")
     for label, shown in (
         ("running time", f"{clock(content['running_time_s'])} min"),
-        ("… by distance steps of 20 m", f"{clock(content['running_time_by_distance_steps_s'])} min"),
+        ("… by distance steps of 20 m", _or_never(content["running_time_by_distance_steps_s"])),
         ("length", f"{1e-3 * content['length_m']:.3f} km"),
         ("mass of the train", f"{content['mass_t']:.1f} t"),
         ("mean speed", f"{content['mean_speed_kmh']:.1f} km/h"),

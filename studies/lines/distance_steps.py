@@ -45,17 +45,18 @@ def run_by_distance(
     legs: Sequence[Leg],
     step: float = USUAL_STEP,
     style: DrivingStyle = FASTEST,
+    spread: bool = False,
 ) -> DistanceRun:
     """Run the `legs` over the line's `sections`, in steps of `step` [m] or less.
 
     Over a step the acceleration is that of its beginning, so the error falls with the first power of the step. Steps end
-    where gradient or limit change, and where a limit or a braking curve is met. Raises `StudyError` where the train cannot
-    climb.
+    where gradient or limit change, and where a limit or a braking curve is met. `spread`: each car is where it stands, in
+    place of a mass point at the front. Raises `StudyError` where the train cannot climb.
     """
     x, t = sections[0].start, 0.0
     points = [(x, 0.0, t)]
     for leg in legs:
-        points += _run_leg(forces, sections, leg, step, style, x, t)
+        points += _run_leg(forces, sections, leg, step, style, spread, x, t)
         x, t = leg.profile.end, points[-1][2] + (leg.stop.dwell or 0.0)
         points.append((x, 0.0, t))
     columns = np.array(points).T
@@ -64,7 +65,7 @@ def run_by_distance(
 
 def _run_leg(
     forces: TrainForces, sections: Sequence[Section], leg: Leg, step: float, style: DrivingStyle,
-    x: float, t: float,
+    spread: bool, x: float, t: float,
 ) -> list[tuple[float, float, float]]:  # fmt: skip
     """Position, speed and time after each step from standstill at `x` [m] and `t` [s] to the stop."""
     profile, b, v = leg.profile, leg.profile.deceleration, 0.0
@@ -76,7 +77,8 @@ def _run_leg(
         section = sections[max(bisect_right(starts, x) - 1, 0)]
         change = min(profile.next_change(x), section.end, profile.end)
         reach = min(step, change - x)
-        resistance = forces.level_resistance(v) + forces.climbing(section.grade)
+        climbing = forces.climbing_at(x) if spread else forces.climbing(section.grade)
+        resistance = forces.level_resistance(v) + climbing
         rolls = coasting(profile, x, v)
         pull = 0.0 if rolls else style.effort * forces.effort(v)
         a = (pull - resistance) / forces.inertia

@@ -71,8 +71,8 @@ class LineRun:
     stops: tuple[Stop, ...]
     """The last one is the end of the line."""
     passings: tuple[Passing, ...]
-    distance_time: float
-    """Running time [s] that a program with distance steps of 20 m gives for it."""
+    distance_time: float | None
+    """Running time [s] that a program with distance steps of 20 m gives; None where its mass point at the front stalls."""
 
     def permitted(self, positions: ArrayLike) -> NDArray[np.float64]:
         """The lower of limit and braking curve [m/s] at `positions` [m], with the curves to the stops."""
@@ -146,8 +146,8 @@ def run_line(
         )
     model = line_model(path, stock)
     driver = MinimumTimeDriver(model, route, style)
-    quick = run_by_distance(driver.forces, path.sections, route, style=style)
-    longest = LONGEST * quick.running_time + 60.0
+    spread = run_by_distance(driver.forces, path.sections, route, style=style, spread=True)
+    longest = LONGEST * spread.running_time + 60.0
     records = longest / period * model.layout.axles
     every = math.ceil(records / (0.999 * MOST_AXLE_RECORDS))  # so that long trains fit into memory
     allowed = longest_duration(model, period, every * period, MOST_AXLE_STEPS)
@@ -184,8 +184,24 @@ def run_line(
         ),
     }
     return LineRun(
-        path, stock, style, route, run, driver.running_time, stops, passings, quick.running_time
+        path,
+        stock,
+        style,
+        route,
+        run,
+        driver.running_time,
+        stops,
+        passings,
+        _as_point(driver, path, route),
     )
+
+
+def _as_point(driver: MinimumTimeDriver, path: RunningPath, route: tuple[Leg, ...]) -> float | None:
+    """Running time [s] as timetable programs calculate it; None where their mass point cannot climb what the train can."""
+    try:
+        return run_by_distance(driver.forces, path.sections, route, style=driver.style).running_time
+    except StudyError:
+        return None
 
 
 def passing(run: xr.Dataset, point: PointOfInterest, length: float) -> Passing:

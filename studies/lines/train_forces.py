@@ -63,7 +63,7 @@ class TrainForces:
         quadratic = np.interp(position, self._places, self._quadratic)
         constant = np.interp(position, self._places, self._constant)
         running = running_resistance(speed, constant, self._linear, quadratic, 1.0)
-        return float(running + np.interp(position, self._places, self._climbing))
+        return float(running) + self.climbing_at(position)
 
     def level_resistance(self, speed: float) -> float:
         """Running resistance [N] forward on level, straight and open line; at standstill that of setting off."""
@@ -73,6 +73,10 @@ class TrainForces:
     def climbing(self, grade: float) -> float:
         """Gradient force [N] on the whole train where all of it stands on this `grade`."""
         return float(gradient_force(self._mass, grade))
+
+    def climbing_at(self, position: float) -> float:
+        """Gradient force [N] with the front at `position` [m], each car where it stands."""
+        return float(np.interp(position, self._places, self._climbing))
 
     def brake_pressure(self, force: float, speed: float) -> float:
         """Cylinder pressure [Pa] at which all shoes together brake with `force` [N] at the rims."""

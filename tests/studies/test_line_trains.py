@@ -1,13 +1,14 @@
 """Trains of several vehicles and with load: running times against other ways of calculation."""
 
 import warnings
+from dataclasses import replace
 
 import pytest
 import yaml
 
-from studies.files.study_error import FileWarning
+from studies.files.study_error import FileWarning, StudyError
 from studies.lines.distance_steps import run_by_distance
-from studies.lines.driving_style import legs
+from studies.lines.driving_style import legs, with_stops
 from studies.lines.line_run import line_model, run_line
 from studies.lines.lumped_train import lumped
 from studies.lines.named_files import find_line, find_stock
@@ -58,7 +59,12 @@ TRAINS = {
 @pytest.fixture(params=TRAINS)
 def train(request, tmp_path):
     """A train, as plain numbers and as read from a file without `a_braking`."""
-    vehicles, limit, brake = TRAINS[request.param]
+    return made(request.param, tmp_path)
+
+
+def made(name, tmp_path):
+    """The same for one of `TRAINS`."""
+    vehicles, limit, brake = TRAINS[name]
     kinds = {id(vehicle): f"V{k}" for k, vehicle in enumerate(vehicles)}
     stock = {
         "schema": "https://railtoolkit.org/schema/rolling-stock.json",
@@ -96,8 +102,9 @@ def test_the_published_scheme_gives_the_same_time_written_down_anew(train):
     assert ours == pytest.approx(published_scheme(plain), rel=5e-4)
 
 
-def test_the_simulated_run_takes_the_time_of_an_exact_solution(train):
-    plain, stock = train
+@pytest.mark.parametrize("name", ["hoppers among empty flats", "express", "two units"])
+def test_the_simulated_run_takes_the_time_of_an_exact_solution(name, tmp_path):
+    plain, stock = made(name, tmp_path)
     run = run_line(PATH, stock)
     assert run.running_time == pytest.approx(exact_time(plain), rel=2e-3)
     assert abs(run.stops[-1].error) < 0.05
@@ -127,3 +134,15 @@ def test_one_wheelset_under_a_wagon_changes_nothing_that_counts():
             car.air_brake.force_per_pascal * len(car.axle_positions) for car in (before, after)
         ]
         assert forces[0] == pytest.approx(forces[1])
+
+
+def test_a_train_starts_on_a_ramp_that_a_mass_point_cannot_climb():
+    ramp = [(0.0, 70.0, 0.0), (400.0, 70.0, 40.0), (490.0, 70.0, 0.0), (1200.0, 70.0, 0.0)]
+    path = with_stops(RunningPath("ramp", sections(ramp)), ["470"], 0.0)
+    run = run_line(path, find_stock("v90-ore"))
+    assert run.distance_time is None
+    assert abs(run.stops[-1].error) < 0.05
+    # with all of the train on it, it cannot
+    long = replace(path, sections=sections([(0.0, 70.0, 40.0), (2000.0, 70.0, 0.0)]), points=())
+    with pytest.raises(StudyError, match="cannot climb at 0 m"):
+        run_line(long, find_stock("v90-ore"))
