@@ -114,6 +114,8 @@ def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESIO
             f"line {path.name!r}: falls by {-1e3 * steepest.grade:g} per mille at {steepest.start:g} m; the brake "
             f"assumed for a_braking holds on {1e3 * BRAKED_FALL:g} per mille at most"
         )
+    if not any(car.motors for car in stock.train.cars):
+        raise StudyError(f"train {stock.train.name!r} has no motors to run a line with")
     model = build(lumped(stock.train), Rail(adhesion), path.line(), span=path.span)
     s = model.structure
     for unit in range(model.layout.units):

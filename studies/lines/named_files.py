@@ -5,11 +5,12 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from alloc.plant.train import Train
+from alloc.plant.sets import SETS, find_set
+from alloc.plant.train import AirBrake, Train
 from studies.files.study_error import FileWarning, StudyError, unknown
 from studies.railtoolkit.reading import read_rolling_stock
 from studies.railtoolkit.records import RollingStock, RunningPath
-from studies.railtoolkit.vehicles import FREIGHT_BRAKING
+from studies.railtoolkit.vehicles import BRAKE_LAG, FREIGHT_BRAKING, PASSENGER_BRAKING
 from studies.scenario.line_file import read_line
 from studies.scenario.train_file import read_train_keys
 
@@ -31,23 +32,52 @@ def find_line(name_or_path: str) -> RunningPath:
 def find_stock(name_or_path: str, load_share: float = 1.0) -> RollingStock:
     """A train that can run a line, with this share of its load; raises `StudyError` as `find_line`.
 
-    Of a train in TOML, the load is the `load_t` of its cars. Of its running resistance, what does not grow with the square
-    of the speed is in proportion to the mass.
+    A set of `alloc.plant.sets` by its name runs as a rigid train with a quick brake. The load of a train in TOML is the
+    `load_t` of its cars; of its running resistance, what does not grow with the square of the speed is in proportion to the
+    mass.
     """
+    if name_or_path in SETS:
+        return _of_a_set(name_or_path, load_share)
     file = _file(name_or_path, "train", TRAINS)
     if not file.lower().endswith(".toml"):
         return read_rolling_stock(file, load_share)
     keys, train = read_train_keys(file)
     if keys.service_deceleration_kmhs is None:
-        warnings.warn(
-            f"{file}: key 'service_deceleration_kmhs' is missing; taken as {3.6 * FREIGHT_BRAKING:g} km/h/s, usual for "
-            "freight trains",
-            FileWarning,
-            stacklevel=2,
+        deceleration = _usual_deceleration(
+            train, f"{file}: key 'service_deceleration_kmhs' is missing"
         )
-    deceleration = (keys.service_deceleration_kmhs or 3.6 * FREIGHT_BRAKING) / 3.6
+    else:
+        deceleration = keys.service_deceleration_kmhs / 3.6
     limit = math.inf if keys.speed_limit_kmh is None else keys.speed_limit_kmh / 3.6
     return RollingStock(_loaded(train, load_share), limit, deceleration)
+
+
+def _of_a_set(name: str, load_share: float) -> RollingStock:
+    train = find_set(name)
+    cars = tuple(
+        replace(car, air_brake=_quick(car.air_brake)) if car.air_brake else car
+        for car in train.cars
+    )
+    rigid = replace(train, cars=cars, couplers=None)
+    what = f"train {name!r} is run as rigid, with a quick brake"
+    return RollingStock(_loaded(rigid, load_share), math.inf, _usual_deceleration(train, what))
+
+
+def _quick(brake: AirBrake) -> AirBrake:
+    return replace(brake, fill_time=BRAKE_LAG, release_time=BRAKE_LAG, dead_time=0.0)
+
+
+def _usual_deceleration(train: Train, why: str) -> float:
+    """[m/s2]; says that it is assumed, and why. Wagons whose axles no computer knows are freight wagons."""
+    freight = not all(car.speed_sensors for car in train.cars)
+    usual = FREIGHT_BRAKING if freight else PASSENGER_BRAKING
+    kind = "freight" if freight else "passenger"
+    warnings.warn(
+        f"{why}; its deceleration is taken as {3.6 * usual:g} km/h/s, usual for {kind} trains",
+        FileWarning,
+        stacklevel=4,
+    )
+    return usual
 
 
 def _loaded(train: Train, share: float) -> Train:
@@ -70,7 +100,7 @@ def _file(name_or_path: str, what: str, folder: Path) -> str:
         return name_or_path
     found = folder / f"{name_or_path}.toml"
     if not found.is_file():
-        known = unknown(what, name_or_path, shipped(folder))
+        known = unknown(what, name_or_path, [*shipped(folder), *(SETS if what == "train" else ())])
         raise StudyError(
             f"{known}; or give the path of a file, ending in {', '.join(FILE_ENDINGS)}"
         )

@@ -252,6 +252,7 @@ COMMAND_LINES = [
     Case("run-line --line line.yaml --train", "--train"),
     Case("run-line --line dresden-gorlitz", "did you mean 'dresden-goerlitz'?"),
     Case("run-line --train br642", "did you mean 'br-642'?"),
+    Case("run-line --train commuter-8cars", "did you mean 'commuter-8car'?"),
     Case("run-line --stops Bauzen", "did you mean 'Bautzen'?"),
     Case("run-line --stops ''", "without one"),
     Case("run-line --stops 10", "stop '10 m': the front stands at 10 m"),

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.train import TorqueLimit
-from studies.files.study_error import StudyError
+from studies.files.study_error import FileWarning, StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import DrivingStyle, legs, with_stops
 from studies.lines.line_run import line_model, run_line
@@ -195,3 +195,26 @@ def test_half_the_load_lies_between():
     assert half.mass == pytest.approx(0.5 * (empty.mass + full.mass))
     assert half.resistance[0] == pytest.approx(0.5 * (empty.resistance[0] + full.resistance[0]))
     assert half.resistance[2] == full.resistance[2]
+
+
+def test_a_set_of_trains_runs_a_line_too():
+    with pytest.warns(
+        FileWarning, match=r"'commuter-8car' is run as rigid.* 1\.35 km/h/s, usual for passenger"
+    ):
+        stock = find_stock("commuter-8car")
+    run = run_line(EXAMPLE_PATH, stock)
+    energy = run.energy()
+    assert abs(run.stops[-1].error) < 0.05
+    assert energy["electric_brake"] > 10.0 * energy["brake_shoes"]
+    with pytest.warns(FileWarning, match=r"0\.81 km/h/s, usual for freight"):
+        assert find_stock("freight-17").deceleration == 0.225
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("gb-unit-8car", "no motors"), ("one-axle", "no air brake")]
+)
+def test_a_train_that_cannot_pull_or_brake_is_refused(name, words):
+    with pytest.warns(FileWarning):
+        stock = find_stock(name)
+    with pytest.raises(StudyError, match=words):
+        run_line(EXAMPLE_PATH, stock)
