@@ -1,6 +1,7 @@
 """The command `readhesion run-line`: a train over a line, both by name or as files."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,7 +9,7 @@ from cyclopts import Parameter
 
 from studies.command_line.options import FilePath, Names, split_names
 from studies.command_line.terminal import console, progress
-from studies.files.study_error import StudyError
+from studies.files.study_error import FileWarning, StudyError
 from studies.files.writable import FIGURE, RUN, check_file
 
 if TYPE_CHECKING:
@@ -68,7 +69,11 @@ def run_line(
     if dwell is not None and not 0.0 <= dwell <= MOST_DWELL:
         raise StudyError(f"--dwell {dwell:g}: give a time from 0 to {MOST_DWELL:g} s")
     style, wanted = DrivingStyle(effort, coasting), split_names(stops)
-    path, stock = find_line(str(line)), find_stock(str(train), load)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", FileWarning)
+        path, stock = find_line(str(line)), find_stock(str(train), load)
+    for one in told:
+        warnings.showwarning(one.message, one.category, one.filename, one.lineno)
     if wanted is not None or dwell is not None:
         own = [stop.name for stop in path.stops()]
         path = with_stops(path, own if wanted is None else wanted, dwell)
@@ -84,7 +89,7 @@ def run_line(
         from studies.core.gallery import gallery
 
         gallery().draw_one("real-line", figure, found)
-    content = summary(found)
+    content = summary(found) | {"remarks": [str(one.message) for one in told]}
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))
     else:

@@ -30,8 +30,6 @@ LONGEST = 1.1
 """Bound of the simulated time over the running time by distance steps; the two differ by less than 1 %."""
 MOST_AXLE_STEPS = 3e9
 """Integration steps times wheelsets: ten times what other runs may have, for a heavy train on a hundred kilometres."""
-LONGEST_TIME = 86400.0
-"""Longest run [s]."""
 PAD_WEAR = 0.3e-6
 """Volume that brake pads or blocks lose per work [m3/MJ], assumed: of the order of organic material. It turns work into a
 size that workshops know; ratios between runs do not depend on it."""
@@ -141,23 +139,14 @@ def run_line(
     """Run the whole line from standstill to a stop at its end; raises `StudyError` where the train cannot climb."""
     start, end = path.span
     route = legs(path, stock)
-    fastest = route[-1].profile.shortest_time()
-    if fastest > LONGEST_TIME:
-        raise StudyError(
-            f"line {path.name!r}: a run takes {fastest:.3g} s and more; {LONGEST_TIME:g} s are the most"
-        )
     model = line_model(path, stock)
+    _check_size(path, model, period, route[-1].profile.shortest_time())
     driver = MinimumTimeDriver(model, route, style)
     spread = run_by_distance(driver.forces, path.sections, route, style=style, spread=True)
     longest = LONGEST * spread.running_time + 60.0
+    _check_size(path, model, period, longest)
     records = longest / period * model.layout.axles
     every = math.ceil(records / (0.999 * MOST_AXLE_RECORDS))  # so that long trains fit into memory
-    allowed = longest_duration(model, period, every * period, MOST_AXLE_STEPS)
-    if longest > allowed:
-        raise StudyError(
-            f"line {path.name!r}: a run of {longest:.0f} s with {model.layout.axles} wheelsets is too large, "
-            f"{allowed:.0f} s are the most; give a shorter line or train"
-        )
     # one step a period: the plant divides it as far as it needs to be stable
     run = drive(
         model, driver, longest, path.name, 0.0, start, period, step=period,
@@ -196,6 +185,16 @@ def run_line(
         passings,
         _as_point(driver, path, route),
     )
+
+
+def _check_size(path: RunningPath, model: Model, period: float, duration: float) -> None:
+    """Raise `StudyError` where a run of `duration` [s] would take hours of computing."""
+    allowed = longest_duration(model, period, math.inf, MOST_AXLE_STEPS)
+    if duration > allowed:
+        raise StudyError(
+            f"line {path.name!r}: a run of {duration:.3g} s and more with {model.layout.axles} wheelsets is too large, "
+            f"{allowed:.3g} s are the most; give a shorter line or train"
+        )
 
 
 def _as_point(driver: MinimumTimeDriver, path: RunningPath, route: tuple[Leg, ...]) -> float | None:

@@ -147,6 +147,44 @@ def test_json_is_all_that_is_printed(call, files):
     assert energy["motors"] == pytest.approx(sum(energy.values()) - energy["motors"], rel=1e-3)
 
 
+def test_what_is_assumed_is_said_once_and_in_json(call, files):
+    train = changed(STOCK, "vehicles", 0, "a_braking", NOTHING)
+    train = changed(train, "vehicles", 0, "air_resistence", 4.0)
+    code, out, err = call("run-line", *files(PATH, train), "--json")
+    remarks = json.loads(out)["remarks"]
+    assert code == 0
+    assert [f"readhesion: {remark}" for remark in remarks] == err.splitlines()
+    assert len(remarks) == 2
+    assert "did you mean 'air_resistance'?" in remarks[0]
+    assert "'a_braking'; taken as -0.375 m/s2" in remarks[1]
+
+
+def test_stops_and_style_come_from_options(call, files):
+    code, out, _ = call(
+        "run-line", *files(), "--stops", "signal,600", "--dwell", 12, "--coasting", 5, "--effort", 0.8,
+        "--json",
+    )  # fmt: skip
+    content = json.loads(out)
+    assert code == 0
+    assert [stop["name"] for stop in content["stops"]] == ["signal", "600 m", "end of the line"]
+    assert [stop["dwell_s"] for stop in content["stops"]] == pytest.approx([12.0, 12.0, 0.0])
+    assert [point["name"] for point in content["points_of_interest"]] == ["clear"]
+    assert (content["coasting_s"], content["share_of_effort"]) == (5.0, 0.8)
+    assert content["remarks"] == []
+
+
+def test_a_line_of_ones_own_stops_where_its_file_says(call, tmp_path, files):
+    line = tmp_path / "own.toml"
+    line.write_text(OWN_LINE)
+    options = ("run-line", "--line", line, *files()[2:], "--json")
+    stops = [
+        [(stop["name"], stop["dwell_s"]) for stop in json.loads(call(*options, *more)[1])["stops"]]
+        for more in ((), ("--dwell", 5), ("--stops", "none"))
+    ]
+    assert [len(each) for each in stops] == [2, 2, 1]
+    assert [each[0][1] for each in stops[:2]] == pytest.approx([20.0, 5.0])
+
+
 def test_load_makes_the_run_longer(call, files):
     times = [
         json.loads(call("run-line", *files(), "--json", "--load", share)[1])["running_time_s"]
