@@ -16,7 +16,7 @@ from alloc.onboard.driver import Controls, Driver, TrainSense
 from alloc.plant.model import Floats, Model
 from alloc.recorded_physics import PlantRecord
 from alloc.recording import driven_dataset
-from alloc.run_size import check_size
+from alloc.run_size import MOST_AXLE_STEPS, check_size
 
 
 def drive(
@@ -30,12 +30,14 @@ def drive(
     step: float = STEP,
     record_period: float | None = None,
     on_progress: Callable[[float], None] | None = None,
+    most_axle_steps: float = MOST_AXLE_STEPS,
 ) -> xr.Dataset:
     """Let `driver` drive the train for `duration` [s], or until it ends the run; returns the recorded run.
 
     `period`: control period [s]; `step`: integration step [s] at most; `record_period`
     [s]: a multiple of `period` (default: `period` itself). The run holds those of `alloc.recorded_variables.VARIABLES`
-    that the plant and the driver decide. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
+    that the plant and the driver decide.
+    More than `most_axle_steps` are refused. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
     """
     record_period = period if record_period is None else record_period
     times = {"duration": duration, "period": period, "step": step, "record_period": record_period}
@@ -45,7 +47,7 @@ def drive(
         raise SimulationError(
             f"drive: record_period = {record_period!r} must be a multiple of the control period {period!r}"
         )
-    check_size("drive", model, duration, period, step, record_period)
+    check_size("drive", model, duration, period, step, record_period, most_axle_steps)
     ticks = round(duration / period) + 1  # the last one is recorded, and nobody sees what follows
     loop = ClosedLoop(model, ticks, period, step, record_period, initial_speed, initial_position)
     record = PlantRecord.allocate(loop.records, model.layout)

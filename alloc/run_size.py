@@ -9,15 +9,23 @@ MOST_AXLE_RECORDS = 5e6
 """Recorded instants times axles: about 2 GB while the record is evaluated."""
 
 
-def longest_duration(model: Model, step: float, record_period: float) -> float:
+def longest_duration(
+    model: Model, step: float, record_period: float, most_axle_steps: float = MOST_AXLE_STEPS
+) -> float:
     """Longest run [s] of `model` that `check_size` allows, a little less."""
     steps = max(1.0 / step, model.stiffness() / STABLE_STEP)
     axles = model.layout.axles
-    return 0.999 * min(MOST_AXLE_STEPS / steps, MOST_AXLE_RECORDS * record_period) / axles
+    return 0.999 * min(most_axle_steps / steps, MOST_AXLE_RECORDS * record_period) / axles
 
 
 def check_size(
-    owner: str, model: Model, duration: float, period: float, step: float, record_period: float
+    owner: str,
+    model: Model,
+    duration: float,
+    period: float,
+    step: float,
+    record_period: float,
+    most_axle_steps: float = MOST_AXLE_STEPS,
 ) -> None:
     """Raise `SimulationError` where a run of `duration` [s] is longer than these bounds allow, or than nothing."""
     if round(duration / period) < 1:
@@ -29,14 +37,14 @@ def check_size(
         duration * max(1.0 / step, 1.0 / period, fastest),
         duration / max(record_period, period),
     )
-    if not steps * axles <= MOST_AXLE_STEPS:
+    if not steps * axles <= most_axle_steps:
         cause = (
             f"choose a longer step than {step:g} s"
             if 1.0 / step >= fastest
             else f"choose parameters without rates as fast as {model.stiffness():.2g} 1/s"
         )
         raise SimulationError(
-            f"{owner}: {steps:.2g} steps of {axles} axles exceed {MOST_AXLE_STEPS:g} axle-steps; choose a shorter "
+            f"{owner}: {steps:.2g} steps of {axles} axles exceed {most_axle_steps:g} axle-steps; choose a shorter "
             f"duration than {duration:g} s, or {cause}"
         )
     if records * axles > MOST_AXLE_RECORDS:

@@ -8,15 +8,15 @@ from paper_figs.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
 from paper_figs.style import new_panels
-from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import LineRun, run_line
+from studies.lines.named_files import find_line, find_stock
 
 NAME_WIDTH = 0.02
 """Room that an upright name takes, as a share of the line; names that do not find it are left out."""
 
 
-@figure("real-line", "speed, limits and gradients of a minimum-time run (example line; run-line draws yours)",
-        made(lambda: run_line(EXAMPLE_PATH, example_stock())))  # fmt: skip
+@figure("real-line", "speed, limits and gradients of a minimum-time run (a line that ships; run-line draws yours)",
+        made(lambda: run_line(find_line("dresden-goerlitz"), find_stock("br-642"))))  # fmt: skip
 def real_line(found: LineRun) -> Figure:
     """Above: limits, permitted speed and the train's speed. Below: gradient, of the section."""
     drawn, (upper, lower) = new_panels(7.1, 4.0, 2, sharex=True, height_ratios=(3.0, 1.0))
@@ -33,18 +33,21 @@ def real_line(found: LineRun) -> Figure:
 
 
 def _draw_speed(axes: Axes, found: LineRun, edges: np.ndarray) -> None:
-    profile, run = found.profile, found.run
+    run = found.run
     start, end = found.path.span
     limits = 3.6 * np.array([section.speed_limit for section in found.path.sections])
     place = np.linspace(start, end, 4000)
     axes.stairs(limits, edges, baseline=None, color=GREY, linewidth=0.9, label="limit of the line")
     axes.plot(
-        1e-3 * place, 3.6 * profile.permitted(place), color=ORANGE, linewidth=0.9,
+        1e-3 * place, 3.6 * found.permitted(place), color=ORANGE, linewidth=0.9,
         linestyle=(0, (4, 1.5)), label="permitted: whole train, vehicle, braking",
     )  # fmt: skip
     x, speed = 1e-3 * run["position"].values, 3.6 * run["speed"].values
     axes.plot(x, speed, color=BLUE, linewidth=1.2, label="speed")
-    top = max(limits[np.isfinite(limits)].max(initial=0.0), 3.6 * max(profile.limits))
+    top = max(
+        limits[np.isfinite(limits)].max(initial=0.0),
+        3.6 * max(max(leg.profile.limits) for leg in found.legs),
+    )
     _name_points(axes, found)
     margin = 0.008 * (end - start)
     axes.set(xlim=(1e-3 * (start - margin), 1e-3 * (end + margin)), ylim=(0.0, 1.18 * top))

@@ -10,6 +10,7 @@ from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS
 from paper_figs.registry import FIGURES
 from studies.core.collection import all_studies
+from studies.lines.named_files import TRAINS, shipped
 from studies.scenario.loading import shipped_scenarios
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -32,7 +33,7 @@ def test_rule_example_prints_what_it_says(capsys):
 
 
 def test_commands_name_what_exists():
-    known = {*RULES, *CONTROLLERS, *FIGURES, *all_studies(), *shipped_scenarios()}
+    known = {*RULES, *CONTROLLERS, *FIGURES, *all_studies(), *shipped_scenarios(), *shipped(TRAINS)}
     commands = [line for line in README.splitlines() if line.startswith(".venv/bin/readhesion")]
     assert len(commands) >= 5
     for command in commands:

@@ -9,6 +9,7 @@ from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.core.collection import all_studies
 from studies.core.gallery import gallery
+from studies.lines.named_files import LINES, TRAINS, shipped
 from studies.logs.columns import column_names
 from studies.scenario.loading import SCENARIOS, load_scenario
 
@@ -22,6 +23,8 @@ def catalogue() -> dict[str, dict[str, str]]:
         "controllers": {name: found.meaning for name, found in CONTROLLERS.items()},
         "adhesion curves": {name: _first_line(curve) for name, curve in CURVES.items()},
         "trains": {name: _train(name) for name in SETS},
+        "lines (run-line)": shipped(LINES),
+        "trains (run-line)": shipped(TRAINS),
         "sweeps": {name: study.question for name, study in all_studies().items()},
         "figures": dict(gallery().descriptions()),
         "metrics": {

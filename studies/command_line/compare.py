@@ -61,9 +61,9 @@ def compare(
     out
         Folder for the table (parquet), recorded runs (netCDF) and figures.
     line
-        Railtoolkit running path: the events happen on its steepest climb.
+        Line that ships, or file (TOML, railtoolkit): the events happen on its steepest climb.
     train
-        Railtoolkit rolling stock: the train that meets the events.
+        Train set or file (TOML, railtoolkit): the train that meets the events.
     keep
         Runs to record, as patterns of scenario/rule/controller/seed such as `wet-*/exact/*/0`.
     retry_failed

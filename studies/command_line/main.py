@@ -76,7 +76,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _say  # type: ignore[assignment]
+            warnings.showwarning = _Once()  # type: ignore[assignment]
             code = app.meta(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
@@ -108,8 +108,17 @@ def _unread() -> int:
     return UNREAD
 
 
-def _say(message: Warning | str, *_: object) -> None:
-    print(f"readhesion: {' '.join(str(message).split())}", file=sys.stderr)
+class _Once:
+    """Says each warning once, also where a file is read again."""
+
+    def __init__(self) -> None:
+        self.said: set[str] = set()
+
+    def __call__(self, message: Warning | str, *_: object) -> None:
+        line = " ".join(str(message).split())
+        if line not in self.said:
+            self.said.add(line)
+            print(f"readhesion: {line}", file=sys.stderr)
 
 
 def main() -> None:

@@ -1,38 +1,57 @@
-"""The command `readhesion run-line`: a train's minimum running time over a line, both given as railtoolkit files."""
+"""The command `readhesion run-line`: a train over a line, both by name or as files."""
 
 import json
+import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import FilePath
+from studies.command_line.options import FilePath, Names, split_names
 from studies.command_line.terminal import console, progress
-from studies.files.study_error import StudyError
+from studies.files.study_error import FileWarning, StudyError
 from studies.files.writable import FIGURE, RUN, check_file
 
 if TYPE_CHECKING:
     from studies.lines.line_run import LineRun
 
+DEFAULT_LINE, DEFAULT_TRAIN = Path("dresden-goerlitz"), Path("br-642")
+MOST_DWELL = 3600.0
+
 
 def run_line(
     *,
-    line: FilePath,
-    train: FilePath,
+    line: FilePath = DEFAULT_LINE,
+    train: FilePath = DEFAULT_TRAIN,
     load: float = 1.0,
+    stops: Names = None,
+    dwell: float | None = None,
+    effort: float = 1.0,
+    coasting: float = 0.0,
     out: FilePath | None = None,
     figure: FilePath | None = None,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> None:
-    """Run a train over a line in minimum time and print running time, energy and points passed.
+    """Run a train over a line and print running time, stops, energy, wear of the brake and points passed.
 
     Parameters
     ----------
     line
-        Railtoolkit running path: sections with speed limit and gradient, points of interest.
+        Name of a line that ships, or file: TOML, or railtoolkit running path (.yaml).
     train
-        Railtoolkit rolling stock; the train brakes by its `a_braking`.
+        Name of a train that ships with the lines, or file: TOML, or railtoolkit rolling stock
+        (.yaml).
     load
-        Share of the vehicles' `load_limit` on board, 0 to 1.
+        Share of its load on board, 0 to 1.
+    stops
+        Points of the line to stop at, one by one or with commas: names, stations in m, all or none
+        [default: those that have a dwell in the line's file].
+    dwell
+        Time at each stop in s [default: what the line's file says, else 30].
+    effort
+        Share of the tractive effort that is used at most.
+    coasting
+        Time in s before each braking curve from which the train rolls without effort.
     out
         File for the recorded run (netCDF, .nc).
     figure
@@ -42,16 +61,27 @@ def run_line(
     """
     from alloc.recording import save
     from studies.lines import line_run
-    from studies.railtoolkit.reading import read_path, read_rolling_stock
+    from studies.lines.driving_style import DrivingStyle, with_stops
+    from studies.lines.named_files import find_line, find_stock
 
     if not 0.0 <= load <= 1.0:
         raise StudyError(f"--load {load:g}: give a share of the load limit, 0 to 1")
-    path, stock = read_path(line), read_rolling_stock(train, load)
+    if dwell is not None and not 0.0 <= dwell <= MOST_DWELL:
+        raise StudyError(f"--dwell {dwell:g}: give a time from 0 to {MOST_DWELL:g} s")
+    style, wanted = DrivingStyle(effort, coasting), split_names(stops)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", FileWarning)
+        path, stock = find_line(str(line)), find_stock(str(train), load)
+    for one in told:
+        warnings.showwarning(one.message, one.category, one.filename, one.lineno)
+    if wanted is not None or dwell is not None:
+        own = [stop.name for stop in path.stops()]
+        path = with_stops(path, own if wanted is None else wanted, dwell)
     check_file(out, RUN)
     check_file(figure, FIGURE)
     with progress() as on_row:
         found = line_run.run_line(
-            path, stock, on_progress=lambda share: on_row(path.name, round(100 * share), 100)
+            path, stock, style, on_progress=lambda share: on_row(path.name, round(100 * share), 100)
         )
     if out is not None:
         save(found.run, out)
@@ -59,7 +89,7 @@ def run_line(
         from studies.core.gallery import gallery
 
         gallery().draw_one("real-line", figure, found)
-    content = summary(found)
+    content = summary(found) | {"remarks": [str(one.message) for one in told]}
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))
     else:
@@ -78,13 +108,19 @@ def summary(found: "LineRun") -> dict[str, Any]:
         "running_time_by_distance_steps_s": found.distance_time,
         "mean_speed_kmh": 3.6 * (end - start) / found.running_time,
         "highest_speed_kmh": 3.6 * float(found.run["speed"].max()),
+        "share_of_effort": found.style.effort,
+        "coasting_s": found.style.coasting,
         "energy_kWh": {name: joule / 3.6e6 for name, joule in found.energy().items()},
+        "brake_wear_cm3": 1e6 * found.pad_wear(),
         "stops": [
             {
-                "station_m": end,
-                "time_s": found.running_time,
-                "error_m": found.stop_error,
+                "name": stop.point.name,
+                "station_m": stop.point.station,
+                "time_s": stop.arrival,
+                "dwell_s": stop.departure - stop.arrival,
+                "error_m": stop.error,
             }
+            for stop in found.stops
         ],
         "points_of_interest": [
             {
@@ -105,6 +141,10 @@ def clock(seconds: float) -> str:
     return f"{tenths // 600}:{tenths % 600 / 10:04.1f}"
 
 
+def _or_never(seconds: float | None) -> str:
+    return "never: a mass point stalls" if seconds is None else f"{clock(seconds)} min"
+
+
 def _print(content: dict[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
@@ -116,7 +156,7 @@ def _print(content: dict[str, Any]) -> None:
     table.add_column(justify="right")
     for label, shown in (
         ("running time", f"{clock(content['running_time_s'])} min"),
-        ("… by distance steps of 20 m", f"{clock(content['running_time_by_distance_steps_s'])} min"),
+        ("… by distance steps of 20 m", _or_never(content["running_time_by_distance_steps_s"])),
         ("length", f"{1e-3 * content['length_m']:.3f} km"),
         ("mass of the train", f"{content['mass_t']:.1f} t"),
         ("mean speed", f"{content['mean_speed_kmh']:.1f} km/h"),
@@ -124,10 +164,14 @@ def _print(content: dict[str, Any]) -> None:
         ("work of the motors at the wheels", f"{content['energy_kWh']['motors']:.1f} kWh"),
         ("… against resistance and gradient",
          f"{content['energy_kWh']['resistance_and_gradient']:.1f} kWh"),
+        ("… taken back by the electric brake", f"{content['energy_kWh']['electric_brake']:.1f} kWh"),
         ("… lost in brake shoes", f"{content['energy_kWh']['brake_shoes']:.1f} kWh"),
         ("… lost in creep", f"{content['energy_kWh']['creep']:.2f} kWh"),
+        ("brake pads or blocks worn off, assumed 0.3 cm³/MJ", f"{content['brake_wear_cm3']:.0f} cm³"),
         *(
-            (f"stop at {stop['station_m']:.1f} m", f"{clock(stop['time_s'])} min")
+            (f"stop at {stop['station_m']:.1f} m, {stop['name']}" +
+             (f", for {stop['dwell_s']:.0f} s" if stop["dwell_s"] else ""),
+             f"{clock(stop['time_s'])} min")
             for stop in content["stops"]
         ),
     ):  # fmt: skip

@@ -1,34 +1,47 @@
 """Checked records read from files: frozen, no unknown keys, and errors of one line that name the key."""
 
 import tomllib
-from collections.abc import Mapping
-from typing import Any, TypeVar
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from studies.files.small_file import small_text
-from studies.files.study_error import StudyError, nearest
+from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
 
 
-class Strict(BaseModel):
-    """A frozen record; a key that it does not know is an error."""
+def _leaves(value: Any) -> Iterator[Any]:
+    """What stands in a list, and in lists in it; the value itself if it is no list."""
+    for part in value if isinstance(value, list) else ():
+        yield from _leaves(part)
+    if not isinstance(value, list):
+        yield value
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, str_strip_whitespace=True
-    )
+
+class _Plain(BaseModel):
+    """A frozen record whose numbers are numbers."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
     @field_validator("*", mode="before")
     @classmethod
     def _no_disguise(cls, value: Any, info: ValidationInfo) -> Any:
         """Refuse a number in quotes, and true or false for one, which the library would convert."""
         stated = str(cls.model_fields[str(info.field_name)].annotation)
-        for part in value if isinstance(value, list) else [value]:
+        for part in _leaves(value):
             if (isinstance(part, bool) and "bool" not in stated) or (
                 isinstance(part, str) and "str" not in stated and is_number(part)
             ):
                 raise ValueError(f"must be a number without quotes, not {part!r}")
         return value
+
+
+class Strict(_Plain):
+    """A frozen record; a key that it does not know is an error."""
+
+    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
     @field_validator("*")
     @classmethod
@@ -44,10 +57,15 @@ class Strict(BaseModel):
         return cls
 
 
-class Foreign(BaseModel):
-    """A frozen record of somebody else's format: keys that this project does not use are passed over."""
+class Foreign(_Plain):
+    """A frozen record of somebody else's format: keys that this project does not use are passed over.
 
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+    `unused`: those that the format knows beyond them. `warn_of_unknown` speaks of all others.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    unused: ClassVar[frozenset[str]] = frozenset()
 
 
 def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
@@ -67,7 +85,49 @@ def parse(kind: type[Record], data: Any, source: str) -> Record:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise StudyError(f"{source}: {explain(kind, error)}") from None
+        hint = _misspelling(kind, data) if issubclass(kind, Foreign) else ""
+        raise StudyError(f"{source}: {explain(kind, error)}{hint}") from None
+
+
+def warn_of_unknown(kind: type[Foreign], data: Any, source: str) -> None:
+    """Warn of each key in `data` that the format of `kind` does not know, once, with its first place and the nearest key."""
+    told: dict[tuple[type[Foreign], str], list[str]] = {}
+    for record, key, place in _unknown(kind, data, ()):
+        told.setdefault((record, key), []).append(_dotted(place))
+    for (record, key), places in told.items():
+        valid = [*record.model_fields, *sorted(record.unused)]
+        near = nearest(key, valid)
+        hint = f"did you mean {near!r}?" if near else f"known keys: {', '.join(valid)}"
+        more = f" and {len(places) - 1} more like it" if len(places) > 1 else ""
+        warnings.warn(
+            f"{source}: key {places[0]!r}{more} is unknown and passed over; {hint}",
+            FileWarning,
+            stacklevel=2,
+        )
+
+
+def _misspelling(kind: type[Foreign], data: Any) -> str:
+    """The first key that the format does not know but nearly, which may be why something is missing."""
+    for record, key, place in _unknown(kind, data, ()):
+        if near := nearest(key, record.model_fields):
+            return f" (there is an unknown key {_dotted(place)!r}; did you mean {near!r}?)"
+    return ""
+
+
+def _unknown(
+    kind: type[Foreign], data: Any, place: tuple[int | str, ...]
+) -> Iterator[tuple[type[Foreign], str, tuple[int | str, ...]]]:
+    """Record, key and place of every key below `data` that is neither a field nor known to be unused."""
+    for k, item in enumerate(data if isinstance(data, list) else ()):
+        yield from _unknown(kind, item, (*place, k))
+    for key, value in data.items() if isinstance(data, Mapping) else ():
+        name = str(key)
+        if name in kind.model_fields:
+            inner = _record_in(kind.model_fields[name].annotation)
+            if inner is not None and issubclass(inner, Foreign):
+                yield from _unknown(inner, value, (*place, name))
+        elif name not in kind.unused:
+            yield kind, name, (*place, name)
 
 
 def explain(kind: type[BaseModel], error: ValidationError) -> str:

@@ -8,6 +8,10 @@ class StudyError(ValueError):
     """A study cannot be made as asked; the message is one line that names the thing and what to do."""
 
 
+class FileWarning(UserWarning):
+    """What a file leaves open, or says in vain, and what was made of it: one line that names file and key."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` most resembles, None if there is none."""
     found = get_close_matches(name, list(known), 1, cutoff=0.5)

@@ -1,1 +1,1 @@
-"""Real lines and trains: railtoolkit files, and runs over them in minimum time."""
+"""Runs of a train over a line: limits and stops, driving style, simulation, and other ways to calculate them."""

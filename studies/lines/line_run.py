@@ -1,4 +1,4 @@
-"""A train run over a real line in minimum time: simulated on the plant, and what people ask of it afterwards."""
+"""A train run over a real line: simulated on the plant, and what people ask of it afterwards."""
 
 import json
 import math
@@ -7,16 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
 from alloc.driving import drive
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
+from alloc.run_size import MOST_AXLE_RECORDS, longest_duration
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
+from studies.lines.driving_style import FASTEST, DrivingStyle, Leg, legs
+from studies.lines.lumped_train import lumped
 from studies.lines.minimum_time import MinimumTimeDriver
-from studies.lines.speed_profile import SpeedProfile
-from studies.lines.train_forces import TrainForces
-from studies.railtoolkit.reading import PointOfInterest, RollingStock, RunningPath
+from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath
 from studies.railtoolkit.vehicles import BRAKED_FALL
 
 ADHESION = 0.5
@@ -24,8 +26,13 @@ ADHESION = 0.5
 Dry rail with sand reaches 0.35 to 0.45."""
 CONTROL_PERIOD = 0.1
 """Control period [s]; twice or half of it changes the running time of 100 km by less than 0.1 s."""
-LONGEST = 1.2
+LONGEST = 1.1
 """Bound of the simulated time over the running time by distance steps; the two differ by less than 1 %."""
+MOST_AXLE_STEPS = 3e9
+"""Integration steps times wheelsets: ten times what other runs may have, for a heavy train on a hundred kilometres."""
+PAD_WEAR = 0.3e-6
+"""Volume that brake pads or blocks lose per work [m3/MJ], assumed: of the order of organic material. It turns work into a
+size that workshops know; ratios between runs do not depend on it."""
 
 
 @dataclass(frozen=True)
@@ -38,31 +45,60 @@ class Passing:
 
 
 @dataclass(frozen=True)
+class Stop:
+    """A stop as it came out: arrival and departure [s], and how far beyond its place the train stood [m]."""
+
+    point: PointOfInterest
+    arrival: float
+    departure: float
+    error: float
+
+
+@dataclass(frozen=True)
 class LineRun:
     """A run over a line, and its inputs."""
 
     path: RunningPath
     stock: RollingStock
-    profile: SpeedProfile
+    style: DrivingStyle
+    legs: tuple[Leg, ...]
     run: xr.Dataset
     """As `alloc.driving.drive` records it; its attributes hold the numbers below."""
     running_time: float
-    """From the first motion to the stop [s]."""
-    stop_error: float
-    """How far beyond the end of the line the train stops [m]."""
+    """From the first motion to the last stop, with the stops between [s]."""
+    stops: tuple[Stop, ...]
+    """The last one is the end of the line."""
     passings: tuple[Passing, ...]
-    distance_time: float
-    """Running time [s] that a program with distance steps of 20 m gives for it."""
+    distance_time: float | None
+    """Running time [s] that a program with distance steps of 20 m gives; None where its mass point at the front stalls."""
+
+    def permitted(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """The lower of limit and braking curve [m/s] at `positions` [m], with the curves to the stops."""
+        x = np.asarray(positions, dtype=float)
+        leg = np.searchsorted([leg.profile.end for leg in self.legs[:-1]], x, side="left")
+        found = np.zeros(x.shape)
+        for k, one in enumerate(self.legs):
+            found[leg == k] = one.profile.permitted(x[leg == k])
+        return found
 
     def energy(self) -> dict[str, float]:
-        """Where the energy of the run goes [J]: done by the motors, lost by resistance and gradient, shoes and creep."""
+        """Where the energy of the run goes [J]: done by the motors, which is the sum of all others.
+
+        Those are lost by resistance and gradient, taken back by the electric brake, lost in brake shoes and by creep.
+        """
+        work = np.diff(self.run["motor_work"].values)
         last = self.run.isel(time=-1)
         return {
-            "motors": float(last["motor_work"]),
+            "motors": float(work[work > 0.0].sum()),
             "resistance_and_gradient": float(last["resistance_work"]),
+            "electric_brake": float(np.abs(work[work < 0.0]).sum()),
             "brake_shoes": float(last["shoe_work"]),
             "creep": float(last["friction_work"].sum()),
         }
+
+    def pad_wear(self) -> float:
+        """Volume that all brake pads or blocks lose [m3]."""
+        return PAD_WEAR * 1e-6 * self.energy()["brake_shoes"]
 
 
 def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESION) -> Model:
@@ -76,16 +112,19 @@ def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESIO
             f"line {path.name!r}: falls by {-1e3 * steepest.grade:g} per mille at {steepest.start:g} m; the brake "
             f"assumed for a_braking holds on {1e3 * BRAKED_FALL:g} per mille at most"
         )
-    model = build(stock.train, Rail(adhesion), path.line(), span=path.span)
+    if not any(car.motors for car in stock.train.cars):
+        raise StudyError(f"train {stock.train.name!r} has no motors to run a line with")
+    model = build(lumped(stock.train), Rail(adhesion), path.line(), span=path.span)
     s = model.structure
-    for unit, table in enumerate(s.drive_table):
+    for unit in range(model.layout.units):
         axles = s.axle_unit == unit
-        effort = float((s.gear[axles] / s.radius[axles]).sum() * table.max())
+        greatest = max(s.drive_table[unit].max(), s.brake_table[unit].max())
+        effort = float((s.gear[axles] / s.radius[axles]).sum() * greatest)
         needed = effort / float(s.static_load[axles].sum())
         if needed >= adhesion:
             raise StudyError(
-                f"{stock.train.source}: tractive_effort needs an adhesion coefficient of {needed:.2f} on the axles that "
-                f"mass_traction loads; a line run has {adhesion:g}"
+                f"train {stock.train.name!r}: the effort needs an adhesion coefficient of {needed:.2f} on the driven axles; "
+                f"a line run has {adhesion:g}"
             )
     return model
 
@@ -93,28 +132,40 @@ def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESIO
 def run_line(
     path: RunningPath,
     stock: RollingStock,
+    style: DrivingStyle = FASTEST,
     period: float = CONTROL_PERIOD,
     on_progress: Callable[[float], None] | None = None,
 ) -> LineRun:
     """Run the whole line from standstill to a stop at its end; raises `StudyError` where the train cannot climb."""
-    model = line_model(path, stock)
     start, end = path.span
-    profile = SpeedProfile(path.sections, stock.length, stock.deceleration, stock.speed_limit)
-    driver = MinimumTimeDriver(model, profile)
-    quick = run_by_distance(TrainForces(model), profile, start)
-    longest = LONGEST * quick.running_time + 60.0
+    route = legs(path, stock)
+    model = line_model(path, stock)
+    _check_size(path, model, period, route[-1].profile.shortest_time())
+    driver = MinimumTimeDriver(model, route, style)
+    spread = run_by_distance(driver.forces, path.sections, route, style=style, spread=True)
+    longest = LONGEST * spread.running_time + 60.0
+    _check_size(path, model, period, longest)
+    records = longest / period * model.layout.axles
+    every = math.ceil(records / (0.999 * MOST_AXLE_RECORDS))  # so that long trains fit into memory
     # one step a period: the plant divides it as far as it needs to be stable
     run = drive(
-        model, driver, longest, path.name, 0.0, start, period, step=period, on_progress=on_progress
-    )
+        model, driver, longest, path.name, 0.0, start, period, step=period,
+        record_period=every * period, on_progress=on_progress, most_axle_steps=MOST_AXLE_STEPS,
+    )  # fmt: skip
     last = float(run["position"][-1])
     if driver.stalled:
         raise StudyError(f"line {path.name!r}: the train rolls back at {last:.0f} m")
-    if abs(last - end) > 1.0:
+    if len(driver.halts) < len(route) or abs(driver.halts[-1].position - end) > 1.0:
         raise StudyError(
             f"line {path.name!r}: the train is at {last:.0f} m of {end:.0f} m after {longest:.0f} s"
         )
-    passings = tuple(passing(run, point, stock.length) for point in path.points)
+    stops = tuple(
+        Stop(leg.stop, halt.arrival, halt.departure, halt.position - leg.profile.end)
+        for leg, halt in zip(route, driver.halts, strict=True)
+    )
+    passings = tuple(
+        passing(run, point, stock.length) for point in path.points if point.dwell is None
+    )
     run.attrs |= {
         "line": path.name,
         "running_time_s": driver.running_time,
@@ -124,8 +175,34 @@ def run_line(
         ),
     }
     return LineRun(
-        path, stock, profile, run, driver.running_time, last - end, passings, quick.running_time
+        path,
+        stock,
+        style,
+        route,
+        run,
+        driver.running_time,
+        stops,
+        passings,
+        _as_point(driver, path, route),
     )
+
+
+def _check_size(path: RunningPath, model: Model, period: float, duration: float) -> None:
+    """Raise `StudyError` where a run of `duration` [s] would take hours of computing."""
+    allowed = longest_duration(model, period, math.inf, MOST_AXLE_STEPS)
+    if duration > allowed:
+        raise StudyError(
+            f"line {path.name!r}: a run of {duration:.3g} s and more with {model.layout.axles} wheelsets is too large, "
+            f"{allowed:.3g} s are the most; give a shorter line or train"
+        )
+
+
+def _as_point(driver: MinimumTimeDriver, path: RunningPath, route: tuple[Leg, ...]) -> float | None:
+    """Running time [s] as timetable programs calculate it; None where their mass point cannot climb what the train can."""
+    try:
+        return run_by_distance(driver.forces, path.sections, route, style=driver.style).running_time
+    except StudyError:
+        return None
 
 
 def passing(run: xr.Dataset, point: PointOfInterest, length: float) -> Passing:

@@ -3,19 +3,21 @@
 from pathlib import Path
 
 from studies.files.study_error import StudyError
-from studies.railtoolkit.reading import read_path
+from studies.lines.named_files import line_file
+from studies.scenario.line_file import read_line
 from studies.scenario.scenario import Scenario, safe_name
 
 
 def with_real_input(scenario: Scenario, line: str | None, train: str | None) -> Scenario:
-    """The same event with the line and the train of railtoolkit files; it starts where the line's steepest climb starts.
+    """The same event with the line and the train of files; it starts where the line's steepest climb starts.
 
     Loads, couplers and failures belong to the scenario's own train. Raises `StudyError` where files and scenario do not fit.
     """
     changes: dict[str, object] = {}
     name = scenario.name
     if line is not None:
-        path = read_path(line)
+        line = line_file(line)
+        path = read_line(line)
         section = path.steepest()
         grade = 1e3 * section.grade
         changes["line"] = {"file": line}

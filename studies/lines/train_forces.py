@@ -1,11 +1,8 @@
 """Forces of a whole train that rolls without slip, by position and speed: what a driver knows who knows train and line."""
 
-import math
-
 import numpy as np
 
 from alloc.plant.equations import (
-    STANDSTILL_SPEED,
     curving_resistance,
     gradient_force,
     hyperbolic_speed_law,
@@ -23,11 +20,13 @@ class TrainForces:
         self.inertia = model.train.mass + model.train.rotating_mass
         """Mass with the rotating masses [kg]."""
         radius = np.array([s.radius[s.axle_unit == j].mean() for j in range(model.layout.units)])
-        self._torque = s.drive_table
+        rims = s.unit_axles * s.unit_gear / radius
         self._speeds = EFFORT_SPEED_STEP * np.arange(s.drive_table.shape[1])
-        self._effort = (s.unit_axles * s.unit_gear / radius) @ s.drive_table
+        self._drive, self._brake = s.drive_table, s.brake_table
+        self._effort, self._electric = rims @ s.drive_table, rims @ s.brake_table
         self.peak_torque: Floats = s.drive_table.max(axis=1)
         """Greatest torque of each unit's motors [N m], (units,)."""
+        self._mass, self._level = model.train.mass, s.car_resistance.sum(axis=0)
         self._shoe_gain, self._friction = s.shoe_gain, s.shoe_friction.T
         self._linear = s.car_resistance[:, 1].sum()
         # gradient, tunnels and curves by position of the front, each car where it stands
@@ -44,11 +43,19 @@ class TrainForces:
         """Greatest tractive effort at the rims [N] at `speed` [m/s]."""
         return float(np.interp(speed, self._speeds, self._effort))
 
+    def electric_brake(self, speed: float) -> float:
+        """Greatest force of the electric brake at the rims [N] at `speed` [m/s]."""
+        return float(np.interp(speed, self._speeds, self._electric))
+
     def torque(self, share: float, speed: float) -> Floats:
-        """Torque of each unit's motors [N m] for this `share` of the effort at `speed` [m/s], (units,)."""
+        """Torque of each unit's motors [N m] for a `share` of effort, or below 0 of electric brake, at `speed` [m/s].
+
+        (units,)
+        """
         place = min(max(speed, 0.0) / EFFORT_SPEED_STEP, self._speeds.size - 1.000001)
         k = int(place)
-        limit = self._torque[:, k] + (self._torque[:, k + 1] - self._torque[:, k]) * (place - k)
+        table = self._drive if share >= 0.0 else self._brake
+        limit = table[:, k] + (table[:, k + 1] - table[:, k]) * (place - k)
         return np.asarray(share * limit)
 
     def resistance(self, position: float, speed: float) -> float:
@@ -56,15 +63,20 @@ class TrainForces:
         quadratic = np.interp(position, self._places, self._quadratic)
         constant = np.interp(position, self._places, self._constant)
         running = running_resistance(speed, constant, self._linear, quadratic, 1.0)
-        return float(running + np.interp(position, self._places, self._climbing))
+        return float(running) + self.climbing_at(position)
 
-    def forward_resistance(self, position: float, speed: float) -> float:
-        """As `resistance` [N], for a train that moves forward or is about to: without the smooth sign at standstill."""
-        moving = max(speed, 1e-6 * STANDSTILL_SPEED)
-        lost = math.hypot(moving, STANDSTILL_SPEED) / moving - 1.0
-        whole = self.resistance(position, moving)
-        climbing = float(np.interp(position, self._places, self._climbing))
-        return whole + lost * (whole - climbing)
+    def level_resistance(self, speed: float) -> float:
+        """Running resistance [N] forward on level, straight and open line; at standstill that of setting off."""
+        constant, linear, quadratic = self._level
+        return float(constant + (linear + quadratic * speed) * speed)
+
+    def climbing(self, grade: float) -> float:
+        """Gradient force [N] on the whole train where all of it stands on this `grade`."""
+        return float(gradient_force(self._mass, grade))
+
+    def climbing_at(self, position: float) -> float:
+        """Gradient force [N] with the front at `position` [m], each car where it stands."""
+        return float(np.interp(position, self._places, self._climbing))
 
     def brake_pressure(self, force: float, speed: float) -> float:
         """Cylinder pressure [Pa] at which all shoes together brake with `force` [N] at the rims."""

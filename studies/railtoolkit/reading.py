@@ -1,107 +1,41 @@
-"""Real lines and trains from railtoolkit files, schema 2022.05: running paths and rolling stock."""
+"""Real lines and trains from railtoolkit files, schemas 2022.05 and 2024.07: running paths and rolling stock."""
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
+import warnings
+from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import yaml
 
-from alloc.plant.rail import Line
 from alloc.plant.train import Train
 from studies.files.small_file import small_text
-from studies.files.strict import parse
-from studies.files.study_error import StudyError, unknown
-from studies.railtoolkit.keys import PathFile, StockFile, VehicleKeys
-from studies.railtoolkit.vehicles import build_formation
+from studies.files.strict import parse, warn_of_unknown
+from studies.files.study_error import FileWarning, StudyError, unknown
+from studies.railtoolkit.keys import VERSIONS, NamedPathFile, PathFile, StockFile, VehicleKeys
+from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, sections
+from studies.railtoolkit.vehicles import build_formation, default_deceleration
 
-SCHEMA_VERSION = "2022.05"
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"
+DEEPEST = 20
 ROLLING_STOCK = "https://railtoolkit.org/schema/rolling-stock.json"
 
 
-@dataclass(frozen=True)
-class Section:
-    """A stretch of line of one gradient and one speed limit: start, end [m], grade as rise per run, limit [m/s]."""
-
-    start: float
-    end: float
-    grade: float
-    speed_limit: float = math.inf
-
-
-@dataclass(frozen=True)
-class PointOfInterest:
-    """A point of the line [m] that the train's front or rear is to pass."""
-
-    station: float
-    name: str
-    measure: Literal["front", "rear"] = "front"
-
-    def front_position(self, length: float) -> float:
-        """Where the front of a train of this `length` [m] is when it passes."""
-        return self.station + (length if self.measure == "rear" else 0.0)
-
-
-@dataclass(frozen=True)
-class RunningPath:
-    """The first running path of a file."""
-
-    name: str
-    sections: tuple[Section, ...]
-    points: tuple[PointOfInterest, ...] = ()
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """Start and end of the line [m]."""
-        return self.sections[0].start, self.sections[-1].end
-
-    def line(
-        self, tunnels: tuple[tuple[float, float], ...] = (), tunnel_factor: float = 1.0
-    ) -> Line:
-        """The plant's line; running paths know no tunnels, so they come from outside."""
-        return Line(
-            stations=tuple(section.start for section in self.sections),
-            grades=tuple(section.grade for section in self.sections),
-            tunnels=tunnels,
-            tunnel_factor=tunnel_factor,
-        )
-
-    def steepest(self) -> Section:
-        """The steepest climb; the first one where several are equal."""
-        return max(self.sections, key=lambda section: section.grade)
-
-
-@dataclass(frozen=True)
-class RollingStock:
-    """A train that can run a line by itself: with its load, its brake and what it is allowed."""
-
-    train: Train
-    speed_limit: float
-    """Of its slowest vehicle [m/s]; inf if none has one."""
-    deceleration: float
-    """Under the service brake, in total: with resistance and gradient [m/s2], > 0."""
-
-    @property
-    def length(self) -> float:
-        """[m]"""
-        return sum(car.length for car in self.train.cars)
-
-
 def read_path(path: str | Path) -> RunningPath:
-    """Read a running path; raises `StudyError` naming file, key and reason.
+    """Read the first running path of a file; raises `StudyError` naming file, key and reason.
 
     Gradient and speed limit of a section hold to the start of the next one; the last entry only marks the end of the line.
+    Warns of further paths, and of keys that the format does not know.
     """
-    found = parse(PathFile, _document(path, RUNNING_PATH, "running path"), str(path)).paths[0]
-    rows = found.characteristic_sections
-    sections = tuple(
-        Section(row[0], following[0], 1e-3 * row[2], row[1] / 3.6)
-        for row, following in pairwise(rows)
-    )
-    points = tuple(PointOfInterest(*row) for row in found.points_of_interest)
-    return RunningPath(found.name, sections, points)
+    content = _document(path, RUNNING_PATH, "running path")
+    named = str(content["schema_version"]) == "2024.07"
+    kind: type[PathFile | NamedPathFile] = NamedPathFile if named else PathFile
+    found = parse(kind, content, str(path))
+    warn_of_unknown(kind, content, str(path))
+    first, *others = found.paths
+    _warn_of_others(path, "path", first.id, [other.id for other in others])
+    points = tuple(PointOfInterest(*point) for point in first.points())
+    return RunningPath(first.title, sections(first.rows()), points, _source(path))
 
 
 def read_train(path: str | Path) -> Train:
@@ -118,31 +52,61 @@ def read_rolling_stock(path: str | Path, load_share: float = 1.0) -> RollingStoc
     """Read the first train of a file as one that runs a line: loaded, and braked to its `a_braking`.
 
     `load_share` of the vehicles' `load_limit`, 0 to 1. Of several vehicles with an `a_braking` or a `speed_limit` the
-    least one counts. Raises `StudyError` naming file, key and reason, as where no driving vehicle has an `a_braking`.
+    least one counts. Where no vehicle has an `a_braking` the format's usual one is taken, with a warning. Raises
+    `StudyError` naming file, key and reason.
     """
     if not 0.0 <= load_share <= 1.0:
         raise StudyError(f"load_share = {load_share!r} must lie between 0 and 1")
     name, members = _formation(path)
     braking = [-vehicle.a_braking for vehicle in members if vehicle.a_braking is not None]
     if not braking:
-        driving = next(vehicle.id for vehicle in members if vehicle.powered)
-        raise StudyError(
-            f"{path}: key 'vehicles.a_braking' of vehicle {driving!r} is missing; a train that is to stop needs it"
+        braking = [default_deceleration(members)]
+        kind = (
+            "a train with freight wagons" if braking[0] < 0.3 else "a train without freight wagons"
         )
-    limits = [v.speed_limit / 3.6 for v in members if v.speed_limit is not None]
+        warnings.warn(
+            f"{path}: no vehicle of the train has the key 'a_braking'; taken as {-braking[0]:g} m/s2, the format's "
+            f"usual one for {kind}",
+            FileWarning,
+            stacklevel=2,
+        )
+    limit = min((v.speed_limit for v in members if v.speed_limit is not None), default=math.inf)
+    for vehicle in members:
+        pairs = vehicle.tractive_effort or ((math.inf, 0.0),)
+        if pairs[-1][0] < limit < math.inf:
+            warnings.warn(
+                f"{path}: tractive_effort of vehicle {vehicle.id!r} ends at {pairs[-1][0]:g} km/h; its last effort holds "
+                f"up to the train's {limit:g} km/h",
+                FileWarning,
+                stacklevel=2,
+            )
     train = build_formation(name, members, _source(path), load_share, min(braking))
-    return RollingStock(train, min(limits, default=math.inf), min(braking))
+    return RollingStock(train, limit / 3.6, min(braking))
 
 
 def _source(path: str | Path) -> str:
     return f"railtoolkit file {Path(path).name}"
 
 
+def _warn_of_others(path: str | Path, what: str, taken: str, others: Sequence[str]) -> None:
+    if others:
+        names = ", ".join(repr(other) for other in others[:5]) + (" ..." if others[5:] else "")
+        warnings.warn(
+            f"{path}: holds {len(others) + 1} {what}s; the first, {taken!r}, is taken, not {names}",
+            FileWarning,
+            stacklevel=3,
+        )
+
+
 def _formation(path: str | Path) -> tuple[str, list[VehicleKeys]]:
     """Name and vehicles, front to rear, of the first train of a file."""
-    content = parse(StockFile, _document(path, ROLLING_STOCK, "rolling stock"), str(path))
+    data = _document(path, ROLLING_STOCK, "rolling stock")
+    content = parse(StockFile, data, str(path))
+    warn_of_unknown(StockFile, data, str(path))
     vehicles = {vehicle.id: vehicle for vehicle in content.vehicles}
     train = content.trains[0] if content.trains else None
+    if train is not None:
+        _warn_of_others(path, "train", train.id, [other.id for other in content.trains[1:]])
     formation = train.formation if train else (content.vehicles[0].id,)
     for member in formation:
         if member not in vehicles:
@@ -155,18 +119,46 @@ def _formation(path: str | Path) -> tuple[str, list[VehicleKeys]]:
     return train.name if train else content.vehicles[0].name, members
 
 
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Plain data only; a key that is there twice is an error, where YAML's own loader keeps the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        """The mapping of a node."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen and isinstance(key.value, str):
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key.value!r} is there twice", key.start_mark
+                )
+            seen.add(str(key.value))
+        found: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return found
+
+
+def _check_depth(text: str) -> None:
+    """Raise `ValueError` where lists are nested deeper than in any line or train; the library would exhaust the stack."""
+    depth = 0
+    for event in yaml.parse(text, _Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise ValueError(f"lists and mappings are nested more than {DEEPEST} deep")
+
+
 def _document(path: str | Path, schema: str, what: str) -> dict[str, Any]:
     text = small_text(str(path), what)
     try:
-        content = yaml.safe_load(text)
+        _check_depth(text)
+        content = yaml.load(text, _Loader)  # a safe loader
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise StudyError(f"{what} file {str(path)!r} is not YAML: {reason}") from None
     if not isinstance(content, dict):
         raise StudyError(f"{path}: not a railtoolkit {what}: no keys at the top")
-    for key, wanted in (("schema", schema), ("schema_version", SCHEMA_VERSION)):
+    for key, wanted in (("schema", (schema,)), ("schema_version", VERSIONS)):
+        must = " or ".join(repr(one) for one in wanted)
         if key not in content:
-            raise StudyError(f"{path}: key {key!r} is missing; a railtoolkit {what} has {wanted!r}")
-        if str(content[key]) != wanted:
-            raise StudyError(f"{path}: key {key!r} = {content[key]!r}: must be {wanted!r}")
+            raise StudyError(f"{path}: key {key!r} is missing; a railtoolkit {what} has {must}")
+        if str(content[key]) not in wanted:
+            raise StudyError(f"{path}: key {key!r} = {content[key]!r}: must be {must}")
     return content

@@ -6,10 +6,12 @@ from `mass_traction`; each driven bogie is one traction unit.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
-from alloc.plant.train import EFFORT_TABLE_LENGTH, AirBrake, Car, Motors, TorqueLimit, Train
+from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
+from studies.files.effort import effort_limit
 from studies.files.study_error import StudyError
 from studies.railtoolkit.keys import VehicleKeys
 
@@ -33,17 +35,26 @@ BRAKED_FALL = 0.05
 """Fall (per run) on which the full brake still reaches `a_braking`, assumed: the format gives the deceleration alone, on
 whatever gradient. Running paths of standard railways stay below 0.04."""
 
+ROTATION_MASS = {True: 1.09, False: 1.06}
+"""Factor of the rotating masses of a driving vehicle, and of others, where the file has none: TrainRuns.jl, `Train`."""
+PASSENGER_BRAKING, FREIGHT_BRAKING = 0.375, 0.225
+"""Deceleration [m/s2] under the service brake where no vehicle has an `a_braking`, and with a freight wagon in the train:
+Bruenger and Dahlhaus (2014), p. 74, the defaults of TrainRuns.jl."""
+
 AIR_SPEED_MARGIN = 15.0 / 3.6
 """Headwind [m/s] that the resistance formula of traction units and coaches adds to the speed."""
 REFERENCE_SPEED = 100.0 / 3.6
 
 
-def resistance(vehicle: VehicleKeys) -> tuple[float, float, float]:
-    """A [N], B [N s/m], C [N s2/m2] of a vehicle.
+def resistance(vehicle: VehicleKeys, load_share: float = 0.0) -> tuple[float, float, float]:
+    """A [N], B [N s/m], C [N s2/m2] of a vehicle with this share of its `load_limit`.
 
     Driving vehicles: Wende, Fahrdynamik des Schienenverkehrs (2003), p. 151; coaches and wagons: p. 153 (Sauthoff, Strahl).
+    The coefficients of coaches and wagons act on mass and load. Those of driving vehicles are printed for the vehicle as
+    it is, and stay so under load.
     """
-    weight = 1e3 * vehicle.mass * GRAVITY * 1e-3  # so that coefficients in per mille give N
+    load = 0.0 if vehicle.powered else load_share * vehicle.load_limit
+    weight = (vehicle.mass + load) * GRAVITY  # of tonnes: coefficients in per mille give N
     margin = 0.0 if vehicle.vehicle_type == "freight" else AIR_SPEED_MARGIN
     air = vehicle.air_resistance * weight / REFERENCE_SPEED**2
     linear = 0.0
@@ -77,18 +88,16 @@ def driven_bogies(vehicle: VehicleKeys) -> list[int]:
     return sorted(order[:driven])
 
 
-def effort_table(vehicle: VehicleKeys) -> list[float]:
-    """Tractive effort [N] at 0, 1, 2 ... km/h, linear between the given pairs, none beyond the last speed."""
-    pairs = vehicle.tractive_effort or ()
-    table = []
-    for speed in range(min(EFFORT_TABLE_LENGTH, math.floor(pairs[-1][0]) + 1)):
-        after = next(k for k, pair in enumerate(pairs) if pair[0] >= speed)
-        if after == 0:
-            table.append(pairs[0][1])
-            continue
-        (v0, f0), (v1, f1) = pairs[after - 1], pairs[after]
-        table.append(f0 + (f1 - f0) * (speed - v0) / (v1 - v0))
-    return [*table, 0.0]
+def rotation_mass(vehicle: VehicleKeys) -> float:
+    """Factor of the vehicle's rotating masses."""
+    given = vehicle.rotation_mass
+    return ROTATION_MASS[vehicle.powered] if given is None else given
+
+
+def default_deceleration(vehicles: Sequence[VehicleKeys]) -> float:
+    """Deceleration [m/s2] under the service brake of a train none of whose vehicles has an `a_braking`."""
+    freight = any(vehicle.vehicle_type == "freight" for vehicle in vehicles)
+    return FREIGHT_BRAKING if freight else PASSENGER_BRAKING
 
 
 def air_brake(mass: float, rotation_mass: float, axles: int, deceleration: float) -> AirBrake:
@@ -104,12 +113,16 @@ def air_brake(mass: float, rotation_mass: float, axles: int, deceleration: float
 
 
 def build_car(
-    vehicle: VehicleKeys, name: str, load_share: float = 0.0, deceleration: float | None = None
+    vehicle: VehicleKeys,
+    name: str,
+    load_share: float = 0.0,
+    deceleration: float | None = None,
+    loading: float = 1.0,
 ) -> Car:
     """One car of the plant for a vehicle; an articulated one counts as one rigid car with all its bogies.
 
-    `load_share` of its `load_limit` is on board; the rotating mass is that of the loaded car, as running-time programs
-    read `rotation_mass`. With a `deceleration` [m/s2] it has an air brake for it.
+    `load_share` of its `load_limit` is on board. With a `deceleration` [m/s2] it has an air brake for it. `loading` is the
+    mass of the loaded train over that of the empty one, in which proportion rotating masses grow, see `build_formation`.
     """
     bogies, driving = bogie_count(vehicle), driven_bogies(vehicle)
     overhang = min(3.5, 0.25 * vehicle.length)
@@ -128,15 +141,15 @@ def build_car(
         if rest > 0.0 or not others:
             share = tuple(on_driven / count if d else rest for d in driven)
     weights = [DRIVEN_INERTIA_RATIO if d else 1.0 for d in driven]
-    rotating = max(vehicle.rotation_mass - 1.0, 1e-3) * mass * WHEEL_RADIUS**2
+    turning = max(rotation_mass(vehicle) - 1.0, 1e-3) * empty * loading
+    rotating = turning * WHEEL_RADIUS**2
     motors = None
     if driving:
-        scale = WHEEL_RADIUS / (GEAR_RATIO * sum(driven))
-        torque = tuple(scale * effort for effort in effort_table(vehicle))
+        speeds, efforts = zip(*(vehicle.tractive_effort or ()), strict=True)
         motors = Motors(
             group="1C2M",
             gear_ratio=GEAR_RATIO,
-            drive=TorqueLimit(peak=torque[0], power=0.0, table=torque),
+            drive=effort_limit(speeds, efforts, WHEEL_RADIUS, GEAR_RATIO, sum(driven)),
             brake=TorqueLimit(peak=0.0, power=0.0),
         )
     half = 0.5 * BOGIE_WHEELBASE
@@ -153,7 +166,7 @@ def build_car(
         motors=motors,
         air_brake=None
         if deceleration is None
-        else air_brake(mass, vehicle.rotation_mass, len(driven), deceleration),
+        else air_brake(mass, 1.0 + turning / mass, len(driven), deceleration),
         axle_load_share=share,
     )
 
@@ -167,24 +180,21 @@ def build_formation(
 ) -> Train:
     """A rigid train of these vehicles, front to rear; its plan is its full effort at standstill.
 
-    `load_share` and `deceleration` as in `build_car`. Resistance is that of the empty vehicles: the format's coefficients
-    refer to `mass`.
+    `load_share` and `deceleration` as in `build_car`. Rotating masses as in running-time programs: the train's factor is
+    the mean of its vehicles' over their empty masses, and multiplies the mass of the loaded train.
     """
+    empty = sum(vehicle.mass for vehicle in vehicles)
+    loading = 1.0 + load_share * sum(vehicle.load_limit for vehicle in vehicles) / empty
     try:
         cars = tuple(
-            build_car(v, f"{v.id} {k + 1}", load_share, deceleration)
+            build_car(v, f"{v.id} {k + 1}", load_share, deceleration, loading)
             for k, v in enumerate(vehicles)
         )
-        terms = [resistance(vehicle) for vehicle in vehicles]
+        terms = [resistance(vehicle, load_share) for vehicle in vehicles]
         a, b, c = (sum(term[k] for term in terms) for k in range(3))
         effort = sum(v.tractive_effort[0][1] for v in vehicles if v.powered and v.tractive_effort)
-        moved = sum(v.rotation_mass * car.mass for v, car in zip(vehicles, cars, strict=True))
-        return Train(
-            name=name,
-            cars=cars,
-            resistance=(a, b, c),
-            planned_acceleration=(effort - a) / moved,
-            source=source,
-        )
+        bare = Train(name=name, cars=cars, resistance=(a, b, c), source=source)
+        plan = (effort - a) / (bare.mass + bare.rotating_mass)
+        return replace(bare, planned_acceleration=plan)
     except PlantError as error:
         raise StudyError(f"{source}: {error}") from None

@@ -138,7 +138,9 @@ class LineCurveKeys(Strict):
 
 
 class LineKeys(Strict):
-    """The line: sections, tunnels and curves, or a railtoolkit running path in `file` in place of the sections: `[line]`.
+    """The line: sections, tunnels and curves, or in `file` a line of its own in place of the sections: `[line]`.
+
+    The file is TOML as `studies.scenario.line_file` reads it, or a railtoolkit running path.
 
     `curve_law`, the curves' resistance, is a name in `alloc.plant.rail.CURVE_LAWS`.
     """
@@ -158,11 +160,11 @@ class LineKeys(Strict):
 
     def line(self) -> Line:
         """The plant's line."""
-        from studies.railtoolkit.reading import read_path
+        from studies.scenario.line_file import read_line
 
         line = Line()
         if self.file is not None:
-            line = read_path(self.file).line()
+            line = read_line(self.file).line()
         elif self.sections:
             sections = [si(section) for section in self.sections]
             line = Line(tuple(s["start"] for s in sections), tuple(s["grade"] for s in sections))

@@ -81,7 +81,6 @@ from studies.brake_force.running_tests import run_test
 from studies.comparison.summary import summarise
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
-from studies.lines.example_line import EXAMPLE_PATH, example_stock
 from studies.lines.line_run import run_line
 from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
@@ -95,6 +94,7 @@ from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.acceptance_tables import acceptance_table
 from tests.studies.brake_tables import brake_table
+from tests.studies.example_line import EXAMPLE_PATH, example_stock
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic

@@ -22,7 +22,7 @@ from studies.files.strict import Strict, _record_in, parse
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 from tests.studies.conftest import SHORT
-from tests.studies.test_line_command import NOTHING, PATH, STOCK, changed
+from tests.studies.test_line_command import NAMED_PATH, NOTHING, OWN_LINE, PATH, STOCK, changed
 from tests.studies.test_plugins import REGISTRIES
 
 HUGE = "1" * 5000
@@ -100,6 +100,19 @@ def stock(*place_value_words: Any) -> Case:
     return Case("run-line --line line.yaml --train bad.yaml", words, {"bad.yaml": text})
 
 
+def named(*place_value_words: Any) -> Case:
+    """As `path`, with a line of schema 2024.07."""
+    *change, words = place_value_words
+    text = yaml.safe_dump(changed(NAMED_PATH, *change))
+    return Case("run-line --line bad.yaml --train train.yaml", words, {"bad.yaml": text})
+
+
+def line_file(old: str, new: str, words: str) -> Case:
+    """A run over the line of one's own with one thing changed."""
+    assert old in OWN_LINE
+    return Case("run-line --line bad.toml", words, {"bad.toml": OWN_LINE.replace(old, new)})
+
+
 def plugin(content: str | bytes, words: str, name: str = "bad.py") -> Case:
     """The list of what there is, with this plug-in."""
     return Case(f"--plugin {name} list", words, {name: content})
@@ -152,7 +165,8 @@ COMMAND_LINES = [
     Case("compare --scenario short.toml other/short.toml", "two different scenarios are named 'short'"),
     Case("compare --line none.yaml", "running path file 'none.yaml' does not exist"),
     Case("compare --line folder", "'folder' cannot be read: Is a directory"),
-    Case("compare --line short.toml", "not a railtoolkit running path"),
+    Case("compare --line short.toml", "short.toml: unknown key 'title'"),
+    Case("compare --line nowhere", "unknown line 'nowhere'"),
     Case("compare --line train.yaml", "key 'schema'"),
     Case("compare --train none.yaml", "rolling stock file 'none.yaml' does not exist"),
     Case("compare --train nothing", "unknown train 'nothing'"),
@@ -234,8 +248,27 @@ COMMAND_LINES = [
     Case("export-controller wet-patch --unit 1.5 --out x", "'1.5' is not a whole number"),
     Case("export-controller wet-patch --unit 1 --out short.toml", "short.toml' is a file"),
     Case("export-controller wet-patch --unit 1 --out ''", "no name is given"),
-    Case("run-line", "--line"),
-    Case("run-line --line line.yaml", "--train"),
+    Case("run-line --line", "--line"),
+    Case("run-line --line line.yaml --train", "--train"),
+    Case("run-line --line dresden-gorlitz", "did you mean 'dresden-goerlitz'?"),
+    Case("run-line --train br642", "did you mean 'br-642'?"),
+    Case("run-line --train commuter-8cars", "did you mean 'commuter-8car'?"),
+    Case("run-line --stops Bauzen", "did you mean 'Bautzen'?"),
+    Case("run-line --stops ''", "without one"),
+    Case("run-line --stops 10", "stop '10 m': the front stands at 10 m"),
+    Case("run-line --stops 5000,5010", "50 m or more from other stops"),
+    Case("run-line --stops 2e5", "ends of the line"),
+    Case("run-line --stops nan", "the front stands at nan m"),
+    Case("run-line --stops all --dwell -1", "--dwell -1"),
+    Case("run-line --stops all --dwell nan", "--dwell nan"),
+    Case("run-line --stops all --dwell 1e9", "--dwell 1e+09"),
+    Case("run-line --effort 0", "effort = 0.0"),
+    Case("run-line --effort 1.5", "effort = 1.5"),
+    Case("run-line --effort nan", "effort = nan"),
+    Case("run-line --effort full", "--effort"),
+    Case("run-line --coasting -5", "coasting = -5.0"),
+    Case("run-line --coasting inf", "coasting = inf"),
+    Case("run-line --effort 0.01", "cannot climb at "),
     Case("run-line --line none.yaml --train train.yaml", "'none.yaml' does not exist"),
     Case("run-line --line line.yaml --train none.yaml", "'none.yaml' does not exist"),
     Case("run-line --line folder --train train.yaml", "Is a directory"),
@@ -387,14 +420,58 @@ LINES = [
     stock(*VEHICLE, "length", 1e9, "'vehicles[1].length' = 1000000000.0"),
     stock(*VEHICLE, "length", -5.0, "'vehicles[1].length' = -5.0"),
     stock(*VEHICLE, "a_braking", 0.6, "'vehicles[1].a_braking' = 0.6"),
-    stock(*VEHICLE, "a_braking", NOTHING, "'vehicles.a_braking' of vehicle 'R1' is missing"),
     stock(*VEHICLE, "tractive_effort", [], "'vehicles[1].tractive_effort'"),
     stock(*VEHICLE, "tractive_effort", NOTHING, "tractive_effort is missing"),
     stock(*VEHICLE, "tractive_effort", 0, 1, 1e12, "tractive_effort"),
     stock(*VEHICLE, "tractive_effort", 1, 0, 0.0, "tractive_effort: speeds must grow"),
     stock(*VEHICLE, "vehicle_type", "boat", "'vehicles[1].vehicle_type' = 'boat'"),
     stock(*VEHICLE, "mass_traction", 99.0, "mass_traction = 99.0 exceeds mass"),
+    path("paths", [PATH["paths"][0]] * 2, "paths: id 'p1' is there twice"),
+    path("paths", 0, "name", 7, "'paths[1].name' = 7"),
+    path("paths", 0, None, "'paths[1]'"),
+    path(*SECTIONS, [[500.0, 60, 0.0], [0.0, 40, 8.0]], "start 0 m must lie beyond the one before, 500 m"),
+    path(*SECTIONS, [[-1e9, 60, 0.0], [0.0, 40, 8.0]], "characteristic_sections[1]: -1e+09 must be at most"),
+    path(*SECTIONS, [[-9e6, 60, 0.0], [0.0, 40, 8.0]], "the line is 9e+06 m long"),
+    path(*SECTIONS, [[5.0 * k, 60, 0.0] for k in range(30_000)], "characteristic_sections"),
+    path(*SECTIONS, {}, "characteristic_sections"),
+    path(*SECTIONS, 1, 1, True, "must be a number"),
+    path(*SECTIONS, 1, 1, "60", "number"),
+    named(*SECTIONS, 0, "speed", 0, "'paths[1].characteristic_sections[1].speed' = 0"),
+    named(*SECTIONS, 0, {"position": 0.0}, "speed and resistance are missing"),
+    named(*SECTIONS, 0, {"speed": 80}, "'paths[1].characteristic_sections[1].position' is missing"),
+    named(*SECTIONS, 0, [0.0, 80, 0.0], "characteristic_sections[1]"),
+    named(*SECTIONS, 1, "position", -1.0, "must lie beyond the one before"),
+    named(*SECTIONS, 0, "position", "start", "'start'"),
+    named("paths", 0, "points_of_interest", 0, "measure", "end", "'end'"),
+    named("paths", 0, "id", NOTHING, "'paths[1].id' is missing"),
+    stock("trains", [STOCK["trains"][0]] * 3, "trains: id 'T' is there 3 times"),
+    stock(*VEHICLE, "mass", "66", "must be a number without quotes, not '66'"),
+    stock(*VEHICLE, "mass", True, "must be a number without quotes, not True"),
+    stock(*VEHICLE, "mass", [66.0], "'vehicles[1].mass'"),
+    stock("vehicles", None, "'vehicles'"),
+    stock("trains", 0, "formation", "R1", "'trains[1].formation'"),
     Case("run-line --line bad.yaml --train train.yaml", "no keys at the top", {"bad.yaml": ""}),
+    Case("run-line --line bad.yaml", "is no text in UTF-8", {"bad.yaml": "name: Görlitz".encode("latin-1")}),
+    Case("run-line --line bad.yaml", "key 'schema' is there twice", {"bad.yaml": "schema: a\nschema: b\n"}),
+    Case("run-line --line bad.yaml", "nested more than 20 deep", {"bad.yaml": "[" * 900_000}),
+    Case("run-line --line bad.yaml", "nested more than 20 deep", {"bad.yaml": "- " * 300_000}),
+    line_file("end_m = 2000.0", "end_m = 900.0", "sections[3]: start 900 m must lie beyond the one before"),
+    line_file("end_m = 2000.0", "", "key 'end_m' is missing"),
+    line_file("limit_kmh = 60.0", "limit_kmh = 0.0", "sections[2]: speed limit 0 km/h"),
+    line_file("limit_kmh = 60.0", "limit_km = 60.0", "did you mean 'limit_kmh'?"),
+    line_file("limit_kmh = 60.0", "limit_kmh = nan", "'sections[2].limit_kmh' = nan"),
+    line_file("start_m = 1000.0", "start_m = -1000.0", "start -1000 m must lie beyond"),
+    line_file("station_m = 500.0", "station_m = 5000.0", "points[1]: 'halt' at 5000 m lies off the line"),
+    line_file("dwell_s = 20.0", "dwell_s = -20.0", "'points[1].dwell_s' = -20.0"),
+    line_file("dwell_s = 20.0", "dwell_s = 1e5", "stop 'halt': dwell 100000 s"),
+    line_file('name = "own"', 'name = ""', "'name' = ''"),
+    train("torque_nm = 750.0, power_kw = 90.0", "power_kw = 90.0", "torque_nm is missing"),
+    train("torque_nm = 750.0, power_kw = 90.0", "effort_kn = [9.0]", "effort_speed_kmh has 0 entries, effort_kn 1"),
+    train("power_kw = 90.0", "power_kw = 90.0, effort_kn = [9.0, 1.0]", "not both"),
+    train(
+        "torque_nm = 750.0, power_kw = 90.0", "effort_speed_kmh = [9.0, 1.0], effort_kn = [9.0, 1.0]",
+        "effort_speed_kmh must grow",
+    ),
     Case("run-line --line bad.yaml --train train.yaml", "no keys at the top", {"bad.yaml": "[1]"}),
     Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": DEEP}),
     Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": "a: [b"}),

@@ -44,6 +44,34 @@ STOCK = {
         }
     ],
 }
+NAMED_PATH = {
+    "schema": "https://railtoolkit.org/schema/running-path.json",
+    "schema_version": "2024.07",
+    "paths": [
+        {
+            "description": "short line",
+            "id": "p1",
+            "points_of_interest": [
+                {"position": 400.0, "label": "signal", "measure": "front"},
+                {"position": 400.0, "label": "clear", "measure": "rear"},
+            ],
+            "characteristic_sections": [
+                {"position": 0.0, "speed": 60, "resistance": 0.0},
+                {"position": 500.0, "speed": 40, "resistance": 8.0},
+                {"position": 900.0, "speed": 40},
+            ],
+        }
+    ],
+}
+OWN_LINE = """
+name = "own"
+end_m = 2000.0
+sections = [
+    { start_m = 0.0, limit_kmh = 80.0 },
+    { start_m = 1000.0, limit_kmh = 60.0, grade_permille = 5.0 },
+]
+points = [{ station_m = 500.0, name = "halt", dwell_s = 20.0 }]
+"""
 NOTHING = object()
 
 
@@ -117,6 +145,44 @@ def test_json_is_all_that_is_printed(call, files):
     assert abs(stop["error_m"]) < 0.05
     energy = content["energy_kWh"]
     assert energy["motors"] == pytest.approx(sum(energy.values()) - energy["motors"], rel=1e-3)
+
+
+def test_what_is_assumed_is_said_once_and_in_json(call, files):
+    train = changed(STOCK, "vehicles", 0, "a_braking", NOTHING)
+    train = changed(train, "vehicles", 0, "air_resistence", 4.0)
+    code, out, err = call("run-line", *files(PATH, train), "--json")
+    remarks = json.loads(out)["remarks"]
+    assert code == 0
+    assert [f"readhesion: {remark}" for remark in remarks] == err.splitlines()
+    assert len(remarks) == 2
+    assert "did you mean 'air_resistance'?" in remarks[0]
+    assert "'a_braking'; taken as -0.375 m/s2" in remarks[1]
+
+
+def test_stops_and_style_come_from_options(call, files):
+    code, out, _ = call(
+        "run-line", *files(), "--stops", "signal,600", "--dwell", 12, "--coasting", 5, "--effort", 0.8,
+        "--json",
+    )  # fmt: skip
+    content = json.loads(out)
+    assert code == 0
+    assert [stop["name"] for stop in content["stops"]] == ["signal", "600 m", "end of the line"]
+    assert [stop["dwell_s"] for stop in content["stops"]] == pytest.approx([12.0, 12.0, 0.0])
+    assert [point["name"] for point in content["points_of_interest"]] == ["clear"]
+    assert (content["coasting_s"], content["share_of_effort"]) == (5.0, 0.8)
+    assert content["remarks"] == []
+
+
+def test_a_line_of_ones_own_stops_where_its_file_says(call, tmp_path, files):
+    line = tmp_path / "own.toml"
+    line.write_text(OWN_LINE)
+    options = ("run-line", "--line", line, *files()[2:], "--json")
+    stops = [
+        [(stop["name"], stop["dwell_s"]) for stop in json.loads(call(*options, *more)[1])["stops"]]
+        for more in ((), ("--dwell", 5), ("--stops", "none"))
+    ]
+    assert [len(each) for each in stops] == [2, 2, 1]
+    assert [each[0][1] for each in stops[:2]] == pytest.approx([20.0, 5.0])
 
 
 def test_load_makes_the_run_longer(call, files):
@@ -211,8 +277,8 @@ def test_a_broken_line_is_refused_with_file_key_and_reason(refused, line, words)
             "key 'vehicles[1].a_braking' = 0.6: input should be less than 0",
         ),
         (
-            changed(STOCK, "vehicles", 0, "a_braking", NOTHING),
-            "train.yaml: key 'vehicles.a_braking' of vehicle 'R1' is missing",
+            changed(changed(STOCK, "vehicles", 0, "mass", NOTHING), "vehicles", 0, "mas", 66.0),
+            "'vehicles[1].mass' is missing (there is an unknown key 'vehicles[1].mas'; did you mean 'mass'?)",
         ),
         (
             changed(STOCK, "vehicles", 0, "tractive_effort", [[10, 1e4], [5, 2e4]]),
@@ -220,7 +286,7 @@ def test_a_broken_line_is_refused_with_file_key_and_reason(refused, line, words)
         ),
         (
             changed(STOCK, "vehicles", 0, "tractive_effort", [[0, 400e3], [60, 1e3]]),
-            "railtoolkit file train.yaml: tractive_effort needs an adhesion coefficient of 0.81",
+            "train 'a train': the effort needs an adhesion coefficient of 0.81",
         ),
     ],
 )

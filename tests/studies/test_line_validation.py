@@ -5,6 +5,7 @@ explicit Euler. At the start, where the effort falls quickly, such steps make it
 gives its times to 2e-4, and with ever smaller steps goes to the simulated run.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import STANDSTILL_SPEED
 from alloc.plant.model import Model
 from studies.lines.distance_steps import run_by_distance
+from studies.lines.driving_style import legs
 from studies.lines.line_run import LineRun, line_model, run_line
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
@@ -98,7 +100,7 @@ def test_forces_at_standstill(stock):
     start, halt = expected_points("realworld").itertuples()
     still = 1e-9 * STANDSTILL_SPEED
     begin, end = (plant_forces(model, still, p.s, p.F_T > 0.0) for p in (start, halt))
-    constant = TrainForces(model).forward_resistance(start.s, 0.0)
+    constant = TrainForces(model).level_resistance(0.0)
     assert constant == pytest.approx(start.R_traction, rel=1e-4)
     assert begin.effort == pytest.approx(start.F_T, rel=1e-4)
     # (at its last metre the plant's table of gradients has gone half the way to the next entry)
@@ -152,8 +154,7 @@ def test_its_own_scheme_gives_its_running_times(line, found):
 def test_its_own_scheme_gives_its_states(stock):
     path = read_path(DATA / "path_const.yaml")
     model = line_model(path, stock)
-    profile = SpeedProfile(path.sections, stock.length, stock.deceleration, stock.speed_limit)
-    steps = run_by_distance(TrainForces(model), profile)
+    steps = run_by_distance(TrainForces(model), path.sections, legs(path, stock))
     for point in expected_points("const").itertuples():
         speed = np.sqrt(np.interp(point.s, steps.position, steps.speed**2))
         k = int(np.searchsorted(steps.position, point.s)) - 1
@@ -167,7 +168,10 @@ def test_its_own_scheme_gives_its_states(stock):
 def test_with_small_steps_its_scheme_goes_to_the_simulated_run(line, found):
     run = found[line]
     forces = TrainForces(line_model(run.path, run.stock))
-    times = [run_by_distance(forces, run.profile, step=step).running_time for step in (2.0, 1.0)]
+    times = [
+        run_by_distance(forces, run.path.sections, run.legs, step).running_time
+        for step in (2.0, 1.0)
+    ]
     # explicit Euler in distance converges slowly at the start, where v grows with the root of the way
     assert expected_time(line) < times[0] < times[1] < run.running_time
     assert times[1] == pytest.approx(run.running_time, rel=6e-4)
@@ -177,7 +181,9 @@ def test_a_higher_limit_counts_once_the_rear_is_clear(stock, found):
     # a train without length could speed up at once: the other program does not do so
     run = found["realworld"]
     forces = TrainForces(line_model(run.path, stock))
+    (leg,) = run.legs
     eager = SpeedProfile(run.path.sections, 0.0, stock.deceleration, stock.speed_limit)
+    shorter = run_by_distance(forces, run.path.sections, [replace(leg, profile=eager)])
     reference = expected_time("realworld")
-    assert run_by_distance(forces, eager).running_time < reference - 5.0
+    assert shorter.running_time < reference - 5.0
     assert run.distance_time == pytest.approx(reference, abs=0.3)

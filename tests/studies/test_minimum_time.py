@@ -12,13 +12,14 @@ from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import build
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
-from studies.lines.example_line import EXAMPLE_PATH, example_stock
+from studies.lines.driving_style import legs
 from studies.lines.line_run import LineRun, line_model, run_line
 from studies.lines.minimum_time import MinimumTimeDriver
 from studies.lines.speed_profile import SpeedProfile
 from studies.lines.train_forces import TrainForces
-from studies.railtoolkit.reading import PointOfInterest, RunningPath, Section
+from studies.railtoolkit.records import PointOfInterest, RunningPath, Section
 from tests.plant.numpy_plant import environment_at
+from tests.studies.example_line import EXAMPLE_PATH, example_stock
 
 OVERSPEED = 0.05
 """Margin [m/s], 0.2 km/h, by which a limit is exceeded for a moment where the gradient jumps."""
@@ -102,17 +103,18 @@ def test_the_driver_knows_the_forces_of_the_plant(stock):
 
 def test_no_limit_is_exceeded(found):
     run = found.run
-    over = run["speed"].values - found.profile.permitted(run["position"].values)
+    over = run["speed"].values - found.permitted(run["position"].values)
     assert over.max() < OVERSPEED
 
 
 def test_the_train_stops_at_the_end(found):
-    assert abs(found.stop_error) < 0.01
+    (stop,) = found.stops
+    assert abs(stop.error) < 0.01
     assert float(found.run["speed"][-1]) < 0.02
 
 
 def test_on_the_braking_curve_the_whole_deceleration_is_the_vehicles(found, stock):
-    run, profile = found.run, found.profile
+    run, profile = found.run, found.legs[0].profile
     speed, position = run["speed"].values, run["position"].values
     curve = np.array([profile.braking_speed(x) for x in position])
     limit = np.array([profile.limit(x) for x in position])
@@ -135,7 +137,7 @@ def test_a_speed_is_held_without_limit_cycle(stock):
 
 def test_energy_balances(found, stock):
     energy = found.energy()
-    losses = energy["resistance_and_gradient"] + energy["brake_shoes"] + energy["creep"]
+    losses = sum(energy.values()) - energy["motors"]
     assert losses == pytest.approx(energy["motors"], rel=1e-4)
     # along the run too, with the kinetic energy
     run, inertia = found.run, stock.train.mass + stock.train.rotating_mass
@@ -146,7 +148,7 @@ def test_energy_balances(found, stock):
 
 
 def test_no_run_is_faster_than_always_at_the_limit_and_never_at_once(found, stock):
-    assert found.running_time > found.profile.shortest_time()
+    assert found.running_time > found.legs[0].profile.shortest_time()
     # level line, one limit: a train that were at once at full speed would still lose v / (2 b) on braking
     run = run_line(straight(3000.0), stock)
     speed = 80.0 / 3.6
@@ -178,11 +180,7 @@ def test_nor_does_it_by_distance_steps(tens, lowered):
     )
     forces = TrainForces(line_model(path, stock))
     times = [
-        run_by_distance(
-            forces,
-            SpeedProfile(each.sections, stock.length, stock.deceleration, stock.speed_limit),
-            step=5.0,
-        ).running_time
+        run_by_distance(forces, each.sections, legs(each, stock), step=5.0).running_time
         for each in (path, limited(path, lowered, 10.0 * tens[lowered] - 10.0))
     ]
     assert times[1] > times[0] - 0.05  # a step's error
@@ -190,14 +188,15 @@ def test_nor_does_it_by_distance_steps(tens, lowered):
 
 def test_the_running_time_does_not_depend_on_the_control_period(found, stock):
     for period in (0.05, 0.2):
-        other = run_line(EXAMPLE_PATH, stock, period)
+        other = run_line(EXAMPLE_PATH, stock, period=period)
         assert other.running_time == pytest.approx(found.running_time, abs=0.1)
 
 
 def test_distance_steps_converge_to_the_simulated_run(found, stock):
     forces = TrainForces(line_model(EXAMPLE_PATH, stock))
     times = [
-        run_by_distance(forces, found.profile, step=step).running_time for step in (8.0, 2.0, 0.5)
+        run_by_distance(forces, found.path.sections, found.legs, step).running_time
+        for step in (8.0, 2.0, 0.5)
     ]
     errors = [abs(time - found.running_time) for time in times]
     assert all(after < before for before, after in pairwise(errors))
@@ -233,17 +232,16 @@ def test_a_line_steeper_than_the_brake_is_refused(stock):
 
 def test_on_the_steepest_fall_the_train_still_stops_at_the_end(stock):
     run = run_line(straight(1500.0, grade=-0.05), stock)
-    assert abs(run.stop_error) < 0.05
-    over = run.run["speed"].values - run.profile.permitted(run.run["position"].values)
+    assert abs(run.stops[-1].error) < 0.05
+    over = run.run["speed"].values - run.permitted(run.run["position"].values)
     assert over.max() < OVERSPEED
 
 
 def test_a_train_without_brake_is_refused(stock):
     car = replace(stock.train.cars[0], air_brake=None)
     model = line_model(EXAMPLE_PATH, replace(stock, train=replace(stock.train, cars=(car,))))
-    profile = SpeedProfile(EXAMPLE_PATH.sections, 42.0, 0.5)
     with pytest.raises(StudyError, match="no air brake"):
-        MinimumTimeDriver(model, profile)
+        MinimumTimeDriver(model, legs(EXAMPLE_PATH, stock))
 
 
 def test_effort_beyond_the_rail_is_refused(stock):

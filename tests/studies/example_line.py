@@ -1,9 +1,9 @@
-"""An example line and an example railcar, made up: to try a line run where no files of a real line are at hand."""
+"""An example line and an example railcar, made up: short, so that a run takes a moment."""
 
 from itertools import pairwise
 
 from studies.railtoolkit.keys import VehicleKeys
-from studies.railtoolkit.reading import PointOfInterest, RollingStock, RunningPath, Section
+from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPath, Section
 from studies.railtoolkit.vehicles import build_formation
 
 _SECTIONS = (

@@ -1,0 +1,107 @@
+"""Lines and trains for a line run by name, for those that ship, or by the path of a file."""
+
+import math
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+from alloc.plant.sets import SETS, find_set
+from alloc.plant.train import AirBrake, Train
+from studies.files.study_error import FileWarning, StudyError, unknown
+from studies.railtoolkit.reading import read_rolling_stock
+from studies.railtoolkit.records import RollingStock, RunningPath
+from studies.railtoolkit.vehicles import BRAKE_LAG, FREIGHT_BRAKING, PASSENGER_BRAKING
+from studies.scenario.line_file import read_line
+from studies.scenario.train_file import read_train_keys
+
+LINES, TRAINS = (Path(__file__).parent / folder for folder in ("shipped_lines", "shipped_trains"))
+FILE_ENDINGS = (".toml", ".yaml", ".yml", ".json")
+
+
+def shipped(folder: Path) -> dict[str, str]:
+    """Name of each line or train that ships, and what its first line says."""
+    files = sorted(folder.glob("*.toml"))
+    return {file.stem: file.read_text("utf-8").partition("\n")[0].lstrip("# ") for file in files}
+
+
+def find_line(name_or_path: str) -> RunningPath:
+    """A line; raises `StudyError` with the nearest name, or naming file and key."""
+    return read_line(line_file(name_or_path))
+
+
+def find_stock(name_or_path: str, load_share: float = 1.0) -> RollingStock:
+    """A train that can run a line, with this share of its load; raises `StudyError` as `find_line`.
+
+    A set of `alloc.plant.sets` by its name runs as a rigid train with a quick brake. The load of a train in TOML is the
+    `load_t` of its cars; of its running resistance, what does not grow with the square of the speed is in proportion to the
+    mass.
+    """
+    if name_or_path in SETS:
+        return _of_a_set(name_or_path, load_share)
+    file = _file(name_or_path, "train", TRAINS)
+    if not file.lower().endswith(".toml"):
+        return read_rolling_stock(file, load_share)
+    keys, train = read_train_keys(file)
+    if keys.service_deceleration_kmhs is None:
+        deceleration = _usual_deceleration(
+            train, f"{file}: key 'service_deceleration_kmhs' is missing"
+        )
+    else:
+        deceleration = keys.service_deceleration_kmhs / 3.6
+    limit = math.inf if keys.speed_limit_kmh is None else keys.speed_limit_kmh / 3.6
+    return RollingStock(_loaded(train, load_share), limit, deceleration)
+
+
+def _of_a_set(name: str, load_share: float) -> RollingStock:
+    train = find_set(name)
+    cars = tuple(
+        replace(car, air_brake=_quick(car.air_brake)) if car.air_brake else car
+        for car in train.cars
+    )
+    rigid = replace(train, cars=cars, couplers=None)
+    what = f"train {name!r} is run as rigid, with a quick brake"
+    return RollingStock(_loaded(rigid, load_share), math.inf, _usual_deceleration(train, what))
+
+
+def _quick(brake: AirBrake) -> AirBrake:
+    return replace(brake, fill_time=BRAKE_LAG, release_time=BRAKE_LAG, dead_time=0.0)
+
+
+def _usual_deceleration(train: Train, why: str) -> float:
+    """[m/s2]; says that it is assumed, and why. Wagons whose axles no computer knows are freight wagons."""
+    freight = not all(car.speed_sensors for car in train.cars)
+    usual = FREIGHT_BRAKING if freight else PASSENGER_BRAKING
+    kind = "freight" if freight else "passenger"
+    warnings.warn(
+        f"{why}; its deceleration is taken as {3.6 * usual:g} km/h/s, usual for {kind} trains",
+        FileWarning,
+        stacklevel=4,
+    )
+    return usual
+
+
+def _loaded(train: Train, share: float) -> Train:
+    if not 0.0 <= share <= 1.0:
+        raise StudyError(f"load_share = {share!r} must lie between 0 and 1")
+    loaded = train.loaded(tuple(share * car.load for car in train.cars))
+    constant, linear, quadratic = train.resistance
+    less = loaded.mass / train.mass
+    return replace(loaded, resistance=(less * constant, less * linear, quadratic))
+
+
+def line_file(name_or_path: str) -> str:
+    """The path of a line's file; a name without folder and ending is that of one that ships."""
+    return _file(name_or_path, "line", LINES)
+
+
+def _file(name_or_path: str, what: str, folder: Path) -> str:
+    path = Path(name_or_path)
+    if path.suffix.lower() in FILE_ENDINGS or len(path.parts) != 1 or path.exists():
+        return name_or_path
+    found = folder / f"{name_or_path}.toml"
+    if not found.is_file():
+        known = unknown(what, name_or_path, [*shipped(folder), *(SETS if what == "train" else ())])
+        raise StudyError(
+            f"{known}; or give the path of a file, ending in {', '.join(FILE_ENDINGS)}"
+        )
+    return str(found)
