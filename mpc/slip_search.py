@@ -154,7 +154,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         share(MEAN_TIME), share(NOISE_TIME), float(dt), float(settings.gain),
         float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), -math.sin(lag), math.cos(lag), settings.least_swing,
+        bool(settings.seek), -math.sin(lag), math.cos(lag), float(settings.least_swing),
         0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
         SWING_RATE * dt,
     )  # fmt: skip
