@@ -27,7 +27,7 @@ from mpc.axle_observer import (
     mean_noise,
     observe_axles,
 )
-from mpc.curve_filter import Curve, curve_of, take_in_pairs
+from mpc.curve_filter import Curve, curve_of, look_beyond, take_in_pairs
 from mpc.drag import Drag, drag_of, estimate_drag
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
@@ -133,6 +133,7 @@ def believe(b, speed, omega, torque, wanted, estimate):
             least = min(least, axles.peak[i])
         _, top = adhesion_limit(b.given.kind, b.given.q, least, speed)
         state.slip = b.given.share * top
+    look_beyond(b.curve, state.slip)
 
 
 class UnitBelief:

@@ -137,13 +137,12 @@ def take_in_pairs(c, axles, curve, noise):
         state.slope *= math.exp(by_slope * unexpected)
         state.variance -= by_slope * by_slope * expected
     if state.heard_for == 0.0:
-        top = USUAL_STEEPNESS / state.slope
-        state.peak_slip = state.top = min(max(top, PEAK_SLIPS[0]), PEAK_SLIPS[1])
+        state.top = min(max(USUAL_STEEPNESS / state.slope, PEAK_SLIPS[0]), PEAK_SLIPS[1])
 
 
 @jit
-def take_in_elasticity(curve, slip, sought, elasticity, told):
-    """Move s_p towards what the `elasticity` at `slip` [m/s] says, of which 0 to 1 is `told`; `sought` slip [m/s]."""
+def take_in_elasticity(curve, slip, elasticity, told):
+    """Move s_p towards what the `elasticity` at `slip` [m/s] says, of which 0 to 1 is `told`."""
     state, e = curve.state[0], max(elasticity, -0.5)
     state.heard_for += curve.pace.period * told
     left = 1.0 - e * (1.0 + e) * state.slope * slip
@@ -152,4 +151,10 @@ def take_in_elasticity(curve, slip, sought, elasticity, told):
     state.top *= math.exp(curve.pace.shape * told * math.log(top / state.top))
     if left < 0.0:  # so steep a curve would have bent more
         state.slope *= math.exp(curve.pace.shape * told * math.log(1.0 / (1.0 - left)))
+
+
+@jit
+def look_beyond(curve, sought):
+    """Predict with a peak that lies beyond the slip `sought` [m/s]."""
+    state = curve.state[0]
     state.peak_slip = max(state.top, REACH * sought)

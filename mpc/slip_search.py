@@ -237,7 +237,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     state.phase = (state.phase + pace.advance) % (2.0 * math.pi)
     lowest = max(pace.lowest, pace.noise_margin * noise)
     if curve.state[0].heard_for == 0.0:  # pairs below the peak are all that is known
-        state.slip = min(max(USUAL_SHARE * curve.state[0].peak_slip, lowest), pace.highest)
+        state.slip = min(max(USUAL_SHARE * curve.state[0].top, lowest), pace.highest)
     if not limited:
         state.limited_for = 0.0
         for i in range(search.mean_slip.size):
@@ -258,7 +258,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
                 max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise
             )
             state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
-        take_in_elasticity(curve, slip, state.slip, heard, state.told)
+        take_in_elasticity(curve, slip, heard, state.told)
 
 
 @equation

@@ -145,9 +145,9 @@ class Curve:
     def guess(self):
         if self.heard_for == 0.0:
             guess = curve_filter.USUAL_STEEPNESS / self.slope
-            self.predicted = self.top = float(np.clip(guess, *curve_filter.PEAK_SLIPS))
+            self.top = float(np.clip(guess, *curve_filter.PEAK_SLIPS))
 
-    def hear(self, slip, sought, e, told):
+    def hear(self, slip, e, told):
         self.heard_for += PERIOD * told
         e = max(e, -0.5)
         # (1 - x^2) / ((1 - x)^2 + slope slip) = e, the larger root where there is one
@@ -159,7 +159,6 @@ class Curve:
         self.top = self.top ** (1.0 - share) * top**share
         if missing > 0.0:
             self.log_slope -= share * math.log(1.0 + missing)
-        self.predicted = max(self.top, curve_filter.REACH * sought)
         return missing > 0.0
 
 
@@ -191,7 +190,7 @@ class Unit:
         self.phase += 2.0 * math.pi * PERIOD / s.swing_time
         lowest = max(s.lowest, s.noise_margin * noise)
         if self.curve.heard_for == 0.0:
-            usual = slip_search.USUAL_SHARE * self.curve.predicted
+            usual = slip_search.USUAL_SHARE * self.curve.top
             self.slip = min(max(usual, lowest), s.highest)
         if not limited:
             self.limited_for = 0.0
@@ -240,7 +239,7 @@ class Unit:
                 rate = float(np.clip(step, -s.fastest_fall, s.fastest_rise))
                 self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
                 self.seen.add("moved")
-            if self.curve.hear(slip, self.slip, alone, self.told):
+            if self.curve.hear(slip, alone, self.told):
                 self.seen.add("too steep")
 
     def update(self, speed, omega, torque, wanted, estimate, load):
@@ -258,3 +257,4 @@ class Unit:
         if not self.s.seek:
             top = self.context.curve.limit(min(a.peak for a in self.axles), speed)[1]
             self.slip = self.s.given_share * float(top)
+        self.curve.predicted = max(self.curve.top, curve_filter.REACH * self.slip)
