@@ -59,7 +59,10 @@ class SyntheticUnit:
         torque = float(np.mean(force - shoes + c.inertia * rate / c.radius)) / c.gear_ratio
         if self.air:
             # by the unit's observer, as late as those of the axles
-            felt, share = float(np.mean(self.coefficient(self.now))), self.belief.record.constants.keep
+            felt, share = (
+                float(np.mean(self.coefficient(self.now))),
+                self.belief.record.constants.keep,
+            )
             self.known = felt if self.known is None else share * self.known + (1.0 - share) * felt
             reading = {"estimate": self.known} | reading
         rim = self.speed + self.now + self.noise * self.rng.standard_normal(c.axles)
