@@ -21,7 +21,8 @@ from alloc.estimation.logged_computers import (
     logged_memory,
     run_filter,
 )
-from alloc.estimation.measured_run import SHORTEST_PART, MeasuredTrain
+from alloc.estimation.measured_run import SHORTEST_PART
+from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.speed_smoother import smooth
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed.kalman_filter import SPEED

@@ -1,6 +1,7 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
-What is missing stays missing: every axle is analysed part by part between gaps, and nothing is interpolated over one.
+Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.resampling` brings
+channels to common instants before. What is left open by sensors, sampling and delays is a standard deviation on the results.
 
 Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
 readheres) by sampling and by white noise of all speeds:
@@ -20,6 +21,7 @@ between two rows. A car's brake force is right to 3 N of 24 kN by the car's own 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -28,7 +30,9 @@ from numpy.typing import NDArray
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.finite_series import mean_rate
+from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
+from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
@@ -38,42 +42,11 @@ Floats = NDArray[np.float64]
 
 WINDOW = 0.1
 """Time [s] over which tangential forces are averaged: a slip grows within some tenths of a second."""
+SpeedSource = Literal["measured", "followed", "estimated"]
+"""Where a train's speed is from: its own channel, that channel where it is rare or late, or the wheels and forces."""
+
 SHORTEST_PART = 3
 """Instants of which a part of a log must have more."""
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredTrain:
-    """What must be known of a train to make forces of its series; axles and cars from the front."""
-
-    name: str
-    car_mass: Floats
-    """With load [kg], (cars,)."""
-    axle_car: NDArray[np.int64]
-    """(axles,)"""
-    axle_load: Floats
-    """At rest [N], (axles,)."""
-    radius: Floats
-    """(axles,) [m]"""
-    inertia: Floats
-    """Of each wheelset with everything geared to it [kg m2], (axles,)."""
-    driven: NDArray[np.bool_]
-    """(axles,)"""
-    resistance: Floats | None = None
-    """Running resistance of each car by powers of the speed [N, N s/m, N s2/m2], (cars, 3); None: not known."""
-    coupler: Floats | None = None
-    """Stiffness, stiffening, damping and slack of each draft gear in SI units, (cars - 1, 4); None: a rigid train."""
-
-    @classmethod
-    def of(cls, train: Train) -> "MeasuredTrain":
-        """The same of a train of the plant."""
-        s, _ = structure_of(train)
-        driven = s.axle_unit >= 0
-        coupler = s.coupler if s.coupler.size else None
-        return cls(
-            train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven,
-            s.car_resistance, coupler,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +68,14 @@ class MeasuredRun:
     car_acceleration: Floats | None = None
     """(instants, cars) [m/s2]"""
     speed_deviation: Floats | None = None
-    """Standard deviation of an estimated speed [m/s], (instants,); None: it was measured."""
+    """Standard deviation of the speed [m/s], (instants,); None: not known."""
+    rim_deviation: Floats | None = None
+    """Standard deviation of each rim speed [m/s], (axles,); None: not known."""
+    force_deviation: Floats | None = None
+    """Standard deviation of each applied force [N], (axles,); None: not known."""
+    speed_source: SpeedSource = "measured"
+    speed_delay: Delay | None = None
+    """How late the speed was, which is made up for; None: it cannot be told."""
 
 
 @dataclass(frozen=True, eq=False)

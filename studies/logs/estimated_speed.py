@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.measured_run import MeasuredTrain
+from alloc.estimation.measured_train import MeasuredTrain
 from alloc.spans import bridged_spans
-from studies.logs.checks import Remark, faulty
+from studies.logs.remarks import Remark, faulty
 
 Floats = NDArray[np.float64]
 

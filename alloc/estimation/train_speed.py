@@ -1,0 +1,77 @@
+"""The measured speed of a train at the instants of its wheels: as it stands, or from measurements that are late or rare."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.resampling import Instants, resample
+from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
+from alloc.estimation.speed_shape import shape_of_forces, shape_of_wheels
+
+Floats = NDArray[np.float64]
+
+SURE = 3.0
+"""Deviations from which on a delay is none of chance."""
+LATE = 0.02
+"""Delay [s] from which on a speed that is dense is followed less its delay."""
+NOISY = 0.03
+"""Standard deviation of a measurement [m/s] from which on the shape is followed."""
+BETTER = 0.05
+"""Misfit per measurement by which the wheels' shape must be better than the forces': creep shifts what wheels say."""
+FEWEST = 3
+"""Measurements of which a delay is found."""
+UNKNOWN = 0.3
+"""Standard deviation [m/s] from which on a speed counts as not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSpeed:
+    """Speed of the train, (instants,)."""
+
+    speed: Floats
+    """[m/s]; nan where not known."""
+    deviation: Floats
+    """Standard deviation [m/s]."""
+    delay: Delay | None
+    """How late the measurements are; None if it cannot be told."""
+    followed: bool
+    """Whether the speed is that of the shape between measurements, else it is as measured."""
+    shape: str
+    """Of what the shape was: forces or wheels."""
+
+
+def measured_speed(
+    instants: Instants,
+    fixes: Samples,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None = None,
+) -> MeasuredSpeed:
+    """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known."""
+    plain = resample(fixes, instants.time)
+    if fixes.time.size < FEWEST:
+        return MeasuredSpeed(*plain, None, False, "")
+    time, part = instants
+    guess = np.interp(time, fixes.time, fixes.value)
+    shapes = {"wheels": shape_of_wheels(time, guess, rim)}
+    of_forces = shape_of_forces(time, guess, rim, force, train, grade)
+    if of_forces is not None:
+        shapes["forces"] = of_forces
+    found = {name: find_delay(time, part, shape, fixes) for name, shape in shapes.items()}
+    name = "wheels"
+    if "forces" in found and found["forces"].misfit < found["wheels"].misfit + BETTER:
+        name = "forces"
+    delay = found[name]
+    late = abs(delay.value) > max(LATE, SURE * delay.deviation)
+    sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
+    if not (sparse or late or fixes.noise > NOISY):
+        return MeasuredSpeed(*plain, delay, False, name)
+    if not (late or sparse):
+        delay = delay._replace(value=0.0)
+    speed, deviation = follow(time, part, shapes[name], fixes, delay)
+    speed[deviation > UNKNOWN] = np.nan
+    return MeasuredSpeed(speed, deviation, delay, True, name)
