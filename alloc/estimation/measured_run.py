@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.measured_train import MeasuredTrain
-from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
+from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
 from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.structure import structure_of
@@ -73,6 +74,8 @@ class MeasuredRun:
     """Standard deviation of each rim speed [m/s], (axles,); None: not known."""
     force_deviation: Floats | None = None
     """Standard deviation of each applied force [N], (axles,); None: not known."""
+    rim_span: Floats | None = None
+    """Time over which each rim speed is a mean [s], 0 as measured, (axles,); None: as measured."""
     speed_source: SpeedSource = "measured"
     speed_delay: Delay | None = None
     """How late the speed was, which is made up for; None: it cannot be told."""
@@ -83,6 +86,10 @@ class Findings:
     """What a measured run tells; series are nan where it does not tell it."""
 
     events: list[SlipEvent]
+    small_events: list[SlipEvent]
+    """Slips that do not meet the criterion, by `slip_events.SMALL`."""
+    least_slip: Floats
+    """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
     slip_velocity: Floats
     """(instants, axles) [m/s]"""
     coefficient: Floats
@@ -97,6 +104,8 @@ class Findings:
     """Brake force of each car as rail and resistance exert it, positive braking [N], (instants, cars)."""
     window: float
     """Over which forces were averaged [s]."""
+    errors: DamageErrors | None = None
+    """Of the wheel damage; None where nothing is known of the errors."""
 
     @property
     def axle_damage(self) -> Floats:
@@ -148,9 +157,11 @@ def analyse_run(
     period = float(np.median(np.diff(run.time)))
     window = max(window, 2.0 * period)
     slip = run.rim_speed - run.speed[:, None]
-    coefficient, damage = np.full((count, axles), np.nan), np.full((count, axles), np.nan)
+    coefficient, damage = (np.full((count, axles), np.nan, order="F") for _ in range(2))
     covered, slipping = np.zeros(axles), np.zeros(axles)
     events: list[SlipEvent] = []
+    small: list[SlipEvent] = []
+    noise = slip_noise(run)
     for i in range(axles):
         turning = np.isfinite(slip[:, i])
         known = turning & np.isfinite(run.applied_force[:, i])
@@ -174,14 +185,20 @@ def analyse_run(
         for kind in (has_force, turning & ~has_force):
             for inside in parts(kind, run.part):
                 with_force = bool(kind is has_force)
-                events += find_slips(
+                series = (
                     i, run.time[inside], run.speed[inside], run.rim_speed[inside, i],
                     coefficient[inside, i] if with_force else None,
-                    damage[inside, i] if with_force else None, criterion,
+                    damage[inside, i] if with_force else None,
                 )  # fmt: skip
+                span = 0.0 if run.rim_span is None else float(run.rim_span[i])
+                found = find_slips(*series, criterion, noise.rim[i], span)
+                events += found
+                small += apart(find_slips(*series, SMALL, noise.slip[i], span), found)
         slipping[i] = sum(e.end - e.start for e in events if e.axle == i)
     return Findings(
         events=sorted(events, key=lambda event: (event.start, event.axle)),
+        small_events=sorted(small, key=lambda event: (event.start, event.axle)),
+        least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
         slip_velocity=slip,
         coefficient=coefficient,
         damage=damage,
@@ -189,6 +206,7 @@ def analyse_run(
         slipping_time=slipping,
         car_force=_car_forces(run, train, window),
         window=window,
+        errors=damage_errors(run, coefficient * train.axle_load, slip),
     )
 
 

@@ -1,8 +1,9 @@
 """Wheel speeds from pulses and from noisy sensors: integrated to a way, and differentiated over a longer time.
 
 A speed that is a count of pulses over the time of a row steps by one pulse: at 80 pulses a turn and 20 ms by 1.7 m/s. The
-sum of counts is right to one pulse at all times. So the slope of a straight line through the ways of `SPAN` seconds is the
-speed, with a standard deviation of about p sqrt(dt / T) / T for pulses of p metres and rows of dt.
+sum of counts is right to one pulse at all times. So the slope of a straight line through the ways of `SPAN` seconds T is the
+speed. Where pulses and rows are in step, as with nearly one pulse a row, rounding errors do not average: for pulses of p
+metres its error then reaches 1.5 p / T, and `ALIASED` p / T is stated as its standard deviation.
 """
 
 import math
@@ -25,6 +26,10 @@ NOISY = 0.03
 """Standard deviation [m/s] of a wheel's speed above which it is smoothed, over `SPAN` at most."""
 LEAST_SPAN = 5
 """Rows that a slope needs."""
+ALIASED = 0.36
+"""Standard deviation of a speed by pulses, in pulses over the span."""
+ENDS = 3
+"""Spans at an end of which the acceleration is told: half a span alone leaves the speed there open."""
 ALTERNATING = 0.6
 """Share of the changes that go back on the one before, of counts whose rests are carried on."""
 RARELY = 0.03
@@ -67,8 +72,8 @@ def of_way(time: Floats, way: Floats, pulse: float, step: float = 0.0) -> RimSpe
     """Speed from the way [m] of a wheel at instants [s], whole `pulse`s [m]."""
     period = float(np.median(np.diff(time)))
     speed, rows = _slope(time, way, period, SPAN)
-    deviation = pulse / (period * math.sqrt(rows * (rows**2 - 1.0)))
-    return RimSpeed(time, speed, deviation, (rows - 1) * period, step or pulse / period)
+    span = (rows - 1) * period
+    return RimSpeed(time, speed, ALIASED * pulse / span, span, step or pulse / period)
 
 
 def pulse_step(speed: Floats) -> float:
@@ -117,7 +122,17 @@ def _slope_between_gaps(time: Floats, way: Floats, period: float, rows: int) -> 
     if time[-1] - time[0] < (rows - 0.5) * period:
         return np.gradient(way, time)
     if np.all(np.abs(np.diff(time) - period) < 0.01 * period):
-        return np.asarray(savgol_filter(way, rows, 2, deriv=1, delta=period))
+        return _even_slope(way, period, rows)
     instants = np.arange(time[0], time[-1] + 0.5 * period, period)
-    slope = savgol_filter(np.interp(instants, time, way), rows, 2, deriv=1, delta=period)
-    return np.interp(time, instants, slope)
+    return np.interp(time, instants, _even_slope(np.interp(instants, time, way), period, rows))
+
+
+def _even_slope(way: Floats, period: float, rows: int) -> Floats:
+    """The same on even instants. At the ends the way goes on with the acceleration that it had over `ENDS` as many rows."""
+    half, count = rows // 2, min(ENDS * rows, way.size)
+    index = np.arange(count, dtype=float)
+    beyond = np.arange(1.0, half + 1.0)
+    first = np.polynomial.Polynomial.fit(index, way[:count], 2)(-beyond[::-1])
+    last = np.polynomial.Polynomial.fit(index, way[-count:], 2)(count - 1.0 + beyond)
+    longer = np.concatenate([first, way, last])
+    return np.asarray(savgol_filter(longer, rows, 2, deriv=1, delta=period))[half:-half]

@@ -17,22 +17,24 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
+from alloc.estimation.random_slope import SURE, UNSURE, Work, likelihood, smoothed
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 DELAYS = np.arange(-0.5, 2.51, 0.05)
 """Delays that are tried [s]: a recorder that stamps too early, to a receiver that smooths."""
-NOISES = (0.002, 0.006, 0.02, 0.06, 0.2)
+FIRST = (0.0, 0.25, 0.5, 1.0)
+"""Those that noise and drift are first found with [s]."""
+NOISES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Standard deviations of a measurement that are tried [m/s]."""
-DRIFTS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Drifts that are tried [m/s2 per root second]: from a level line to forces that are half wrong."""
 SPARSE = 0.15
 """Time between measurements [s] from which on the shape is followed between them."""
 MEAN_TIME = 0.2
 """Time [s] over which measurements that lie closer are averaged to find their delay."""
-MOST = 20_000
+MOST = 6_000
 """Measurements that a delay is found from; of more, every so many."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
@@ -51,6 +53,8 @@ class Delay(NamedTuple):
     """Of a measurement, as found [m/s]."""
     drift: float
     """Of the shape, as found [m/s2 per root second]."""
+    sure: bool
+    """Whether the shape is right but for 2 %, by the likelihood."""
     misfit: float
     """Minus twice the logarithm of the likelihood, per measurement."""
 
@@ -66,26 +70,28 @@ class FollowedSpeed(NamedTuple):
 
 def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> Delay:
     """Find how late `fixes` are, by a `shape` [m/s] at instants [s] of a number of parts, (instants,) each."""
-    at, value = _averaged(fixes)
+    at, value, width = _averaged(fixes)
+    every = max(-(-at.size // MOST), 1)
+    at, value = at[::every], value[::every]
     number = part[np.clip(np.searchsorted(time, at, "right") - 1, 0, time.size - 1)]
-    reach, work = _extended(time, shape), Work.allocate()
+    margin = 0.5 * MEAN_TIME if fixes.period < SPARSE else -0.02
+    average, work = _Average(*_extended(time, shape), width), Work.allocate()
 
-    def misfit(delay: float, noise: float, drift: float) -> float:
-        read = value.copy()
+    def misfit(delay: float, noise: float, drift: float, sure: bool) -> float:
         moved = at - delay
-        use = (moved > time[0] - 0.02) & (moved < time[-1] + 0.02)
-        read[~use] = math.nan
-        return float(
-            likelihood(moved, np.interp(moved, *reach), read, number, noise**2, drift**2, STARTS, *work)
+        use = (moved > time[0] + margin) & (moved < time[-1] - margin)
+        read = np.where(use, value, math.nan)
+        # those that are left out are neither better nor worse than the others
+        return at.size * float(
+            likelihood(moved, average(moved), read, number, noise**2, drift**2, SURE if sure else UNSURE, *work)
         )
 
-    trials = list(product(NOISES, DRIFTS))
-    coarse = DELAYS[::5]
-    start = min(trials, key=lambda pair: min(misfit(d, *pair) for d in coarse[:6]))
+    trials = list(product(NOISES, DRIFTS, (True, False)))
+    start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
     scores = np.array([misfit(d, *start) for d in DELAYS])
     delay = float(DELAYS[scores.argmin()])
     for _ in range(2):
-        start = min(trials, key=lambda pair: misfit(delay, *pair))
+        start = min(trials, key=lambda trial: misfit(delay, *trial))
         scores = np.array([misfit(d, *start) for d in DELAYS])
         delay = float(DELAYS[scores.argmin()])
     found = minimize_scalar(
@@ -107,7 +113,9 @@ def follow(
 ) -> FollowedSpeed:
     """Speed at all instants, from `fixes` less their `delay`; nan in parts in which there is none."""
     speed, variance = np.full(time.size, np.nan), np.full(time.size, np.nan)
-    at, value = fixes.time - delay.value, fixes.value
+    at, value, width = _averaged(fixes)
+    at = at - delay.value
+    average = _Average(*_extended(time, shape), width)
     bounds = np.flatnonzero(np.diff(part)) + 1
     for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
         inside = slice(begin, end)
@@ -120,24 +128,40 @@ def follow(
         read = np.concatenate([np.full(ticks.size, np.nan), value[own]])
         order = np.argsort(instants, kind="stable")
         instants, read = instants[order], read[order]
-        here = np.interp(instants, t, shape[inside])
-        found, spread = smoothed(instants, here, read, delay.noise, delay.drift)
+        here = np.where(np.isnan(read), np.interp(instants, t, shape[inside]), average(instants))
+        start = SURE if delay.sure else UNSURE
+        found, spread = smoothed(instants, here, read, delay.noise, delay.drift, start)
         speed[inside] = shape[inside] + np.interp(t, instants, found - here)
         variance[inside] = np.interp(t, instants, spread)
     rate = np.gradient(np.nan_to_num(speed), time)
     return FollowedSpeed(speed, np.sqrt(variance + (rate * delay.deviation) ** 2))
 
 
-def _averaged(fixes: Samples) -> tuple[Floats, Floats]:
-    """Instants and values of the measurements, averaged where they lie close."""
+class _Average:
+    """Mean of a shape over `width` [s] around any instant, on which measurements are averaged too; 0: the shape itself."""
+
+    def __init__(self, time: Floats, shape: Floats, width: float) -> None:
+        self.time, self.shape, self.width = time, shape, width
+        step = 0.5 * (shape[1:] + shape[:-1]) * np.diff(time)
+        self.integral = np.concatenate([[0.0], np.cumsum(step)])
+
+    def __call__(self, at: Floats) -> Floats:
+        if self.width == 0.0:
+            return np.interp(at, self.time, self.shape)
+        ends = (np.interp(at + s * 0.5 * self.width, self.time, self.integral) for s in (1.0, -1.0))
+        last, first = ends
+        return np.asarray((last - first) / self.width)
+
+
+def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
+    """Instants and values of the measurements, averaged where they lie close, and the time over which they are [s]."""
     count = max(int(MEAN_TIME / fixes.period), 1) if fixes.period < SPARSE else 1
     whole = fixes.value.size // count * count
     at, value = (np.asarray(v[:whole]).reshape(-1, count).mean(axis=1) for v in fixes[:2])
-    if count > 1:  # a mean over a gap is none
-        near = np.ptp(fixes.time[:whole].reshape(-1, count), axis=1) < 1.5 * MEAN_TIME
-        at, value = at[near], value[near]
-    every = max(-(-at.size // MOST), 1)
-    return at[::every], value[::every]
+    if count == 1:
+        return at, value, 0.0
+    near = np.ptp(fixes.time[:whole].reshape(-1, count), axis=1) < 1.5 * MEAN_TIME
+    return at[near], value[near], count * fixes.period  # a mean over a gap is none
 
 
 def _extended(time: Floats, shape: Floats) -> tuple[Floats, Floats]:

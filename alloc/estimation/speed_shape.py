@@ -3,7 +3,7 @@
     M v + sum_i J_i / R_i^2 (R_i omega_i) = integral of (sum_i F_i - resistance - M g grade) dt
 
 So forces and wheel speeds give the speed but for a constant and for what is not known: gradient, resistance, errors of the
-forces. Creep and slides do not enter. Where no force is measured the fastest wheel stands for the train under braking and
+forces. Creep and slides do not enter. An axle that rolls freely turns as the train runs. Where no force is measured the fastest wheel stands for the train under braking and
 the slowest under traction; creep then counts as the train's.
 """
 
@@ -20,6 +20,10 @@ STANDING = 0.05
 """Speed of all wheels [m/s] below which a train stands, ..."""
 NEARLY = 1.0
 """... if it was measured below this."""
+FREE = 2e-3
+"""Force over load below which an axle rolls freely."""
+ALWAYS = 0.98
+"""Share of the instants at which one must."""
 RATE_TIME = 2.0
 """Time [s] over which the train's acceleration tells braking from traction."""
 
@@ -57,8 +61,12 @@ def shape_of_forces(
     gained = np.diff(wheels, prepend=wheels[0])
     given = np.zeros(time.size)
     given[1:] = 0.5 * (total[1:] + total[:-1]) * np.diff(time)
+    # what holds a train at rest is no less than what pulls it: there its wheels tell how it moves
     stands = (fastest < STANDING) & (speed < NEARLY)
-    return np.asarray(np.cumsum(np.where(stands, 0.0, given - gained)) / mass)
+    middle = np.zeros(time.size)
+    middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
+    rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
+    return np.asarray(np.cumsum(np.where(stands, rolled, (given - gained) / mass)))
 
 
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
@@ -71,6 +79,21 @@ def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
     middle = 0.5 * (share[1:] + share[:-1])
     gained = middle * np.diff(fastest) + (1.0 - middle) * np.diff(slowest)
     return np.concatenate([[fastest[0]], fastest[0] + np.cumsum(gained)])
+
+
+def shape_of_free_wheels(
+    time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
+) -> Floats | None:
+    """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None where there are none most of the time."""
+    free = np.isfinite(rim) & (np.abs(force) < FREE * train.axle_load)
+    both = free[1:] & free[:-1]
+    count = both.sum(axis=1)
+    if np.mean(count > 0) < ALWAYS:
+        return None
+    gained = np.where(both, np.diff(rim, axis=0), 0.0).sum(axis=1) / np.maximum(count, 1)
+    known = count > 0
+    gained[~known] = np.interp(time[1:][~known], time[1:][known], gained[known])
+    return np.concatenate([[0.0], np.cumsum(gained)])
 
 
 def _extreme(rim: Floats, choose: np.ufunc) -> Floats:

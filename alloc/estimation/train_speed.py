@@ -9,7 +9,7 @@ from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.resampling import Instants, resample
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
-from alloc.estimation.speed_shape import shape_of_forces, shape_of_wheels
+from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, shape_of_wheels
 
 Floats = NDArray[np.float64]
 
@@ -19,8 +19,8 @@ LATE = 0.02
 """Delay [s] from which on a speed that is dense is followed less its delay."""
 NOISY = 0.03
 """Standard deviation of a measurement [m/s] from which on the shape is followed."""
-BETTER = 0.05
-"""Misfit per measurement by which the wheels' shape must be better than the forces': creep shifts what wheels say."""
+PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
+"""Misfit per measurement that is added to that of a shape: free wheels are right, wheels that creep look as if they were late."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3
@@ -40,7 +40,7 @@ class MeasuredSpeed:
     followed: bool
     """Whether the speed is that of the shape between measurements, else it is as measured."""
     shape: str
-    """Of what the shape was: forces or wheels."""
+    """Of what the shape was: forces, free wheels or wheels."""
 
 
 def measured_speed(
@@ -57,14 +57,13 @@ def measured_speed(
         return MeasuredSpeed(*plain, None, False, "")
     time, part = instants
     guess = np.interp(time, fixes.time, fixes.value)
-    shapes = {"wheels": shape_of_wheels(time, guess, rim)}
-    of_forces = shape_of_forces(time, guess, rim, force, train, grade)
-    if of_forces is not None:
-        shapes["forces"] = of_forces
-    found = {name: find_delay(time, part, shape, fixes) for name, shape in shapes.items()}
-    name = "wheels"
-    if "forces" in found and found["forces"].misfit < found["wheels"].misfit + BETTER:
-        name = "forces"
+    shapes = {
+        "forces": shape_of_forces(time, guess, rim, force, train, grade),
+        "free wheels": shape_of_free_wheels(time, rim, force, train),
+        "wheels": shape_of_wheels(time, guess, rim),
+    }
+    found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
+    name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
     late = abs(delay.value) > max(LATE, SURE * delay.deviation)
     sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
@@ -72,6 +71,8 @@ def measured_speed(
         return MeasuredSpeed(*plain, delay, False, name)
     if not (late or sparse):
         delay = delay._replace(value=0.0)
-    speed, deviation = follow(time, part, shapes[name], fixes, delay)
+    shape = shapes[name]
+    assert shape is not None
+    speed, deviation = follow(time, part, shape, fixes, delay)
     speed[deviation > UNKNOWN] = np.nan
     return MeasuredSpeed(speed, deviation, delay, True, name)

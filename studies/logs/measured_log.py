@@ -41,8 +41,6 @@ class MeasuredLog:
     """What second 0 is, "" where the log does not say."""
     rows: int = 0
     """Of the file; 0 where its channels have instants of their own."""
-    spans: tuple[float, ...] = ()
-    """Time over which the speed of each axle is a mean [s], 0 as measured, (axles,)."""
     pressure: Floats | None = None
     """Brake cylinders' pressure of each car [Pa], (instants, cars); None: not measured."""
     position: Floats | None = None
@@ -141,7 +139,7 @@ def measured(
     source = "estimated" if fixes is None else "followed" if speed.followed else "measured"
     run = MeasuredRun(
         instants.time, instants.part, speed.speed, rim, force, coupler, acceleration, speed.deviation,
-        rim_deviation, force_deviation, source, speed.delay,
+        rim_deviation, force_deviation, spans, source, speed.delay,
     )  # fmt: skip
     clock = sources.clock
     return MeasuredLog(
@@ -152,7 +150,6 @@ def measured(
         period=float(np.median(np.diff(instants.time))),
         origin="" if clock is None else clock.origin,
         rows=0 if clock is None else clock.time.size,
-        spans=tuple(spans.tolist()),
         pressure=pressure,
         position=position,
         grade=grade,
