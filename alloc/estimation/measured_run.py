@@ -86,10 +86,6 @@ class Findings:
     """What a measured run tells; series are nan where it does not tell it."""
 
     events: list[SlipEvent]
-    small_events: list[SlipEvent]
-    """Slips that do not meet the criterion, by `slip_events.SMALL`."""
-    least_slip: Floats
-    """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
     slip_velocity: Floats
     """(instants, axles) [m/s]"""
     coefficient: Floats
@@ -104,6 +100,10 @@ class Findings:
     """Brake force of each car as rail and resistance exert it, positive braking [N], (instants, cars)."""
     window: float
     """Over which forces were averaged [s]."""
+    small_events: tuple[SlipEvent, ...] = ()
+    """Slips that do not meet the criterion, by `slip_events.SMALL`."""
+    least_slip: Floats | None = None
+    """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
     errors: DamageErrors | None = None
     """Of the wheel damage; None where nothing is known of the errors."""
 
@@ -197,8 +197,6 @@ def analyse_run(
         slipping[i] = sum(e.end - e.start for e in events if e.axle == i)
     return Findings(
         events=sorted(events, key=lambda event: (event.start, event.axle)),
-        small_events=sorted(small, key=lambda event: (event.start, event.axle)),
-        least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
         slip_velocity=slip,
         coefficient=coefficient,
         damage=damage,
@@ -206,6 +204,8 @@ def analyse_run(
         slipping_time=slipping,
         car_force=_car_forces(run, train, window),
         window=window,
+        small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
+        least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
         errors=damage_errors(run, coefficient * train.axle_load, slip),
     )
 

@@ -83,7 +83,16 @@ def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> De
         read = np.where(use, value, math.nan)
         # those that are left out are neither better nor worse than the others
         return at.size * float(
-            likelihood(moved, average(moved), read, number, noise**2, drift**2, SURE if sure else UNSURE, *work)
+            likelihood(
+                moved,
+                average(moved),
+                read,
+                number,
+                noise**2,
+                drift**2,
+                SURE if sure else UNSURE,
+                *work,
+            )
         )
 
     trials = list(product(NOISES, DRIFTS, (True, False)))

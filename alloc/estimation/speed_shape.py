@@ -29,7 +29,12 @@ RATE_TIME = 2.0
 
 
 def shape_of_forces(
-    time: Floats, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain, grade: Floats | None
+    time: Floats,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None,
 ) -> Floats | None:
     """What the forces say of the speed [m/s], (instants,), but for a constant; None without forces.
 
@@ -72,7 +77,10 @@ def shape_of_forces(
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
     """What the wheels say of the speed [m/s], (instants,): their fastest under braking, their slowest under traction."""
     known = rim[:, np.isfinite(rim).any(axis=0)]
-    fastest, slowest = _filled(time, _extreme(known, np.fmax)), _filled(time, _extreme(known, np.fmin))
+    fastest, slowest = (
+        _filled(time, _extreme(known, np.fmax)),
+        _filled(time, _extreme(known, np.fmin)),
+    )
     rate = mean_rate(time, speed, RATE_TIME)
     # a step from one to the other would be a change of speed: what counts is how both change
     share = np.clip(0.5 - rate / 0.2, 0.0, 1.0)

@@ -97,9 +97,15 @@ def scale_of(
         if wheels is None:
             return (2.0 * np.pi / 60.0, "rpm", True) if size > 350.0 else (1.0 / 3.6, "km/h", False)
         other = float(np.nanquantile(np.abs(wheels), 0.99))
-        best = min(choices, key=lambda c: abs(np.log(max(size * c[0] * c[3], 1e-9) / max(other, 1e-9))))
+        best = min(
+            choices, key=lambda c: abs(np.log(max(size * c[0] * c[3], 1e-9) / max(other, 1e-9)))
+        )
         return best[:3]
-    load = float(train.axle_load.max()) if one.quantity.startswith("axle") else float(train.car_mass.sum()) * GRAVITY
+    load = (
+        float(train.axle_load.max())
+        if one.quantity.startswith("axle")
+        else float(train.car_mass.sum()) * GRAVITY
+    )
     if one.quantity == "axleN_torque":
         load *= float(train.radius.max())
     if one.quantity in ("axleN_force", "axleN_torque", "couplerK_force"):

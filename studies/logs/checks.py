@@ -182,7 +182,12 @@ def check_radius(
 
 
 def momentum_ratio(
-    instants: Instants, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain, grade: Floats | None
+    instants: Instants,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None,
 ) -> float | None:
     """Momentum that the train gains over what its forces give it; None where that cannot be told."""
     time, part = instants
@@ -201,7 +206,9 @@ def momentum_ratio(
     if np.isnan(impulse[-1]):  # cumulated over what is missing: window by window
         given = np.array([np.trapezoid(total[a : b + 1], time[a : b + 1]) for a, b in zip(begin, end, strict=True)])  # fmt: skip
     mean = given / (time[end] - time[begin])
-    used = (part[begin] == part[end]) & (np.abs(mean) > LEAST_EFFORT * train.car_mass.sum() * GRAVITY)
+    used = (part[begin] == part[end]) & (
+        np.abs(mean) > LEAST_EFFORT * train.car_mass.sum() * GRAVITY
+    )
     used &= np.isfinite(gained) & np.isfinite(given)
     if used.sum() < 3:
         return None
@@ -210,7 +217,12 @@ def momentum_ratio(
 
 
 def turned_round(
-    instants: Instants, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain, sources: Sources
+    instants: Instants,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    sources: Sources,
 ) -> tuple[Floats, list[Remark]]:
     """Forces of the other sign where the speeds were turned round and only that makes forces and motion agree."""
     if not any(remark.kind == "sign" for remark in sources.remarks):
@@ -223,7 +235,12 @@ def turned_round(
 
 
 def check_balance(
-    instants: Instants, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain, grade: Floats | None = None
+    instants: Instants,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None = None,
 ) -> list[Remark]:
     """Whether the train gains the momentum that its forces give it; says nothing where a force is missing."""
     time, part = instants
@@ -241,7 +258,9 @@ def check_balance(
     if ratio is None or BALANCE[0] < ratio < BALANCE[1]:
         return []
     cause = (
-        "wrong sign of the forces" if ratio < 0.0 else "wrong unit, torque at the motor, a gradient, or another train"
+        "wrong sign of the forces"
+        if ratio < 0.0
+        else "wrong unit, torque at the motor, a gradient, or another train"
     )
     text = (
         f"the train gains {ratio:.2g} times the momentum that the axles' forces give it: {cause}?"

@@ -28,7 +28,25 @@ SHARED = 0.5
 """Share of rows that have the time stamp of the row before, from which on they are spread."""
 COARSE = 0.05
 """Rounding of single precision over the period of the rows, from which on the rows are evened out."""
-PERIODS = (1e-3, 2e-3, 2.5e-3, 4e-3, 5e-3, 8e-3, 1e-2, 1.25e-2, 2e-2, 2.5e-2, 4e-2, 5e-2, 0.1, 0.2, 0.25, 0.5, 1.0)
+PERIODS = (
+    1e-3,
+    2e-3,
+    2.5e-3,
+    4e-3,
+    5e-3,
+    8e-3,
+    1e-2,
+    1.25e-2,
+    2e-2,
+    2.5e-2,
+    4e-2,
+    5e-2,
+    0.1,
+    0.2,
+    0.25,
+    0.5,
+    1.0,
+)
 """Periods of loggers [s], of which one is chosen where it must be concluded."""
 
 
@@ -179,9 +197,7 @@ def _spread(seconds: Floats, period: float | None) -> tuple[Floats, bool, str]:
     near = min(PERIODS, key=lambda p: abs(np.log(p / period)))
     if abs(near / period - 1.0) < 0.01:
         period = near
-    text = (
-        f"{seconds.size} rows have {change.size + 1} different time stamps: spread evenly, {period:.6g} s apart"
-    )
+    text = f"{seconds.size} rows have {change.size + 1} different time stamps: spread evenly, {period:.6g} s apart"
     return index * period, True, text
 
 

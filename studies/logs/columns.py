@@ -23,9 +23,7 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "time": Quantity(
-        {"s": 1.0}, "time since any origin, an epoch, or a time stamp", True, "time"
-    ),
+    "time": Quantity({"s": 1.0}, "time since any origin, an epoch, or a time stamp", True, "time"),
     "speed": Quantity(
         {"kmh": 1.0 / 3.6, "ms": 1.0},
         "speed of the train over ground, not of a wheel; without it the speed is estimated from speed and torque or "

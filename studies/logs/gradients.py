@@ -37,7 +37,9 @@ class GradientLine:
             position = first + (-way if self.backwards else way)
         known = np.isfinite(position)
         place = np.interp(instants.time, instants.time[known], position[known])
-        section = np.clip(np.searchsorted(self.station, place, "right") - 1, 0, self.station.size - 1)
+        section = np.clip(
+            np.searchsorted(self.station, place, "right") - 1, 0, self.station.size - 1
+        )
         sign = -1.0 if self.backwards else 1.0
         moved = place[-1] - place[0]
         if self.start is None and abs(moved) > 1.0:

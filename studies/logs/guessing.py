@@ -15,7 +15,7 @@ from studies.logs.units import SPELT, clean, factor, kinds_of
 WORDS: dict[str, set[str]] = {
     "time": {"time", "zeit", "timestamp", "t", "datetime", "date", "utc", "epoch", "uhrzeit", "zeitstempel", "seconds",
              "timestamps", "temps", "clock"},
-    "axle": {"axle", "axles", "achse", "ax", "wheelset", "wheel", "radsatz", "rad", "ws", "essieu", "ws", "rs", "axis"},
+    "axle": {"axle", "axles", "achse", "ax", "wheelset", "wheel", "radsatz", "rad", "ws", "essieu", "rs", "axis"},
     "car": {"car", "wagen", "coach", "vehicle", "veh", "wagon", "fahrzeug"},
     "coupler": {"coupler", "kupplung", "coupling", "drawbar", "cpl", "draft"},
     "speed": {"speed", "v", "vel", "velocity", "geschwindigkeit", "geschw", "vitesse", "n", "rpm", "drehzahl", "omega",
@@ -80,7 +80,11 @@ def _tokens(name: str) -> tuple[list[str], str]:
         for count in (2, 1):
             tail = re.split(r"[_\s.]+", plain)[-count:]
             spelt = "/".join(tail) if count == 2 else tail[-1]
-            if clean(spelt).lower() in SPELT and not spelt.isdigit() and len(clean(spelt)) > (count == 1):
+            if (
+                clean(spelt).lower() in SPELT
+                and not spelt.isdigit()
+                and len(clean(spelt)) > (count == 1)
+            ):
                 unit = spelt
                 break
     return tokens, unit
@@ -92,9 +96,21 @@ def unit_in(name: str) -> str:
 
 
 def _meanings(tokens: list[str]) -> set[str]:
-    sure = {m for m, words in WORDS.items() if any(t in words and t not in AMBIGUOUS for t in tokens)}
+    sure = {
+        m for m, words in WORDS.items() if any(t in words and t not in AMBIGUOUS for t in tokens)
+    }
     unsure = {m for m, words in WORDS.items() if any(t in words and t in AMBIGUOUS for t in tokens)}
-    kinds = {"speed", "force", "torque", "acceleration", "slope", "position", "pressure", "pulses", "time"}
+    kinds = {
+        "speed",
+        "force",
+        "torque",
+        "acceleration",
+        "slope",
+        "position",
+        "pressure",
+        "pulses",
+        "time",
+    }
     places = {"axle", "car", "coupler"}
     found = set(sure)
     if not found & kinds:
@@ -113,10 +129,16 @@ def _guess(name: str, stated: str, train: MeasuredTrain, zero_based: bool) -> As
     kind = _kind(meanings, kinds)
     if kind is None:
         return None
-    if place is None and kind in ("speed", "turning", "force", "torque", "pulses") and _numbers(tokens):
+    if (
+        place is None
+        and kind in ("speed", "turning", "force", "torque", "pulses")
+        and _numbers(tokens)
+    ):
         place = None if any(word in tokens for word in GROUND[:-1]) else "axle"
     if place is None:
-        stem = {"time": "time", "speed": "speed", "slope": "gradient", "position": "position"}.get(kind)
+        stem = {"time": "time", "speed": "speed", "slope": "gradient", "position": "position"}.get(
+            kind
+        )
         number = 0
     else:
         prefix = {"axle": "axleN", "car": "carK", "coupler": "couplerK"}[place]
@@ -127,7 +149,9 @@ def _guess(name: str, stated: str, train: MeasuredTrain, zero_based: bool) -> As
     if stem not in QUANTITIES:
         return None
     scale = factor(unit, kind) if clean(unit) else None
-    return Assigned(name, stem, number, scale, turning=kind == "turning", unit=unit if stem == "time" else "")
+    return Assigned(
+        name, stem, number, scale, turning=kind == "turning", unit=unit if stem == "time" else ""
+    )
 
 
 def _kind(meanings: set[str], kinds: set[str]) -> str | None:

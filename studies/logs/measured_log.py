@@ -1,6 +1,6 @@
 """A log of a real train: read, brought to common instants and SI units with errors, and checked; what is wrong is reported."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from alloc.estimation.own_samples import Samples, own_samples
 from alloc.estimation.resampling import Instants, Series, common_instants, longest, resample
 from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
 from alloc.estimation.train_speed import MeasuredSpeed, measured_speed
-from studies.files.study_error import StudyError
 from studies.logs import checks
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
@@ -111,11 +110,15 @@ def measured(
     remarks += _lacking(train, names, sources)
     plain = None if fixes is None else resample(fixes, instants.time).value
     if fixes is not None and plain is not None:
-        fixes = checks.without_stuck(fixes, instants, rim, sources.assigned["speed", 0].column, remarks)
+        fixes = checks.without_stuck(
+            fixes, instants, rim, sources.assigned["speed", 0].column, remarks
+        )
         guess = _guess(fixes, instants)
         for number, name in names.items():
             own = rim[:, number - 1]
-            checks.check_ratio(name, own, sources.assigned["speed", 0].column, guess, recording.source)
+            checks.check_ratio(
+                name, own, sources.assigned["speed", 0].column, guess, recording.source
+            )
         remarks += checks.cut_out_stuck(names, instants.time, guess, rim)
     else:
         remarks += checks.cut_out_stuck(names, instants.time, None, rim)
@@ -198,7 +201,9 @@ def _pulses(sources: Sources, number: int) -> RimSpeed:
 def _at(wheel: RimSpeed, instants: Instants) -> Series:
     """A wheel's speed at the common instants; its samples are taken as they come."""
     period = float(np.median(np.diff(wheel.time)))
-    return resample(Samples(wheel.time, wheel.speed, "sampled", period, wheel.deviation), instants.time)
+    return resample(
+        Samples(wheel.time, wheel.speed, "sampled", period, wheel.deviation), instants.time
+    )
 
 
 def _typical(series: Series) -> float:
@@ -264,7 +269,12 @@ def _median(rim: Floats) -> Floats:
 
 
 def _speed(
-    sources: Sources, fixes: Samples | None, instants: Instants, rim: Floats, force: Floats, grade: Floats | None
+    sources: Sources,
+    fixes: Samples | None,
+    instants: Instants,
+    rim: Floats,
+    force: Floats,
+    grade: Floats | None,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train

@@ -74,7 +74,9 @@ def _mdf(path: Path) -> Recording:
     with library.MDF(path) as file:
         for signal in file.iter_channels(skip_master=True):
             if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iufb":
-                add(channels, signal.name, str(signal.unit or ""), signal.samples, signal.timestamps)
+                add(
+                    channels, signal.name, str(signal.unit or ""), signal.samples, signal.timestamps
+                )
     return Recording(str(path), channels)
 
 
@@ -95,9 +97,7 @@ def _tdms(path: Path) -> Recording:
     return Recording(str(path), channels)
 
 
-def add(
-    channels: dict[str, RawChannel], name: str, unit: str, values: Any, clock: Any
-) -> None:
+def add(channels: dict[str, RawChannel], name: str, unit: str, values: Any, clock: Any) -> None:
     """Add a channel; one of a name that is there already gets a number."""
     free = name
     k = 2

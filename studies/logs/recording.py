@@ -43,7 +43,9 @@ class Recording:
         return self.channels.pop(name).load()
 
 
-def recording_of(table: pd.DataFrame, source: str, units: dict[str, str] | None = None) -> Recording:
+def recording_of(
+    table: pd.DataFrame, source: str, units: dict[str, str] | None = None
+) -> Recording:
     """A table in memory as a recording."""
 
     def loader(position: int) -> Callable[[], NDArray[Any]]:

@@ -1,6 +1,5 @@
 """What the columns of a recording are, and its channels in SI units, one after another."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,13 +7,15 @@ from numpy.typing import NDArray
 
 from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples, own_samples
+from alloc.estimation.resampling import longest
+from alloc.spans import spans
 from studies.logs.assignment import Assigned, by_name, check_assignment
 from studies.logs.channel_values import carried, forwards, numbers, scale_of
 from studies.logs.clock import Clock, read_clock
 from studies.logs.guessing import described, guess
 from studies.logs.mapping import Mapping
 from studies.logs.recording import Recording
-from studies.logs.remarks import Remark, faulty
+from studies.logs.remarks import NAMED, Remark, faulty
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +59,9 @@ class Sources:
             first = np.concatenate([[True], np.diff(time) > 0.0])
             again = int((~first).sum())
             if again:
-                text = f"{again} instant{'s' if again > 1 else ''} with two values: the first is used"
+                text = (
+                    f"{again} instant{'s' if again > 1 else ''} with two values: the first is used"
+                )
                 self.remarks.append(Remark("time", one.column, text))
             time, values = time[first], values[first]
         return time, values
@@ -76,19 +79,42 @@ class Sources:
             scale *= float(self.train.radius[one.number - 1])
         return values if scale == 1.0 else values * scale
 
-    def note_missing(self, name: str, values: Floats, samples: Samples) -> None:
-        """Remark on what a channel lacks, and on how its samples are told."""
-        count = int((~np.isfinite(values)).sum())
+    def note_missing(self, name: str, time: Floats, values: Floats, samples: Samples) -> None:
+        """Remark on what a channel lacks, and on how its samples are told; long stretches are named, short ones counted."""
+        missing = ~np.isfinite(values)
+        count = int(missing.sum())
         if count == values.size:
             self.remarks.append(Remark("missing", name, "no value at all"))
-        elif samples.kind != "sampled":
-            words = {"held": "held in between", "interpolated": "interpolated in between", "quantised": "rounded"}
+            return
+        if samples.kind != "sampled":
+            words = {
+                "held": "held in between",
+                "interpolated": "interpolated in between",
+                "quantised": "rounded",
+            }
             text = f"a value every {samples.period:.4g} s, {words[samples.kind]}"
             self.remarks.append(Remark("sampling", name, text))
-        elif count:
-            row = int(np.flatnonzero(~np.isfinite(values))[0]) + 1
-            share = f"{100.0 * count / values.size:.2g} % of the rows" if count > 1 else f"row {row}"
-            self.remarks.append(Remark("missing", name, f"no value in {share}", row))
+        if count == 0:
+            return
+        reach = longest(samples.period)
+        stretches = spans(missing)
+        first, last = (
+            np.maximum(stretches[:, 0] - 1, 0),
+            np.minimum(stretches[:, 1], values.size - 1),
+        )
+        far = stretches[time[last] - time[first] > reach * (1.0 + 1e-9)]
+        for begin, end in far[:NAMED].tolist():
+            rows = f"row {begin + 1}" if end == begin + 1 else f"rows {begin + 1} to {end}"
+            text = f"no value in {rows}, {time[begin]:.6g} s to {time[end - 1]:.6g} s"
+            self.remarks.append(Remark("missing", name, text, begin + 1, float(time[begin])))
+        if len(far) > NAMED:
+            text = f"no value in {len(far) - NAMED} more stretches"
+            self.remarks.append(Remark("missing", name, text))
+        if len(far) < len(stretches):
+            row = int(np.flatnonzero(missing)[0]) + 1
+            rows = f"{100.0 * count / values.size:.2g} % of the rows" if count > 1 else f"row {row}"
+            text = f"no value in {rows}, interpolated over up to {reach:.2g} s"
+            self.remarks.append(Remark("missing", name, text, row))
 
     def speed(self, place: tuple[str, int], like: Floats | None = None) -> Samples:
         """Own samples of a speed [m/s] that counts forwards."""
@@ -98,7 +124,7 @@ class Sources:
         values, found = forwards(name, values, self.source)
         self.remarks += found
         samples = own_samples(time, values)
-        self.note_missing(name, values, samples)
+        self.note_missing(name, time, values, samples)
         return samples
 
     def force(self, axle: int) -> Samples:
@@ -117,7 +143,7 @@ class Sources:
         values, found = carried(one.column, values, load, self.source)
         self.remarks += found
         samples = own_samples(time, values)
-        self.note_missing(one.column, values, samples)
+        self.note_missing(one.column, time, values, samples)
         return samples
 
     def plain(self, place: tuple[str, int]) -> Samples:
@@ -125,11 +151,13 @@ class Sources:
         time, values = self.series(place)
         values = self.scaled(place, values)
         samples = own_samples(time, values)
-        self.note_missing(self.assigned[place].column, values, samples)
+        self.note_missing(self.assigned[place].column, time, values, samples)
         return samples
 
 
-def open_sources(recording: Recording, train: MeasuredTrain, mapping: Mapping | None, owner: str) -> Sources:
+def open_sources(
+    recording: Recording, train: MeasuredTrain, mapping: Mapping | None, owner: str
+) -> Sources:
     """Find out what the columns of a recording are and read its clock; `owner` names the mapping file in messages."""
     source = recording.source
     remarks = [Remark("read", "", note) for note in recording.notes]
@@ -152,7 +180,12 @@ def open_sources(recording: Recording, train: MeasuredTrain, mapping: Mapping | 
         column = next(one for one in assigned if one.quantity == "time")
         raw = recording.take(column.column)
         if raw.size < FEWEST_ROWS:
-            raise faulty(source, column.column, None, f"{raw.size} rows; give {FEWEST_ROWS} or more to be analysed")
+            raise faulty(
+                source,
+                column.column,
+                None,
+                f"{raw.size} rows; give {FEWEST_ROWS} or more to be analysed",
+            )
         clock = read_clock(raw, column.column, column.unit, source, period)
         remarks += clock.remarks
     by_place = {one.place: one for one in assigned}
@@ -189,4 +222,3 @@ def _told_by_names(
     ]
     unknown = [name for name in rest if name not in guessed]
     return assigned + list(guessed.values()), unknown, remarks
-

@@ -21,7 +21,17 @@ SPELT = {
     "us": "us", "ns": "ns", "msec": "ms", "millis": "ms", "": "1", "1": "1", "-": "1",
 }  # fmt: skip
 """Spelling in small letters -> that of the library."""
-SIGNS = {"‰": "1e-3", "%": "1e-2", "²": "**2", "³": "**3", "⁻¹": "**-1", "·": "*", "⋅": "*", "µ": "u", "μ": "u"}
+SIGNS = {
+    "‰": "1e-3",
+    "%": "1e-2",
+    "²": "**2",
+    "³": "**3",
+    "⁻¹": "**-1",
+    "·": "*",
+    "⋅": "*",
+    "µ": "u",
+    "μ": "u",
+}
 SI = {
     "time": "s", "speed": "m/s", "turning": "rad/s", "force": "N", "torque": "N*m", "acceleration": "m/s**2",
     "slope": "1", "position": "m", "pressure": "Pa", "pulses": "1",
@@ -64,7 +74,11 @@ def factor(unit: str, kind: str) -> float | None:
         return 1e-3
     units = registry()
     try:
-        one = units.Quantity(1.0, _spelt(unit)) if not _number(unit) else units.Quantity(_number(unit), "")
+        one = (
+            units.Quantity(1.0, _spelt(unit))
+            if not _number(unit)
+            else units.Quantity(_number(unit), "")
+        )
         return float(one.to(SI[kind]).magnitude)
     except Exception:  # the library has many errors for what is no unit
         return None
