@@ -54,6 +54,8 @@ class DamageErrors:
     """By noise of wheels and forces."""
     of_radius: float
     """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
+    per_second: float
+    """Change of Q by a delay of the speed [J/s]."""
     of_delay: float
     """Change of Q if the delay that was found had been left in the speed; 0 where it is none."""
 
@@ -79,11 +81,12 @@ def damage_errors(run: "MeasuredRun", force: Floats, slip: Floats) -> DamageErro
     speed = np.nan_to_num(run.speed)
     rate = np.gradient(speed, time) if time.size > 1 else np.zeros(1)
     by_delay = of_delay = 0.0
+    per_second = float(step @ (total * rate))
     deviation = np.zeros(time.size) if run.speed_deviation is None else np.nan_to_num(run.speed_deviation)  # fmt: skip
     if run.speed_delay is not None:
         # how late a speed is was found for one that is taken as it stands too, but then it is no error of it
         unsure = run.speed_delay.deviation if run.speed_source == "followed" else 0.0
-        by_delay = abs(float(step @ (total * rate))) * unsure
+        by_delay = abs(per_second) * unsure
         deviation = np.sqrt(np.maximum(deviation**2 - (rate * unsure) ** 2, 0.0))
         late = np.interp(time - run.speed_delay.value, time, speed)
         of_delay = float(step @ (total * (speed - late)))
@@ -93,4 +96,4 @@ def damage_errors(run: "MeasuredRun", force: Floats, slip: Floats) -> DamageErro
     by_sensors = float(np.sqrt(sensors))
     radius = PERMILLE * float(step @ (total * speed))
     all_of = float(np.sqrt(by_speed**2 + by_delay**2 + sensors))
-    return DamageErrors(all_of, by_speed, by_delay, by_sensors, radius, of_delay)
+    return DamageErrors(all_of, by_speed, by_delay, by_sensors, radius, per_second, of_delay)

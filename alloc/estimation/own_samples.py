@@ -23,6 +23,8 @@ REGULAR = 0.9
 """Share of the distances between own samples that must be multiples of one of them."""
 LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
+SEEN = 0.15
+"""Time [s] between knots from which on straight lines are told from a smooth motion; below, they do no harm."""
 MEDIAN_DEVIATION = 1.4826
 """Standard deviation over the median of the magnitude, of normally distributed numbers."""
 
@@ -50,6 +52,8 @@ def own_samples(time: Floats, values: Floats) -> Samples:
         kind = "held"
         if found is None:
             found, kind = _interpolated(v), "interpolated"
+        if found is not None and kind == "interpolated" and np.median(np.diff(t[found])) < SEEN:
+            found = None
         if found is None:
             kind = "sampled"
         elif kind == "held" and _quantised(v, found):

@@ -30,6 +30,8 @@ ALIASED = 0.36
 """Standard deviation of a speed by pulses, in pulses over the span."""
 ENDS = 3
 """Spans at an end of which the acceleration is told: half a span alone leaves the speed there open."""
+STILL = 1e-6
+"""Speed [m/s] that rounding of the computer makes of none: a locked wheel stands."""
 ALTERNATING = 0.6
 """Share of the changes that go back on the one before, of counts whose rests are carried on."""
 RARELY = 0.03
@@ -135,4 +137,5 @@ def _even_slope(way: Floats, period: float, rows: int) -> Floats:
     first = np.polynomial.Polynomial.fit(index, way[:count], 2)(-beyond[::-1])
     last = np.polynomial.Polynomial.fit(index, way[-count:], 2)(count - 1.0 + beyond)
     longer = np.concatenate([first, way, last])
-    return np.asarray(savgol_filter(longer, rows, 2, deriv=1, delta=period))[half:-half]
+    slope = np.asarray(savgol_filter(longer, rows, 2, deriv=1, delta=period))[half:-half]
+    return np.where(np.abs(slope) < STILL, 0.0, slope)

@@ -38,6 +38,8 @@ MOST = 6_000
 """Measurements that a delay is found from; of more, every so many."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
+EARLY = 0.02
+"""Time [s] by which a measurement may lie outside of a part and still belong to it."""
 END_TIME = 0.3
 """Time [s] over which the shape's slope at an end counts, to continue it."""
 
@@ -74,7 +76,7 @@ def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> De
     every = max(-(-at.size // MOST), 1)
     at, value = at[::every], value[::every]
     number = part[np.clip(np.searchsorted(time, at, "right") - 1, 0, time.size - 1)]
-    margin = 0.5 * MEAN_TIME if fixes.period < SPARSE else -0.02
+    margin = 0.5 * width if width > 0.0 else -EARLY
     average, work = _Average(*_extended(time, shape), width), Work.allocate()
 
     def misfit(delay: float, noise: float, drift: float, sure: bool) -> float:
@@ -124,12 +126,13 @@ def follow(
     speed, variance = np.full(time.size, np.nan), np.full(time.size, np.nan)
     at, value, width = _averaged(fixes)
     at = at - delay.value
+    margin = 0.5 * width if width > 0.0 else -EARLY
     average = _Average(*_extended(time, shape), width)
     bounds = np.flatnonzero(np.diff(part)) + 1
     for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
         inside = slice(begin, end)
         t = time[inside]
-        own = (at > t[0] - 0.02) & (at < t[-1] + 0.02)
+        own = (at > t[0] + margin) & (at < t[-1] - margin)
         if not own.any():
             continue
         ticks = np.append(np.arange(t[0], t[-1], TICK), t[-1])
@@ -175,8 +178,8 @@ def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
 
 def _extended(time: Floats, shape: Floats) -> tuple[Floats, Floats]:
     """Instants and shape with an instant before and after, at the slope that it has there."""
-    first = int(np.searchsorted(time, time[0] + END_TIME))
-    last = int(np.searchsorted(time, time[-1] - END_TIME))
+    first = max(int(np.searchsorted(time, time[0] + END_TIME)), 1)
+    last = min(int(np.searchsorted(time, time[-1] - END_TIME)), time.size - 2)
     far = 5.0
     before = shape[0] - far * (shape[first] - shape[0]) / (time[first] - time[0])
     after = shape[-1] + far * (shape[-1] - shape[last]) / (time[-1] - time[last])

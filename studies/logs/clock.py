@@ -28,25 +28,7 @@ SHARED = 0.5
 """Share of rows that have the time stamp of the row before, from which on they are spread."""
 COARSE = 0.05
 """Rounding of single precision over the period of the rows, from which on the rows are evened out."""
-PERIODS = (
-    1e-3,
-    2e-3,
-    2.5e-3,
-    4e-3,
-    5e-3,
-    8e-3,
-    1e-2,
-    1.25e-2,
-    2e-2,
-    2.5e-2,
-    4e-2,
-    5e-2,
-    0.1,
-    0.2,
-    0.25,
-    0.5,
-    1.0,
-)
+PERIODS = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0)
 """Periods of loggers [s], of which one is chosen where it must be concluded."""
 
 
@@ -131,10 +113,10 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
     if known.size == 0:
         raise faulty(source, name, 1, "has no time")
     scale, shown = 1.0, ""
-    if unit:
+    size = float(np.median(np.abs(known)))
+    if unit and (size <= EPOCHS[-1][0] or unit != "s"):
         scale = factor(unit, "time") or 1.0
     else:
-        size = float(np.median(np.abs(known)))
         for least, own, word in EPOCHS:
             if size > least:
                 scale, shown = own, f"read as an epoch in {word}"

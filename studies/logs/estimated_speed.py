@@ -25,10 +25,11 @@ def estimated_speed(
     grade: Floats | None,
     train: MeasuredTrain,
     source: str,
+    noise: float = 0.0,
 ) -> tuple[GroundSpeed, list[Remark]]:
     """As `estimate_ground_speed`, with remarks; raises `Faulty` where it cannot be estimated."""
     try:
-        found = estimate_ground_speed(time, part, rim, force, train, grade)
+        found = estimate_ground_speed(time, part, rim, force, train, grade, noise)
     except EstimationError as error:
         reason = str(error).removeprefix("speed over ground: ")
         raise faulty(

@@ -57,11 +57,22 @@ def guess(
     return found
 
 
-def described(one: Assigned, unit: str) -> str:
-    """A guess in words."""
-    what = one.quantity.replace("axleN", f"axle {one.number}").replace("carK", f"car {one.number}")
-    what = what.replace("couplerK", f"coupler {one.number}").replace("_", " ")
-    return f"{one.column!r} is {what}" + (f" in {unit}" if unit else "")
+def described(guessed: dict[str, Assigned], units: dict[str, str]) -> list[tuple[str, str]]:
+    """Guesses in words, each with the first column that it is of: a line for all columns that differ by their number."""
+    alike: dict[tuple[str, str, str], list[Assigned]] = {}
+    for name, one in guessed.items():
+        key = (_without_numbers(name), one.quantity, units.get(name, "") or unit_in(name))
+        alike.setdefault(key, []).append(one)
+    lines = []
+    for (_, quantity, unit), group in alike.items():
+        first, last = group[0], group[-1]
+        numbers = str(first.number) if len(group) == 1 else f"{first.number} to {last.number}"
+        names = repr(first.column) if len(group) == 1 else f"{first.column!r} to {last.column!r}"
+        stem, _, what = quantity.rpartition("_")
+        place = f"{stem.rstrip('NK')} {numbers} " if stem else ""
+        text = f"{names}: {place}{what}" + (f" in {unit}" if unit else "")
+        lines.append((first.column, text))
+    return lines
 
 
 def _tokens(name: str) -> tuple[list[str], str]:

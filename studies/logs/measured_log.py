@@ -126,11 +126,15 @@ def measured(
     grade = _other(sources, ("gradient", 0), instants)
     if grade is None and line is not None:
         grade = line.along(position, instants, guess if fixes is not None else _median(rim))
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade)
+    # an error that lasts for a span counts as white noise that is as much larger
+    lasts = np.sqrt(np.maximum(spans / np.median(np.diff(instants.time)), 1.0))
+    smoothed = (rim_deviation * lasts)[spans > 0.0]
+    noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise)
     force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
     remarks += turned
     if turned and (speed.followed or fixes is None):
-        speed, extra = _speed(sources, fixes, instants, rim, force, grade)
+        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise)
     remarks += extra
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
@@ -275,11 +279,12 @@ def _speed(
     rim: Floats,
     force: Floats,
     grade: Floats | None,
+    noise: float,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train
     if fixes is None:
-        ground, remarks = estimated_speed(*instants, rim, force, grade, train, source)
+        ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
     found = measured_speed(instants, fixes, rim, force, train, grade)

@@ -1,7 +1,7 @@
 """The period of rows whose time stamps do not tell it, as an epoch in single precision: by the train's momentum.
 
 The speed that the forces give the train in so many rows is the one that it has gained, if the rows are the right time apart.
-Loggers have round periods, so gradient and resistance need not be known.
+A gradient and the resistance are a constant force beside them, which is found too; loggers have round periods.
 """
 
 import numpy as np
@@ -16,8 +16,6 @@ Floats = NDArray[np.float64]
 
 LEAST_CHANGE = 1.0
 """Change of speed [m/s] that a log must have."""
-WINDOWS = 12
-"""Stretches of a log of which the median counts."""
 
 
 def conclude_period(sources: Sources) -> None:
@@ -34,7 +32,9 @@ def conclude_period(sources: Sources) -> None:
         gained = speed - speed[0]
         given = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]))]) / mass
         if np.ptp(gained) > LEAST_CHANGE and np.ptp(given) > 0.0:
-            slope = float(np.polyfit(given, gained, 1)[0])
+            rows = np.arange(gained.size, dtype=float)
+            columns = np.stack([np.ones_like(rows), rows / rows[-1], given], axis=1)
+            slope = float(np.linalg.lstsq(columns, gained, rcond=None)[0][2])
             if slope > 0.0:
                 period = min(PERIODS, key=lambda p: abs(np.log(p / slope)))
     if period is None:

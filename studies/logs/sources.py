@@ -62,7 +62,8 @@ class Sources:
                 text = (
                     f"{again} instant{'s' if again > 1 else ''} with two values: the first is used"
                 )
-                self.remarks.append(Remark("time", one.column, text))
+                if not any(remark.text == text for remark in self.remarks):
+                    self.remarks.append(Remark("time", one.column, text))
             time, values = time[first], values[first]
         return time, values
 
@@ -72,7 +73,7 @@ class Sources:
         scale, turning = one.factor, one.turning
         if scale is None:
             scale, unit, turning = scale_of(one, values, like, self.train)
-            text = f"{one.column!r} has no unit: read as {unit}"
+            text = f"no unit, read as {unit}"
             self.remarks.append(Remark("guess", one.column, text))
         scale *= one.sign
         if turning:
@@ -112,7 +113,9 @@ class Sources:
             self.remarks.append(Remark("missing", name, text))
         if len(far) < len(stretches):
             row = int(np.flatnonzero(missing)[0]) + 1
-            rows = f"{100.0 * count / values.size:.2g} % of the rows" if count > 1 else f"row {row}"
+            share = 100.0 * count / values.size
+            rows = f"{share:.0f} % of the rows" if share > 10.0 else f"{count} rows, the first {row}"
+            rows = f"row {row}" if count == 1 else rows
             text = f"no value in {rows}, interpolated over up to {reach:.2g} s"
             self.remarks.append(Remark("missing", name, text, row))
 
@@ -216,9 +219,6 @@ def _told_by_names(
     if known:
         # beside columns that follow the rules, only what they lack is guessed: time, wheels
         guessed = {n: g for n, g in guessed.items() if g.factor is not None or g.quantity == "time"}
-    remarks = [
-        Remark("guess", name, described(one, recording.units.get(name, "")))
-        for name, one in guessed.items()
-    ]
+    remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]
     unknown = [name for name in rest if name not in guessed]
     return assigned + list(guessed.values()), unknown, remarks

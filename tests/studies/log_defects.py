@@ -108,3 +108,39 @@ def defects(radius: np.ndarray) -> dict[str, Callable[[pd.DataFrame], pd.DataFra
         "counts 20 ms": lambda t: counted(t, radius, 0.02),
         "seventh": every_seventh_missing,
     }
+
+
+def by_rpm(table: pd.DataFrame, radius: np.ndarray) -> pd.DataFrame:
+    """Turning speeds of wheels [1/min]."""
+    changed = table.copy()
+    for i, r in enumerate(radius, 1):
+        name = f"axle{i}_speed_kmh"
+        if name in changed:
+            changed[name.replace("kmh", "rpm")] = changed.pop(name) / 3.6 / r * 60.0 / (2.0 * np.pi)
+    return changed
+
+
+def stamped(table: pd.DataFrame) -> pd.DataFrame:
+    """Time stamps in UTC as texts."""
+    start = pd.Timestamp("2026-03-29T00:59:50Z")
+    at = start + pd.to_timedelta(table["time_s"], unit="s")
+    stamps = at.dt.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    return table.drop(columns="time_s").assign(timestamp=stamps)
+
+
+def single_epoch(table: pd.DataFrame) -> pd.DataFrame:
+    """Seconds since 1970 in single precision: one value for two minutes."""
+    return table.assign(time_s=(table["time_s"] + 1_774_745_990.0).astype(np.float32))
+
+
+def reversed_signs(table: pd.DataFrame) -> pd.DataFrame:
+    """A train whose recorder counts speeds backwards."""
+    return table.assign(**{name: -table[name] for name in table if "speed" in name})
+
+
+def repeated_row(table: pd.DataFrame, row: int = 100) -> pd.DataFrame:
+    return pd.concat([table.iloc[: row + 1], table.iloc[row:]]).reset_index(drop=True)
+
+
+def without_speed(table: pd.DataFrame) -> pd.DataFrame:
+    return table.drop(columns="speed_kmh")
