@@ -60,21 +60,25 @@ class DamageErrors:
     """Change of Q if the delay that was found had been left in the speed; 0 where it is none."""
 
 
-def damage_errors(run: "MeasuredRun", force: Floats, slip: Floats) -> DamageErrors | None:
-    """Errors of Q of a `run`, from the tangential `force` [N] and the `slip` velocity [m/s], (instants, axles)."""
+def damage_errors(
+    run: "MeasuredRun", coefficient: Floats, axle_load: Floats
+) -> DamageErrors | None:
+    """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,)."""
     time = run.time
     step = np.diff(time, append=time[-1])
     step[:-1][np.diff(run.part) != 0] = 0.0
     total, sensors = np.zeros(time.size), 0.0
     period = float(np.median(np.diff(time)))
     lasts = max(WINDOW, period)
-    for i in range(force.shape[1]):
-        own = np.nan_to_num(force[:, i])
+    for i in range(axle_load.size):
+        force = coefficient[:, i] * axle_load[i]
+        own = np.nan_to_num(force)
         total += own
         if run.rim_deviation is not None and np.isfinite(run.rim_deviation[i]):
             sensors += run.rim_deviation[i] ** 2 * lasts * float(step @ own**2)
         if run.force_deviation is not None and np.isfinite(run.force_deviation[i]):
-            pulled = np.where(np.isfinite(force[:, i]), np.nan_to_num(slip[:, i]), 0.0)
+            slip = np.nan_to_num(run.rim_speed[:, i] - run.speed)
+            pulled = np.where(np.isfinite(force), slip, 0.0)
             sensors += run.force_deviation[i] ** 2 * lasts * float(step @ pulled**2)
     if not total.any():
         return None

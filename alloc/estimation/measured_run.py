@@ -86,8 +86,8 @@ class Findings:
     """What a measured run tells; series are nan where it does not tell it."""
 
     events: list[SlipEvent]
-    slip_velocity: Floats
-    """(instants, axles) [m/s]"""
+    run: MeasuredRun
+    """What was analysed."""
     coefficient: Floats
     """Tangential force over load at rest, mean over the window, positive in traction, (instants, axles)."""
     damage: Floats
@@ -106,6 +106,11 @@ class Findings:
     """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
     errors: DamageErrors | None = None
     """Of the wheel damage; None where nothing is known of the errors."""
+
+    @property
+    def slip_velocity(self) -> Floats:
+        """(instants, axles) [m/s]; made when it is asked for, because a long log would hold it for nothing."""
+        return self.run.rim_speed - self.run.speed[:, None]
 
     @property
     def axle_damage(self) -> Floats:
@@ -156,14 +161,13 @@ def analyse_run(
     criterion = criterion or SlipCriterion()
     period = float(np.median(np.diff(run.time)))
     window = max(window, 2.0 * period)
-    slip = run.rim_speed - run.speed[:, None]
     coefficient, damage = (np.full((count, axles), np.nan, order="F") for _ in range(2))
     covered, slipping = np.zeros(axles), np.zeros(axles)
     events: list[SlipEvent] = []
     small: list[SlipEvent] = []
     noise = slip_noise(run)
     for i in range(axles):
-        turning = np.isfinite(slip[:, i])
+        turning = np.isfinite(run.rim_speed[:, i]) & np.isfinite(run.speed)
         known = turning & np.isfinite(run.applied_force[:, i])
         gained = np.zeros(count)
         for inside in parts(known, run.part):
@@ -197,7 +201,7 @@ def analyse_run(
         slipping[i] = sum(e.end - e.start for e in events if e.axle == i)
     return Findings(
         events=sorted(events, key=lambda event: (event.start, event.axle)),
-        slip_velocity=slip,
+        run=run,
         coefficient=coefficient,
         damage=damage,
         covered=covered,
@@ -206,7 +210,7 @@ def analyse_run(
         window=window,
         small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
         least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
-        errors=damage_errors(run, coefficient * train.axle_load, slip),
+        errors=damage_errors(run, coefficient, train.axle_load),
     )
 
 

@@ -21,10 +21,14 @@ REPEATED = 0.4
 """Share of rows that repeat the one before, from which on a channel may be held."""
 REGULAR = 0.9
 """Share of the distances between own samples that must be multiples of one of them."""
+STRAIGHT = 0.02
+"""Noise [m/s, of forces N] above which no straight lines are told."""
 LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
 SEEN = 0.15
 """Time [s] between knots from which on straight lines are told from a smooth motion; below, they do no harm."""
+PIECES, PIECE = 20, 5000
+"""Of a long series, how many pieces of how many values its noise is told from."""
 MEDIAN_DEVIATION = 1.4826
 """Standard deviation over the median of the magnitude, of normally distributed numbers."""
 
@@ -71,8 +75,17 @@ def noise_of(values: Floats) -> float:
     """Standard deviation of the white noise in a series, by its second differences, and of its rounding."""
     if values.size < FEWEST:
         return 0.0
+    values = excerpt(values)
     bend = float(MEDIAN_DEVIATION * np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
     return math.hypot(bend, quantum_of(values) / math.sqrt(12.0))
+
+
+def excerpt(values: Floats) -> Floats:
+    """The values, or of very many as many as tell their noise: pieces of `PIECE` from all over."""
+    if values.size <= PIECES * PIECE:
+        return values
+    starts = np.linspace(0, values.size - PIECE, PIECES).astype(np.int64)
+    return np.concatenate([values[k : k + PIECE] for k in starts])
 
 
 def quantum_of(values: Floats) -> float:
@@ -119,6 +132,9 @@ def _ends(index: Numbers, spacing: float, count: int) -> Numbers:
 
 def _held(values: Floats) -> Numbers | None:
     """Rows at which a held channel was sampled; None if it is not held."""
+    some = excerpt(values)
+    if np.mean(some[1:] == some[:-1]) < 0.5 * REPEATED:
+        return None
     change = np.flatnonzero(np.diff(values)) + 1
     if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
         return None
@@ -139,6 +155,8 @@ def _quantised(values: Floats, found: Numbers) -> bool:
 
 def _interpolated(values: Floats) -> Numbers | None:
     """Rows at which an interpolated channel was sampled, its knots; None if it is not interpolated."""
+    if noise_of(values) > STRAIGHT:
+        return None
     bend = np.abs(np.diff(values, 2))
     moving = bend[bend > 1e-9]
     if moving.size < FEWEST:

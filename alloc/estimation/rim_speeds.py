@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from alloc.estimation.own_samples import Samples
+from alloc.estimation.own_samples import Samples, excerpt
 
 Floats = NDArray[np.float64]
 
@@ -80,6 +80,7 @@ def of_way(time: Floats, way: Floats, pulse: float, step: float = 0.0) -> RimSpe
 
 def pulse_step(speed: Floats) -> float:
     """Speed [m/s] of one pulse in a row, of a speed that is a count of pulses; 0 for any other."""
+    whole, speed = speed, excerpt(speed)
     change = np.diff(speed)
     moved = change[np.abs(change) > 0.5 * COARSE]
     if moved.size < max(LEAST_SPAN, RARELY * speed.size):
@@ -91,7 +92,8 @@ def pulse_step(speed: Floats) -> float:
     if not count.any():
         return 0.0
     step = float(speed @ count / (count @ count))
-    count = np.round(speed / step)
+    count = np.round(whole / step)
+    speed = whole
     fits = np.abs(speed - step * count) < 0.02 * step
     back = moved[1:] * moved[:-1] < 0.0
     return step if fits.mean() > 0.99 and back.mean() > ALTERNATING else 0.0

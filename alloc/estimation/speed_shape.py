@@ -93,13 +93,17 @@ def shape_of_free_wheels(
     time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> Floats | None:
     """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None where there are none most of the time."""
-    free = np.isfinite(rim) & (np.abs(force) < FREE * train.axle_load)
-    both = free[1:] & free[:-1]
-    count = both.sum(axis=1)
-    if np.mean(count > 0) < ALWAYS:
+    count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
+    for i in range(rim.shape[1]):
+        free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])
+        if free.any():
+            both = free[1:] & free[:-1]
+            count += both
+            gained += np.where(both, np.diff(rim[:, i]), 0.0)
+    known = count > 0.0
+    if np.mean(known) < ALWAYS:
         return None
-    gained = np.where(both, np.diff(rim, axis=0), 0.0).sum(axis=1) / np.maximum(count, 1)
-    known = count > 0
+    gained[known] /= count[known]
     gained[~known] = np.interp(time[1:][~known], time[1:][known], gained[known])
     return np.concatenate([[0.0], np.cumsum(gained)])
 

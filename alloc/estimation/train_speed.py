@@ -74,5 +74,7 @@ def measured_speed(
     shape = shapes[name]
     assert shape is not None
     speed, deviation = follow(time, part, shape, fixes, delay)
-    speed[deviation > UNKNOWN] = np.nan
+    by_delay = np.gradient(np.nan_to_num(speed), time) * delay.deviation
+    # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
+    speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
     return MeasuredSpeed(speed, deviation, delay, True, name)

@@ -23,6 +23,8 @@ STUCK_TIME = 1.0
 STUCK_CHANGE = 0.5
 STUCK_SAMPLES = 4
 """The same in samples of a slow channel."""
+OFTEN = 0.1
+"""Time [s] between two looks at all wheels."""
 CONSTANT_TIME = 10.0
 """Time [s] for which a measured force never is exactly constant."""
 DEAD_SHARE = 0.95
@@ -109,11 +111,12 @@ def without_stuck(
     """Measurements of the train's speed without those that do not move while the wheels do."""
     if fixes.time.size < STUCK_SAMPLES:
         return fixes
-    wheels = _median(rim)
+    every = max(int(OFTEN / np.median(np.diff(instants.time))), 1)
+    wheels, time = _median(rim[::every]), instants.time[::every]
     known = np.isfinite(wheels)
     if not known.any():
         return fixes
-    other = np.interp(fixes.time, instants.time[known], wheels[known])
+    other = np.interp(fixes.time, time[known], wheels[known])
     least = STUCK_SAMPLES if fixes.period > 0.1 else FEWEST_ROWS
     keep = np.ones(fixes.time.size, dtype=bool)
     for inside in stuck(fixes.value, other, fixes.time, least):

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from studies.files.study_error import StudyError
+from studies.logs.growing_column import GrowingColumn
 from studies.logs.recording import RawChannel, Recording
 
 COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4", ".xz": "xz"}
@@ -22,9 +24,14 @@ TEXT = (".csv", ".txt", ".tsv", ".asc", ".dat")
 SEPARATORS = (";", "\t", ",", "|")
 LOOKED_AT = 256 * 1024
 """Bytes of a file that decide how it is read."""
+BLOCK = 4 * 1024 * 1024
+"""Bytes of a file that are read at a time."""
 MOST_SPOILT = 0.02
 """Share of rows with another number of fields above which a file is no table."""
-NOTHING = ["", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-", "--", "---", "inf?", "INVALID", "invalid"]  # fmt: skip
+NOTHING = [
+    "", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-", "--", "---", "INVALID", "invalid"
+]  # fmt: skip
+"""What stands for no value."""
 BROKEN = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
 IN_BRACKETS = re.compile(r"^[\[({<]?\s*(.*?)\s*[\])}>]?$")
 
@@ -40,6 +47,26 @@ class Layout(NamedTuple):
     """As many as names, "" where there is none."""
     skipped: int
     """Lines before the first row of values."""
+    line: float
+    """Mean length of a line [bytes]."""
+
+    def rows_in(self, path: Path) -> int:
+        """About how many rows a file has, rather more; 0 where it is compressed."""
+        if path.suffix.lower() in COMPRESSED:
+            return 0
+        return int(1.1 * path.stat().st_size / self.line) + 1000
+
+    def reading(self) -> Any:
+        """The library's options for lines."""
+        return arrow_csv.ReadOptions(
+            column_names=self.names, skip_rows=self.skipped, encoding=self.encoding, block_size=BLOCK
+        )
+
+    def converting(self, kinds: dict[str, Any]) -> Any:
+        """The library's options for values; `kinds` of columns that are known."""
+        return arrow_csv.ConvertOptions(
+            decimal_point=self.decimal, null_values=NOTHING, strings_can_be_null=True, column_types=kinds
+        )  # fmt: skip
 
 
 def is_text(path: Path) -> bool:
@@ -58,27 +85,25 @@ def read_text_table(path: Path) -> Recording:
         with _stream(path) as stream:
             head = stream.read(LOOKED_AT)
         layout = look_at(bytes(head), text)
-        spoilt: list[int] = []
+        spoilt: set[str] = set()
 
         def leave_out(row: Any) -> str:
-            spoilt.append(row.number or 0)
+            spoilt.add(row.text)
             return "skip"
 
-        with _stream(path) as stream:
-            table = arrow_csv.read_csv(
-                stream,
-                read_options=arrow_csv.ReadOptions(
-                    column_names=layout.names, skip_rows=layout.skipped, encoding=layout.encoding,
-                    use_threads=True,
-                ),
-                parse_options=arrow_csv.ParseOptions(
-                    delimiter=layout.separator, invalid_row_handler=leave_out
-                ),
-                convert_options=arrow_csv.ConvertOptions(
-                    decimal_point=layout.decimal, null_values=NOTHING, strings_can_be_null=True,
-                    column_types=_kept_as_text(layout),
-                ),
-            )  # fmt: skip
+        parsing = arrow_csv.ParseOptions(
+            delimiter=layout.separator, invalid_row_handler=leave_out
+        )
+        try:
+            columns = _in_blocks(path, layout, parsing)
+        except pa.ArrowInvalid:
+            # what the first lines say of a column does not hold for all of it
+            spoilt.clear()
+            with _stream(path) as stream:
+                table = arrow_csv.read_csv(stream, layout.reading(), parsing, layout.converting({}))
+            columns = {n: GrowingColumn(0) for n in layout.names}
+            for k, name in enumerate(layout.names):
+                columns[name].append(table.column(k).to_numpy())
     except OSError as error:
         raise StudyError(f"{text} cannot be read: {error.strerror or error}") from None
     except (pa.ArrowException, UnicodeError, csv.Error, EOFError, ValueError) as error:
@@ -88,7 +113,7 @@ def read_text_table(path: Path) -> Recording:
         raise StudyError(f"{text} is no table of csv: {reason}") from None
     notes = []
     if spoilt:
-        if len(spoilt) > MOST_SPOILT * max(table.num_rows, 1) + 1:
+        if len(spoilt) > MOST_SPOILT * max(len(columns[layout.names[0]]), 1) + 1:
             raise StudyError(
                 f"{text} is no table of csv: {len(spoilt)} rows have another number of fields than the heading"
             )
@@ -99,7 +124,43 @@ def read_text_table(path: Path) -> Recording:
     if not usual:
         shown = {"\t": "tab"}.get(layout.separator, layout.separator)
         notes.append(f"separator {shown!r}, decimal {layout.decimal!r}")
-    return of_arrow(table, str(path), dict(zip(layout.names, layout.units, strict=True)), notes)
+    units = dict(zip(layout.names, layout.units, strict=True))
+    channels = {n: RawChannel(n, units[n], _loader(columns, n)) for n in layout.names}
+    return Recording(str(path), channels, notes)
+
+
+def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingColumn]:
+    """Values of the columns, block by block, so that text and numbers of a long log are not held at once."""
+    with _stream(path) as stream:
+        schema = arrow_csv.open_csv(
+            stream, layout.reading(), parsing, layout.converting({})
+        ).schema
+    kinds = {
+        name: pa.float64()
+        for name, kind in zip(schema.names, schema.types, strict=True)
+        if pa.types.is_integer(kind) or pa.types.is_null(kind)
+    }
+    # an epoch of whole numbers has more digits than a float, and keeps its kind
+    first = schema.names[0]
+    if first in kinds and pa.types.is_integer(schema.field(first).type):
+        del kinds[first]
+    columns = [GrowingColumn(layout.rows_in(path)) for _ in layout.names]
+    with _stream(path) as stream:
+        for batch in arrow_csv.open_csv(stream, layout.reading(), parsing, layout.converting(kinds)):
+            for column, values in zip(columns, batch.columns, strict=True):
+                column.append(values.to_numpy(zero_copy_only=False))
+    pa.default_memory_pool().release_unused()
+    return dict(zip(layout.names, columns, strict=True))
+
+
+def _loader(columns: dict[str, GrowingColumn], name: str) -> Any:
+    """What gives the values of a column, and forgets them."""
+
+    def load() -> NDArray[Any]:
+        column = columns.pop(name)
+        return column.values[: column.count]
+
+    return load
 
 
 def of_arrow(table: pa.Table, source: str, units: dict[str, str], notes: list[str]) -> Recording:
@@ -148,7 +209,8 @@ def look_at(head: bytes, text: str) -> Layout:
         comma = sum(bool(re.fullmatch(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", cell)) for cell in cells)
         point = sum(bool(re.fullmatch(r"[+-]?\d+\.\d+(?:[eE][+-]?\d+)?", cell)) for cell in cells)
         decimal = "," if comma > point else "."
-    return Layout(encoding, separator, decimal, names, units, skipped)
+    line = len(head) / max(len(content.splitlines()), 1)
+    return Layout(encoding, separator, decimal, names, units, skipped, line)
 
 
 def _stream(path: Path) -> Any:
@@ -196,6 +258,3 @@ def _is_units(row: list[str], after: list[str]) -> bool:
         and any(BROKEN.fullmatch(cell.strip()) for cell in after)
     )
 
-
-def _kept_as_text(layout: Layout) -> dict[str, Any]:
-    return {}

@@ -7,9 +7,9 @@ A gradient and the resistance are a constant force beside them, which is found t
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.estimation.speed_shape import STANDING
 from alloc.plant.equations import GRAVITY
 from alloc.spans import spans
-from alloc.estimation.speed_shape import STANDING
 from studies.logs.clock import PERIODS, Clock
 from studies.logs.recording import RawChannel
 from studies.logs.remarks import Remark, faulty
