@@ -71,8 +71,8 @@ def estimate_ground_speed(
     """Estimate the speed over ground from what every axle does.
 
     `time` [s] and `part` (instants,), `rim_speed` [m/s] and `applied_force` [N] (instants, axles) as of `MeasuredRun`, nan
-    where not known; `grade` (instants,), the rise per run where the train is; `least_noise` [m/s]: white noise of a rim speed at least,
-    for speeds that were averaged. Raises `EstimationError` where a driven axle
+    where not known; `grade` (instants,), the rise per run where the train is; `least_noise` [m/s]: white noise that a rim
+    speed has at least, for speeds that were averaged. Raises `EstimationError` where a driven axle
     has no forces, and if at no instant forces and a wheel are known.
     """
     told = np.asarray(np.isfinite(applied_force).any(axis=0))

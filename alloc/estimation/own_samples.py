@@ -119,7 +119,8 @@ def _between(index: Numbers, spacing: float) -> Numbers:
     count = np.maximum(np.round(np.diff(index) / spacing).astype(np.int64), 1)
     if count.max(initial=1) == 1:
         return index
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(index[:-1], index[1:], count, strict=True)]  # fmt: skip
+    stretches = zip(index[:-1], index[1:], count, strict=True)
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in stretches]
     return np.round(np.concatenate([*pieces, index[-1:]])).astype(np.int64)
 
 

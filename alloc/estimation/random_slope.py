@@ -19,8 +19,8 @@ Floats = NDArray[np.float64]
 OUTLIER, FAR = 5.0, 0.1
 """Deviations, and beyond them speed [m/s], of the bound: the shape is never right to a millimetre per second."""
 SURE, UNSURE = np.array([1e4, 4e-4, 4e-4]), np.array([1e4, 0.15, 0.04])
-"""Variances of b [m2/s2], c [m2/s4] and s at the start: forces of a train that is known on a line that is, to 2 per mille; and
-forces that may be wrong by a fifth, on up to 40 per mille."""
+"""Variances of b [m2/s2], c [m2/s4] and s at the start: train and line are known to 2 % and 2 per mille; or forces
+may be wrong by a fifth, on up to 40 per mille."""
 
 
 @jit

@@ -105,7 +105,8 @@ def _summed(samples: Samples) -> tuple[Floats, Floats]:
     # a row that is missing was counted all the same, and how much is not known
     mean = 0.5 * (samples.value + np.concatenate([samples.value[:1], samples.value[:-1]]))
     lost = step > 1.5 * samples.period
-    gained = np.where(lost, samples.value * samples.period + mean * (step - samples.period), samples.value * samples.period)  # fmt: skip
+    own = samples.value * samples.period
+    gained = np.where(lost, own + mean * (step - samples.period), own)
     return samples.time, np.cumsum(gained)
 
 

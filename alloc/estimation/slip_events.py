@@ -49,7 +49,7 @@ class SlipCriterion:
 
 
 SMALL = SlipCriterion(0.1, 0.02)
-"""Criterion of small slips, where the noise allows: below it creep of wheels that do not slip, and errors of radii, begin."""
+"""Criterion of small slips, where the noise allows: wheels that do not slip creep by less, and radii are wrong by less."""
 
 
 class SlipEvent(NamedTuple):

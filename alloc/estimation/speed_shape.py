@@ -3,8 +3,8 @@
     M v + sum_i J_i / R_i^2 (R_i omega_i) = integral of (sum_i F_i - resistance - M g grade) dt
 
 So forces and wheel speeds give the speed but for a constant and for what is not known: gradient, resistance, errors of the
-forces. Creep and slides do not enter. An axle that rolls freely turns as the train runs. Where no force is measured the fastest wheel stands for the train under braking and
-the slowest under traction; creep then counts as the train's.
+forces. Creep and slides do not enter. An axle that rolls freely turns as the train runs. Where there is neither, the fastest
+wheel stands for the train under braking and the slowest under traction; creep then counts as the train's.
 """
 
 import numpy as np
@@ -45,7 +45,7 @@ def shape_of_forces(
     if not told.any():
         return None
     total = np.zeros(time.size)
-    for i in np.flatnonzero(told):
+    for i in np.flatnonzero(told).tolist():
         total += _filled(time, force[:, i])
     mass = float(train.car_mass.sum())
     rotating = train.inertia / train.radius**2
@@ -92,7 +92,7 @@ def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
 def shape_of_free_wheels(
     time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> Floats | None:
-    """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None where there are none most of the time."""
+    """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None unless one nearly always does."""
     count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
     for i in range(rim.shape[1]):
         free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])

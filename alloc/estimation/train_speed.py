@@ -20,7 +20,7 @@ LATE = 0.02
 NOISY = 0.03
 """Standard deviation of a measurement [m/s] from which on the shape is followed."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
-"""Misfit per measurement that is added to that of a shape: free wheels are right, wheels that creep look as if they were late."""
+"""Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3

@@ -121,8 +121,9 @@ def analyse(
         None if line is None else read_gradients(line, start_m),
         SlipCriterion(slip_kmh / 3.6, 1e-2 * slip_percent), further,
     )  # fmt: skip
+    failed: dict[str, str] = {}
     if len(logs) == 1:
-        reports, failed = [_one(logs[0], setting, figure)], {}
+        reports = [_one(logs[0], setting, figure)]
     else:
         reports, failed = _batch(logs, setting)
     if out is not None:

@@ -120,5 +120,5 @@ def scale_of(
 
 def _speed(size: float, wheels: Floats) -> tuple[float, str, bool]:
     other = float(np.nanquantile(np.abs(wheels), 0.99))
-    kmh = abs(np.log(max(size / 3.6, 1e-9) / max(other, 1e-9)))
-    return (1.0 / 3.6, "km/h", False) if kmh < abs(np.log(max(size, 1e-9) / max(other, 1e-9))) else (1.0, "m/s", False)  # fmt: skip
+    choices = ((1.0 / 3.6, "km/h", False), (1.0, "m/s", False))
+    return min(choices, key=lambda c: abs(np.log(max(size * c[0], 1e-9) / max(other, 1e-9))))

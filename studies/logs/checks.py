@@ -1,4 +1,4 @@
-"""What is wrong with the series of a log at common instants; all of it is remarked on, and what cannot be used is cut out."""
+"""What is wrong with the series of a log at common instants; remarks on all of it, and what cannot be used is cut out."""
 
 import warnings
 from collections.abc import Iterator
@@ -207,7 +207,8 @@ def momentum_ratio(
     end = begin + width
     given, gained = impulse[end] - impulse[begin], momentum[end] - momentum[begin]
     if np.isnan(impulse[-1]):  # cumulated over what is missing: window by window
-        given = np.array([np.trapezoid(total[a : b + 1], time[a : b + 1]) for a, b in zip(begin, end, strict=True)])  # fmt: skip
+        windows = [slice(a, b + 1) for a, b in zip(begin, end, strict=True)]
+        given = np.array([np.trapezoid(total[w], time[w]) for w in windows])
     mean = given / (time[end] - time[begin])
     used = (part[begin] == part[end]) & (
         np.abs(mean) > LEAST_EFFORT * train.car_mass.sum() * GRAVITY
@@ -247,7 +248,9 @@ def check_balance(
 ) -> list[Remark]:
     """Whether the train gains the momentum that its forces give it; says nothing where a force is missing."""
     time, part = instants
-    used = float(np.nanmax(np.abs(force), initial=0.0)) / train.axle_load.min() if np.isfinite(force).any() else 0.0  # fmt: skip
+    used = 0.0
+    if np.isfinite(force).any():
+        used = float(np.nanmax(np.abs(force))) / float(train.axle_load.min())
     width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
     rate = np.abs(speed[width:] - speed[:-width]) / (time[width:] - time[:-width])
     fastest = rate[np.isfinite(rate) & (part[width:] == part[:-width])].max(initial=0.0)

@@ -102,9 +102,10 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
         whole = raw.astype("datetime64[ns]")
         first = whole[~np.isnat(whole)][0]
         seconds = np.where(np.isnat(whole), np.nan, (whole - first).astype(np.int64) * 1e-9)
-        return seconds, f"{pd.Timestamp(first).isoformat()}", ""
+        return np.asarray(seconds, dtype=float), pd.Timestamp(first).isoformat(), ""
     if raw.dtype.kind == "m":
-        return raw.astype("timedelta64[ns]").astype(np.int64) * 1e-9, "", ""
+        spent = raw.astype("timedelta64[ns]").astype(np.int64) * 1e-9
+        return np.asarray(spent, dtype=float), "", ""
     values = raw.astype(np.float64)
     if np.isinf(values).any():
         row = int(np.flatnonzero(np.isinf(values))[0])
@@ -135,7 +136,7 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
             values = (raw - start).astype(np.float64) * scale
         else:
             values = values - first
-    return values, origin, shown
+    return np.asarray(values, dtype=float), origin, shown
 
 
 def _stamps(raw: NDArray[Any], name: str, source: str) -> NDArray[Any]:
@@ -157,8 +158,8 @@ def _stamps(raw: NDArray[Any], name: str, source: str) -> NDArray[Any]:
     clock = pd.to_timedelta(words.where(texts.notna()), errors="coerce")
     if clock.notna().mean() > 0.9:
         return clock.to_numpy()
-    bad = int(np.flatnonzero(numbers.isna() & texts.notna())[0])
-    raise faulty(source, name, bad + 1, f"{str(raw[bad])!r} is no time")
+    row = int(np.flatnonzero(numbers.isna() & texts.notna())[0])
+    raise faulty(source, name, row + 1, f"{str(raw[row])!r} is no time")
 
 
 def _of_single_precision(seconds: Floats) -> bool:
@@ -176,7 +177,8 @@ def _spread(seconds: Floats, period: float | None) -> tuple[Floats, bool, str]:
     if period is None:
         text = f"{seconds.size} rows have {change.size + 1} different time stamps: their period must be concluded"
         return index, False, text
-    near = min(PERIODS, key=lambda p: abs(np.log(p / period)))
+    told = period
+    near = min(PERIODS, key=lambda p: abs(np.log(p / told)))
     if abs(near / period - 1.0) < 0.01:
         period = near
     text = f"{seconds.size} rows have {change.size + 1} different time stamps: spread evenly, {period:.6g} s apart"

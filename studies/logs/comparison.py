@@ -42,9 +42,11 @@ def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
     other = MeasuredTrain.of(own)
     alike = other.radius.size == train.radius.size and other.car_mass.size == train.car_mass.size
     if not (alike and np.allclose(other.car_mass, train.car_mass, rtol=0.1)):
+        mine, theirs = (
+            f"{t.radius.size} axles, {1e-3 * t.car_mass.sum():.1f} t" for t in (train, other)
+        )
         raise StudyError(
-            f"--against {name}: its train {other.name!r} has {other.radius.size} axles and {1e-3 * other.car_mass.sum():.1f} t, "
-            f"that of the log {train.radius.size} axles and {1e-3 * train.car_mass.sum():.1f} t; give a run of the same train"
+            f"--against {name}: its train {other.name!r} has {theirs}, that of the log {mine}; give a run of the same train"
         )
     run = simulate_job(Job(scenario, RULE, CONTROLLER, 0))
     return check_log(log_table(run, own), other, name)
@@ -59,14 +61,14 @@ def compared(
         figures(other, analyse_run(other.run, other.train, criterion)),
     )
     error = np.hypot(mine["damage_error_kj"] or 0.0, theirs["damage_error_kj"] or 0.0)
-    both = mine["damage_kj"] is not None and theirs["damage_kj"] is not None
+    apart = None
+    if mine["damage_kj"] is not None and theirs["damage_kj"] is not None:
+        apart = abs(mine["damage_kj"] - theirs["damage_kj"])
     return {
         "run": other.source,
         "log": mine,
         "simulated": theirs,
-        "damage_differs": bool(abs(mine["damage_kj"] - theirs["damage_kj"]) > 2.0 * error)
-        if both
-        else None,
+        "damage_differs": None if apart is None else bool(apart > 2.0 * error),
     }
 
 

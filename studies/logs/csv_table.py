@@ -59,7 +59,10 @@ class Layout(NamedTuple):
     def reading(self) -> Any:
         """The library's options for lines."""
         return arrow_csv.ReadOptions(
-            column_names=self.names, skip_rows=self.skipped, encoding=self.encoding, block_size=BLOCK
+            column_names=self.names,
+            skip_rows=self.skipped,
+            encoding=self.encoding,
+            block_size=BLOCK,
         )
 
     def converting(self, kinds: dict[str, Any]) -> Any:
@@ -91,9 +94,7 @@ def read_text_table(path: Path) -> Recording:
             spoilt.add(row.text)
             return "skip"
 
-        parsing = arrow_csv.ParseOptions(
-            delimiter=layout.separator, invalid_row_handler=leave_out
-        )
+        parsing = arrow_csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=leave_out)
         try:
             columns = _in_blocks(path, layout, parsing)
         except pa.ArrowInvalid:
@@ -132,9 +133,7 @@ def read_text_table(path: Path) -> Recording:
 def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingColumn]:
     """Values of the columns, block by block, so that text and numbers of a long log are not held at once."""
     with _stream(path) as stream:
-        schema = arrow_csv.open_csv(
-            stream, layout.reading(), parsing, layout.converting({})
-        ).schema
+        schema = arrow_csv.open_csv(stream, layout.reading(), parsing, layout.converting({})).schema
     kinds = {
         name: pa.float64()
         for name, kind in zip(schema.names, schema.types, strict=True)
@@ -146,7 +145,9 @@ def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingCol
         del kinds[first]
     columns = [GrowingColumn(layout.rows_in(path)) for _ in layout.names]
     with _stream(path) as stream:
-        for batch in arrow_csv.open_csv(stream, layout.reading(), parsing, layout.converting(kinds)):
+        for batch in arrow_csv.open_csv(
+            stream, layout.reading(), parsing, layout.converting(kinds)
+        ):
             for column, values in zip(columns, batch.columns, strict=True):
                 column.append(values.to_numpy(zero_copy_only=False))
     pa.default_memory_pool().release_unused()
@@ -257,4 +258,3 @@ def _is_units(row: list[str], after: list[str]) -> bool:
         and not any(re.match(r"\d{1,4}[-./:]\d", c) for c in cells)
         and any(BROKEN.fullmatch(cell.strip()) for cell in after)
     )
-

@@ -154,9 +154,10 @@ def _guess(name: str, stated: str, train: MeasuredTrain, zero_based: bool) -> As
     else:
         prefix = {"axle": "axleN", "car": "carK", "coupler": "couplerK"}[place]
         stem = f"{prefix}_{'speed' if kind == 'turning' else kind}"
-        number = _number(tokens, place, train, zero_based)
-        if number is None:
+        told = _number(tokens, place, train, zero_based)
+        if told is None:
             return None
+        number = told
     if stem not in QUANTITIES:
         return None
     scale = factor(unit, kind) if clean(unit) else None

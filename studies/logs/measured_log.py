@@ -1,4 +1,4 @@
-"""A log of a real train: read, brought to common instants and SI units with errors, and checked; what is wrong is reported."""
+"""A log of a real train: read, brought to common instants and SI units, and checked; what is wrong is reported."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_run import MeasuredRun
+from alloc.estimation.measured_run import MeasuredRun, SpeedSource
 from alloc.estimation.measured_train import MeasuredTrain
-from alloc.estimation.own_samples import Samples, own_samples
-from alloc.estimation.resampling import Instants, Series, common_instants, longest, resample
-from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.resampling import Instants, common_instants, longest, resample
 from alloc.estimation.train_speed import MeasuredSpeed, measured_speed
 from studies.logs import checks
+from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
@@ -89,7 +89,7 @@ def measured(
         conclude_period(sources)
     remarks = sources.remarks
     fixes = sources.speed(("speed", 0)) if ("speed", 0) in sources.assigned else None
-    wheels = _wheels(sources, fixes)
+    wheels = wheel_speeds(sources, fixes)
     if not wheels:
         raise faulty(recording.source, "axleN_speed", None, "no wheel has a speed")
     instants = common_instants(wheel.time for wheel in wheels.values())
@@ -102,10 +102,10 @@ def measured(
     rim_deviation, spans = np.full(axles, np.nan), np.zeros(axles)
     for number in sorted(wheels):
         wheel = wheels.pop(number)
-        series = _at(wheel, instants)
-        rim[:, number - 1], rim_deviation[number - 1] = series.value, _typical(series)
+        series = at_instants(wheel, instants)
+        rim[:, number - 1], rim_deviation[number - 1] = series.value, typical(series)
         spans[number - 1] = wheel.span
-    force, force_deviation = _forces(sources, instants)
+    force, force_deviation = applied_forces(sources, instants)
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
     plain = None if fixes is None else resample(fixes, instants.time).value
@@ -143,7 +143,9 @@ def measured(
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
     pressure = _all_of(sources, "carK_pressure", train.car_mass.size, instants)
-    source = "estimated" if fixes is None else "followed" if speed.followed else "measured"
+    source: SpeedSource = (
+        "estimated" if fixes is None else "followed" if speed.followed else "measured"
+    )
     run = MeasuredRun(
         instants.time, instants.part, speed.speed, rim, force, coupler, acceleration, speed.deviation,
         rim_deviation, force_deviation, spans, source, speed.delay,
@@ -161,85 +163,6 @@ def measured(
         position=position,
         grade=grade,
     )
-
-
-def _wheels(sources: Sources, fixes: Samples | None) -> dict[int, RimSpeed]:
-    """Speeds of the wheels at their own samples, by axle from 1."""
-    wheels = {}
-    like = None if fixes is None or fixes.time.size == 0 else fixes.value
-    for number in sources.numbers_of("wheel"):
-        place = ("wheel", number)
-        one = sources.assigned[place]
-        if one.quantity == "axleN_pulses":
-            found = _pulses(sources, number)
-        else:
-            found = rim_speed(sources.speed(place, like))
-        if found.time.size > 1:
-            wheels[number] = found
-        if found.step > 0.0:
-            text = f"pulses that step by {found.step:.2g} m/s: the slope of the way over {found.span:.2g} s"
-            sources.remarks.append(Remark("sampling", one.column, text))
-        elif found.span > 0.0:
-            text = f"noise: mean over {found.span:.2g} s"
-            sources.remarks.append(Remark("sampling", one.column, text))
-    return wheels
-
-
-def _pulses(sources: Sources, number: int) -> RimSpeed:
-    """Speed of a wheel from a column of pulses, counted so far or since the row before."""
-    one = sources.assigned["wheel", number]
-    time, count = sources.series(("wheel", number))
-    known = np.isfinite(count)
-    time, count = time[known], count[known] * one.sign
-    change = np.diff(count)
-    if np.mean(change >= 0.0) < 0.9:  # neither is a counter that runs backwards
-        way = np.cumsum(np.abs(count))
-    else:
-        turn = 2.0 ** np.ceil(np.log2(max(float(np.abs(count).max()), 1.0) + 1.0))
-        way = np.concatenate([[0.0], np.cumsum(np.where(change < 0.0, change + turn, change))])
-    radius = float(sources.train.radius[number - 1])
-    pulse = 2.0 * np.pi * radius / float(one.pulses_per_turn or 1.0)
-    return of_way(time, way * pulse, pulse)
-
-
-def _at(wheel: RimSpeed, instants: Instants) -> Series:
-    """A wheel's speed at the common instants; its samples are taken as they come."""
-    period = float(np.median(np.diff(wheel.time)))
-    return resample(
-        Samples(wheel.time, wheel.speed, "sampled", period, wheel.deviation), instants.time
-    )
-
-
-def _typical(series: Series) -> float:
-    """Root mean square of the standard deviation where there is a value."""
-    known = series.deviation[np.isfinite(series.deviation)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
-
-
-def _forces(sources: Sources, instants: Instants) -> tuple[Floats, Floats]:
-    """What acts on the axles at the rim [N], (instants, axles), and its standard deviation, (axles,)."""
-    train = sources.train
-    force = np.full((instants.time.size, train.radius.size), np.nan, order="F")
-    deviation = np.full(train.radius.size, np.nan)
-    for number in sources.numbers_of("effort"):
-        name = sources.assigned["effort", number].column
-        samples = sources.force(number)
-        series = resample(samples, instants.time)
-        force[:, number - 1], deviation[number - 1] = series.value, _typical(series)
-        sources.remarks += checks.check_constant(name, samples.value, samples.time)
-    cars = sources.numbers_of("carK_pressure")
-    for car in cars:
-        one = sources.assigned["carK_pressure", car]
-        if one.newton_per_pascal is None:
-            continue
-        time, values = sources.series(("carK_pressure", car))
-        values = -sources.scaled(("carK_pressure", car), values) * one.newton_per_pascal
-        series = resample(own_samples(time, values), instants.time)
-        del sources.assigned["carK_pressure", car]
-        for i in np.flatnonzero(train.axle_car == car - 1):
-            if np.isnan(force[:, i]).all():
-                force[:, i], deviation[i] = series.value, _typical(series)
-    return force, deviation
 
 
 def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> list[Remark]:

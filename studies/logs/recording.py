@@ -1,4 +1,4 @@
-"""What a file of a log holds before anything of it is understood: channels by name, each with the unit that the file states."""
+"""What a file of a log holds before anything of it is understood: channels by name, with the units that it states."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -29,7 +29,7 @@ def resistance_report(log: MeasuredLog, line: GradientLine | None) -> dict[str, 
 
     None where no force is known. Without a line the gradient counts as none; positions are those of the log, or the way.
     """
-    told = np.isfinite(log.run.applied_force).any(axis=0)
+    told = np.asarray(np.isfinite(log.run.applied_force).any(axis=0))
     if not told.any():
         return None
     try:

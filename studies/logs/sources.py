@@ -114,7 +114,9 @@ class Sources:
         if len(far) < len(stretches):
             row = int(np.flatnonzero(missing)[0]) + 1
             share = 100.0 * count / values.size
-            rows = f"{share:.0f} % of the rows" if share > 10.0 else f"{count} rows, the first {row}"
+            rows = (
+                f"{share:.0f} % of the rows" if share > 10.0 else f"{count} rows, the first {row}"
+            )
             rows = f"row {row}" if count == 1 else rows
             text = f"no value in {rows}, interpolated over up to {reach:.2g} s"
             self.remarks.append(Remark("missing", name, text, row))

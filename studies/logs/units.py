@@ -46,7 +46,7 @@ def registry() -> "UnitRegistry[Any]":
         import pint
     except ImportError:
         raise StudyError(
-            "units of a log need the package pint; install it with `pip install 'readhesion[logs]'`"
+            "units of a log need the package pint; install it with `pip install pint`"
         ) from None
     return pint.UnitRegistry()
 
