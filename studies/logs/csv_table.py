@@ -91,7 +91,7 @@ def read_text_table(path: Path) -> Recording:
         spoilt: set[str] = set()
 
         def leave_out(row: Any) -> str:
-            spoilt.add(row.text)
+            spoilt.add(row.text or "")
             return "skip"
 
         parsing = arrow_csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=leave_out)
@@ -113,14 +113,13 @@ def read_text_table(path: Path) -> Recording:
         reason = " ".join(str(error).split())
         raise StudyError(f"{text} is no table of csv: {reason}") from None
     notes = []
-    if spoilt:
-        if len(spoilt) > MOST_SPOILT * max(len(columns[layout.names[0]]), 1) + 1:
+    lost = sum(max(len(row.splitlines()), 1) for row in spoilt)
+    if lost:
+        if lost > MOST_SPOILT * max(len(columns[layout.names[0]]), 1) + 1:
             raise StudyError(
-                f"{text} is no table of csv: {len(spoilt)} rows have another number of fields than the heading"
+                f"{text} is no table of csv: {lost} rows have another number of fields than the heading, or an open quote"
             )
-        notes.append(
-            f"{len(spoilt)} row{'s' if len(spoilt) > 1 else ''} with another number of fields left out"
-        )
+        notes.append(f"{lost} row{'s' if lost > 1 else ''} with another number of fields left out")
     usual = layout.separator == "," and layout.decimal == "."
     if not usual:
         shown = {"\t": "tab"}.get(layout.separator, layout.separator)
@@ -184,6 +183,8 @@ def look_at(head: bytes, text: str) -> Layout:
     if len(head) == LOOKED_AT:
         lines = lines[:-1]
     filled = [(k, line) for k, line in enumerate(lines) if line.strip() and line[0] not in "#%"]
+    if len(filled) == 1 and _separator([filled[0][1]])[0] in filled[0][1]:
+        raise StudyError(f"{text}: 0 rows; give some to be analysed")
     if len(filled) < 2:
         raise StudyError(f"{text} is no table of csv: it has {len(filled)} lines")
     separator, width = _separator([line for _, line in filled])

@@ -23,8 +23,8 @@ def read_recording(path: Path) -> Recording:
     if not (is_text(path) or ending in ENDINGS):
         known = ", ".join(sorted(ENDINGS))
         raise StudyError(
-            f"{text}: ending {ending!r} is not known; it must be .csv or .parquet, or one of {known}; text may be "
-            f"compressed ({', '.join(COMPRESSED)})"
+            f"{text}: ending {ending!r} must be .csv or .parquet, or one of {known}; text may be compressed "
+            f"({', '.join(COMPRESSED)})"
         )
     if not path.is_file():
         raise StudyError(f"{text} does not exist")
