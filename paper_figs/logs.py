@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
-from alloc.estimation.measured_train import MeasuredTrain
 from alloc.spans import spans
 from paper_figs.palette import VERMILION
 from paper_figs.registry import figure

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.by_reference import ByReference
 from alloc.errors import EstimationError
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.logged_computers import (
     FilterTrace,
     LoggedSeries,
@@ -22,7 +23,6 @@ from alloc.estimation.logged_computers import (
     run_filter,
 )
 from alloc.estimation.measured_run import SHORTEST_PART
-from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.speed_smoother import smooth
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed.kalman_filter import SPEED

@@ -1,6 +1,6 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
-Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.resampling` brings
+Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.common_instants` brings
 channels to common instants before. What is left open by sensors, sampling and delays is a standard deviation on the results.
 
 Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
@@ -31,7 +31,7 @@ from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
 from alloc.estimation.finite_series import mean_rate
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
 from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage

@@ -109,18 +109,33 @@ def _copy(x, p, state, cov, k):
             cov[k, a, b] = p[a, b]
 
 
+class Trace(NamedTuple):
+    """What the filter did: states (instants, 3) and covariances (instants, 3, 3), predicted and corrected."""
+
+    predicted: Floats
+    predicted_covariance: Floats
+    state: Floats
+    covariance: Floats
+
+    @classmethod
+    def allocate(cls, count: int) -> "Trace":
+        """Empty, of `count` instants."""
+        return cls(*(np.zeros((count, 3, 3) if k % 2 else (count, 3)) for k in range(4)))
+
+
 @jit
-def _filter(time, shape, value, r2, q2, start, x, p, gain, predicted, predicted_cov, state, cov):
+def _filter(time, shape, value, r2, q2, start, work, trace):
+    x, p = work.state, work.covariance
     _begin(x, p, start)
     free = True
     for k in range(time.size):
         if k > 0:
             _moved(x, p, time[k] - time[k - 1], q2)
-        _copy(x, p, predicted, predicted_cov, k)
+        _copy(x, p, trace.predicted, trace.predicted_covariance, k)
         if not math.isnan(value[k]):
-            _read(x, p, value[k], shape[k], r2, gain, free)
+            _read(x, p, value[k], shape[k], r2, work.gain, free)
             free = False
-        _copy(x, p, state, cov, k)
+        _copy(x, p, trace.state, trace.covariance, k)
 
 
 @jit
@@ -140,11 +155,9 @@ def smoothed(
 ) -> tuple[Floats, Floats]:
     """Speed [m/s] and its variance after all measurements, (instants,) each, without a gap; nan in `value`: none there."""
     count = time.size
-    predicted, state = np.zeros((count, 3)), np.zeros((count, 3))
-    predicted_cov, cov = np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    _filter(
-        time, shape, value, noise**2, drift**2, start, *Work.allocate(), predicted, predicted_cov, state, cov
-    )  # fmt: skip
+    trace = Trace.allocate(count)
+    _filter(time, shape, value, noise**2, drift**2, start, Work.allocate(), trace)
+    predicted, predicted_cov, state, cov = trace
     move = np.broadcast_to(np.eye(3), (count - 1, 3, 3)).copy()
     move[:, 0, 1] = np.diff(time)
     back = np.linalg.solve(predicted_cov[1:], move @ cov[:-1]).transpose(0, 2, 1)

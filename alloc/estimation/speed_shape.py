@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.finite_series import mean_rate
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 
 Floats = NDArray[np.float64]

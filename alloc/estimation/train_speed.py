@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.common_instants import Instants, resample
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.resampling import Instants, resample
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
 from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, shape_of_wheels
 

@@ -13,8 +13,8 @@ from studies.files.study_error import StudyError
 from studies.files.writable import FIGURE, check_file, check_place, make_folder
 
 if TYPE_CHECKING:
+    from alloc.estimation.known_train import MeasuredTrain
     from alloc.estimation.measured_run import Findings
-    from alloc.estimation.measured_train import MeasuredTrain
     from alloc.estimation.slip_events import SlipCriterion
     from studies.logs.gradients import GradientLine
     from studies.logs.mapping import Mapping

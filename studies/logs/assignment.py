@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from studies.files.study_error import StudyError
 from studies.logs.columns import (
     EFFORT,

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.estimation.common_instants import Instants, Series, resample
 from alloc.estimation.own_samples import Samples, own_samples
-from alloc.estimation.resampling import Instants, Series, resample
 from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
 from studies.logs import checks
 from studies.logs.remarks import Remark
-from studies.logs.sources import Sources
+from studies.logs.told_channels import Sources
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 from studies.logs.assignment import Assigned
 from studies.logs.remarks import Remark, faulty

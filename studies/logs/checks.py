@@ -2,17 +2,18 @@
 
 import warnings
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.common_instants import Instants
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.resampling import Instants
 from alloc.plant.equations import GRAVITY
 from alloc.spans import spans
 from studies.logs.remarks import Remark, faulty
-from studies.logs.sources import FEWEST_ROWS, Sources
+from studies.logs.told_channels import FEWEST_ROWS, Sources
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ ROLLING = 0.01
 """Force over load below which a wheel without a motor rolls; a driven one pulls as much on a climb."""
 BALANCE = (0.6, 1.6)
 """Momentum gained over impulse of the forces, between which a log agrees with itself."""
+STEEPEST = 0.045
+"""Rise per run up to which a gradient may be the cause."""
 BALANCE_WINDOW = 1.0
 LEAST_EFFORT = 0.02
 """Sum of forces over weight from which the balance is drawn: below it gradients and resistance count as much."""
@@ -184,15 +187,24 @@ def check_radius(
     return [Remark("radius", name, text)]
 
 
-def momentum_ratio(
+class Balance(NamedTuple):
+    """Momentum that a train gains beside what its forces give it."""
+
+    ratio: float
+    """The former over the latter."""
+    rise: float
+    """Rise per run that would make the difference."""
+
+
+def momentum_balance(
     instants: Instants,
     speed: Floats,
     rim: Floats,
     force: Floats,
     train: MeasuredTrain,
     grade: Floats | None,
-) -> float | None:
-    """Momentum that the train gains over what its forces give it; None where that cannot be told."""
+) -> Balance | None:
+    """The balance of momentum; None where it cannot be told."""
     time, part = instants
     width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
     rotating = train.inertia / train.radius**2
@@ -217,7 +229,9 @@ def momentum_ratio(
     if used.sum() < 3:
         return None
     x, y = given[used], gained[used]
-    return float(x @ y / (x @ x))
+    lasts = float(np.sum((time[end] - time[begin])[used]))
+    rise = float(np.sum(x - y)) / (lasts * float(train.car_mass.sum()) * GRAVITY)
+    return Balance(float(x @ y / (x @ x)), rise)
 
 
 def turned_round(
@@ -231,8 +245,8 @@ def turned_round(
     """Forces of the other sign where the speeds were turned round and only that makes forces and motion agree."""
     if not any(remark.kind == "sign" for remark in sources.remarks):
         return force, []
-    ratio = momentum_ratio(instants, speed, rim, force, train, None)
-    if ratio is None or not -BALANCE[1] < ratio < -BALANCE[0]:
+    balance = momentum_balance(instants, speed, rim, force, train, None)
+    if balance is None or not -BALANCE[1] < balance.ratio < -BALANCE[0]:
         return force, []
     text = "the forces too count the other way round: turned round with the speeds"
     return -force, [Remark("sign", "axleN_force", text)]
@@ -260,14 +274,15 @@ def check_balance(
             f"{fastest:.2g} m/s2: wrong unit?"
         )
         return [Remark("balance", "axleN_force", text)]
-    ratio = momentum_ratio(instants, speed, rim, force, train, grade)
-    if ratio is None or BALANCE[0] < ratio < BALANCE[1]:
+    balance = momentum_balance(instants, speed, rim, force, train, grade)
+    if balance is None or BALANCE[0] < balance.ratio < BALANCE[1]:
         return []
+    ratio, rise = balance
     cause = (
-        "wrong sign of the forces"
-        if ratio < 0.0
-        else "wrong unit, torque at the motor, a gradient, or another train"
+        "wrong sign of the forces" if ratio < 0.0 else "wrong unit, torque at the motor, or train"
     )
+    if grade is None and abs(rise) < STEEPEST:
+        cause = f"a gradient of {1e3 * rise:+.0f} per mille, {cause}"
     text = (
         f"the train gains {ratio:.2g} times the momentum that the axles' forces give it: {cause}?"
     )

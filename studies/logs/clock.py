@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from studies.logs.channel_units import factor
 from studies.logs.remarks import Remark, faulty
-from studies.logs.units import factor
 
 Floats = NDArray[np.float64]
 

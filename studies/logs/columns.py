@@ -19,7 +19,7 @@ class Quantity(NamedTuple):
     description: str
     required: bool = False
     kind: str = ""
-    """Kind of its unit, see `studies.logs.units.SI`; a speed of an axle may be a turning speed too."""
+    """Kind of its unit, see `studies.logs.channel_units.SI`; a speed of an axle may be a turning speed too."""
 
 
 QUANTITIES: dict[str, Quantity] = {

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run, train_acceleration
-from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.slip_events import SlipCriterion
 from studies.files.study_error import StudyError
 from studies.logs.brake_report import BRAKING

@@ -16,7 +16,7 @@ from pyarrow import csv as arrow_csv
 
 from studies.files.study_error import StudyError
 from studies.logs.growing_column import GrowingColumn
-from studies.logs.recording import RawChannel, Recording
+from studies.logs.raw_channels import RawChannel, Recording
 
 COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4", ".xz": "xz"}
 """Library's name of a compression by the ending of the file."""

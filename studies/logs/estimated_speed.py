@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.spans import bridged_spans
 from studies.logs.remarks import Remark, faulty
 

@@ -23,14 +23,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from alloc.estimation.measured_train import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError, nearest
 from studies.logs.assignment import Assigned, stem_of
+from studies.logs.channel_units import factor
 from studies.logs.columns import QUANTITIES
 from studies.logs.guessing import unit_in
-from studies.logs.recording import Recording
-from studies.logs.units import factor
+from studies.logs.raw_channels import Recording
 
 
 class MappedColumn(Strict):

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from alloc.estimation.common_instants import Instants, common_instants, longest, resample
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import MeasuredRun, SpeedSource
-from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.resampling import Instants, common_instants, longest, resample
 from alloc.estimation.train_speed import MeasuredSpeed, measured_speed
 from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
@@ -18,10 +18,10 @@ from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
 from studies.logs.period import conclude_period
+from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
-from studies.logs.recording import Recording, recording_of
 from studies.logs.remarks import Remark, faulty
-from studies.logs.sources import Sources, open_sources
+from studies.logs.told_channels import Sources, open_sources
 
 Floats = NDArray[np.float64]
 
@@ -138,7 +138,8 @@ def measured(
     remarks += extra
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
-        remarks += checks.check_radius(name, rim[:, number - 1], speed.speed, share)
+        own = rim[:, number - 1]
+        remarks += checks.check_radius(name, own, speed.speed, share, speed.deviation)
     remarks += checks.check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)

@@ -11,9 +11,9 @@ from alloc.estimation.speed_shape import STANDING
 from alloc.plant.equations import GRAVITY
 from alloc.spans import spans
 from studies.logs.clock import PERIODS, Clock
-from studies.logs.recording import RawChannel
+from studies.logs.raw_channels import RawChannel
 from studies.logs.remarks import Remark, faulty
-from studies.logs.sources import FEWEST_ROWS, Sources
+from studies.logs.told_channels import FEWEST_ROWS, Sources
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from pyarrow import parquet
 
 from studies.files.study_error import StudyError
 from studies.logs.csv_table import COMPRESSED, TEXT, is_text, of_arrow, read_text_table
-from studies.logs.recording import RawChannel, Recording
+from studies.logs.raw_channels import RawChannel, Recording
 
 MDF, TDMS, PARQUET = (".mf4", ".mdf", ".dat4"), (".tdms",), (".parquet", ".pq")
 ENDINGS = (*TEXT, *PARQUET, *MDF, *TDMS)

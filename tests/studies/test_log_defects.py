@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
-from alloc.estimation.measured_train import MeasuredTrain
 from alloc.estimation.slip_events import SMALL
 from alloc.plant.sets import find_set
 from studies.core.job import Job, simulate_job
@@ -135,6 +135,8 @@ def test_a_climb_is_no_fault_of_the_wheels(logs):
         table[f"axle{i}_force_kn"] = 1e-3 * pull if driven_axle else 0.0
     log = check_log(table, train, "climb")
     assert not [remark for remark in log.remarks if remark.kind == "radius"]
+    (balance,) = (remark for remark in log.remarks if remark.kind == "balance")
+    assert "a gradient of +29 per mille" in balance.text
     told = check_log(table.assign(gradient_permille=30.0), train, "climb")
     assert not [remark for remark in told.remarks if remark.kind == "balance"]
 

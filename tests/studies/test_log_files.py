@@ -9,14 +9,15 @@ import pytest
 
 from alloc.estimation.measured_run import analyse_run
 from studies.files.study_error import StudyError
+from studies.logs.channel_units import factor, kinds_of
 from studies.logs.mapping import read_mapping
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.remarks import MOST, grouped
-from studies.logs.units import factor, kinds_of
 from tests.studies import log_defects as spoil
 from tests.studies.test_measured_log import RADIUS, TRAIN, make_table
 
-TABLE = make_table().rename(columns={"speed_ms": "speed_kmh"} | {f"axle{n}_speed_ms": f"axle{n}_speed_kmh" for n in range(1, 5)})  # fmt: skip
+TABLE = make_table()
+TABLE.columns = pd.Index([name.replace("speed_ms", "speed_kmh") for name in TABLE])
 TABLE[[name for name in TABLE if "speed" in name]] *= 3.6
 GERMAN = {"time_s": "Zeit", "speed_kmh": "v_GPS"} | {
     f"axle{n}_{what}": f"{short}_Achse{n}"
