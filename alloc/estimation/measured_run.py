@@ -1,7 +1,7 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
-Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.common_instants` brings
-channels to common instants before. What is left open by sensors, sampling and delays is a standard deviation on the results.
+Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.common_instants`
+brings channels to common instants before. What sensors, sampling and delays leave open is stated as standard deviations.
 
 Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
 readheres) by sampling and by white noise of all speeds:

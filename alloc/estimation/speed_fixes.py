@@ -38,6 +38,8 @@ MOST = 6_000
 """Measurements that a delay is found from; of more, every so many."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
+SYSTEMATIC = 0.002
+"""Standard deviation of a delay [s] by errors of the shape, which no number of measurements lessens."""
 EARLY = 0.02
 """Time [s] by which a measurement may lie outside of a part and still belong to it."""
 END_TIME = 0.3
@@ -115,7 +117,7 @@ def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> De
     step = 0.01
     bend = (misfit(delay + step, *start) + misfit(delay - step, *start) - 2.0 * best) / step**2
     narrow = math.sqrt(2.0 / bend) if bend > 0.0 else wide
-    deviation = max(narrow, wide if wide > 0.03 else 0.0)
+    deviation = math.hypot(max(narrow, wide if wide > 0.03 else 0.0), SYSTEMATIC)
     return Delay(delay, deviation, *start, best / max(at.size, 1))
 
 

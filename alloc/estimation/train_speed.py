@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 
 SURE = 3.0
 """Deviations from which on a delay is none of chance."""
-LATE = 0.02
-"""Delay [s] from which on a speed that is dense is followed less its delay."""
+LATE, LATE_OF_MEANS = 0.006, 0.02
+"""Delay [s] from which on a dense speed is followed less its delay; the second where wheels are means over a time."""
 NOISY = 0.03
 """Standard deviation of a measurement [m/s] from which on the shape is followed."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
@@ -50,8 +50,12 @@ def measured_speed(
     force: Floats,
     train: MeasuredTrain,
     grade: Floats | None = None,
+    least_delay: float = LATE,
 ) -> MeasuredSpeed:
-    """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known."""
+    """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
+
+    `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
+    """
     plain = resample(fixes, instants.time)
     if fixes.time.size < FEWEST:
         return MeasuredSpeed(*plain, None, False, "")
@@ -65,16 +69,21 @@ def measured_speed(
     found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
-    late = abs(delay.value) > max(LATE, SURE * delay.deviation)
+    late = abs(delay.value) > max(least_delay, SURE * delay.deviation)
     sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
-    if not (sparse or late or fixes.noise > NOISY):
+    as_measured = not (sparse or late or fixes.noise > NOISY)
+    lacking = ~np.isfinite(plain.value)
+    if as_measured and not lacking.any():
         return MeasuredSpeed(*plain, delay, False, name)
-    if not (late or sparse):
-        delay = delay._replace(value=0.0)
+    used = delay if late or sparse else delay._replace(value=0.0)
     shape = shapes[name]
     assert shape is not None
-    speed, deviation = follow(time, part, shape, fixes, delay)
+    speed, deviation = follow(time, part, shape, fixes, used)
+    if as_measured:
+        speed[~lacking], deviation[~lacking] = plain.value[~lacking], plain.deviation[~lacking]
+    else:
+        delay = used
     by_delay = np.gradient(np.nan_to_num(speed), time) * delay.deviation
     # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
     speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
-    return MeasuredSpeed(speed, deviation, delay, True, name)
+    return MeasuredSpeed(speed, deviation, delay, not as_measured, name)

@@ -116,7 +116,7 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
     scale, shown = 1.0, ""
     size = float(np.median(np.abs(known)))
     if unit and (size <= EPOCHS[-1][0] or unit != "s"):
-        scale = factor(unit, "time") or 1.0
+        scale = 1.0 if unit == "s" else factor(unit, "time") or 1.0
     else:
         for least, own, word in EPOCHS:
             if size > least:

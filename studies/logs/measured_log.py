@@ -11,7 +11,7 @@ from alloc.estimation.common_instants import Instants, common_instants, longest,
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.train_speed import MeasuredSpeed, measured_speed
+from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
 from studies.logs.estimated_speed import estimated_speed
@@ -211,7 +211,9 @@ def _speed(
         ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(instants, fixes, rim, force, train, grade)
+    found = measured_speed(
+        instants, fixes, rim, force, train, grade, LATE_OF_MEANS if noise > 0.0 else LATE
+    )
     if not np.isfinite(found.speed[:, None] * rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []

@@ -1,6 +1,7 @@
 """What the errors of a log leave open of its wheel damage Q: the delay of the train's speed first."""
 
 from alloc.estimation.measured_run import Findings
+from alloc.estimation.train_speed import SURE
 from studies.logs.measured_log import MeasuredLog
 from studies.logs.remarks import Remark
 
@@ -25,12 +26,14 @@ def delay_remarks(log: MeasuredLog, found: Findings) -> list[Remark]:
     damage = max(abs(found.total_damage), 1e-9)
     moved = moved_by_delay(log, found)
     if moved is None:
-        unsure = abs(errors.per_second) * delay.deviation / damage
-        if delay.drift < UNLIKE or unsure < MOVED:
+        unlike = delay.deviation if delay.drift > UNLIKE else 0.0
+        late = abs(delay.value) if abs(delay.value) > SURE * delay.deviation else 0.0
+        unsure = abs(errors.per_second) * max(unlike, late) / damage
+        if unsure < MOVED:
             return []
         text = (
-            f"the train's speed does not change as forces and wheels say; it may be {delay.deviation:.2g} s late or early, "
-            f"which moves Q by {100.0 * unsure:.0f} %"
+            f"the train's speed may be {max(unlike, late):.2g} s late or early, by what forces and wheels say; that moves "
+            f"Q by {100.0 * unsure:.0f} %, and is not made up for"
         )
         return [Remark("delay", "speed", text)]
     remarks = []

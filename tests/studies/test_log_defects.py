@@ -55,12 +55,16 @@ def logs() -> dict[str, Clean]:
 
 
 DEFECTS = [
+    "late by a period",
+    "lost",
     *spoil.defects(np.ones(1)), "epoch", "backwards", "repeated", "late and noisy", "held, counted"
 ]  # fmt: skip
 
 
 def spoilt(clean: Clean, defect: str) -> pd.DataFrame:
     others = {
+        "late by a period": lambda t: spoil.speed_late(t, 0.01),
+        "lost": lambda t: t.assign(speed_kmh=t["speed_kmh"].where(abs(t["time_s"] - 3.0) > 1.5)),
         "epoch": spoil.single_epoch,
         "backwards": spoil.reversed_signs,
         "repeated": spoil.repeated_row,
