@@ -1,5 +1,7 @@
 """What a log says of its axles: speeds of wheels, and what acts at their rims."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,8 +68,20 @@ def typical(series: Series) -> float:
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
-def applied_forces(sources: Sources, instants: Instants) -> tuple[Floats, Floats]:
-    """What acts on the axles at the rim [N], (instants, axles), and its standard deviation, (axles,)."""
+class AppliedForces(NamedTuple):
+    """What acts on the axles at the rim."""
+
+    value: Floats
+    """[N], (instants, axles)."""
+    deviation: Floats
+    """Standard deviation [N], (axles,)."""
+    period: float
+    """Time between the samples of the slowest channel [s]; 0 without any."""
+
+
+def applied_forces(sources: Sources, instants: Instants) -> AppliedForces:
+    """What acts on the axles, at the common instants."""
+    slowest = 0.0
     train = sources.train
     force = np.full((instants.time.size, train.radius.size), np.nan, order="F")
     deviation = np.full(train.radius.size, np.nan)
@@ -76,6 +90,7 @@ def applied_forces(sources: Sources, instants: Instants) -> tuple[Floats, Floats
         samples = sources.force(number)
         series = resample(samples, instants.time)
         force[:, number - 1], deviation[number - 1] = series.value, typical(series)
+        slowest = np.fmax(slowest, samples.period)
         sources.remarks += checks.check_constant(name, samples.value, samples.time)
     cars = sources.numbers_of("carK_pressure")
     for car in cars:
@@ -89,4 +104,4 @@ def applied_forces(sources: Sources, instants: Instants) -> tuple[Floats, Floats
         for i in np.flatnonzero(train.axle_car == car - 1):
             if np.isnan(force[:, i]).all():
                 force[:, i], deviation[i] = series.value, typical(series)
-    return force, deviation
+    return AppliedForces(force, deviation, float(slowest))

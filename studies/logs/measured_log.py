@@ -26,6 +26,10 @@ from studies.logs.told_channels import Sources, open_sources
 Floats = NDArray[np.float64]
 
 
+SLOW = 1.5
+"""Periods of the wheels from which on forces are slower than they."""
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredLog:
     """A log that can be analysed, and the remarks on it."""
@@ -105,7 +109,7 @@ def measured(
         series = at_instants(wheel, instants)
         rim[:, number - 1], rim_deviation[number - 1] = series.value, typical(series)
         spans[number - 1] = wheel.span
-    force, force_deviation = applied_forces(sources, instants)
+    force, force_deviation, slowest = applied_forces(sources, instants)
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
     plain = None if fixes is None else resample(fixes, instants.time).value
@@ -130,11 +134,13 @@ def measured(
     lasts = np.sqrt(np.maximum(spans / np.median(np.diff(instants.time)), 1.0))
     smoothed = (rim_deviation * lasts)[spans > 0.0]
     noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise)
+    exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
+    least_delay = LATE if exact else LATE_OF_MEANS
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
     force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
     remarks += turned
     if turned and (speed.followed or fixes is None):
-        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise)
+        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
     remarks += extra
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
@@ -204,6 +210,7 @@ def _speed(
     force: Floats,
     grade: Floats | None,
     noise: float,
+    least_delay: float,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train
@@ -211,9 +218,7 @@ def _speed(
         ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(
-        instants, fixes, rim, force, train, grade, LATE_OF_MEANS if noise > 0.0 else LATE
-    )
+    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay)
     if not np.isfinite(found.speed[:, None] * rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []
