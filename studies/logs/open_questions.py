@@ -37,12 +37,12 @@ def delay_remarks(log: MeasuredLog, found: Findings) -> list[Remark]:
         )
         return [Remark("delay", "speed", text)]
     remarks = []
-    late = f"{abs(delay.value):.3f} ± {delay.deviation:.3f} s {'late' if delay.value > 0.0 else 'early'}"
+    how = f"{abs(delay.value):.3f} ± {delay.deviation:.3f} s {'late' if delay.value > 0.0 else 'early'}"
     if abs(moved) > MOVED:
-        text = f"the train's speed is {late}; made up for, and left alone it moves Q by {100.0 * moved:+.0f} %"
+        text = f"the train's speed is {how}; made up for, and left alone it moves Q by {100.0 * moved:+.0f} %"
         remarks.append(Remark("delay", "speed", text))
-    unsure = errors.by_delay / damage
-    if unsure > MOVED:
-        text = f"what is not known of the delay, {delay.deviation:.2g} s, moves Q by {100.0 * unsure:.0f} %"
+    open_still = errors.by_delay / damage
+    if open_still > MOVED:
+        text = f"what is not known of the delay, {delay.deviation:.2g} s, moves Q by {100.0 * open_still:.0f} %"
         remarks.append(Remark("delay", "speed", text))
     return remarks
