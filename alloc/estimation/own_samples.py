@@ -142,9 +142,11 @@ def _held(values: Floats) -> Numbers | None:
     spacing = _spacing(change)
     if spacing is None:
         # a logger that resampled a held channel leaves a value in between at each step
-        last = np.concatenate([np.diff(change) > 1, [True]])
-        spacing = _spacing(change[last]) if last.mean() < 0.8 else None
-        change = change[last]
+        follows = np.diff(change) == 1
+        if np.any(follows[1:] & follows[:-1]):
+            return None
+        change = change[np.concatenate([~follows, [True]])]
+        spacing = _spacing(change)
     if spacing is None or spacing < 2.0:
         return None
     return _ends(_between(change, spacing), spacing, values.size)
