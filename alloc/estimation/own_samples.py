@@ -23,6 +23,10 @@ REGULAR = 0.9
 """Share of the distances between own samples that must be multiples of one of them."""
 STRAIGHT = 0.02
 """Noise [m/s, of forces N] above which no straight lines are told."""
+COARSE = 0.02
+"""Step of a rounded speed [m/s] from which on it matters."""
+STAYS = 1.0
+"""Time [s] from a change from which on a rounded speed of 0 is one at rest."""
 LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
 SEEN = 0.15
@@ -46,12 +50,19 @@ class Samples(NamedTuple):
     """Standard deviation of a value: of what is white in it, and of its rounding."""
 
 
-def own_samples(time: Floats, values: Floats) -> Samples:
-    """Find the own samples of a channel, (rows,) each; nan where a row has no value."""
+def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
+    """Find the own samples of a channel, (rows,) each; nan where a row has no value.
+
+    `rounded`: whether a channel that changes by one step now and then is a smooth one that is rounded; a force may jump.
+    """
     finite = np.isfinite(values)
     t, v = (time, values) if finite.all() else (time[finite], values[finite])
     kind: Kind = "sampled"
     if v.size >= FEWEST:
+        if rounded and _quantised(v):
+            noise = quantum_of(v) / math.sqrt(12.0)
+            t, v = _crossings(t, v)
+            return Samples(t, v, "quantised", float(np.median(np.diff(t))), noise)
         found = _held(v)
         kind = "held"
         if found is None:
@@ -60,11 +71,6 @@ def own_samples(time: Floats, values: Floats) -> Samples:
             found = None
         if found is None:
             kind = "sampled"
-        elif kind == "held" and _quantised(v, found):
-            # as a rounded value changes, the true one is in the middle
-            change = np.flatnonzero(np.diff(v))
-            t, v = 0.5 * (t[change] + t[change + 1]), 0.5 * (v[change] + v[change + 1])
-            kind = "quantised"
         else:
             t, v = t[found], v[found]
     period = float(np.median(np.diff(t))) if t.size > 1 else math.nan
@@ -152,13 +158,34 @@ def _held(values: Floats) -> Numbers | None:
     return _ends(_between(change, spacing), spacing, values.size)
 
 
-def _quantised(values: Floats, found: Numbers) -> bool:
-    """Whether a channel repeats values because it is rounded: it changes by one step, not at even times."""
+def _quantised(values: Floats) -> bool:
+    """Whether a channel repeats values because it is rounded: it goes on by one step, not at even times."""
     change = np.flatnonzero(np.diff(values)) + 1
-    step = np.abs(values[change] - values[change - 1])
-    apart = np.diff(change)
-    least = step.min()
-    return bool(np.mean(step < 1.5 * least) > 0.95 and np.std(apart) > 0.02 * apart.mean())
+    if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
+        return False
+    step = values[change] - values[change - 1]
+    least, apart = np.abs(step).min(), np.diff(change)
+    one = np.mean(np.abs(step) < 1.5 * least) > 0.95
+    onwards = np.mean(step[1:] * step[:-1] > 0.0) > REGULAR
+    return bool(one and onwards and least > COARSE and np.std(apart) > 0.02 * apart.mean())
+
+
+def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """As a rounded value changes, the true one is in the middle; in between it is not known, but at rest it is none."""
+    change = np.flatnonzero(np.diff(values))
+    at, middle = (
+        0.5 * (time[change] + time[change + 1]),
+        0.5 * (values[change] + values[change + 1]),
+    )
+    stays = np.arange(time[0], time[-1], STAYS)
+    after = np.searchsorted(at, stays)
+    before = np.where(after > 0, at[np.maximum(after - 1, 0)], -np.inf)
+    behind = np.where(after < at.size, at[np.minimum(after, at.size - 1)], np.inf)
+    stays = stays[(stays - before > STAYS) & (behind - stays > STAYS)]
+    stays = stays[values[np.clip(np.searchsorted(time, stays), 0, time.size - 1)] == 0.0]
+    said = np.zeros(stays.size)
+    order = np.argsort(np.concatenate([at, stays]), kind="stable")
+    return np.concatenate([at, stays])[order], np.concatenate([middle, said])[order]
 
 
 def _interpolated(values: Floats) -> Numbers | None:

@@ -128,7 +128,7 @@ class Sources:
         values = self.scaled(place, values, like)
         values, found = forwards(name, values, self.source)
         self.remarks += found
-        samples = own_samples(time, values)
+        samples = own_samples(time, values, rounded=place[0] == "speed")
         self.note_missing(name, time, values, samples)
         return samples
 

@@ -10,7 +10,8 @@ import pytest
 from alloc.estimation.measured_run import analyse_run
 from studies.files.study_error import StudyError
 from studies.logs.channel_units import factor, kinds_of
-from studies.logs.mapping import read_mapping
+from studies.logs.gradients import GradientLine
+from studies.logs.mapping import Mapping, read_mapping
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.remarks import MOST, grouped
 from tests.studies import log_defects as spoil
@@ -188,3 +189,24 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, ending
     (tmp_path / f"log.{ending}").write_bytes(b"-")
     with pytest.raises(StudyError, match=rf"needs the package {package}.*readhesion\[logs\]"):
         read_log(tmp_path / f"log.{ending}", TRAIN)
+
+
+def test_pressure_position_and_a_line_take_part(tmp_path):
+    table = TABLE.drop(columns=[name for name in TABLE if "force" in name])
+    way = np.cumsum(table["speed_kmh"] / 3.6 * 0.02)
+    table = table.assign(
+        km=(1000.0 + way) / 1e3, p1=np.maximum(-TABLE["axle1_force_kn"], 0.0) * 0.5
+    )
+    names = {
+        name: {"is": name.rsplit("_", 1)[0], "unit": "km/h"} for name in table if "speed" in name
+    }
+    names |= {"time_s": {"is": "time", "unit": "s"}, "km": {"is": "position", "unit": "km"}}
+    names["p1"] = {"is": "car1_pressure", "unit": "bar", "newton_per_kpa": 20.0}
+    mapping = Mapping.model_validate({"columns": names})
+    line = GradientLine(np.array([0.0, 1100.0]), np.array([0.0, 0.02]))
+    log = check_log(table, TRAIN, "log", mapping, line)
+    expected = np.minimum(1e3 * TABLE["axle1_force_kn"], 0.0)
+    for axle in (0, 1):  # of the first car
+        np.testing.assert_allclose(log.run.applied_force[:, axle], expected, atol=1e-6)
+    assert np.isnan(log.run.applied_force[:, 2:]).all()
+    np.testing.assert_array_equal(log.grade, np.where(log.position < 1100.0, 0.0, 0.02))
