@@ -17,6 +17,10 @@ SURE = 3.0
 """Deviations from which on a delay is none of chance."""
 LATE, LATE_OF_MEANS = 0.006, 0.02
 """Delay [s] from which on a dense speed is followed less its delay; the second where wheels are means over a time."""
+ROWS = 0.6
+"""The same in periods of the wheels."""
+LATE_OF_SHAPE, UNLIKE = 0.1, 0.02
+"""The same [s] where the speed is not that of the shape, by a drift from this on [m/s2 per root second]."""
 NOISY = 0.03
 """Standard deviation of a measurement [m/s] from which on the shape is followed."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
@@ -69,7 +73,10 @@ def measured_speed(
     found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
-    late = abs(delay.value) > max(least_delay, SURE * delay.deviation)
+    # what happens between two rows, and what the shape does not follow, looks like a delay too
+    of_rows = ROWS * float(np.median(np.diff(time)))
+    of_shape = LATE_OF_SHAPE if delay.drift > UNLIKE else 0.0
+    late = abs(delay.value) > max(least_delay, SURE * delay.deviation, of_rows, of_shape)
     sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
     as_measured = not (sparse or late or fixes.noise > NOISY)
     lacking = ~np.isfinite(plain.value)

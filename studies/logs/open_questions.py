@@ -1,14 +1,12 @@
 """What the errors of a log leave open of its wheel damage Q: the delay of the train's speed first."""
 
 from alloc.estimation.measured_run import Findings
-from alloc.estimation.train_speed import SURE
+from alloc.estimation.train_speed import ROWS, SURE, UNLIKE
 from studies.logs.measured_log import MeasuredLog
 from studies.logs.remarks import Remark
 
 MOVED = 0.05
 """Share of Q that a delay moves, from which on the log is flagged."""
-UNLIKE = 0.03
-"""Drift of the shape [m/s2 per root second] from which on a speed that is as measured is not that of the forces."""
 
 
 def moved_by_delay(log: MeasuredLog, found: Findings) -> float | None:
@@ -27,7 +25,8 @@ def delay_remarks(log: MeasuredLog, found: Findings) -> list[Remark]:
     moved = moved_by_delay(log, found)
     if moved is None:
         unlike = delay.deviation if delay.drift > UNLIKE else 0.0
-        late = abs(delay.value) if abs(delay.value) > SURE * delay.deviation else 0.0
+        likely = max(SURE * delay.deviation, ROWS * log.period)
+        late = abs(delay.value) if abs(delay.value) > likely and not unlike else 0.0
         unsure = abs(errors.per_second) * max(unlike, late) / damage
         if unsure < MOVED:
             return []
