@@ -72,13 +72,9 @@ def factor(unit: str, kind: str) -> float | None:
     text = clean(unit)
     if kind == "time" and text.lower() == "ms":
         return 1e-3
-    units = registry()
+    units, number = registry(), _number(unit)
     try:
-        one = (
-            units.Quantity(1.0, _spelt(unit))
-            if not _number(unit)
-            else units.Quantity(_number(unit), "")
-        )
+        one = units.Quantity(number, "") if number else units.Quantity(1.0, _spelt(unit))
         return float(one.to(SI[kind]).magnitude)
     except Exception:  # the library has many errors for what is no unit
         return None
