@@ -63,8 +63,10 @@ def pose(u, target, limit):
         least = min(least, axles.peak[i])
     now.parameters[axles.peak.size] = u.belief.drag.grade[0]
     now.parameters[u.curve], now.parameters[u.curve + 1] = predicted_curve(u.belief.curve, axles)
-    air, load = u.belief.air.coefficient[0], u.belief.load
-    now.parameters[u.curve - 1] = air * u.radius * load.mean()
+    air, load = u.belief.air.coefficient[0], 0.0
+    for i in range(axles.peak.size):
+        load += u.belief.load[i] / axles.peak.size
+    now.parameters[u.curve - 1] = air * u.radius * load
     most = max(min(min(target, limit), least * u.carried - air * u.per_coefficient), 0.0)
     for k in range(now.upper.size):
         now.upper[k] = most

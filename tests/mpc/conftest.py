@@ -1,5 +1,7 @@
 """A unit with four axles and random problems for it, shared by the tests of the MPC."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -46,7 +48,7 @@ def _sense(speed=10.0, slip=0.02, torque=300.0, target=900.0, axles=4, **values)
     defaults = {
         "time": 0.0, "speed": speed, "omega": np.full(axles, (speed + slip) / 0.43),
         "torque": torque, "target": target, "drive_limit": 1150.0, "brake_limit": 1150.0,
-        "coefficient": 0.1, "slipping": False,
+        "coefficient": math.nan, "slipping": False,
     }  # fmt: skip
     return UnitSense(**(defaults | values))
 

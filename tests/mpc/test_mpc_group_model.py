@@ -57,7 +57,7 @@ def test_prediction_equals_the_plant_with_load_transfer(cars, inverters):
     before = state[pick].copy()
     predicted = np.asarray(predict(before, command, parameters(group, peak))).ravel()
     # the factors of load transfer are the last of the parameters
-    factors = np.concatenate([np.ones(n.axles + 8 + 5 * len(group)), np.zeros(n.axles)])
+    factors = np.concatenate([np.ones(n.axles + 8 + 6 * len(group)), np.zeros(n.axles)])
     constant = predict(before, command, parameters(group, peak) * factors)
     inputs = plant.zero_inputs()
     inputs.torque_command[:] = command

@@ -55,7 +55,13 @@ def test_where_the_plan_needs_more_slip_than_a_controller_allows_it_cuts_though_
     start,
 ):
     # the peak at 1.2 m/s: what limits slip by itself must stop far below it
-    for controller in ("pi-creep", "perturb-observe", "mpc"):
+    for controller in ("pi-creep", "perturb-observe"):
         run = simulate(start("double exponential"), "alone", controller)
         assert run["torque_factor"].values.min() < 0.5
         assert float((np.abs(run["slip_velocity"]) / run["peak_slip"]).max()) < 1.0
+
+
+def test_the_mpc_seeks_the_slip_that_a_wide_peak_needs(start):
+    run = simulate(start("double exponential"), "alone", "mpc")
+    factor = run["torque_factor"].values[run["time"].values >= 1.0]
+    assert factor.min() > 0.85

@@ -1,5 +1,9 @@
 """Rails of five curves with one peak, the settings of the MPC that meet them, and statements cell by cell."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pandas as pd
 import pytest
 
@@ -45,10 +49,14 @@ def test_rails_differ_in_their_curve_and_offer_the_drawn_adhesion(curve):
 
 
 def test_the_double_exponential_is_that_of_the_example_of_a_plug_in():
-    from docs.plugins.double_exponential import DoubleExponential
-    from studies.mismatch.rails import ExponentialDifference
+    # in a process of its own: to import the example registers it
+    source = """
+from docs.plugins.double_exponential import DoubleExponential
+from studies.mismatch.rails import ExponentialDifference
 
-    assert (ExponentialDifference().q == DoubleExponential().q).all()
+assert (ExponentialDifference().q == DoubleExponential().q).all()
+"""
+    subprocess.run([sys.executable, "-c", source], check=True, cwd=Path(__file__).parents[2])
 
 
 def test_settings_reach_the_controller():
