@@ -18,6 +18,7 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
 from alloc.plant.adhesion_laws import adhesion_limit
 from alloc.plant.structure import Floats
+from mpc.air_brake import AirBrake, air_brake_of, hear_air_brake
 from mpc.arrays import VECTOR, sweep
 from mpc.axle_observer import (
     Axles,
@@ -41,9 +42,6 @@ from mpc.slip_search import (
     slip_limit,
 )
 from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
-
-FOREIGN_FORCE = 0.02
-"""Coefficient by which the unit's own estimate, which knows of the air brake, may differ from what the motors explain."""
 
 PREDICTED = RationalCurve(peak_slip=2.0 / STEEPEST_SLOPE, steepness=2.0)
 """Curve that the steps of the prediction are made for: of the steepest slope."""
@@ -78,6 +76,7 @@ class Belief(NamedTuple):
     """Load of each axle [N], (axles,)."""
     fresh: NDArray[np.bool_]
     """Whether the observers start anew at the next update, (1,)."""
+    air: AirBrake
     drag: Drag
     search: Search
     curve: Curve
@@ -93,6 +92,7 @@ def belief_of(context: UnitContext, settings: MpcSettings) -> Belief:
         axles_of(context, settings.belief),
         np.full(context.axles, float(context.axle_load)),
         np.ones(1, dtype=np.bool_),
+        air_brake_of(context.period),
         drag_of(context),
         search_of(context, settings.search, settings.belief.pole),
         curve_of(settings.belief, context.period, settings.search.first / USUAL_SHARE),
@@ -113,21 +113,17 @@ BELIEF = _kind()
 def believe(b, speed, omega, torque, wanted, estimate):
     """Take in car speed [m/s], angular speeds [rad/s] (axles,), motor torque and the one wanted [N m].
 
-    All in the direction of the demand. `estimate`: the unit's own of its tangential coefficient, nan if it has none. Where
-    it differs, other brakes work; what the motors add is then no point of the curve, and the search rests.
+    All in the direction of the demand. `estimate`: the unit's own of its tangential coefficient, nan if it has none.
     """
-    axles, state = b.axles, b.search.state[0]
+    axles, state, least = b.axles, b.search.state[0], np.inf
     observe_axles(b.constants, axles, b.load, speed, omega, torque * b.gear, b.fresh[0])
+    hear_air_brake(b.air, axles, estimate)
     estimate_drag(b.drag, axles, b.load, speed, b.fresh[0])
     b.fresh[0] = False
-    mean, least = 0.0, np.inf
-    for i in range(omega.size):
-        mean += axles.coefficient[i] / omega.size
-    foreign = abs(estimate - mean) > FOREIGN_FORCE  # False for nan
     noise = mean_noise(axles)
     take_in_pairs(b.constants, axles, b.curve, noise)
-    limited = torque < LIMITING * wanted and not foreign
-    search_slip(b.search, axles, b.curve, b.constants.felt_noise * noise, noise, limited)
+    felt = b.constants.felt_noise * noise
+    search_slip(b.search, axles, b.curve, felt, noise, torque < LIMITING * wanted)
     if not b.search.pace.seeks:
         for i in range(omega.size):
             least = min(least, axles.peak[i])

@@ -163,9 +163,9 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     transfer = bool(plant.structure.unloading.any())
     state, torque = cs.SX.sym("state", n + 1 + m), cs.SX.sym("torque", m)
     creeps = curve_kind in (POLACH, POLACH_BY_FRICTION)
-    sizes = [n, 1, 1, *[m] * len(CONSTANTS), m * creeps, 6, n * transfer]
+    sizes = [n, 1, 1, *[m] * len(CONSTANTS), m * creeps, m, 6, n * transfer]
     parameters = cs.SX.sym("parameters", sum(sizes))
-    peak, grade, mass, load, radius, inertia, gear, lag, contact, q, unloaded = cs.vertsplit(
+    peak, grade, mass, load, radius, inertia, gear, lag, contact, air, q, unloaded = cs.vertsplit(
         parameters, np.concatenate([[0], np.cumsum(sizes)]).tolist()
     )
 
@@ -195,6 +195,7 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     unbounded = {"drive_limit": UNBOUNDED_TORQUE, "brake_limit": UNBOUNDED_TORQUE, "health": 1.0}
     local = Local(peak=peak, grade=grade, air_factor=1.0, **unbounded)
     rate = arrays.derivative(whole, Inputs(**inputs), local)
+    rate[rows[1]] += by_axle(air) / by_axle(inertia)
     steps = arrays.steps(
         without_clamps(cs.vertcat(*(rate[block] for block in rows)), UNBOUNDED_TORQUE)
     )
@@ -227,8 +228,8 @@ def stiffness_of(units: Units, step: float) -> Stiffness:
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:
     """Parameters of the model: peak coefficient of each axle, gradient (which stands for all drag), mass, each of the
-    `CONSTANTS` of all units, their `creep_stiffnesses`, the six parameters of the adhesion curve; where axle loads change,
-    unloading of each axle.
+    `CONSTANTS` of all units, their `creep_stiffnesses`, the torque of other brakes at each wheelset of a unit [N m], 0 here,
+    the six parameters of the adhesion curve; where axle loads change, unloading of each axle.
 
     `peak`: one for all axles, or (axles,).
     """
@@ -239,7 +240,8 @@ def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats
     mass = sum(context.mass for context in group)
     lost = moved if moved.any() else moved[:0]
     creep = creep_stiffnesses(group)
-    return np.concatenate([peaks, [grade, mass], constants, creep, group[0].curve.q, lost])
+    air = np.zeros(len(group))
+    return np.concatenate([peaks, [grade, mass], constants, creep, air, group[0].curve.q, lost])
 
 
 def curve_place(units: Units) -> slice:
@@ -247,6 +249,12 @@ def curve_place(units: Units) -> slice:
     moved = unloading(units)
     begin = parameters(units, 0.0).size - CURVE_PARAMETERS - moved.size * bool(moved.any())
     return slice(begin, begin + 2)
+
+
+def air_place(units: Units) -> slice:
+    """Where among the `parameters` the torques of other brakes stand, (units,)."""
+    end = curve_place(units).start
+    return slice(end - len(group_of(units)), end)
 
 
 def slip_matrix(units: Units) -> Floats:

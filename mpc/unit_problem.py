@@ -20,7 +20,11 @@ class UnitProblem(NamedTuple):
     """Belief and solver of a unit, and what is between them."""
 
     carried: float
-    """Greatest motor torque per believed coefficient, headroom included [N m]."""
+    """Greatest torque per believed coefficient, headroom included [N m], at the motor as is `per_coefficient`."""
+    per_coefficient: float
+    """Torque that holds a coefficient of 1 [N m]."""
+    radius: float
+    """Of the wheels [m]."""
     curve: int
     """Place of the curve among the parameters of the model, see `mpc.unit_model.curve_place`."""
     belief: Belief
@@ -32,14 +36,17 @@ def unit_problem(
 ) -> UnitProblem:
     """The unit's problem at the start of a run; `solver`: where the problem is written to."""
     solver.now.parameters[:] = parameters(context, belief.axles.peak)
-    carried = (1.0 + settings.headroom) * torque_per_coefficient(context)
-    return UnitProblem(float(carried), curve_place(context).start, belief, solver)
+    per_coefficient = float(torque_per_coefficient(context))
+    carried = (1.0 + settings.headroom) * per_coefficient
+    return UnitProblem(
+        carried, per_coefficient, float(context.radius), curve_place(context).start, belief, solver
+    )
 
 
 def empty_problem() -> UnitProblem:
     """A problem of hardly any size, of whose kind all others are."""
     context = UnitContext(0, 1, 0.4, 100.0, 5.0, 1e5, 4e4, 0.01, PiecewiseCurve(), 0.01)
-    return UnitProblem(0.0, 0, belief_of(context, MpcSettings()), empty_period())
+    return UnitProblem(0.0, 0.0, 0.0, 0, belief_of(context, MpcSettings()), empty_period())
 
 
 UNIT_PROBLEM = ByReference(empty_problem()).kind
@@ -56,7 +63,9 @@ def pose(u, target, limit):
         least = min(least, axles.peak[i])
     now.parameters[axles.peak.size] = u.belief.drag.grade[0]
     now.parameters[u.curve], now.parameters[u.curve + 1] = predicted_curve(u.belief.curve, axles)
-    most = min(min(target, limit), least * u.carried)
+    air, load = u.belief.air.coefficient[0], u.belief.load
+    now.parameters[u.curve - 1] = air * u.radius * load.mean()
+    most = max(min(min(target, limit), least * u.carried - air * u.per_coefficient), 0.0)
     for k in range(now.upper.size):
         now.upper[k] = most
     u.solver.terms.unit.target[0] = target

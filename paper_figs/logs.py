@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_run import Findings, MeasuredTrain, analyse_run
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import Findings, analyse_run
 from alloc.spans import spans
 from paper_figs.palette import VERMILION
 from paper_figs.registry import figure
@@ -45,8 +46,9 @@ def measured_log(log: MeasuredLog, found: Findings | None = None) -> Figure:
     _axles(axes[0], log, 3.6 * log.run.rim_speed, shown)
     axes[0].plot([], [], color=along_train(axle_count)[0], linewidth=0.8, label="wheels")
     speed = _broken(log, 3.6 * log.run.speed)
-    deviation = log.run.speed_deviation
-    source = "train" if deviation is None else "train, estimated"
+    measured = log.run.speed_source == "measured"
+    deviation = None if measured else log.run.speed_deviation
+    source = "train" if measured else f"train, {log.run.speed_source}"
     axes[0].plot(*speed, color="black", linestyle="--", label=source)
     axes[0].set(ylabel="speed [km/h]", ylim=(0.0, None))
     axes[0].legend(loc="best")

@@ -352,15 +352,25 @@ def store(rows: list[Row]) -> None:
         )
 
 
-def sample(number: int, seed: int, keep: bool) -> int:
-    """Draw `number` faults and store what noticed them; `keep`: ask only where no test and no remark is."""
-    files = [str(path) for folder in FOLDERS for path in sorted(Path(folder).rglob("*.py"))]
+def possible(row: Row) -> bool:
+    """Whether the code still has the line of a stored fault."""
+    path = Path(row["file"])
+    return path.exists() and row["before"] in map(str.strip, path.read_text().splitlines())
+
+
+def sample(number: int, seed: int, keep: bool, only: list[str]) -> int:
+    """Draw `number` faults and store what noticed them; `keep`: ask only where no test and no remark is.
+
+    `only`: in these files, beside what is stored of others and can still be made.
+    """
+    files = only or [str(p) for folder in FOLDERS for p in sorted(Path(folder).rglob("*.py"))]
     places = [site for file in files for site in sites(file)]
     # by hashes, so that an edit changes what is drawn of its own lines alone
     places.sort(
         key=lambda s: hashlib.sha256(f"{seed} {s.file} {s.operator} {s.text}".encode()).digest()
     )
     before, rows = {key(row): row for row in read_stored()}, {}
+    others = [row for row in before.values() if only and row["file"] not in only and possible(row)]
     for place in places:
         fault = mutant(*place)
         if fault is None or key(fault._asdict()) in rows:
@@ -383,7 +393,7 @@ def sample(number: int, seed: int, keep: bool) -> int:
         if len(rows) == number:
             break
         store([*rows.values(), *(row for key, row in before.items() if key not in rows)])
-    store(list(rows.values()))
+    store([*rows.values(), *others])
     return page()
 
 
@@ -441,6 +451,7 @@ def main() -> int:
     parser.add_argument("command", choices=("sample", "again", "page"))
     parser.add_argument("--number", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", default=[], metavar="FILE", help="sample these files")
     parser.add_argument(
         "--keep",
         action="store_true",
@@ -459,7 +470,7 @@ def main() -> int:
         os.chdir(folder)
         sys.path[:] = [folder, *(path for path in sys.path if path not in ("", str(ROOT)))]
         if given.command == "sample":
-            return sample(given.number, given.seed, given.keep)
+            return sample(given.number, given.seed, given.keep, given.only)
         return again(given.number, given.seed)
 
 

@@ -31,6 +31,7 @@ from studies.scenario.loading import load_scenario, shipped_scenarios
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic
+from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.resistance_tables import resistance_table
 from tests.studies.slide_tables import slide_table
@@ -48,6 +49,10 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "learning": (4, {"duration": 4.0}),
     "ladder": (2, {"duration": 4.0}),
     "curves": (1, {"duration": 4.0}),
+    "published": (1, {"duration": 4.0}),
+    "locomotive": (1, {"duration": 4.0}),
+    "mismatch": (1, {"duration": 4.0}),
+    "constant-rail": (2, {"duration": 4.0}),
     "joint": (1, {"duration": 4.0}),
     "readhesion": (1, {"margins": (0.4,), "widths": (0.2, 0.8), "step": 1e-3}),
     "calibration": (4, {"refinements": 3}),
@@ -62,6 +67,7 @@ SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "differences": ("differences", difference_table),
     "ladder": ("ladder", ladder_table),
     "curves": ("curves", curve_table),
+    "mismatch": ("mismatch", mismatch_table),
     "readhesion": ("readhesion", sweep_table),
     "calibration": ("calibration", calibration_table),
     "brake-force": ("brake-force", brake_table),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.by_reference import ByReference
 from alloc.errors import EstimationError
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.logged_computers import (
     FilterTrace,
     LoggedSeries,
@@ -21,7 +22,7 @@ from alloc.estimation.logged_computers import (
     logged_memory,
     run_filter,
 )
-from alloc.estimation.measured_run import SHORTEST_PART, MeasuredTrain
+from alloc.estimation.measured_run import SHORTEST_PART
 from alloc.estimation.speed_smoother import smooth
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed.kalman_filter import SPEED
@@ -65,11 +66,13 @@ def estimate_ground_speed(
     applied_force: Floats,
     train: MeasuredTrain,
     grade: Floats | None = None,
+    least_noise: float = 0.0,
 ) -> GroundSpeed:
     """Estimate the speed over ground from what every axle does.
 
     `time` [s] and `part` (instants,), `rim_speed` [m/s] and `applied_force` [N] (instants, axles) as of `MeasuredRun`, nan
-    where not known; `grade` (instants,), the rise per run where the train is. Raises `EstimationError` where a driven axle
+    where not known; `grade` (instants,), the rise per run where the train is; `least_noise` [m/s]: white noise that a rim
+    speed has at least, for speeds that were averaged. Raises `EstimationError` where a driven axle
     has no forces, and if at no instant forces and a wheel are known.
     """
     told = np.asarray(np.isfinite(applied_force).any(axis=0))
@@ -92,7 +95,7 @@ def estimate_ground_speed(
             np.ascontiguousarray(seen[inside]), np.ascontiguousarray(held[inside]), told,
             np.ascontiguousarray(grade[inside]),
         )  # fmt: skip
-        for whole, own in zip(found, _estimate(series, train), strict=True):
+        for whole, own in zip(found, _estimate(series, train, least_noise), strict=True):
             whole[inside] = own
     if not np.isfinite(found.speed).any():
         raise EstimationError("speed over ground: at no instant are forces and a wheel known")
@@ -128,10 +131,13 @@ def _stretches(known: Flags, part: Numbers) -> Iterator[slice]:
             yield slice(begin, end)
 
 
-def _estimate(series: LoggedSeries, train: MeasuredTrain) -> tuple[Floats, Floats, Flags]:
+def _estimate(
+    series: LoggedSeries, train: MeasuredTrain, least_noise: float
+) -> tuple[Floats, Floats, Flags]:
     """Speed, its deviation, and whether an axle told it, in one stretch."""
     count, axles = series.rim.shape
     noise, quantum = _sensor_errors(series)
+    noise = max(noise, least_noise)
     coarse = quantum if quantum > max(COARSE, 2.0 * noise) else 0.0
     if coarse > 0.0:
         series = series._replace(rim=_between_steps(series))

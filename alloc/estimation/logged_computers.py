@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.compilation import inlined_jit, jit
-from alloc.estimation.measured_run import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.onboard.equipment import Chain, stable_steps
 from alloc.onboard.reference_speed.kalman_filter import (
     FORCE,

@@ -1,6 +1,7 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
-What is missing stays missing: every axle is analysed part by part between gaps, and nothing is interpolated over one.
+Every axle is analysed part by part between gaps, and nothing is interpolated over one; `alloc.estimation.common_instants`
+brings channels to common instants before. What sensors, sampling and delays leave open is stated as standard deviations.
 
 Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
 readheres) by sampling and by white noise of all speeds:
@@ -20,6 +21,7 @@ between two rows. A car's brake force is right to 3 N of 24 kN by the car's own 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -27,8 +29,11 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
 from alloc.estimation.finite_series import mean_rate
-from alloc.estimation.slip_events import SlipCriterion, SlipEvent, find_slips
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
+from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
@@ -38,42 +43,11 @@ Floats = NDArray[np.float64]
 
 WINDOW = 0.1
 """Time [s] over which tangential forces are averaged: a slip grows within some tenths of a second."""
+SpeedSource = Literal["measured", "followed", "estimated"]
+"""Where a train's speed is from: its own channel, that channel where it is rare or late, or the wheels and forces."""
+
 SHORTEST_PART = 3
 """Instants of which a part of a log must have more."""
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredTrain:
-    """What must be known of a train to make forces of its series; axles and cars from the front."""
-
-    name: str
-    car_mass: Floats
-    """With load [kg], (cars,)."""
-    axle_car: NDArray[np.int64]
-    """(axles,)"""
-    axle_load: Floats
-    """At rest [N], (axles,)."""
-    radius: Floats
-    """(axles,) [m]"""
-    inertia: Floats
-    """Of each wheelset with everything geared to it [kg m2], (axles,)."""
-    driven: NDArray[np.bool_]
-    """(axles,)"""
-    resistance: Floats | None = None
-    """Running resistance of each car by powers of the speed [N, N s/m, N s2/m2], (cars, 3); None: not known."""
-    coupler: Floats | None = None
-    """Stiffness, stiffening, damping and slack of each draft gear in SI units, (cars - 1, 4); None: a rigid train."""
-
-    @classmethod
-    def of(cls, train: Train) -> "MeasuredTrain":
-        """The same of a train of the plant."""
-        s, _ = structure_of(train)
-        driven = s.axle_unit >= 0
-        coupler = s.coupler if s.coupler.size else None
-        return cls(
-            train.name, s.car_mass, s.axle_car, s.static_load, s.radius, s.inertia, driven,
-            s.car_resistance, coupler,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +69,16 @@ class MeasuredRun:
     car_acceleration: Floats | None = None
     """(instants, cars) [m/s2]"""
     speed_deviation: Floats | None = None
-    """Standard deviation of an estimated speed [m/s], (instants,); None: it was measured."""
+    """Standard deviation of the speed [m/s], (instants,); None: not known."""
+    rim_deviation: Floats | None = None
+    """Standard deviation of each rim speed [m/s], (axles,); None: not known."""
+    force_deviation: Floats | None = None
+    """Standard deviation of each applied force [N], (axles,); None: not known."""
+    rim_span: Floats | None = None
+    """Time over which each rim speed is a mean [s], 0 as measured, (axles,); None: as measured."""
+    speed_source: SpeedSource = "measured"
+    speed_delay: Delay | None = None
+    """How late the speed was, which is made up for; None: it cannot be told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +86,8 @@ class Findings:
     """What a measured run tells; series are nan where it does not tell it."""
 
     events: list[SlipEvent]
-    slip_velocity: Floats
-    """(instants, axles) [m/s]"""
+    run: MeasuredRun
+    """What was analysed."""
     coefficient: Floats
     """Tangential force over load at rest, mean over the window, positive in traction, (instants, axles)."""
     damage: Floats
@@ -117,6 +100,17 @@ class Findings:
     """Brake force of each car as rail and resistance exert it, positive braking [N], (instants, cars)."""
     window: float
     """Over which forces were averaged [s]."""
+    small_events: tuple[SlipEvent, ...] = ()
+    """Slips that do not meet the criterion, by `slip_events.SMALL`."""
+    least_slip: Floats | None = None
+    """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
+    errors: DamageErrors | None = None
+    """Of the wheel damage; None where nothing is known of the errors."""
+
+    @property
+    def slip_velocity(self) -> Floats:
+        """(instants, axles) [m/s]; made when it is asked for, because a long log would hold it for nothing."""
+        return self.run.rim_speed - self.run.speed[:, None]
 
     @property
     def axle_damage(self) -> Floats:
@@ -167,12 +161,13 @@ def analyse_run(
     criterion = criterion or SlipCriterion()
     period = float(np.median(np.diff(run.time)))
     window = max(window, 2.0 * period)
-    slip = run.rim_speed - run.speed[:, None]
-    coefficient, damage = np.full((count, axles), np.nan), np.full((count, axles), np.nan)
+    coefficient, damage = (np.full((count, axles), np.nan, order="F") for _ in range(2))
     covered, slipping = np.zeros(axles), np.zeros(axles)
     events: list[SlipEvent] = []
+    small: list[SlipEvent] = []
+    noise = slip_noise(run)
     for i in range(axles):
-        turning = np.isfinite(slip[:, i])
+        turning = np.isfinite(run.rim_speed[:, i]) & np.isfinite(run.speed)
         known = turning & np.isfinite(run.applied_force[:, i])
         gained = np.zeros(count)
         for inside in parts(known, run.part):
@@ -194,21 +189,28 @@ def analyse_run(
         for kind in (has_force, turning & ~has_force):
             for inside in parts(kind, run.part):
                 with_force = bool(kind is has_force)
-                events += find_slips(
+                series = (
                     i, run.time[inside], run.speed[inside], run.rim_speed[inside, i],
                     coefficient[inside, i] if with_force else None,
-                    damage[inside, i] if with_force else None, criterion,
+                    damage[inside, i] if with_force else None,
                 )  # fmt: skip
+                span = 0.0 if run.rim_span is None else float(run.rim_span[i])
+                found = find_slips(*series, criterion, noise.rim[i], span)
+                events += found
+                small += apart(find_slips(*series, SMALL, noise.slip[i], span), found)
         slipping[i] = sum(e.end - e.start for e in events if e.axle == i)
     return Findings(
         events=sorted(events, key=lambda event: (event.start, event.axle)),
-        slip_velocity=slip,
+        run=run,
         coefficient=coefficient,
         damage=damage,
         covered=covered,
         slipping_time=slipping,
         car_force=_car_forces(run, train, window),
         window=window,
+        small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
+        least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
+        errors=damage_errors(run, coefficient, train.axle_load),
     )
 
 

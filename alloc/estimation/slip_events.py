@@ -18,6 +18,10 @@ Floats = NDArray[np.float64]
 ONSET_TIME = 0.1
 """Time [s] for which the coefficient is sought on after an axle is found to slip, beyond the maximum of its curve."""
 
+CERTAIN = 4.0
+"""Standard deviations of the slip velocity that no slip is found below."""
+LASTING = 0.25
+"""Share of the span of a mean, before and after its largest value, for which a slip must exceed its bound."""
 BRIDGED = 0.1
 """Time [s] for which a slip may seem to be over without having ended: sensors' noise near the bound."""
 
@@ -38,9 +42,14 @@ class SlipCriterion:
     def __post_init__(self) -> None:
         EstimationError.check("slip criterion", self, positive=("velocity", "ratio"))
 
-    def bound(self, speed: Floats, rim_speed: Floats) -> Floats:
-        """Slip velocity [m/s] above which an axle slips."""
-        return np.maximum(self.velocity, self.ratio * np.maximum(np.abs(speed), np.abs(rim_speed)))
+    def bound(self, speed: Floats, rim_speed: Floats, noise: float = 0.0) -> Floats:
+        """Slip velocity [m/s] above which an axle slips; `noise` [m/s]: standard deviation of the measured one."""
+        least = max(self.velocity, CERTAIN * noise)
+        return np.maximum(least, self.ratio * np.maximum(np.abs(speed), np.abs(rim_speed)))
+
+
+SMALL = SlipCriterion(0.1, 0.02)
+"""Criterion of small slips, where the noise allows: wheels that do not slip creep by less, and radii are wrong by less."""
 
 
 class SlipEvent(NamedTuple):
@@ -79,10 +88,16 @@ def find_slips(
     coefficient: Floats | None,
     damage: Floats | None,
     criterion: SlipCriterion,
+    noise: float = 0.0,
+    span: float = 0.0,
 ) -> list[SlipEvent]:
-    """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known."""
+    """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known.
+
+    `noise` [m/s]: standard deviation of the slip velocity. `span` [s]: time over which it was averaged to be so, and for
+    which a slip must then exceed its bound on average: the largest of many noisy values exceeds it too often.
+    """
     slip = rim_speed - speed
-    bound = criterion.bound(speed, rim_speed)
+    bound = criterion.bound(speed, rim_speed, noise)
     events = []
     for sign in (1.0, -1.0):
         for begin, end in bridged_spans(
@@ -93,6 +108,11 @@ def find_slips(
             if beyond.size == 0:
                 continue
             worst = begin + int(np.argmax(sign * slip[inside]))
+            if span > 0.0:
+                reach = LASTING * span
+                near = inside_of(time, time[worst] - reach, time[worst] + reach)
+                if np.mean(sign * slip[near] - bound[near]) <= 0.0:
+                    continue
             reference = max(abs(speed[worst]), abs(rim_speed[worst]))
             onset, onset_time, used, lost = (float("nan"),) * 4
             if coefficient is not None and begin > 0:
@@ -114,3 +134,13 @@ def find_slips(
                 )
             )  # fmt: skip
     return sorted(events, key=lambda event: event.start)
+
+
+def inside_of(time: Floats, first: float, last: float) -> slice:
+    """The instants from `first` to `last` [s]."""
+    return slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, "right")))
+
+
+def apart(events: list[SlipEvent], others: list[SlipEvent]) -> list[SlipEvent]:
+    """Those of `events` that overlap none of the `others`, all of one axle."""
+    return [e for e in events if not any(e.start <= o.end and o.start <= e.end for o in others)]

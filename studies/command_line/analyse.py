@@ -1,51 +1,97 @@
-"""`readhesion analyse`: what the log of a train tells about its slips."""
+"""`readhesion analyse`: what the logs of a train tell about its slips."""
 
 import json
-from typing import Annotated
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import FilePath
-from studies.command_line.terminal import console
+from studies.command_line.options import ALL_FAILED, FilePath
+from studies.command_line.terminal import console, progress
 from studies.files.study_error import StudyError
-from studies.files.writable import FIGURE, check_file
+from studies.files.writable import FIGURE, check_file, check_place, make_folder
+
+if TYPE_CHECKING:
+    from alloc.estimation.known_train import MeasuredTrain
+    from alloc.estimation.measured_run import Findings
+    from alloc.estimation.slip_events import SlipCriterion
+    from studies.logs.gradients import GradientLine
+    from studies.logs.mapping import Mapping
+    from studies.logs.measured_log import MeasuredLog
+
+BESIDE = "log.toml"
+"""Mapping file that is used where it lies beside the log."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Further:
+    """What is looked at beyond slips."""
+
+    brakes: bool = False
+    """Smooth each car's brake force, and name cars that fall short of their share of it: couplers and accelerations of all
+    cars must be in the log."""
+    resistance: bool = False
+    """Learn the running resistance (JP H07-322414, claims 6 and 7)."""
+    against: str | None = None
+    """Compare with a simulated run of the same train: a log that `readhesion simulate --log` wrote, or a scenario."""
+
+
+SLIPS_ALONE = Further()
 
 
 def analyse(
-    log: FilePath,
-    *,
+    *logs: FilePath,
     train: str,
+    mapping: FilePath | None = None,
+    line: FilePath | None = None,
+    start_m: float | None = None,
+    out: FilePath | None = None,
+    events: FilePath | None = None,
     figure: FilePath | None = None,
     slip_kmh: float = 0.72,
     slip_percent: float = 5.0,
+    further: Further = SLIPS_ALONE,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
-) -> None:
-    """Find slips and slides in the log of a train, and what its wheels and brakes did.
+) -> int | None:
+    """Find slips and slides in logs of a train, and what its wheels and brakes did.
 
-    The log is a CSV (decimal points, commas between columns) or parquet table with one row per instant. Its columns carry
-    their units: time_s; speed_kmh or speed_ms of the train; axle1_speed_kmh (or _ms, _rads) ...; axle1_torque_nm (or _knm)
-    at the wheel or axle1_force_kn (or _n) at the rim ...; if measured coupler1_force_kn ... and car1_acceleration_ms2 ...
-    Axles and cars count from the front; traction and tension are positive. `readhesion list` has them all.
+    A log is a table of text (any usual separator, decimal and compression), parquet, MDF 4 or TDMS. Columns that are called
+    as `readhesion list` says (time_s, speed_kmh, axle1_speed_kmh, axle1_force_kn ...) need nothing else; what others
+    are a mapping file says (docs/logs.md), or it is guessed and the guess is printed. Axles and cars count from the front;
+    traction and tension are positive.
 
-    Without a column of the train's speed it is estimated from speed and force of the axles, of all driven ones at least,
-    as on board (docs/reference-speed.md), with gradient_permille if there is one; the estimate's error is stated.
+    Every channel is brought from its own samples to common instants, with an error: the train's speed may be late, rare or
+    held, wheels may count pulses. Without it the speed is estimated from speed and force of the axles, of all driven
+    ones at least, as on board (docs/reference-speed.md). Gaps and stuck values are reported and cut out.
 
     Found are: slips and slides; the coefficient of each axle; its value as slips begin, which estimates the adhesion,
-    since the true one is unknown; wheel damage Q (JP4209318); the share of that adhesion used in slips; and the brake
-    force of each car where coupler forces are there.
+    since the true one is unknown; wheel damage Q (JP4209318) and its error; the share of that adhesion used in slips; and
+    the brake force of each car where coupler forces are there.
 
-    Gaps, missing and stuck values are reported and cut out, and the parts between are analysed each by itself. A log
-    that cannot be analysed ends with exit code 2 and the column and row that are to blame.
+    A log that cannot be analysed ends with exit code 2 and the column and row that are to blame. Of several logs the
+    others go on, and the exit code is 1 if all failed.
 
     Parameters
     ----------
-    log
-        File of the log (csv or parquet).
+    logs
+        Files of logs of one train.
     train
         Name of a shipped train, railtoolkit file (.yaml), or TOML file with masses, radii and
         inertias (`readhesion simulate --log` writes one).
+    mapping
+        TOML file that says which column is what [default: log.toml beside the log, if there is one].
+    line
+        Railtoolkit running path that has the gradients, by the log's position.
+    start_m
+        Station at which the log begins [m], where it has no position.
+    out
+        Folder for a report (JSON) of each log.
+    events
+        File for the list of all slips (csv).
     figure
-        File for a figure (pdf, png or svg).
+        File for a figure of a single log (pdf, png or svg).
     slip_kmh
         Slip velocity from which on an axle slips [km/h] ...
     slip_percent
@@ -53,28 +99,144 @@ def analyse(
     as_json
         Print everything as JSON instead of tables.
     """
-    from alloc.estimation.measured_run import analyse_run
     from alloc.estimation.slip_events import SlipCriterion
-    from studies.logs.measured_log import read_log
+    from studies.logs.event_list import write_events
+    from studies.logs.gradients import read_gradients
+    from studies.logs.mapping import read_mapping
     from studies.logs.measured_train import read_log_train
-    from studies.logs.report import content, tables
 
     for name, value in (("--slip-kmh", slip_kmh), ("--slip-percent", slip_percent)):
         if not 0.0 < value < float("inf"):
             raise StudyError(f"{name} {value}: must be greater than 0")
-    criterion = SlipCriterion(slip_kmh / 3.6, 1e-2 * slip_percent)
+    if not logs:
+        raise StudyError("no log is given; name one file or several")
+    if figure is not None and len(logs) > 1:
+        raise StudyError("--figure is for a single log")
     check_file(figure, FIGURE)
-    measured = read_log(log, read_log_train(train))
-    found = analyse_run(measured.run, measured.train, criterion)
-    report = content(measured, found, criterion)
+    check_file(events, (".csv",))
+    if out is not None:
+        check_place(out)
+    setting = _Setting(
+        read_log_train(train), None if mapping is None else (read_mapping(mapping), str(mapping)),
+        None if line is None else read_gradients(line, start_m),
+        SlipCriterion(slip_kmh / 3.6, 1e-2 * slip_percent), further,
+    )  # fmt: skip
+    failed: dict[str, str] = {}
+    if len(logs) == 1:
+        reports = [_one(logs[0], setting, figure)]
+    else:
+        reports, failed = _batch(logs, setting)
+    if out is not None:
+        make_folder(out)
+        for report, path in zip(reports, _places(reports, out), strict=True):
+            path.write_text(json.dumps(report, indent=2, allow_nan=False), encoding="utf-8")
+    if events is not None:
+        write_events(reports, events)
+    _show(reports, failed, as_json, len(logs))
+    return ALL_FAILED if failed and not reports else None
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """What all logs of a call share."""
+
+    train: "MeasuredTrain"
+    mapping: "tuple[Mapping, str] | None"
+    line: "GradientLine | None"
+    criterion: "SlipCriterion"
+    further: Further
+
+
+def _one(path: Path, setting: _Setting, figure: Path | None = None) -> dict[str, Any]:
+    """The report of a log; raises `StudyError`."""
+    from alloc.estimation.measured_run import analyse_run
+    from studies.logs.mapping import read_mapping
+    from studies.logs.measured_log import read_log
+    from studies.logs.report import content
+
+    mapping, owner = setting.mapping or (None, "")
+    beside = path.parent / BESIDE
+    if mapping is None and beside.is_file():
+        mapping, owner = read_mapping(beside), str(beside)
+    measured = read_log(path, setting.train, mapping, setting.line, f"mapping file {owner!r}")
+    found = analyse_run(measured.run, measured.train, setting.criterion)
+    report = content(measured, found, setting.criterion)
+    report["mapping"] = owner or None
+    report |= _more(measured, found, setting)
     if figure is not None:
         from studies.core.gallery import gallery
 
         gallery().draw_one("measured-log", figure, measured, found)
+    return report
+
+
+def _more(measured: "MeasuredLog", found: "Findings", setting: _Setting) -> dict[str, Any]:
+    """What was asked for beyond slips."""
+    wanted: dict[str, Any] = {}
+    if setting.further.brakes:
+        from studies.logs.brake_report import brake_report
+
+        wanted["brakes"] = brake_report(measured)
+    if setting.further.resistance:
+        from studies.logs.resistance_report import resistance_report
+
+        wanted["resistance"] = resistance_report(measured, setting.line)
+    if setting.further.against is not None:
+        from studies.logs.comparison import compared, simulated_log
+
+        other = simulated_log(setting.further.against, measured.train)
+        wanted["comparison"] = compared(measured, found, other, setting.criterion)
+    return wanted
+
+
+def _batch(
+    logs: tuple[Path, ...], setting: _Setting
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Reports of logs, and why others have none."""
+    from alloc.errors import InputError
+
+    reports, failed = [], {}
+    with progress() as on_row:
+        for number, path in enumerate(logs):
+            on_row(path.name, number, len(logs))
+            try:
+                reports.append(_one(path, setting))
+            except (StudyError, InputError, OSError) as error:
+                failed[str(path)] = " ".join(str(error).split())
+    return reports, failed
+
+
+def _places(reports: list[dict[str, Any]], out: Path) -> list[Path]:
+    """A file for each report, of the log's name; logs of one name get a number."""
+    places: list[Path] = []
+    for report in reports:
+        name, k = Path(report["log"]).name, 1
+        place = out / f"{name}.json"
+        while place in places:
+            k += 1
+            place = out / f"{name}.{k}.json"
+        places.append(place)
+    return places
+
+
+def _show(reports: list[dict[str, Any]], failed: dict[str, str], as_json: bool, count: int) -> None:
+    from rich.markup import escape
+
+    from studies.logs.report_tables import overview, tables
+
     if as_json:
-        print(json.dumps(report, indent=2, allow_nan=False))
+        content: Any = reports[0] if count == 1 else {"reports": reports, "failed": failed}
+        print(json.dumps(content, indent=2, allow_nan=False))
         return
     screen = console()
-    screen.print(f"[bold]{measured.source}[/bold], train {measured.train.name}")
-    for item in tables(report):
-        screen.print(item)
+    if count == 1:
+        screen.print(
+            f"[bold]{escape(reports[0]['log'])}[/bold], train {escape(reports[0]['train'])}"
+        )
+        for item in tables(reports[0]):
+            screen.print(item)
+        return
+    if reports:
+        screen.print(overview(reports))
+    for name, reason in failed.items():
+        screen.print(f"[red]failed[/red] {escape(name)}: {escape(reason)}", highlight=False)

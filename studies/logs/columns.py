@@ -1,9 +1,11 @@
 """Columns of a log: names with units, what they mean, and how to read them.
 
-A log is a table, CSV with decimal points and commas between columns or parquet, one row per instant. Axles and cars count
-from 1, the foremost; coupler k joins the cars k and k + 1. Traction is positive, braking negative, tension positive.
+Axles and cars count from 1, the foremost; coupler k joins the cars k and k + 1. Traction is positive, braking negative,
+tension positive. Columns of other names are told by a mapping file (`studies.logs.mapping`), or guessed
+(`studies.logs.guessing`).
 """
 
+import math
 import re
 from typing import NamedTuple
 
@@ -16,38 +18,72 @@ class Quantity(NamedTuple):
     units: dict[str, float]
     description: str
     required: bool = False
+    kind: str = ""
+    """Kind of its unit, see `studies.logs.channel_units.SI`; a speed of an axle may be a turning speed too."""
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "time": Quantity({"s": 1.0}, "time since any origin, growing from row to row", True),
+    "time": Quantity({"s": 1.0}, "time since any origin, an epoch, or a time stamp", True, "time"),
     "speed": Quantity(
         {"kmh": 1.0 / 3.6, "ms": 1.0},
         "speed of the train over ground, not of a wheel; without it the speed is estimated from speed and torque or "
         "force of the axles, of all driven ones at least",
+        kind="speed",
     ),
-    "gradient": Quantity(
-        {"permille": 1e-3}, "rise per run where the train is, for the estimate of its speed"
+    "gradient": Quantity({"permille": 1e-3}, "rise per run where the train is", kind="slope"),
+    "position": Quantity(
+        {"m": 1.0, "km": 1e3}, "station of the train's front on the line of --line", kind="position"
     ),
     "axleN_speed": Quantity(
-        {"kmh": 1.0 / 3.6, "ms": 1.0, "rads": float("nan")},
-        "circumferential or angular speed of the wheels of axle N; of one axle at least",
+        {"kmh": 1.0 / 3.6, "ms": 1.0, "rads": 1.0, "rpm": 2.0 * math.pi / 60.0},
+        "circumferential or turning speed of the wheels of axle N; of one axle at least",
         True,
+        "speed",
+    ),
+    "axleN_pulses": Quantity(
+        {"1": 1.0},
+        "pulses of a wheel sensor counted so far, or since the row before; the mapping file has the pulses of a turn",
+        kind="pulses",
     ),
     "axleN_torque": Quantity(
         {"nm": 1.0, "knm": 1e3},
         "torque of motor and brake together on the wheelset of axle N (motor torque times gear ratio)",
+        kind="torque",
     ),
     "axleN_force": Quantity(
-        {"n": 1.0, "kn": 1e3}, "the same as a force at the rim, in place of the torque"
+        {"n": 1.0, "kn": 1e3},
+        "the same as a force at the rim, in place of the torque",
+        kind="force",
+    ),
+    "axleN_pressure": Quantity(
+        {"kpa": 1e3, "bar": 1e5},
+        "pressure of the brake cylinder of axle N; with the mapping file's newton_per_kpa in place of a force",
+        kind="pressure",
     ),
     "couplerK_force": Quantity(
-        {"n": 1.0, "kn": 1e3}, "force between the cars K and K + 1; of all couplers or none"
+        {"n": 1.0, "kn": 1e3},
+        "force between the cars K and K + 1; of all couplers or none",
+        kind="force",
     ),
     "carK_acceleration": Quantity(
-        {"ms2": 1.0, "kmhs": 1.0 / 3.6}, "acceleration of car K; of all cars or none"
+        {"ms2": 1.0, "kmhs": 1.0 / 3.6},
+        "acceleration of car K; of all cars or none",
+        kind="acceleration",
+    ),
+    "carK_pressure": Quantity(
+        {"kpa": 1e3, "bar": 1e5},
+        "pressure of the brake cylinders of car K, for all its axles",
+        kind="pressure",
     ),
 }
-"""Quantity by the stem of its column; N and K stand for numbers. A rotational speed in rad/s takes the train's radius."""
+"""Quantity by the stem of its column; N and K stand for numbers. A turning speed takes the train's radius."""
+
+TURNING = ("rads", "rpm")
+"""Endings of turning speeds."""
+WHEEL = ("axleN_speed", "axleN_pulses")
+"""Quantities that tell how fast a wheel turns: an axle has one of them."""
+EFFORT = ("axleN_torque", "axleN_force", "axleN_pressure")
+"""Quantities that tell what acts on an axle: an axle has one of them."""
 
 
 class Column(NamedTuple):

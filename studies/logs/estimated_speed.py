@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.measured_run import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.spans import bridged_spans
-from studies.logs.checks import Remark, faulty
+from studies.logs.remarks import Remark, faulty
 
 Floats = NDArray[np.float64]
 
@@ -25,10 +25,11 @@ def estimated_speed(
     grade: Floats | None,
     train: MeasuredTrain,
     source: str,
+    noise: float = 0.0,
 ) -> tuple[GroundSpeed, list[Remark]]:
     """As `estimate_ground_speed`, with remarks; raises `Faulty` where it cannot be estimated."""
     try:
-        found = estimate_ground_speed(time, part, rim, force, train, grade)
+        found = estimate_ground_speed(time, part, rim, force, train, grade, noise)
     except EstimationError as error:
         reason = str(error).removeprefix("speed over ground: ")
         raise faulty(

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.estimation.measured_run import MeasuredTrain, applied_force
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import applied_force
 from alloc.plant.train import Train
 from studies.files.study_error import StudyError
 from studies.files.writable import LOG, check_file

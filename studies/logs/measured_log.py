@@ -1,8 +1,5 @@
-"""A log of a real train: read, checked, and brought to SI units; what is wrong with it is reported, never repaired."""
+"""A log of a real train: read, brought to common instants and SI units, and checked; what is wrong is reported."""
 
-import csv
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,18 +7,27 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_run import MeasuredRun, MeasuredTrain
-from studies.files.study_error import StudyError
-from studies.files.writable import LOG
+from alloc.estimation.common_instants import Instants, common_instants, longest, resample
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import MeasuredRun, SpeedSource
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
-from studies.logs.checks import Remark, faulty
-from studies.logs.columns import QUANTITIES, Column, near_column, parse_column
+from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
 from studies.logs.estimated_speed import estimated_speed
+from studies.logs.gradients import GradientLine
+from studies.logs.mapping import Mapping
+from studies.logs.period import conclude_period
+from studies.logs.raw_channels import Recording, recording_of
+from studies.logs.recorder_files import read_recording
+from studies.logs.remarks import Remark, faulty
+from studies.logs.told_channels import Sources, open_sources
 
 Floats = NDArray[np.float64]
 
-DEAD_SHARE = 0.95
-"""Share of the time under way for which a wheel's speed is exactly zero, if its sensor is dead and not the wheel locked."""
+
+SLOW = 1.5
+"""Periods of the wheels from which on forces are slower than they."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,236 +39,207 @@ class MeasuredLog:
     train: MeasuredTrain
     remarks: tuple[Remark, ...]
     period: float
-    """Median time between rows [s]."""
+    """Median time between the instants of `run` [s]."""
+    origin: str = ""
+    """What second 0 is, "" where the log does not say."""
+    rows: int = 0
+    """Of the file; 0 where its channels have instants of their own."""
+    pressure: Floats | None = None
+    """Brake cylinders' pressure of each car [Pa], (instants, cars); None: not measured."""
+    position: Floats | None = None
+    """Station of the train's front [m], (instants,); None: not measured."""
+    grade: Floats | None = None
+    """Rise per run where the train is, (instants,); None: not known."""
 
 
-def read_log(path: str | Path, train: MeasuredTrain) -> MeasuredLog:
-    """Read a CSV or parquet file; raises `StudyError` naming file, column and row for what cannot be analysed."""
-    return check_log(_read_table(Path(path)), train, str(path))
+def read_log(
+    path: str | Path,
+    train: MeasuredTrain,
+    mapping: Mapping | None = None,
+    line: GradientLine | None = None,
+    owner: str = "mapping file",
+) -> MeasuredLog:
+    """Read a file of a log; raises `StudyError` naming file, column and row for what cannot be analysed.
+
+    `mapping` says which column is what, else names and units are guessed; `owner` names its file in messages. `line` gives
+    the gradient where the log has the position.
+    """
+    return measured(read_recording(Path(path)), train, mapping, line, owner)
 
 
-def _read_table(path: Path) -> pd.DataFrame:
-    text = repr(str(path))
-    ending = path.suffix.lower()
-    if ending not in LOG:
-        raise StudyError(f"log {text}: ending {path.suffix!r} must be {' or '.join(LOG)}")
-    if not path.is_file():
-        raise StudyError(f"log {text} does not exist")
-    try:
-        if ending == ".parquet":
-            return pd.read_parquet(path)
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            header = [name.strip() for name in next(csv.reader(file), [])]
-        if len(header) < 2 and any(mark in "".join(header) for mark in ";\t"):
-            raise StudyError(f"log {text}: columns must be divided by commas, decimals by points")
-        double = sorted({name for name in header if header.count(name) > 1})
-        if double:
-            raise StudyError(f"log {text}: column {double[0]!r} is there twice")
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(path, index_col=False, skipinitialspace=True, low_memory=False)
-        table.columns = pd.Index(header)
-        return table
-    except StudyError:
-        raise
-    except OSError as error:
-        raise StudyError(f"log {text} cannot be read: {error.strerror or error}") from None
-    except (ValueError, pd.errors.ParserWarning, csv.Error) as error:
-        reason = " ".join(str(error).split())
-        raise StudyError(f"log {text} is no table of {ending[1:]}: {reason}") from None
+def check_log(
+    table: pd.DataFrame,
+    train: MeasuredTrain,
+    source: str,
+    mapping: Mapping | None = None,
+    line: GradientLine | None = None,
+) -> MeasuredLog:
+    """The same of a table in memory."""
+    return measured(recording_of(table, source), train, mapping, line)
 
 
-def check_log(table: pd.DataFrame, train: MeasuredTrain, source: str) -> MeasuredLog:
-    """Check a table and bring it to SI units; raises `StudyError` for what cannot be analysed."""
-    columns, remarks = _columns(table, train, source)
-    checks.check_numbers(table, [c.name for c in columns], source)
-    by_quantity = {(c.quantity, c.number): c for c in columns}
-    time = table["time_s"].to_numpy(float)
-    part, found = checks.check_time(time, source)
-    remarks += found
-
-    def values(column: Column) -> Floats:
-        raw = table[column.name].to_numpy(float)
-        remarks.extend(checks.missing_values(column.name, raw, time))
-        return raw * QUANTITIES[column.quantity].units[column.unit]
-
-    speed_column = by_quantity.get(("speed", 0))
-    speed, deviation = None, None
-    if speed_column is not None:
-        speed = values(speed_column)
-        checks.check_speed(speed_column.name, speed, source)
-    rim, force = _axle_series(table, by_quantity, time, train, values, remarks, source)
-    if speed_column is not None and speed is not None:
-        for (quantity, number), column in by_quantity.items():
-            if quantity == "axleN_speed":
-                own = rim[:, number - 1]
-                checks.check_ratio(column.name, own, speed_column.name, speed, source)
-    remarks += _cut_out_stuck(by_quantity, time, speed, rim)
-    if speed is None:
-        gradient = by_quantity.get(("gradient", 0))
-        grade = None if gradient is None else values(gradient)
-        ground, found = estimated_speed(time, part, rim, force, grade, train, source)
-        speed, deviation = ground.speed, ground.deviation
-        remarks += found
-    elif not np.isfinite(speed[:, None] * rim).any():
-        name = by_quantity["speed", 0].name
-        raise faulty(source, name, None, "at no instant are train and a wheel known")
-    for i in range(train.radius.size):
-        if ("axleN_speed", i + 1) in by_quantity:
-            name = by_quantity["axleN_speed", i + 1].name
-            share = force[:, i] / train.axle_load[i]
-            remarks += checks.check_radius(name, rim[:, i], speed, share)
-    remarks += checks.check_balance(time, part, speed, rim, force, train)
-    coupler = _all_of("couplerK_force", train.car_mass.size - 1, by_quantity, values, remarks)
-    acceleration = _all_of("carK_acceleration", train.car_mass.size, by_quantity, values, remarks)
+def measured(
+    recording: Recording,
+    train: MeasuredTrain,
+    mapping: Mapping | None = None,
+    line: GradientLine | None = None,
+    owner: str = "mapping file",
+) -> MeasuredLog:
+    """The same of what a file holds."""
+    if mapping is not None:
+        train = mapping.train(train, owner)
+    sources = open_sources(recording, train, mapping, owner)
+    if sources.clock is not None and not sources.clock.known:
+        conclude_period(sources)
+    remarks = sources.remarks
+    fixes = sources.speed(("speed", 0)) if ("speed", 0) in sources.assigned else None
+    wheels = wheel_speeds(sources, fixes)
+    if not wheels:
+        raise faulty(recording.source, "axleN_speed", None, "no wheel has a speed")
+    instants = common_instants(wheel.time for wheel in wheels.values())
+    if instants.time.size < checks.FEWEST_ROWS:
+        text = f"{instants.time.size} instants of wheels; give {checks.FEWEST_ROWS} or more to be analysed"
+        raise faulty(recording.source, "axleN_speed", None, text)
+    remarks += checks.check_instants(instants)
+    axles = train.radius.size
+    rim = np.full((instants.time.size, axles), np.nan, order="F")
+    rim_deviation, spans = np.full(axles, np.nan), np.zeros(axles)
+    for number in sorted(wheels):
+        wheel = wheels.pop(number)
+        series = at_instants(wheel, instants)
+        rim[:, number - 1], rim_deviation[number - 1] = series.value, typical(series)
+        spans[number - 1] = wheel.span
+    force, force_deviation, slowest = applied_forces(sources, instants)
+    names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
+    remarks += _lacking(train, names, sources)
+    plain = None if fixes is None else resample(fixes, instants.time).value
+    if fixes is not None and plain is not None:
+        fixes = checks.without_stuck(
+            fixes, instants, rim, sources.assigned["speed", 0].column, remarks
+        )
+        guess = _guess(fixes, instants)
+        for number, name in names.items():
+            own = rim[:, number - 1]
+            checks.check_ratio(
+                name, own, sources.assigned["speed", 0].column, guess, recording.source
+            )
+        remarks += checks.cut_out_stuck(names, instants.time, guess, rim)
+    else:
+        remarks += checks.cut_out_stuck(names, instants.time, None, rim)
+    position = _other(sources, ("position", 0), instants)
+    grade = _other(sources, ("gradient", 0), instants)
+    if grade is None and line is not None:
+        grade = line.along(position, instants, guess if fixes is not None else _median(rim))
+    # an error that lasts for a span counts as white noise that is as much larger
+    lasts = np.sqrt(np.maximum(spans / np.median(np.diff(instants.time)), 1.0))
+    smoothed = (rim_deviation * lasts)[spans > 0.0]
+    noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
+    exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
+    least_delay = LATE if exact else LATE_OF_MEANS
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
+    force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
+    remarks += turned
+    if turned and (speed.followed or fixes is None):
+        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
+    remarks += extra
+    for number, name in names.items():
+        share = force[:, number - 1] / train.axle_load[number - 1]
+        own = rim[:, number - 1]
+        remarks += checks.check_radius(name, own, speed.speed, share, speed.deviation)
+    remarks += checks.check_balance(instants, speed.speed, rim, force, train, grade)
+    coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
+    acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
+    pressure = _all_of(sources, "carK_pressure", train.car_mass.size, instants)
+    source: SpeedSource = (
+        "estimated" if fixes is None else "followed" if speed.followed else "measured"
+    )
+    run = MeasuredRun(
+        instants.time, instants.part, speed.speed, rim, force, coupler, acceleration, speed.deviation,
+        rim_deviation, force_deviation, spans, source, speed.delay,
+    )  # fmt: skip
+    clock = sources.clock
     return MeasuredLog(
-        source=source,
-        run=MeasuredRun(time, part, speed, rim, force, coupler, acceleration, deviation),
+        source=recording.source,
+        run=run,
         train=train,
         remarks=tuple(remarks),
-        period=float(np.median(np.diff(time))),
+        period=float(np.median(np.diff(instants.time))),
+        origin="" if clock is None else clock.origin,
+        rows=0 if clock is None else clock.time.size,
+        pressure=pressure,
+        position=position,
+        grade=grade,
     )
 
 
-def _axle_series(
-    table: pd.DataFrame,
-    by_quantity: dict[tuple[str, int], Column],
-    time: Floats,
-    train: MeasuredTrain,
-    values: Callable[[Column], Floats],
-    remarks: list[Remark],
-    source: str,
-) -> tuple[Floats, Floats]:
-    """Rim speeds [m/s] and forces at the rim [N] of all axles, (instants, axles); nan where there are none."""
-    rim, force = (np.full((time.size, train.radius.size), np.nan) for _ in range(2))
-    for i in range(train.radius.size):
-        turning = by_quantity.get(("axleN_speed", i + 1))
-        column = by_quantity.get(("axleN_torque", i + 1)) or by_quantity.get(("axleN_force", i + 1))
-        if turning is None:
-            remarks.append(
-                Remark("missing", f"axle{i + 1}_speed", f"axle {i + 1} is not analysed: no speed")
-            )
-        elif turning.unit == "rads":
-            raw = table[turning.name].to_numpy(float)
-            remarks += checks.missing_values(turning.name, raw, time)
-            rim[:, i] = raw * train.radius[i]
-        else:
-            rim[:, i] = values(turning)
-        if turning is not None:
-            checks.check_speed(turning.name, rim[:, i], source)
-        if column is not None:
-            lever = train.radius[i] if column.quantity == "axleN_torque" else 1.0
-            force[:, i] = values(column) / lever
-            checks.check_force(column.name, force[:, i], float(train.axle_load[i]), source)
-            remarks += checks.check_constant(column.name, force[:, i], time)
-        elif turning is not None:
-            text = f"axle {i + 1}: slips only, neither coefficient nor Q: no torque and no force"
-            remarks.append(Remark("missing", f"axle{i + 1}_force", text))
-    return rim, force
+def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> list[Remark]:
+    """Remarks on axles without a speed or without a force."""
+    remarks = []
+    efforts = set(sources.numbers_of("effort"))
+    for number in range(1, train.radius.size + 1):
+        if number not in names:
+            text = f"axle {number} is not analysed: no speed"
+            remarks.append(Remark("missing", f"axle{number}_speed", text))
+        elif number not in efforts:
+            text = f"axle {number}: slips only, neither coefficient nor Q: no torque and no force"
+            remarks.append(Remark("missing", f"axle{number}_force", text))
+    return remarks
 
 
-def _columns(
-    table: pd.DataFrame, train: MeasuredTrain, source: str
-) -> tuple[list[Column], list[Remark]]:
-    """Known columns, and remarks on the others; raises where one that is required is missing, doubled or out of place."""
-    columns, remarks = [], []
-    for name in map(str, table.columns):
-        column = parse_column(name)
-        if column is None:
-            near = near_column(name)
-            hint = f"; did you mean {near!r}?" if near else ""
-            remarks.append(Remark("unknown", name, f"is not known and not used{hint}"))
-        else:
-            columns.append(column)
-    axles, cars = train.radius.size, train.car_mass.size
-    most = {"axleN": axles, "couplerK": cars - 1, "carK": cars}
-    seen: dict[tuple[str, int], str] = {}
-    for column in columns:
-        kind = column.quantity.split("_")[0]
-        if column.number > most.get(kind, 0):
-            raise faulty(
-                source, column.name, None,
-                f"train {train.name!r} has {axles} axles and {cars} cars",
-            )  # fmt: skip
-        key = (column.quantity.replace("torque", "force"), column.number)
-        if key in seen:
-            raise faulty(source, column.name, None, f"is the same as {seen[key]!r}; give one")
-        seen[key] = column.name
-    for stem, quantity in QUANTITIES.items():
-        if any(key[0] == stem for key in seen):
-            continue
-        meant = [r.column for r in remarks if _quantity_meant(r.column) == stem]
-        # a speed that is only misspelt shall not be estimated
-        if quantity.required or (stem == "speed" and meant):
-            hint = f"; is it {meant[0]!r}?" if meant else ""
-            wanted = " or ".join(f"{stem}_{unit}" for unit in quantity.units)
-            raise faulty(source, wanted, None, f"is missing: {quantity.description}{hint}")
-    return columns, remarks
+def _guess(fixes: Samples, instants: Instants) -> Floats:
+    """The train's speed as it stands, on straight lines between its samples; nan where they are far apart."""
+    if fixes.time.size < 2:
+        return np.full(instants.time.size, np.nan)
+    guess = np.interp(instants.time, fixes.time, fixes.value)
+    reach = max(longest(fixes.period), 3.0)
+    after = np.clip(np.searchsorted(fixes.time, instants.time), 1, fixes.time.size - 1)
+    guess[np.abs(fixes.time[after] - fixes.time[after - 1]) > reach] = np.nan
+    return guess
 
 
-def _quantity_meant(name: str) -> str | None:
-    """Quantity of the column that a misspelt name resembles."""
-    column = parse_column(near_column(name) or "")
-    return None if column is None else column.quantity
+def _median(rim: Floats) -> Floats:
+    with np.errstate(all="ignore"):
+        return np.asarray(np.nanmedian(rim, axis=1))
 
 
-def _all_of(
-    stem: str,
-    count: int,
-    by_quantity: dict[tuple[str, int], Column],
-    values: Callable[[Column], Floats],
-    remarks: list[Remark],
-) -> Floats | None:
-    """The columns of a quantity that only all together are of use; None, with a remark if some are there, otherwise."""
-    found = [by_quantity[stem, k] for k in range(1, count + 1) if (stem, k) in by_quantity]
+def _speed(
+    sources: Sources,
+    fixes: Samples | None,
+    instants: Instants,
+    rim: Floats,
+    force: Floats,
+    grade: Floats | None,
+    noise: float,
+    least_delay: float,
+) -> tuple[MeasuredSpeed, list[Remark]]:
+    """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
+    source, train = sources.recording.source, sources.train
+    if fixes is None:
+        ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
+        return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
+    name = sources.assigned["speed", 0].column
+    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay)
+    if not np.isfinite(found.speed[:, None] * rim).any():
+        raise faulty(source, name, None, "at no instant are train and a wheel known")
+    return found, []
+
+
+def _other(sources: Sources, place: tuple[str, int], instants: Instants) -> Floats | None:
+    """A channel of the whole train at the common instants; None if there is none."""
+    if place not in sources.assigned:
+        return None
+    return resample(sources.plain(place), instants.time).value
+
+
+def _all_of(sources: Sources, stem: str, count: int, instants: Instants) -> Floats | None:
+    """The channels of a quantity that only all together are of use, (instants, count); None, with a remark, otherwise."""
+    found = sources.numbers_of(stem)
     if not found:
         return None
     if len(found) < count:
-        lacking = next(k for k in range(1, count + 1) if (stem, k) not in by_quantity)
+        lacking = next(k for k in range(1, count + 1) if k not in found)
         text = f"{len(found)} of {count} are there, number {lacking} is not: none is used"
-        remarks.append(Remark("missing", stem, text))
+        sources.remarks.append(Remark("missing", stem, text))
         return None
-    return np.stack([values(column) for column in found], axis=1)
-
-
-def _cut_out_stuck(
-    by_quantity: dict[tuple[str, int], Column], time: Floats, speed: Floats | None, rim: Floats
-) -> list[Remark]:
-    """Cut out, in place, speeds that do not move while the others do; a wheel at rest may be locked and stays.
-
-    Without the train's speed the wheels' median stands for it.
-    """
-    remarks = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # rows without any wheel
-        wheels = np.nanmedian(rim, axis=1)
-
-    def note(name: str, inside: slice, text: str) -> None:
-        begin, end = inside.start, inside.stop - 1
-        text += f", {time[begin]:.6g} s to {time[end]:.6g} s"
-        remarks.append(Remark("stuck", name, text, begin + 1, float(time[begin])))
-
-    if speed is None:
-        speed = wheels
-    else:
-        for inside in list(checks.stuck(speed, wheels, time)):
-            note(by_quantity["speed", 0].name, inside, "stuck: the wheels' speeds change; cut out")
-            speed[inside] = np.nan
-    under_way = speed > checks.STUCK_CHANGE
-    for (quantity, number), column in by_quantity.items():
-        if quantity != "axleN_speed":
-            continue
-        own = rim[:, number - 1]
-        dead = bool(under_way.any()) and np.mean(own[under_way] == 0.0) > DEAD_SHARE
-        for inside in list(checks.stuck(own, speed, time)):
-            at_rest = own[inside.start] == 0.0
-            if at_rest and not dead:
-                note(
-                    column.name,
-                    inside,
-                    "zero while the train runs: a locked wheel, and taken for one",
-                )
-                continue
-            note(column.name, inside, "stuck: the train's speed changes; cut out")
-            own[inside] = np.nan
-    return remarks
+    series = [resample(sources.plain((stem, k)), instants.time).value for k in found]
+    return np.stack(series, axis=1)

@@ -30,7 +30,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from alloc.estimation.measured_run import MeasuredTrain
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 from studies.files.strict import Strict, parse, read_toml
 from studies.scenario.train_keys import CouplerKeys

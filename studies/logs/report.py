@@ -1,36 +1,35 @@
-"""What the analysis of a log prints: tables for people, the same and all of it as JSON."""
+"""Everything that the analysis of a log found, for JSON; `studies.logs.report_tables` prints it."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import RenderableType
-from rich.markup import escape
-from rich.table import Table
 
 from alloc.estimation.measured_run import Findings, train_acceleration
-from alloc.estimation.slip_events import SlipCriterion
+from alloc.estimation.slip_events import SMALL, SlipCriterion, SlipEvent
+from studies.logs.brake_report import BRAKING
 from studies.logs.measured_log import MeasuredLog
-
-BRAKING = 0.1
-"""Deceleration [m/s2] from which on a train counts as braking, and acceleration from which on as driving."""
-MOST_ROWS = 40
-"""Rows of a printed table of remarks or slips; JSON has all."""
+from studies.logs.open_questions import MOVED, delay_remarks, moved_by_delay
+from studies.logs.remarks import grouped
 
 
 def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict[str, Any]:
     """Everything found, for JSON: SI units but where a key says otherwise, None for what is not known."""
+    remarks = [*log.remarks, *delay_remarks(log, found)]
     return {
         "log": log.source,
         "train": log.train.name,
-        "rows": int(log.run.time.size),
+        "origin": log.origin or None,
+        "rows": log.rows or int(log.run.time.size),
         "duration_s": float(log.run.time[-1] - log.run.time[0]),
         "period_s": log.period,
-        "speed_source": "measured" if log.run.speed_deviation is None else "estimated",
+        "speed_source": log.run.speed_source,
         "speed_error_ms": _speed_error(log),
+        "speed_delay": _delay(log, found),
         "parts": int(log.run.part[-1]) + 1,
         "force_window_s": found.window,
         "criterion": {"slip_velocity_ms": criterion.velocity, "slip_ratio": criterion.ratio},
+        "small_criterion": {"slip_ratio": SMALL.ratio, "slip_velocity_ms": _list(found.least_slip)},
         "remarks": [
             {
                 "kind": remark.kind,
@@ -39,28 +38,23 @@ def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict
                 "time_s": remark.time,
                 "text": remark.text,
             }
-            for remark in log.remarks
+            for remark in remarks
+        ],
+        "remark_groups": [
+            {
+                "kind": group.kind,
+                "count": group.count,
+                "columns": list(group.columns),
+                "text": group.text,
+            }
+            for group in grouped(remarks)
         ],
         "damage_kj": _number(1e-3 * found.total_damage) if found.covered.any() else None,
+        "damage_error_kj": _damage_error(found),
         "utilisation": _number(found.utilisation),
         "axles": [_axle(log, found, i) for i in range(log.train.radius.size)],
-        "events": [
-            {
-                "axle": event.axle + 1,
-                "car": int(log.train.axle_car[event.axle]) + 1,
-                "kind": event.kind,
-                "start_s": event.start,
-                "end_s": event.end,
-                "cut": event.cut,
-                "largest_slip_ms": event.largest_slip,
-                "slip_ratio": event.slip_ratio,
-                "onset_s": _number(event.onset_time),
-                "onset_coefficient": _number(event.onset_coefficient),
-                "utilisation": _number(event.utilisation),
-                "damage_kj": _number(1e-3 * event.damage),
-            }
-            for event in found.events
-        ],
+        "events": [_event(log, event) for event in found.events],
+        "small_events": [_event(log, event) for event in found.small_events],
         "cars": _cars(log, found),
         "car_acceleration": None
         if found.car_force is None
@@ -68,11 +62,64 @@ def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict
     }
 
 
+def _event(log: MeasuredLog, event: SlipEvent) -> dict[str, Any]:
+    return {
+        "axle": event.axle + 1,
+        "car": int(log.train.axle_car[event.axle]) + 1,
+        "kind": event.kind,
+        "start_s": event.start,
+        "end_s": event.end,
+        "cut": event.cut,
+        "largest_slip_ms": event.largest_slip,
+        "slip_ratio": event.slip_ratio,
+        "onset_s": _number(event.onset_time),
+        "onset_coefficient": _number(event.onset_coefficient),
+        "utilisation": _number(event.utilisation),
+        "damage_kj": _number(1e-3 * event.damage),
+    }
+
+
+def _delay(log: MeasuredLog, found: Findings) -> dict[str, Any] | None:
+    """How late the train's speed was, and whether the log is flagged for it; None where it is not measured."""
+    delay = log.run.speed_delay
+    if delay is None:
+        return None
+    moved = moved_by_delay(log, found)
+    return {
+        "delay_s": delay.value,
+        "deviation_s": delay.deviation,
+        "made_up_for": log.run.speed_source == "followed",
+        "moves_damage": moved,
+        "flagged": bool(delay_remarks(log, found)),
+        "threshold": MOVED,
+    }
+
+
+def _damage_error(found: Findings) -> dict[str, float] | None:
+    """Standard deviation of Q and where it is from [kJ], and what 1 per mille of the wheels' radius makes of it."""
+    if found.errors is None:
+        return None
+    e = found.errors
+    return {
+        "total": 1e-3 * e.total,
+        "by_speed": 1e-3 * e.by_speed,
+        "by_delay": 1e-3 * e.by_delay,
+        "by_sensors": 1e-3 * e.by_sensors,
+        "per_permille_of_radius": 1e-3 * e.of_radius,
+    }
+
+
+def _list(values: NDArray[np.float64] | None) -> list[float | None]:
+    return [] if values is None else [_number(value) for value in values]
+
+
 def _speed_error(log: MeasuredLog) -> dict[str, float] | None:
-    """Mean and largest standard deviation of an estimated speed [m/s]."""
+    """Mean and largest standard deviation of the speed [m/s]."""
     if log.run.speed_deviation is None:
         return None
     known = log.run.speed_deviation[np.isfinite(log.run.speed_deviation)]
+    if known.size == 0:
+        return None
     return {"mean": float(known.mean()), "largest": float(known.max())}
 
 
@@ -118,85 +165,3 @@ def _cars(log: MeasuredLog, found: Findings) -> list[dict[str, Any]] | None:
 def _mean(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float | None:
     known = values[chosen & np.isfinite(values)]
     return float(known.mean()) if known.size else None
-
-
-def tables(report: dict[str, Any]) -> list[RenderableType]:
-    """The same for a terminal, from what `content` gives."""
-    items: list[RenderableType] = []
-    error = report["speed_error_ms"]
-    if error is not None:
-        items.append(
-            f"speed source: estimated, stated error {error['mean']:.2g} m/s (largest {error['largest']:.2g} m/s)"
-        )
-    if report["remarks"]:
-        rows = [(r["kind"], r["column"], r["text"]) for r in report["remarks"]]
-        items += _limited("remarks on the log", ("what", "column", ""), rows, "")
-    axles = [
-        (
-            a["axle"], a["car"], "yes" if a["driven"] else "", _shown(a["known_s"], ".1f"),
-            a["slips"] or "", a["slides"] or "", _shown(a["slipping_s"] or None, ".2f"),
-            _shown(a["largest_slip_ms"], "+.2f"), _shown(a["onset_coefficient"], ".3f"),
-            _shown(a["largest_coefficient"], ".3f"), _shown(a["damage_kj"], ".2f"),
-        )
-        for a in report["axles"]
-    ]  # fmt: skip
-    axle_heads = (
-        "axle", "car", "driven", "known [s]", "slips", "slides", "slipping [s]", "largest slip [m/s]",
-        "coefficient at onsets", "largest coefficient", "Q [kJ]",
-    )  # fmt: skip
-    items.append(_table("axles", axle_heads, axles))
-    events = [
-        (
-            e["axle"], e["car"], e["kind"] + (" (cut)" if e["cut"] else ""), f"{e['start_s']:.2f}",
-            f"{e['end_s']:.2f}", f"{e['largest_slip_ms']:+.2f}", f"{100.0 * e['slip_ratio']:.1f}",
-            _shown(e["onset_coefficient"], ".3f"), _shown(e["utilisation"], ".2f"),
-            _shown(e["damage_kj"], ".2f"),
-        )
-        for e in report["events"]
-    ]  # fmt: skip
-    event_heads = (
-        "axle", "car", "", "from [s]", "to [s]", "largest slip [m/s]", "slip ratio [%]",
-        "coefficient at onset", "used of it", "Q [kJ]",
-    )  # fmt: skip
-    items += _limited("slips and slides", event_heads, events, "no axle slipped by this criterion")
-    if report["cars"] is not None:
-        cars = [
-            (c["car"], _shown(c["brake_force_braking_kn"], ".1f"), _shown(c["brake_force_driving_kn"], ".1f"))
-            for c in report["cars"]
-        ]  # fmt: skip
-        car_heads = ("car", "mean under braking [kN]", "mean under traction [kN]")
-        title = f"brake force per car, by the acceleration {report['car_acceleration']}"
-        items.append(_table(title, car_heads, cars))
-    total, used = report["damage_kj"], report["utilisation"]
-    items.append(
-        f"{report['rows']} rows in {report['parts']} part{'s' if report['parts'] > 1 else ''}; wheel damage Q "
-        + ("not known" if total is None else f"{total:.4g} kJ")
-        + ("" if used is None else f"; in slips {100.0 * used:.1f} % of the coefficient seen at their onset was used")
-    )  # fmt: skip
-    return items
-
-
-def _shown(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)
-
-
-def _limited(
-    title: str, heads: tuple[str, ...], rows: list[tuple[Any, ...]], none: str
-) -> list[RenderableType]:
-    if not rows:
-        return [none]
-    items: list[RenderableType] = [_table(title, heads, rows[:MOST_ROWS])]
-    if len(rows) > MOST_ROWS:
-        items.append(f"and {len(rows) - MOST_ROWS} more; --json has all")
-    return items
-
-
-def _table(title: str, heads: tuple[str, ...], rows: list[tuple[Any, ...]]) -> Table:
-    table = Table(title=escape(title), title_justify="left")
-    for head in heads:
-        table.add_column(
-            escape(head), justify="left" if head in ("", "what", "column") else "right"
-        )
-    for row in rows:
-        table.add_row(*(escape(str(cell)) for cell in row))
-    return table

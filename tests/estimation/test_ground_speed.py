@@ -8,8 +8,8 @@ import pytest
 
 from alloc.errors import EstimationError
 from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
+from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.logged_computers import FilterTrace
-from alloc.estimation.measured_run import MeasuredTrain
 from alloc.estimation.speed_smoother import smooth
 from alloc.plant.equations import GRAVITY
 

@@ -14,6 +14,8 @@ class SyntheticUnit:
     """
 
     acceleration = 0.5
+    air = 0.0
+    """Coefficient that an air brake gives, of which the unit's own estimate knows."""
 
     def __init__(self, curve, peak=0.12, settings=None, noise=0.0, seed=0, speed=10.0, **context):
         # with so long a lag, torque changes evenly from reading to reading
@@ -22,7 +24,7 @@ class SyntheticUnit:
         self.belief = UnitBelief(self.context, self.settings)
         self.curve, self.peak, self.noise = curve, peak, noise
         self.rng, self.speed = np.random.default_rng(seed), speed
-        self.before = self.now = None
+        self.known = self.before = self.now = None
         """Slip of the period before and of this one [m/s]; none yet at first."""
 
     @property
@@ -53,7 +55,16 @@ class SyntheticUnit:
         # torque is known at the instants of the readings: so must the rate be
         rate = self.acceleration + 0.5 * (after - self.before) / c.period
         force = self.coefficient(self.now) * self.belief.axle_load * c.radius
-        torque = float(np.mean(force + c.inertia * rate / c.radius)) / c.gear_ratio
+        shoes = self.air * self.belief.axle_load * c.radius
+        torque = float(np.mean(force - shoes + c.inertia * rate / c.radius)) / c.gear_ratio
+        if self.air:
+            # by the unit's observer, as late as those of the axles
+            felt, share = (
+                float(np.mean(self.coefficient(self.now))),
+                self.belief.record.constants.keep,
+            )
+            self.known = felt if self.known is None else share * self.known + (1.0 - share) * felt
+            reading = {"estimate": self.known} | reading
         rim = self.speed + self.now + self.noise * self.rng.standard_normal(c.axles)
         self.belief.update(self.speed, rim / c.radius, torque, **reading)
         self.before, self.now = self.now, after

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
-from mpc.belief import FOREIGN_FORCE, GroupBelief, UnitBelief
+from mpc.belief import GroupBelief, UnitBelief
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
 from tests.mpc.conftest import make_unit
@@ -140,15 +140,6 @@ def test_forces_are_forgotten_without_what_is_known_of_the_rail(context):
     # in equilibrium from the first reading on
     expected = 123.0 * context.gear_ratio / (context.axle_load * context.radius)
     np.testing.assert_allclose(belief.coefficient, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("share", [0.9, 1.1])
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_search_rests_while_other_brakes_work(share, sign):
-    unit = SyntheticUnit(PiecewiseCurve())
-    for _ in range(50):
-        unit.period(0.03, estimate=float(unit.coefficient(0.03)) + sign * share * FOREIGN_FORCE)
-    assert (unit.search.limited_for > 0.3) == (share < 1.0)
 
 
 def test_a_given_share_of_the_given_curves_slip_is_held_where_nothing_is_sought():

@@ -180,13 +180,12 @@ def test_no_slip_is_sought_that_noise_hides():
 # --- when it rests
 
 
-@pytest.mark.parametrize("reading", [{"wanted": 0.0}, {"estimate": 0.5}])
-def test_nothing_moves_while_the_rail_does_not_limit(reading):
+def test_nothing_moves_while_the_rail_does_not_limit():
     unit = SyntheticUnit(PiecewiseCurve())
     heard = "elasticity", "told", "swing", "noise"
     before = [float(unit.search[name]) for name in heard]
     for _ in range(300):
-        unit.period(0.04 * unit.swing, **reading)
+        unit.period(0.04 * unit.swing, wanted=0.0)
     assert [float(unit.search[name]) for name in heard] == before
     assert unit.believed.heard_for == 0.0
 

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from studies.logs.export import write_log
-from studies.logs.report import MOST_ROWS
+from studies.logs.remarks import MOST
 from tests.simulation.slides import TRAIN, braked, readhering
 
 
@@ -50,7 +50,7 @@ def test_json_has_everything(call, log):
     assert content["axles"][0]["slides"] >= 1
 
 
-def test_what_is_wrong_with_a_log_is_printed_and_long_lists_are_cut(call, log, tmp_path):
+def test_remarks_of_one_kind_are_one_line(call, log, tmp_path):
     table = pd.read_csv(log)
     table.loc[::13, "axle1_speed_kmh"] = None
     spoilt = tmp_path / "spoilt.csv"
@@ -58,10 +58,50 @@ def test_what_is_wrong_with_a_log_is_printed_and_long_lists_are_cut(call, log, t
     code, out, _ = call("analyse", spoilt, "--train", "jp4209318-3car")
     assert code == 0
     assert "gap of 0.51 s from 0.99 s to 1.5 s" in out
-    assert "no value in row 1," in out
-    assert "--json has all" in out
+    assert "no value in 43 rows, the first 1, interpolated" in out
     _, out, _ = call("analyse", spoilt, "--train", "jp4209318-3car", "--json")
-    assert len(json.loads(out)["remarks"]) > MOST_ROWS
+    assert len(json.loads(out)["remark_groups"]) <= MOST
+
+
+def test_several_logs_give_a_report_each_and_a_list_of_slips(call, log, tmp_path):
+    other = tmp_path / "other.csv.gz"
+    pd.read_csv(log).to_csv(other, index=False)
+    code, out, _ = call(
+        "analyse", log, other, tmp_path / "none.csv", "--train", "jp4209318-3car",
+        "--out", tmp_path / "reports", "--events", tmp_path / "slips.csv",
+    )  # fmt: skip
+    assert code == 0
+    assert "failed" in out
+    assert "none.csv" in out
+    reports = sorted(path.name for path in (tmp_path / "reports").iterdir())
+    assert reports == ["other.csv.gz.json", "slide.csv.json"]
+    found = json.loads((tmp_path / "reports" / "slide.csv.json").read_text())
+    slips = pd.read_csv(tmp_path / "slips.csv")
+    assert len(slips) == 2 * (len(found["events"]) + len(found["small_events"]))
+    assert set(slips["kind"]) == {"slide"}
+
+
+def test_a_log_is_compared_with_a_run_of_the_same_train_alone(call, log):
+    code, out, _ = call(
+        "analyse",
+        log,
+        "--train",
+        "jp4209318-3car",
+        "--against",
+        log,
+        "--resistance",
+        "--brakes",
+        "--json",
+    )
+    assert code == 0
+    content = json.loads(out)
+    assert content["comparison"]["log"] == content["comparison"]["simulated"]
+    assert content["comparison"]["damage_differs"] is False
+    assert set(content["resistance"]["weights"]) == {"W1", "W2", "W3", "A", "B"}
+    assert content["brakes"] is None  # its couplers are not measured
+    code, _, err = call("analyse", log, "--train", "jp4209318-3car", "--against", "wet-stop")
+    assert code == 2
+    assert "give a run of the same train" in err
 
 
 def test_the_columns_of_a_log_are_listed(call):
@@ -78,13 +118,15 @@ def test_the_columns_of_a_log_are_listed(call):
         (["analyse", "log.csv"], "--train"),
         (["analyse", "log.csv", "--train", "one-axle", "--slip-kmh", "0"], "--slip-kmh 0"),
         (["analyse", "log.csv", "--train", "one-axle", "--figure", "no/f.pdf"], "cannot be written"),
-        (["analyse", "log.csv", "--train", "one-axle"], "column 'time_s', row 3: time goes back"),
+        (["analyse", "log.csv", "--train", "one-axle"], "column 'time_s', row 4: time goes back"),
+        (["analyse", "log.csv", "--train", "one-axle", "--mapping", "no.toml"], "'no.toml' does not exist"),
+        (["analyse", "--train", "one-axle"], "no log is given"),
         (["simulate", "wet-start", "--log", "run.txt"], "must be .csv or .parquet"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_clear_line(call, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    times = [0.0, 0.2, 0.1, *(0.1 * k for k in range(3, 30))]
+    times = [0.0, 0.1, 9.0, *(0.1 * k for k in range(3, 30))]
     frame = pd.DataFrame({"time_s": times, "speed_ms": 1.0, "axle1_speed_ms": 1.0})
     frame.to_csv("log.csv", index=False)
     code, out, err = call(*arguments)

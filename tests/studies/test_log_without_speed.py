@@ -106,7 +106,7 @@ def test_onsets_and_damage_are_nearly_those_of_the_true_speed(cases, name, onset
 
 def test_the_speed_of_a_log_with_its_column_is_left_alone(cases):
     log = cases["driven"].log(without=())
-    assert log.run.speed_deviation is None
+    assert log.run.speed_source == "measured"
 
 
 def test_stretches_in_which_no_axle_tells_the_speed_are_remarked_on(cases):

@@ -6,8 +6,7 @@ import math
 import numpy as np
 
 from alloc.onboard.observer import observer_gains
-from mpc import axle_observer, curve_filter, slip_search
-from mpc.belief import FOREIGN_FORCE
+from mpc import air_brake, axle_observer, curve_filter, slip_search
 
 PERIOD = 0.01
 
@@ -176,7 +175,7 @@ class Unit:
         lag = math.atan(turning / settings.belief.pole) + turning * slip_search.ANSWER_LAG
         self.answer = 1j * cmath.exp(1j * lag)
         self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
-        self.elasticity = self.told = 0.0
+        self.elasticity = self.told = self.air = 0.0
         self.seen = set()
 
     def search(self, noise, limited):
@@ -246,14 +245,20 @@ class Unit:
         for i, a in enumerate(self.axles):
             a.observe(speed, omega[i], torque, load[i], self.fresh)
         self.fresh = False
-        foreign = abs(estimate - np.mean([a.mu for a in self.axles])) > FOREIGN_FORCE
+        share = 1.0 - math.exp(-PERIOD / air_brake.AIR_TIME)
+        more = estimate - np.mean([a.mu for a in self.axles])
+        self.air = 0.0 if math.isnan(more) else (1.0 - share) * self.air + share * more
+        if self.air > air_brake.LEAST_AIR:
+            self.seen.add("air")
+            for a in self.axles:
+                a.mu += self.air
         noise = float(np.mean([a.noise for a in self.axles]))
         self.curve.older()
         for a in self.axles:
             if a.estimate(noise, self.curve):
                 self.seen.add("doubt")
         self.curve.guess()
-        self.search(noise, torque < slip_search.LIMITING * wanted and not foreign)
+        self.search(noise, torque < slip_search.LIMITING * wanted)
         if not self.s.seek:
             top = self.context.curve.limit(min(a.peak for a in self.axles), speed)[1]
             self.slip = self.s.given_share * float(top)

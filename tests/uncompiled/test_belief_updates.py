@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mpc import slip_search
-from mpc.belief import FOREIGN_FORCE, GroupBelief, UnitBelief
+from mpc.belief import GroupBelief, UnitBelief
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from tests.uncompiled.second_belief import Unit
 
@@ -47,7 +47,7 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
         )
         torque = mu * context.axle_load * context.radius / context.gear_ratio
         wanted = 0.5 * torque if 60 < tick < 70 else 900.0
-        estimate = mu + 0.05 if 80 < tick < 84 else math.nan
+        estimate = mu + 0.05 if 80 < tick < 120 else mu if tick > 120 else math.nan
         load = context.axle_load * rng.uniform(0.95, 1.05, 3)
         omega = (speed + measured) / context.radius
         belief.axle_load[:] = load
@@ -70,21 +70,8 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
             np.testing.assert_allclose(getattr(axles, key), expected, rtol=1e-5, atol=1e-9)
         limit = other.slip * (1.0 + other.swing * math.sin(other.phase))
         assert belief.slip_limit == pytest.approx(limit, rel=1e-6)
-    common = {"not limited", "jump", "doubt"}
+    common = {"not limited", "jump", "doubt", "air"}
     assert other.seen >= common | (set() if name == "given" else {"moved"})
-
-
-@pytest.mark.parametrize("share", [0.99, 1.01])
-def test_other_brakes_let_the_search_rest(make_context, share):
-    belief = UnitBelief(make_context(axles=2), MpcSettings())
-    belief.update(8.0, np.full(2, 8.01 / 0.43), 300.0)
-    felt = belief.coefficient.mean()
-    for sign in (-1.0, 1.0):
-        belief.update(
-            8.0, np.full(2, 8.01 / 0.43), 300.0, math.inf, felt + sign * share * FOREIGN_FORCE
-        )
-    limited = belief.record.search.state[0].limited_for
-    assert limited == pytest.approx(0.03 if share < 1.0 else 0.0)
 
 
 @pytest.mark.parametrize("share", [0.9985, 0.9995])

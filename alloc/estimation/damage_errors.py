@@ -1,0 +1,103 @@
+"""What the errors of a measured run leave open of its wheel damage Q.
+
+Q = sum_i integral of F_t,i (R omega_i - v) dt. An error of the train's speed acts on all axles at once, and lasts: that of
+the delay all the time, the rest for `CORRELATED` seconds. Noise of a wheel or of a force averages out within a window.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from alloc.estimation.measured_run import MeasuredRun
+
+Floats = NDArray[np.float64]
+
+CORRELATED = 5.0
+"""Time [s] for which an error of the train's speed lasts."""
+WINDOW = 0.2
+"""Time [s] for which noise of a wheel lasts, and of a force."""
+PERMILLE = 1e-3
+
+
+class SlipNoise(NamedTuple):
+    """Standard deviations of measured slip velocities [m/s], (axles,) each."""
+
+    rim: Floats
+    """Of the wheel alone."""
+    slip: Floats
+    """With the error of the train's speed."""
+
+
+def slip_noise(run: "MeasuredRun") -> SlipNoise:
+    """Noise of the slip velocity of each axle."""
+    axles = run.rim_speed.shape[1]
+    rim = np.zeros(axles) if run.rim_deviation is None else np.nan_to_num(run.rim_deviation)
+    own = 0.0
+    if run.speed_deviation is not None and np.isfinite(run.speed_deviation).any():
+        own = float(np.nanmedian(run.speed_deviation))
+    return SlipNoise(rim, np.hypot(rim, own))
+
+
+@dataclass(frozen=True)
+class DamageErrors:
+    """Standard deviations of Q of all axles [J], and what it depends on."""
+
+    total: float
+    by_speed: float
+    """By the error of the train's speed without its delay."""
+    by_delay: float
+    """By what is not known of the delay."""
+    by_sensors: float
+    """By noise of wheels and forces."""
+    of_radius: float
+    """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
+    per_second: float
+    """Change of Q by a delay of the speed [J/s]."""
+    of_delay: float
+    """Change of Q if the delay that was found had been left in the speed; 0 where it is none."""
+
+
+def damage_errors(
+    run: "MeasuredRun", coefficient: Floats, axle_load: Floats
+) -> DamageErrors | None:
+    """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,)."""
+    time = run.time
+    step = np.diff(time, append=time[-1])
+    step[:-1][np.diff(run.part) != 0] = 0.0
+    total, sensors = np.zeros(time.size), 0.0
+    period = float(np.median(np.diff(time)))
+    lasts = max(WINDOW, period)
+    for i in range(axle_load.size):
+        force = coefficient[:, i] * axle_load[i]
+        own = np.nan_to_num(force)
+        total += own
+        if run.rim_deviation is not None and np.isfinite(run.rim_deviation[i]):
+            sensors += run.rim_deviation[i] ** 2 * lasts * float(step @ own**2)
+        if run.force_deviation is not None and np.isfinite(run.force_deviation[i]):
+            slip = np.nan_to_num(run.rim_speed[:, i] - run.speed)
+            pulled = np.where(np.isfinite(force), slip, 0.0)
+            sensors += run.force_deviation[i] ** 2 * lasts * float(step @ pulled**2)
+    if not total.any():
+        return None
+    speed = np.nan_to_num(run.speed)
+    rate = np.gradient(speed, time) if time.size > 1 else np.zeros(1)
+    by_delay = of_delay = 0.0
+    per_second = float(step @ (total * rate))
+    deviation = np.zeros(time.size) if run.speed_deviation is None else np.nan_to_num(run.speed_deviation)  # fmt: skip
+    if run.speed_delay is not None:
+        # how late a speed is was found for one that is taken as it stands too, but then it is no error of it
+        unsure = run.speed_delay.deviation if run.speed_source == "followed" else 0.0
+        by_delay = abs(per_second) * unsure
+        deviation = np.sqrt(np.maximum(deviation**2 - (rate * unsure) ** 2, 0.0))
+        late = np.interp(time - run.speed_delay.value, time, speed)
+        of_delay = float(step @ (total * (speed - late)))
+    blocks = np.floor((time - time[0]) / CORRELATED).astype(np.int64)
+    each = np.bincount(blocks, weights=step * np.abs(total) * deviation)
+    by_speed = float(np.sqrt(np.sum(each**2)))
+    by_sensors = float(np.sqrt(sensors))
+    radius = PERMILLE * float(step @ (total * speed))
+    all_of = float(np.sqrt(by_speed**2 + by_delay**2 + sensors))
+    return DamageErrors(all_of, by_speed, by_delay, by_sensors, radius, per_second, of_delay)

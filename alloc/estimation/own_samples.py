@@ -1,0 +1,215 @@
+"""The samples that a channel of a log really has: rows may repeat a value, or lie on straight lines between two of them.
+
+A logger writes all channels at one rate. A slower channel is then empty in between, held at its last value, or interpolated.
+What is filled in is no measurement: taken for one, a speed held for a second makes slips of up to its change in that second.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+Kind = Literal["sampled", "held", "interpolated", "quantised"]
+
+FEWEST = 4
+"""Own samples from which on a pattern can be told."""
+REPEATED = 0.4
+"""Share of rows that repeat the one before, from which on a channel may be held."""
+REGULAR = 0.9
+"""Share of the distances between own samples that must be multiples of one of them."""
+STRAIGHT = 0.02
+"""Noise [m/s, of forces N] above which no straight lines are told."""
+COARSE = 0.02
+"""Step of a rounded speed [m/s] from which on it matters."""
+STAYS = 1.0
+"""Time [s] from a change from which on a rounded speed of 0 is one at rest."""
+LEAST_KNOTS = 4
+"""Rows between two own samples of an interpolated channel, at least."""
+SEEN = 0.15
+"""Time [s] between knots from which on straight lines are told from a smooth motion; below, they do no harm."""
+PIECES, PIECE = 20, 5000
+"""Of a long series, how many pieces of how many values its noise is told from."""
+MEDIAN_DEVIATION = 1.4826
+"""Standard deviation over the median of the magnitude, of normally distributed numbers."""
+
+
+class Samples(NamedTuple):
+    """Own samples of a channel, without nan, (samples,) each."""
+
+    time: Floats
+    """[s]"""
+    value: Floats
+    kind: Kind
+    period: float
+    """Median time between two of them [s]; nan for fewer than two."""
+    noise: float
+    """Standard deviation of a value: of what is white in it, and of its rounding."""
+
+
+def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
+    """Find the own samples of a channel, (rows,) each; nan where a row has no value.
+
+    `rounded`: whether a channel that changes by one step now and then is a smooth one that is rounded; a force may jump.
+    """
+    finite = np.isfinite(values)
+    t, v = (time, values) if finite.all() else (time[finite], values[finite])
+    kind: Kind = "sampled"
+    if v.size >= FEWEST:
+        if rounded and _quantised(v):
+            noise = quantum_of(v) / math.sqrt(12.0)
+            t, v = _crossings(t, v)
+            return Samples(t, v, "quantised", float(np.median(np.diff(t))), noise)
+        found = _held(v)
+        kind = "held"
+        if found is None:
+            found, kind = _interpolated(v), "interpolated"
+        if found is not None and kind == "interpolated" and np.median(np.diff(t[found])) < SEEN:
+            found = None
+        if found is None:
+            kind = "sampled"
+        else:
+            t, v = t[found], v[found]
+    period = float(np.median(np.diff(t))) if t.size > 1 else math.nan
+    return Samples(t, v, kind, period, noise_of(v))
+
+
+def noise_of(values: Floats) -> float:
+    """Standard deviation of the white noise in a series, by its second differences, and of its rounding."""
+    if values.size < FEWEST:
+        return 0.0
+    values = excerpt(values)
+    bend = float(MEDIAN_DEVIATION * np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
+    return math.hypot(bend, quantum_of(values) / math.sqrt(12.0))
+
+
+def excerpt(values: Floats) -> Floats:
+    """The values, or of very many as many as tell their noise: pieces of `PIECE` from all over."""
+    if values.size <= PIECES * PIECE:
+        return values
+    starts = np.linspace(0, values.size - PIECE, PIECES).astype(np.int64)
+    return np.concatenate([values[k : k + PIECE] for k in starts])
+
+
+def quantum_of(values: Floats) -> float:
+    """Smallest change between two values, where most of them are nothing or a multiple of it; else 0."""
+    change = np.abs(np.diff(values))
+    moving = change[change > 1e-9]
+    if moving.size == 0:
+        return 0.0
+    least = float(moving.min())
+    share = moving / least
+    return least if np.mean(np.abs(share - np.round(share)) < 0.05) > REGULAR else 0.0
+
+
+def _spacing(index: Numbers) -> float | None:
+    """Number of rows, 2 or more, of which the distances between `index` are multiples; None if there is none."""
+    distance = np.diff(index)
+    if distance.size < FEWEST - 1:
+        return None
+    usual = int(np.bincount(distance).argmax())
+    near = distance[np.abs(distance - usual) <= 0.3 * usual]
+    spacing = float(near.mean())
+    if spacing < 1.5:
+        return None
+    times = np.round(distance / spacing)
+    fits = (times >= 1.0) & (np.abs(distance - times * spacing) <= max(0.5, 0.1 * spacing))
+    return spacing if fits.mean() > REGULAR else None
+
+
+def _between(index: Numbers, spacing: float) -> Numbers:
+    """`index` with the rows in between at which a value was sampled that did not change."""
+    count = np.maximum(np.round(np.diff(index) / spacing).astype(np.int64), 1)
+    if count.max(initial=1) == 1:
+        return index
+    stretches = zip(index[:-1], index[1:], count, strict=True)
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in stretches]
+    return np.round(np.concatenate([*pieces, index[-1:]])).astype(np.int64)
+
+
+def _ends(index: Numbers, spacing: float, count: int) -> Numbers:
+    """`index` continued to the first and the last row at the same spacing."""
+    before = np.arange(index[0] - spacing, -0.5, -spacing)[::-1]
+    after = np.arange(index[-1] + spacing, count - 0.5, spacing)
+    return np.concatenate([np.round(before), index, np.round(after)]).astype(np.int64)
+
+
+def _held(values: Floats) -> Numbers | None:
+    """Rows at which a held channel was sampled; None if it is not held."""
+    some = excerpt(values)
+    if np.mean(some[1:] == some[:-1]) < 0.5 * REPEATED:
+        return None
+    change = np.flatnonzero(np.diff(values)) + 1
+    if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
+        return None
+    spacing = _spacing(change)
+    if spacing is None:
+        # a logger that resampled a held channel leaves a value in between at each step
+        follows = np.diff(change) == 1
+        if np.any(follows[1:] & follows[:-1]):
+            return None
+        change = change[np.concatenate([~follows, [True]])]
+        spacing = _spacing(change)
+    if spacing is None or spacing < 2.0:
+        return None
+    return _ends(_between(change, spacing), spacing, values.size)
+
+
+def _quantised(values: Floats) -> bool:
+    """Whether a channel repeats values because it is rounded: it goes on by one step, not at even times."""
+    change = np.flatnonzero(np.diff(values)) + 1
+    if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
+        return False
+    step = values[change] - values[change - 1]
+    least, apart = np.abs(step).min(), np.diff(change)
+    one = np.mean(np.abs(step) < 1.5 * least) > 0.95
+    onwards = np.mean(step[1:] * step[:-1] > 0.0) > REGULAR
+    return bool(one and onwards and least > COARSE and np.std(apart) > 0.02 * apart.mean())
+
+
+def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """As a rounded value changes, the true one is in the middle; in between it is not known, but at rest it is none."""
+    change = np.flatnonzero(np.diff(values))
+    at, middle = (
+        0.5 * (time[change] + time[change + 1]),
+        0.5 * (values[change] + values[change + 1]),
+    )
+    stays = np.arange(time[0], time[-1], STAYS)
+    after = np.searchsorted(at, stays)
+    before = np.where(after > 0, at[np.maximum(after - 1, 0)], -np.inf)
+    behind = np.where(after < at.size, at[np.minimum(after, at.size - 1)], np.inf)
+    stays = stays[(stays - before > STAYS) & (behind - stays > STAYS)]
+    stays = stays[values[np.clip(np.searchsorted(time, stays), 0, time.size - 1)] == 0.0]
+    said = np.zeros(stays.size)
+    order = np.argsort(np.concatenate([at, stays]), kind="stable")
+    return np.concatenate([at, stays])[order], np.concatenate([middle, said])[order]
+
+
+def _interpolated(values: Floats) -> Numbers | None:
+    """Rows at which an interpolated channel was sampled, its knots; None if it is not interpolated."""
+    if noise_of(values) > STRAIGHT:
+        return None
+    bend = np.abs(np.diff(values, 2))
+    moving = bend[bend > 1e-9]
+    if moving.size < FEWEST:
+        return None
+    # few rows bend at all where nothing is rounded
+    rounding = float(moving.min()) if moving.size > REPEATED * bend.size else 0.0
+    bound = max(6.0 * float(np.median(bend)), 3.0 * rounding, 1e-9)
+    knot = np.flatnonzero(bend > bound) + 1
+    if knot.size < FEWEST or knot.size > 0.5 * values.size:
+        return None
+    # a knot between two rows bends at both
+    knot = knot[np.concatenate([[True], np.diff(knot) > 1])]
+    spacing = _spacing(knot)
+    if spacing is None or spacing < LEAST_KNOTS:
+        return None
+    index = _ends(_between(knot, spacing), spacing, values.size)
+    line = np.interp(np.arange(values.size), index, values[index])
+    inside = slice(index[0], index[-1] + 1)
+    reach = 4.0 * rounding + 2.0 * bound / spacing
+    off = np.abs(values - line)[inside]
+    return index if np.mean(off <= reach) > REGULAR else None

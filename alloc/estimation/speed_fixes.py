@@ -1,0 +1,191 @@
+"""The speed of a train from measurements of it that are late, rare or lost, such as those of a satellite receiver.
+
+How late they are is what makes them fit best to the shape that the forces, or the wheels, give the speed
+(`alloc.estimation.speed_shape`); between them the shape is followed. Noise of the measurements and drift of the shape are
+those of the greatest likelihood (`alloc.estimation.random_slope`).
+
+A delay shows where the acceleration changes. A log with one and the same acceleration throughout does not have it, and the
+stated deviation of the delay says so.
+"""
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.random_slope import SURE, UNSURE, Work, likelihood, smoothed
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+DELAYS = np.arange(-0.5, 2.51, 0.05)
+"""Delays that are tried [s]: a recorder that stamps too early, to a receiver that smooths."""
+FIRST = (0.0, 0.25, 0.5, 1.0)
+"""Those that noise and drift are first found with [s]."""
+NOISES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+"""Standard deviations of a measurement that are tried [m/s]."""
+DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+"""Drifts that are tried [m/s2 per root second]: from a level line to forces that are half wrong."""
+SPARSE = 0.15
+"""Time between measurements [s] from which on the shape is followed between them."""
+MEAN_TIME = 0.2
+"""Time [s] over which measurements that lie closer are averaged to find their delay."""
+MOST = 6_000
+"""Measurements that a delay is found from; of more, every so many."""
+TICK = 0.2
+"""Time [s] between two instants of the drift."""
+SYSTEMATIC = 0.002
+"""Standard deviation of a delay [s] by errors of the shape, which no number of measurements lessens."""
+EARLY = 0.02
+"""Time [s] by which a measurement may lie outside of a part and still belong to it."""
+END_TIME = 0.3
+"""Time [s] over which the shape's slope at an end counts, to continue it."""
+
+
+class Delay(NamedTuple):
+    """How late the measurements are."""
+
+    value: float
+    """[s]"""
+    deviation: float
+    """Its standard deviation [s]."""
+    noise: float
+    """Of a measurement, as found [m/s]."""
+    drift: float
+    """Of the shape, as found [m/s2 per root second]."""
+    sure: bool
+    """Whether the shape is right but for 2 %, by the likelihood."""
+    misfit: float
+    """Minus twice the logarithm of the likelihood, per measurement."""
+
+
+class FollowedSpeed(NamedTuple):
+    """Speed of the train at all instants, (instants,) each."""
+
+    speed: Floats
+    """[m/s]"""
+    deviation: Floats
+    """Standard deviation [m/s], with that of the delay."""
+
+
+def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> Delay:
+    """Find how late `fixes` are, by a `shape` [m/s] at instants [s] of a number of parts, (instants,) each."""
+    at, value, width = _averaged(fixes)
+    every = max(-(-at.size // MOST), 1)
+    at, value = at[::every], value[::every]
+    number = part[np.clip(np.searchsorted(time, at, "right") - 1, 0, time.size - 1)]
+    margin = 0.5 * width if width > 0.0 else -EARLY
+    average, work = _Average(*_extended(time, shape), width), Work.allocate()
+
+    def misfit(delay: float, noise: float, drift: float, sure: bool) -> float:
+        moved = at - delay
+        use = (moved > time[0] + margin) & (moved < time[-1] - margin)
+        read = np.where(use, value, math.nan)
+        # those that are left out are neither better nor worse than the others
+        return at.size * float(
+            likelihood(
+                moved,
+                average(moved),
+                read,
+                number,
+                noise**2,
+                drift**2,
+                SURE if sure else UNSURE,
+                *work,
+            )
+        )
+
+    trials = list(product(NOISES, DRIFTS, (True, False)))
+    start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
+    scores = np.array([misfit(d, *start) for d in DELAYS])
+    delay = float(DELAYS[scores.argmin()])
+    for _ in range(2):
+        start = min(trials, key=lambda trial: misfit(delay, *trial))
+        scores = np.array([misfit(d, *start) for d in DELAYS])
+        delay = float(DELAYS[scores.argmin()])
+    found = minimize_scalar(
+        lambda d: misfit(d, *start), bounds=(delay - 0.05, delay + 0.05), method="bounded",
+        options={"xatol": 5e-4},
+    )  # fmt: skip
+    delay, best = float(found.x), float(found.fun)
+    weight = np.exp(-0.5 * (scores - scores.min()))
+    wide = math.sqrt(float(weight @ (DELAYS - delay) ** 2 / weight.sum()))
+    step = 0.01
+    bend = (misfit(delay + step, *start) + misfit(delay - step, *start) - 2.0 * best) / step**2
+    narrow = math.sqrt(2.0 / bend) if bend > 0.0 else wide
+    deviation = math.hypot(max(narrow, wide if wide > 0.03 else 0.0), SYSTEMATIC)
+    return Delay(delay, deviation, *start, best / max(at.size, 1))
+
+
+def follow(
+    time: Floats, part: Numbers, shape: Floats, fixes: Samples, delay: Delay
+) -> FollowedSpeed:
+    """Speed at all instants, from `fixes` less their `delay`; nan in parts in which there is none."""
+    speed, variance = np.full(time.size, np.nan), np.full(time.size, np.nan)
+    at, value, width = _averaged(fixes)
+    at = at - delay.value
+    margin = 0.5 * width if width > 0.0 else -EARLY
+    average = _Average(*_extended(time, shape), width)
+    bounds = np.flatnonzero(np.diff(part)) + 1
+    for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
+        inside = slice(begin, end)
+        t = time[inside]
+        own = (at > t[0] + margin) & (at < t[-1] - margin)
+        if not own.any():
+            continue
+        ticks = np.append(np.arange(t[0], t[-1], TICK), t[-1])
+        instants = np.concatenate([ticks, at[own]])
+        read = np.concatenate([np.full(ticks.size, np.nan), value[own]])
+        order = np.argsort(instants, kind="stable")
+        instants, read = instants[order], read[order]
+        here = np.where(np.isnan(read), np.interp(instants, t, shape[inside]), average(instants))
+        start = SURE if delay.sure else UNSURE
+        found, spread = smoothed(instants, here, read, delay.noise, delay.drift, start)
+        speed[inside] = shape[inside] + np.interp(t, instants, found - here)
+        variance[inside] = np.interp(t, instants, spread)
+    rate = np.gradient(np.nan_to_num(speed), time)
+    return FollowedSpeed(speed, np.sqrt(variance + (rate * delay.deviation) ** 2))
+
+
+class _Average:
+    """Mean of a shape over `width` [s] around any instant, on which measurements are averaged too; 0: the shape itself."""
+
+    def __init__(self, time: Floats, shape: Floats, width: float) -> None:
+        self.time, self.shape, self.width = time, shape, width
+        step = 0.5 * (shape[1:] + shape[:-1]) * np.diff(time)
+        self.integral = np.concatenate([[0.0], np.cumsum(step)])
+
+    def __call__(self, at: Floats) -> Floats:
+        if self.width == 0.0:
+            return np.interp(at, self.time, self.shape)
+        ends = (np.interp(at + s * 0.5 * self.width, self.time, self.integral) for s in (1.0, -1.0))
+        last, first = ends
+        return np.asarray((last - first) / self.width)
+
+
+def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
+    """Instants and values of the measurements, averaged where they lie close, and the time over which they are [s]."""
+    count = max(int(MEAN_TIME / fixes.period), 1) if fixes.period < SPARSE else 1
+    whole = fixes.value.size // count * count
+    at, value = (np.asarray(v[:whole]).reshape(-1, count).mean(axis=1) for v in fixes[:2])
+    if count == 1:
+        return at, value, 0.0
+    near = np.ptp(fixes.time[:whole].reshape(-1, count), axis=1) < 1.5 * MEAN_TIME
+    return at[near], value[near], count * fixes.period  # a mean over a gap is none
+
+
+def _extended(time: Floats, shape: Floats) -> tuple[Floats, Floats]:
+    """Instants and shape with an instant before and after, at the slope that it has there."""
+    first = max(int(np.searchsorted(time, time[0] + END_TIME)), 1)
+    last = min(int(np.searchsorted(time, time[-1] - END_TIME)), time.size - 2)
+    far = 5.0
+    before = shape[0] - far * (shape[first] - shape[0]) / (time[first] - time[0])
+    after = shape[-1] + far * (shape[-1] - shape[last]) / (time[-1] - time[last])
+    return (
+        np.concatenate([[time[0] - far], time, [time[-1] + far]]),
+        np.concatenate([[before], shape, [after]]),
+    )

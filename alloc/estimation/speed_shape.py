@@ -1,0 +1,118 @@
+"""How the speed of a train changes between measurements of it: by the impulse of its forces, or by its wheels.
+
+    M v + sum_i J_i / R_i^2 (R_i omega_i) = integral of (sum_i F_i - resistance - M g grade) dt
+
+So forces and wheel speeds give the speed but for a constant and for what is not known: gradient, resistance, errors of the
+forces. Creep and slides do not enter. An axle that rolls freely turns as the train runs. Where there is neither, the fastest
+wheel stands for the train under braking and the slowest under traction; creep then counts as the train's.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.finite_series import mean_rate
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.plant.equations import GRAVITY
+
+Floats = NDArray[np.float64]
+
+STANDING = 0.05
+"""Speed of all wheels [m/s] below which a train stands, ..."""
+NEARLY = 1.0
+"""... if it was measured below this."""
+FREE = 2e-3
+"""Force over load below which an axle rolls freely."""
+ALWAYS = 0.98
+"""Share of the instants at which one must."""
+RATE_TIME = 2.0
+"""Time [s] over which the train's acceleration tells braking from traction."""
+
+
+def shape_of_forces(
+    time: Floats,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None,
+) -> Floats | None:
+    """What the forces say of the speed [m/s], (instants,), but for a constant; None without forces.
+
+    `speed` (instants,) is a first guess, for the resistance alone; `rim` [m/s] and `force` [N] (instants, axles), nan where
+    not known; `grade` (instants,), the rise per run.
+    """
+    told = np.isfinite(force).any(axis=0)
+    if not told.any():
+        return None
+    total = np.zeros(time.size)
+    for i in np.flatnonzero(told).tolist():
+        total += _filled(time, force[:, i])
+    mass = float(train.car_mass.sum())
+    rotating = train.inertia / train.radius**2
+    wheels = np.zeros(time.size)
+    fastest = np.zeros(time.size)
+    for i, inertia in enumerate(rotating):
+        if np.isfinite(rim[:, i]).any():
+            own = _filled(time, rim[:, i])
+            wheels += inertia * own
+            np.maximum(fastest, own, out=fastest)
+        else:
+            mass += float(inertia)
+    if train.resistance is not None:
+        by_power = train.resistance.sum(axis=0)
+        total -= by_power[0] + speed * (by_power[1] + speed * by_power[2])
+    if grade is not None:
+        total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(grade)
+    gained = np.diff(wheels, prepend=wheels[0])
+    given = np.zeros(time.size)
+    given[1:] = 0.5 * (total[1:] + total[:-1]) * np.diff(time)
+    # what holds a train at rest is no less than what pulls it: there its wheels tell how it moves
+    stands = (fastest < STANDING) & (speed < NEARLY)
+    middle = np.zeros(time.size)
+    middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
+    rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
+    return np.asarray(np.cumsum(np.where(stands, rolled, (given - gained) / mass)))
+
+
+def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
+    """What the wheels say of the speed [m/s], (instants,): their fastest under braking, their slowest under traction."""
+    known = rim[:, np.isfinite(rim).any(axis=0)]
+    fastest, slowest = (
+        _filled(time, _extreme(known, np.fmax)),
+        _filled(time, _extreme(known, np.fmin)),
+    )
+    rate = mean_rate(time, speed, RATE_TIME)
+    # a step from one to the other would be a change of speed: what counts is how both change
+    share = np.clip(0.5 - rate / 0.2, 0.0, 1.0)
+    middle = 0.5 * (share[1:] + share[:-1])
+    gained = middle * np.diff(fastest) + (1.0 - middle) * np.diff(slowest)
+    return np.concatenate([[fastest[0]], fastest[0] + np.cumsum(gained)])
+
+
+def shape_of_free_wheels(
+    time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
+) -> Floats | None:
+    """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None unless one nearly always does."""
+    count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
+    for i in range(rim.shape[1]):
+        free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])
+        if free.any():
+            both = free[1:] & free[:-1]
+            count += both
+            gained += np.where(both, np.diff(rim[:, i]), 0.0)
+    known = count > 0.0
+    if np.mean(known) < ALWAYS:
+        return None
+    gained[known] /= count[known]
+    gained[~known] = np.interp(time[1:][~known], time[1:][known], gained[known])
+    return np.concatenate([[0.0], np.cumsum(gained)])
+
+
+def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
+    return np.asarray(choose.reduce(rim, axis=1))
+
+
+def _filled(time: Floats, values: Floats) -> Floats:
+    """A series without nan: straight lines over what is missing."""
+    known = np.isfinite(values)
+    return values if known.all() else np.interp(time, time[known], values[known])

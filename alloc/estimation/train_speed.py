@@ -1,0 +1,96 @@
+"""The measured speed of a train at the instants of its wheels: as it stands, or from measurements that are late or rare."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.common_instants import Instants, resample
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
+from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, shape_of_wheels
+
+Floats = NDArray[np.float64]
+
+SURE = 3.0
+"""Deviations from which on a delay is none of chance."""
+LATE, LATE_OF_MEANS = 0.006, 0.02
+"""Delay [s] from which on a dense speed is followed less its delay; the second where wheels are means over a time."""
+ROWS = 0.6
+"""The same in periods of the wheels."""
+LATE_OF_SHAPE, UNLIKE = 0.1, 0.02
+"""The same [s] where the speed is not that of the shape, by a drift from this on [m/s2 per root second]."""
+NOISY = 0.03
+"""Standard deviation of a measurement [m/s] from which on the shape is followed."""
+PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
+"""Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
+FEWEST = 3
+"""Measurements of which a delay is found."""
+UNKNOWN = 0.3
+"""Standard deviation [m/s] from which on a speed counts as not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSpeed:
+    """Speed of the train, (instants,)."""
+
+    speed: Floats
+    """[m/s]; nan where not known."""
+    deviation: Floats
+    """Standard deviation [m/s]."""
+    delay: Delay | None
+    """How late the measurements are; None if it cannot be told."""
+    followed: bool
+    """Whether the speed is that of the shape between measurements, else it is as measured."""
+    shape: str
+    """Of what the shape was: forces, free wheels or wheels."""
+
+
+def measured_speed(
+    instants: Instants,
+    fixes: Samples,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None = None,
+    least_delay: float = LATE,
+) -> MeasuredSpeed:
+    """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
+
+    `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
+    """
+    plain = resample(fixes, instants.time)
+    if fixes.time.size < FEWEST:
+        return MeasuredSpeed(*plain, None, False, "")
+    time, part = instants
+    guess = np.interp(time, fixes.time, fixes.value)
+    shapes = {
+        "forces": shape_of_forces(time, guess, rim, force, train, grade),
+        "free wheels": shape_of_free_wheels(time, rim, force, train),
+        "wheels": shape_of_wheels(time, guess, rim),
+    }
+    found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
+    name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
+    delay = found[name]
+    # what happens between two rows, and what the shape does not follow, looks like a delay too
+    of_rows = ROWS * float(np.median(np.diff(time)))
+    of_shape = LATE_OF_SHAPE if delay.drift > UNLIKE else 0.0
+    late = abs(delay.value) > max(least_delay, SURE * delay.deviation, of_rows, of_shape)
+    sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
+    as_measured = not (sparse or late or fixes.noise > NOISY)
+    lacking = ~np.isfinite(plain.value)
+    if as_measured and not lacking.any():
+        return MeasuredSpeed(*plain, delay, False, name)
+    used = delay if late or sparse else delay._replace(value=0.0)
+    shape = shapes[name]
+    assert shape is not None
+    speed, deviation = follow(time, part, shape, fixes, used)
+    if as_measured:
+        speed[~lacking], deviation[~lacking] = plain.value[~lacking], plain.deviation[~lacking]
+    else:
+        delay = used
+    by_delay = np.gradient(np.nan_to_num(speed), time) * delay.deviation
+    # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
+    speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
+    return MeasuredSpeed(speed, deviation, delay, not as_measured, name)

@@ -1,0 +1,107 @@
+"""What a log says of its axles: speeds of wheels, and what acts at their rims."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.common_instants import Instants, Series, resample
+from alloc.estimation.own_samples import Samples, own_samples
+from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
+from studies.logs import checks
+from studies.logs.remarks import Remark
+from studies.logs.told_channels import Sources
+
+Floats = NDArray[np.float64]
+
+
+def wheel_speeds(sources: Sources, fixes: Samples | None) -> dict[int, RimSpeed]:
+    """Speeds of the wheels at their own samples, by axle from 1."""
+    wheels = {}
+    like = None if fixes is None or fixes.time.size == 0 else fixes.value
+    for number in sources.numbers_of("wheel"):
+        place = ("wheel", number)
+        one = sources.assigned[place]
+        if one.quantity == "axleN_pulses":
+            found = _pulses(sources, number)
+        else:
+            found = rim_speed(sources.speed(place, like))
+        if found.time.size > 1:
+            wheels[number] = found
+        if found.step > 0.0:
+            text = f"pulses that step by {found.step:.2g} m/s: the slope of the way over {found.span:.2g} s"
+            sources.remarks.append(Remark("sampling", one.column, text))
+        elif found.span > 0.0:
+            text = f"noise: mean over {found.span:.2g} s"
+            sources.remarks.append(Remark("sampling", one.column, text))
+    return wheels
+
+
+def _pulses(sources: Sources, number: int) -> RimSpeed:
+    """Speed of a wheel from a column of pulses, counted so far or since the row before."""
+    one = sources.assigned["wheel", number]
+    time, count = sources.series(("wheel", number))
+    known = np.isfinite(count)
+    time, count = time[known], count[known] * one.sign
+    change = np.diff(count)
+    if np.mean(change >= 0.0) < 0.9:  # neither is a counter that runs backwards
+        way = np.cumsum(np.abs(count))
+    else:
+        turn = 2.0 ** np.ceil(np.log2(max(float(np.abs(count).max()), 1.0) + 1.0))
+        way = np.concatenate([[0.0], np.cumsum(np.where(change < 0.0, change + turn, change))])
+    radius = float(sources.train.radius[number - 1])
+    pulse = 2.0 * np.pi * radius / float(one.pulses_per_turn or 1.0)
+    return of_way(time, way * pulse, pulse)
+
+
+def at_instants(wheel: RimSpeed, instants: Instants) -> Series:
+    """A wheel's speed at the common instants; its samples are taken as they come."""
+    period = float(np.median(np.diff(wheel.time)))
+    return resample(
+        Samples(wheel.time, wheel.speed, "sampled", period, wheel.deviation), instants.time
+    )
+
+
+def typical(series: Series) -> float:
+    """Root mean square of the standard deviation where there is a value."""
+    known = series.deviation[np.isfinite(series.deviation)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+class AppliedForces(NamedTuple):
+    """What acts on the axles at the rim."""
+
+    value: Floats
+    """[N], (instants, axles)."""
+    deviation: Floats
+    """Standard deviation [N], (axles,)."""
+    period: float
+    """Time between the samples of the slowest channel [s]; 0 without any."""
+
+
+def applied_forces(sources: Sources, instants: Instants) -> AppliedForces:
+    """What acts on the axles, at the common instants."""
+    slowest = 0.0
+    train = sources.train
+    force = np.full((instants.time.size, train.radius.size), np.nan, order="F")
+    deviation = np.full(train.radius.size, np.nan)
+    for number in sources.numbers_of("effort"):
+        name = sources.assigned["effort", number].column
+        samples = sources.force(number)
+        series = resample(samples, instants.time)
+        force[:, number - 1], deviation[number - 1] = series.value, typical(series)
+        slowest = np.fmax(slowest, samples.period)
+        sources.remarks += checks.check_constant(name, samples.value, samples.time)
+    cars = sources.numbers_of("carK_pressure")
+    for car in cars:
+        one = sources.assigned["carK_pressure", car]
+        if one.newton_per_pascal is None:
+            continue
+        time, values = sources.series(("carK_pressure", car))
+        values = -sources.scaled(("carK_pressure", car), values) * one.newton_per_pascal
+        series = resample(own_samples(time, values), instants.time)
+        del sources.assigned["carK_pressure", car]
+        for i in np.flatnonzero(train.axle_car == car - 1):
+            if np.isnan(force[:, i]).all():
+                force[:, i], deviation[i] = series.value, typical(series)
+    return AppliedForces(force, deviation, float(slowest))

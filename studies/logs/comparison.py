@@ -1,0 +1,100 @@
+"""A log beside a simulated run of the same train: the same analysis of both, and what differs beyond the errors of Q."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import Findings, analyse_run, train_acceleration
+from alloc.estimation.slip_events import SlipCriterion
+from studies.files.study_error import StudyError
+from studies.logs.brake_report import BRAKING
+from studies.logs.csv_table import is_text
+from studies.logs.measured_log import MeasuredLog, check_log, read_log
+from studies.logs.recorder_files import ENDINGS
+
+RULE, CONTROLLER = "greedy", "cut-and-ramp"
+"""Of a scenario that is simulated for a comparison."""
+QUANTITIES = {
+    "duration_s": "duration [s]", "first_speed_kmh": "first speed [km/h]", "last_speed_kmh": "last speed [km/h]",
+    "braking_ms2": "mean deceleration, braking [m/s2]", "driving_ms2": "mean acceleration, driving [m/s2]",
+    "slips": "slips", "slides": "slides", "slipping_s": "time in slips, all axles [s]",
+    "onset_coefficient": "coefficient at onsets", "utilisation": "used of it in slips", "damage_kj": "Q [kJ]",
+    "damage_error_kj": "standard deviation of Q [kJ]",
+}  # fmt: skip
+
+
+def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
+    """The run to compare with: a log that `readhesion simulate --log` wrote, or a scenario, simulated.
+
+    Raises `StudyError` where the run is of another train.
+    """
+    path = Path(name)
+    if path.suffix.lower() in ENDINGS or is_text(path):
+        return read_log(path, train)
+    from studies.core.job import Job, simulate_job
+    from studies.logs.export import log_table
+    from studies.scenario.loading import load_scenario
+
+    scenario = load_scenario(name)
+    own = scenario.event(0).model.train
+    other = MeasuredTrain.of(own)
+    alike = other.radius.size == train.radius.size and other.car_mass.size == train.car_mass.size
+    if not (alike and np.allclose(other.car_mass, train.car_mass, rtol=0.1)):
+        mine, theirs = (
+            f"{t.radius.size} axles, {1e-3 * t.car_mass.sum():.1f} t" for t in (train, other)
+        )
+        raise StudyError(
+            f"--against {name}: its train {other.name!r} has {theirs}, that of the log {mine}; give a run of the same train"
+        )
+    run = simulate_job(Job(scenario, RULE, CONTROLLER, 0))
+    return check_log(log_table(run, own), other, name)
+
+
+def compared(
+    log: MeasuredLog, found: Findings, other: MeasuredLog, criterion: SlipCriterion
+) -> dict[str, Any]:
+    """Figures of a log and of a simulated run, by name, for JSON."""
+    mine, theirs = (
+        figures(log, found),
+        figures(other, analyse_run(other.run, other.train, criterion)),
+    )
+    error = np.hypot(mine["damage_error_kj"] or 0.0, theirs["damage_error_kj"] or 0.0)
+    apart = None
+    if mine["damage_kj"] is not None and theirs["damage_kj"] is not None:
+        apart = abs(mine["damage_kj"] - theirs["damage_kj"])
+    return {
+        "run": other.source,
+        "log": mine,
+        "simulated": theirs,
+        "damage_differs": None if apart is None else bool(apart > 2.0 * error),
+    }
+
+
+def figures(log: MeasuredLog, found: Findings) -> dict[str, float | None]:
+    """What a log comes to, `QUANTITIES` by name; None for what is not known."""
+    run = log.run
+    known = np.flatnonzero(np.isfinite(run.speed))
+    rate = train_acceleration(run, 1.0)
+    onsets = np.array([e.onset_coefficient for e in found.events])
+    onsets = onsets[np.isfinite(onsets)]
+    values = {
+        "duration_s": float(run.time[-1] - run.time[0]),
+        "first_speed_kmh": 3.6 * float(run.speed[known[0]]),
+        "last_speed_kmh": 3.6 * float(run.speed[known[-1]]),
+        "braking_ms2": _mean(-rate[rate < -BRAKING]),
+        "driving_ms2": _mean(rate[rate > BRAKING]),
+        "slips": float(sum(e.kind == "slip" for e in found.events)),
+        "slides": float(sum(e.kind == "slide" for e in found.events)),
+        "slipping_s": float(found.slipping_time.sum()),
+        "onset_coefficient": _mean(onsets),
+        "utilisation": found.utilisation,
+        "damage_kj": 1e-3 * found.total_damage if found.covered.any() else float("nan"),
+        "damage_error_kj": float("nan") if found.errors is None else 1e-3 * found.errors.total,
+    }
+    return {name: value if np.isfinite(value) else None for name, value in values.items()}
+
+
+def _mean(values: Any) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")

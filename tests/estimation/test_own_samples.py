@@ -1,0 +1,127 @@
+"""What a channel really measured is found again, whatever the logger filled in; pulses give back the way that made them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from alloc.estimation.common_instants import BRIDGED, common_instants, resample
+from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of
+from alloc.estimation.random_slope import SURE, UNSURE, Work, likelihood, smoothed
+from alloc.estimation.rim_speeds import ALIASED, pulse_step, rim_speed
+from alloc.estimation.speed_fixes import find_delay, follow
+
+TIME = 0.01 * np.arange(3000)
+SPEED = 25.0 - 0.8 * np.clip(TIME - 4.0, 0.0, 12.0) - 0.3 * np.sin(0.7 * TIME)
+
+
+@pytest.mark.parametrize("every", [5, 20, 100, 137])
+def test_held_and_interpolated_channels_have_their_own_samples(every):
+    own = np.arange(0, TIME.size, every)
+    held = own_samples(TIME, SPEED[own][np.arange(TIME.size) // every])
+    assert held.kind == "held"
+    np.testing.assert_array_equal(held.value, SPEED[own][: held.value.size])
+    np.testing.assert_allclose(held.time, TIME[own], atol=1e-9)
+    lines = own_samples(TIME, np.interp(TIME, TIME[own], SPEED[own]))
+    if every * 0.01 >= 0.15:
+        assert lines.kind == "interpolated"
+        np.testing.assert_allclose(
+            np.interp(lines.time, TIME[own], SPEED[own]), lines.value, atol=1e-9
+        )
+
+
+def test_what_is_measured_in_every_row_stays_as_it_is():
+    rng = np.random.default_rng(0)
+    for values in (SPEED, SPEED + rng.normal(0.0, 0.05, TIME.size), np.zeros(TIME.size)):
+        found = own_samples(TIME, values)
+        assert found.kind == "sampled"
+        np.testing.assert_array_equal(found.value, values)
+
+
+def test_noise_and_rounding_are_told():
+    rng = np.random.default_rng(1)
+    assert noise_of(SPEED + rng.normal(0.0, 0.05, TIME.size)) == pytest.approx(0.05, rel=0.1)
+    assert quantum_of(np.round(SPEED, 1)) == pytest.approx(0.1)
+    slowing = 25.0 - 0.8 * TIME + 0.005 * TIME**2
+    rounded = own_samples(TIME, np.round(slowing), rounded=True)
+    assert rounded.kind == "quantised"
+    # as the value changes the true one is in the middle
+    np.testing.assert_allclose(rounded.value, np.interp(rounded.time, TIME, slowing), atol=0.01)
+    assert own_samples(TIME, np.round(slowing)).kind != "quantised"
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01, 0.02])
+def test_pulses_give_the_speed_within_the_stated_error(period):
+    time = np.arange(0.0, 20.0, period)
+    speed = np.interp(time, TIME, SPEED)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)])
+    pulse = 0.0338
+    counts = np.diff(np.floor(way / pulse), prepend=0.0)
+    counts[0] = counts[1]
+    counted = counts * pulse / period
+    assert pulse_step(counted) == pytest.approx(pulse / period, rel=1e-6)
+    found = rim_speed(Samples(time, counted, "sampled", period, 0.0))
+    error = (found.speed - speed)[3:-3]
+    assert (
+        np.sqrt(np.mean(error**2)) < found.deviation == pytest.approx(ALIASED * pulse / found.span)
+    )
+    assert np.abs(error).max() < 4.0 * found.deviation
+    assert pulse_step(speed) == 0.0
+    assert pulse_step(np.round(speed)) == 0.0
+
+
+def test_a_wheel_that_stands_has_no_speed():
+    counted = np.concatenate([np.tile([1.0, 0.0], 200), np.zeros(300)]) * 3.4
+    time = 0.01 * np.arange(counted.size)
+    assert np.all(rim_speed(Samples(time, counted, "sampled", 0.01, 0.0)).speed[-200:] == 0.0)
+
+
+def test_a_channel_is_interpolated_between_its_samples_and_not_over_gaps():
+    time = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(1.5, 3.0, 0.05)])
+    own = own_samples(time, time**2)
+    found = resample(own, np.arange(0.0, 2.9, 0.01))
+    known = np.isfinite(found.value)
+    at = np.arange(0.0, 2.9, 0.01)
+    assert np.all(known == ((at <= 0.95 + 1e-9) | (at >= 1.5 - 1e-9)))
+    error = np.abs(found.value[known] - at[known] ** 2)
+    assert np.all(error <= found.deviation[known] + 1e-12)
+    assert np.diff(common_instants([time]).part).sum() == 1
+    assert BRIDGED > 2 * 0.05
+
+
+@pytest.mark.parametrize("late", [-0.2, 0.0, 0.5, 1.3])
+def test_a_delay_is_found_by_a_shape_of_another_scale(late):
+    shape = 1.02 * SPEED + 0.05 * TIME
+    at = np.arange(2.0, 29.0)
+    fixes = Samples(at, np.interp(at - late, TIME, SPEED), "sampled", 1.0, 0.0)
+    part = np.zeros(TIME.size, dtype=np.int64)
+    delay = find_delay(TIME, part, shape, fixes)
+    assert delay.value == pytest.approx(late, abs=3.0 * delay.deviation)
+    found = follow(TIME, part, shape, fixes, delay)
+    inside = slice(300, 2700)
+    assert np.abs(found.speed - SPEED)[inside].max() < 0.02
+
+
+def test_smoother_and_likelihood_agree_with_linear_regression():
+    """Without drift and with a vague start, v = s p + b + c t is ordinary least squares."""
+    rng = np.random.default_rng(3)
+    time, noise = np.linspace(0.0, 10.0, 40), 0.1
+    shape = np.sin(time)
+    value = 0.9 * shape + 2.0 + 0.1 * time + rng.normal(0.0, noise, time.size)
+    vague = np.array([1e6, 1e6, 1e6])
+    speed, variance = smoothed(time, shape, value, noise, 0.0, vague)
+    columns = np.stack([shape, np.ones_like(time), time], axis=1)
+    best = columns @ np.linalg.lstsq(columns, value, rcond=None)[0]
+    np.testing.assert_allclose(speed, best, atol=1e-3)
+    expected = noise**2 * np.einsum(
+        "ij,jk,ik->i", columns, np.linalg.inv(columns.T @ columns), columns
+    )
+    np.testing.assert_allclose(variance, expected, rtol=1e-2)
+    part = np.zeros(time.size, dtype=np.int64)
+    scores = [
+        likelihood(time, shape, value, part, n**2, 0.0, vague, *Work.allocate())
+        for n in (0.02, 0.1, 0.5)
+    ]
+    assert scores[1] == min(scores)
+    assert SURE[1] < UNSURE[1]
+    assert math.isfinite(scores[0])
