@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.brake_force_mean import batch_mean
 from alloc.estimation.car_brake_force import coupler_force_between
+from studies.brake_force.beliefs import AS_PLANT, BELIEFS, Misbelief
+from studies.brake_force.coverage import averages
 from studies.brake_force.faulty_car import (
+    USUAL,
     Fault,
     Stop,
     allocated_stops,
@@ -37,8 +39,6 @@ SHORTFALLS = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
 """Shares of its force that the faulty car does not deliver, in dry stops."""
 SOUND = 0.05
 """A car that truly falls short by less than this share of its allocated force is sound: to accuse it is wrong."""
-TREND = 2
-"""Degree of the polynomial that a brake force follows while the pressure builds up and friction rises with falling speed."""
 WHOLE = 0.01
 """A car that truly falls short by less than this share delivers its force, but for what nobody measures."""
 DRAWS = 10
@@ -63,49 +63,21 @@ def row_of_test(name: str, result: TestResult) -> Row:
         "emergency": (_theory,),
     }
     row: Row = {"part": "test", "test": name}
-    for part in (_averages, _errors, *parts.get(name, ())):
+    for part in (averages, _errors, *parts.get(name, ())):
         row |= part(result)
     return row
-
-
-def _averages(result: TestResult) -> Row:
-    """The wagons' sum by the report's averaging rule, with its uncertainty and the truth."""
-    w, m = result.window, result.measured
-    wagons = batch_mean(estimate(result).wagons[w] / 1e3, trend=TREND)
-    truth = float(result.true_force[w, 1:].sum(axis=1).mean() / 1e3)
-    errors = SYSTEM.calibration
-    a = float(m.acceleration[w, 1].mean())
-    mass = float(m.mass[1:].sum())
-    first = float(m.coupler_force[w, 0].mean())
-    # one accelerometer and one coupler serve all wagons; their masses are weighed one by one
-    constant = np.sqrt(
-        (mass * errors.acceleration_offset) ** 2
-        + errors.coupler_offset**2
-        + (errors.coupler_gain * first) ** 2
-        + errors.mass**2 * a**2 * np.sum(m.bare_mass[1:] ** 2)
-    )
-    whole = float(np.hypot(wagons.deviation, constant / 1e3))
-    return {
-        "mean": float(wagons.mean),
-        "mean_deviation": float(wagons.deviation),
-        "whole_deviation": whole,
-        "true_mean": truth,
-        "covered": bool(abs(float(wagons.mean) - truth) <= 1.96 * whole),
-    }
 
 
 def _errors(result: TestResult) -> Row:
     """Error of the wagons' sum within the report's window: at an instant, with the remedies, and of means."""
     w, found = result.window, estimate(result)
     truth = result.true_force[:, 1:].sum(axis=1)
-    smoothed, deviation = smooth(result).total(slice(1, None))
+    smoothed, _ = smooth(result).total(slice(1, None))
     series = {"first": found.wagons, "own": found.wagons_own, "smooth": smoothed}
     errors = {name: (values - truth)[w] / 1e3 for name, values in series.items()}
-    changing = errors["smooth"] - errors["smooth"].mean()  # constant errors are not the smoother's
     return {
         **{f"error_{name}": rms(values) for name, values in errors.items()},
         **{f"mean_error_{name}": float(abs(values.mean())) for name, values in errors.items()},
-        "smooth_ratio": rms(changing) / float(deviation[w].mean() / 1e3),
         "force": float(truth[w].mean() / 1e3),
     }
 
@@ -220,7 +192,7 @@ def allocated_rows(seed: int, draws: int = DRAWS) -> list[Row]:
     draw = np.random.default_rng([seed, 44])
     cars = commuter_train(seed).cars
     motor = int(draw.choice([k for k, car in enumerate(cars) if car.motors is not None]))
-    # the lead car is not among them: its wheels slide on these rails, sound or not
+    # the lead car is not among them: its wheels slide on these rails all the time, so it is not judged
     trailer = int(draw.choice([k for k, car in enumerate(cars) if k and car.motors is None]))
     faults: dict[str, Fault | None] = {
         "sound": None,
@@ -250,6 +222,54 @@ def driven_rows(
     return rows
 
 
+def sliding_rows(seed: int, draws: int = DRAWS) -> list[Row]:
+    """Stops in which a trailer, drawn, slides on rails that carry the others: all brakes sound, or another one's cut out."""
+    draw = np.random.default_rng([seed, 47])
+    trailers = [k for k, car in enumerate(commuter_train(seed).cars) if car.motors is None]
+    slides, faulty = (int(k) for k in draw.permutation(trailers)[:2])
+    rows = []
+    for kind, fault in (("sound", None), ("another's brake cut out", Fault(faulty, (0, 1)))):
+        stops = allocated_stops(fault, seed, draws, USUAL, slides)
+        row = _accusations(stops, None if fault is None else faulty)
+        blamed = [slides in stop.shortfalls().accused for stop in stops]
+        blindly = [slides in stop.shortfalls(all_samples=True).accused for stop in stops]
+        of_slides = {"sliding_accused": float(np.mean(blamed)), "accused_blindly": float(np.mean(blindly)),
+                     "slides": bool(stops[0].slid[slides])}  # fmt: skip
+        rows.append({"part": "sliding", "kind": kind} | row | of_slides)
+    return rows
+
+
+def budget_rows(name: str, seed: int, beliefs: Sequence[str] = tuple(BELIEFS)) -> list[Row]:
+    """Numbers of a running test as estimators see it that have one thing wrong."""
+    runs: dict[float, TestResult] = {}
+    rows = []
+    for belief in beliefs:
+        one = BELIEFS[belief]
+        if one.grade not in runs:
+            runs[one.grade] = run_test(name, seed, one.grade)
+        row = row_of_test(name, runs[one.grade].believed(one, seed))
+        rows.append(row | {"part": "budget", "belief": belief})
+    return rows
+
+
+def budget_dry_rows(
+    seed: int, beliefs: Sequence[str] = tuple(BELIEFS), draws: int = DRAWS
+) -> list[Row]:
+    """Dry stops, sound and with a tenth missing on one car, by estimators that have resistance or gradient wrong."""
+    car = int(np.random.default_rng([seed, 45]).integers(len(commuter_train(seed).cars)))
+    rows = []
+    for belief in (AS_PLANT, *beliefs):
+        one = BELIEFS.get(belief, Misbelief())
+        if one in (Misbelief(friction=one.friction), Misbelief(pressure_gain=one.pressure_gain,
+                   pressure_offset=one.pressure_offset)) and belief != AS_PLANT:  # fmt: skip
+            continue  # neither friction nor pressures are read for it
+        for missing in (0.0, 0.1):
+            stops = driven_stops(car, missing, seed, draws, one)
+            row = _accusations(stops, car if missing else None)
+            rows.append({"part": "budget dry", "belief": belief, "missing": missing} | row)
+    return rows
+
+
 def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
     """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
     said = []
@@ -259,6 +279,7 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
         accused, allocated = shortfalls.accused, stop.allocated[w].mean(axis=0)
         sound = stop.true_shortfall < SOUND * allocated
         others = [k for k in accused if k != faulty]
+        judged = np.isfinite(shortfalls.shortfall)
         said.append(
             {
                 "found": faulty in accused,
@@ -266,15 +287,18 @@ def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
                 "wrong": np.any(sound[others]),
                 "whole": np.any((stop.true_shortfall < WHOLE * allocated)[others]),
                 "others_short": np.any(~sound[others]),
+                "not_judged": np.mean(~judged),
             }
         )
-        threshold.append(float(np.mean(shortfalls.threshold / allocated)))
-        error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)
+        threshold.append(float(np.mean((shortfalls.threshold / allocated)[judged])))
+        missed = (shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation
+        error.append(missed[judged])
     shortfall = stops[0].true_shortfall / stops[0].allocated[stops[0].window].mean(axis=0)
     return {
         "car": -1 if faulty is None else faulty,
         "true_share": np.nan if faulty is None else float(shortfall[faulty]),
         "error_in_deviations": rms(np.concatenate(error)),
+        "shortfall_covered": float(np.mean(np.abs(np.concatenate(error)) < 1.96)),
         "threshold": float(np.mean(threshold)),
         **{name: float(np.mean([one[name] for one in said])) for name in said[0]},
     }
