@@ -2,14 +2,14 @@
 
 What is wrong with a mean of (2) over a window of N samples, by what it comes from:
 
-- Noise of the sensors, independent from sample to sample: s^2 / N. s^2 is read from second differences, which a force that
-  changes slowly does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz 1986,
-  Biometrika 73: variance 35 s^4 / 18 N, so 18 N / 35 degrees of freedom). That the force itself changes within the window
-  does not make its mean uncertain. Scatter of batch means counts that, however they are detrended.
+- Noise of the sensors, independent from sample to sample: s^2 / N. s^2 is read from second differences, into which a force
+  that changes slowly does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz
+  1986, Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). That the force itself changes within
+  the window does not make its mean uncertain. Scatter of batch means counts that, however they are detrended.
 - Relative motion, where another car's acceleration stands for that of a stretch, as in (5): the error at an instant is
-  dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls with 1/T, not
-  with its root; neighbouring batches err against each other (of B batches the scatter says sqrt(B) times too much), since
-  what one gains the next one loses. P is what the integral of the estimate has beside the integral of a smooth force.
+  dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls with 1/T,
+  not with its root; neighbouring batches err against each other (of B batches the scatter says sqrt(B) times too much),
+  since what one gains the next one loses. P is what the integral of the estimate has beside the integral of a smooth force.
   With the mean square of that about a polynomial, and ends that are independent, the variance is 2 P^2 / T^2.
 - What stays constant over the stop is not in the series: `alloc.estimation.brake_shortfall.CalibrationErrors`.
 """
@@ -80,7 +80,9 @@ class SeriesMean:
         """Standard deviation of the mean, but for what is constant over the stop."""
         return np.hypot(self.noise, self.motion)
 
-    def interval(self, confidence: float = 0.95, constant: ArrayLike = 0.0) -> tuple[Floats, Floats]:
+    def interval(
+        self, confidence: float = 0.95, constant: ArrayLike = 0.0
+    ) -> tuple[Floats, Floats]:
         """Lower and upper end of the confidence interval; `constant`: deviation of what averaging does not remove."""
         deviation = np.hypot(self.deviation, constant)
         freedom = effective_freedom(self.freedom, self.noise, deviation)

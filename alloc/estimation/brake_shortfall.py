@@ -1,7 +1,7 @@
 """Which car did not deliver the brake force that it was allocated.
 
-A car whose wheels slide gives what the rail carries, and its slide protection takes the pressure away: that says nothing of its
-brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of the stop.
+A car whose wheels slide gives what the rail carries, and its slide protection takes the pressure away: that says nothing of
+its brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of the stop.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,8 @@ Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.99
 """Probability with which a train without fault accuses no car, if the stated deviations are right."""
-
 REFILLED = 3.0
-"""Time [s] after a slide in which a car is not yet judged: its cylinders fill again; assumed, a usual time to fill is 2 to 3 s."""
+"""Time [s] after a slide in which a car is not yet judged, since its cylinders fill; assumed, times are 0.4 to 3."""
 LEAST_JUDGED = 0.1
 """Share of the window that must be free of slides for a car to be judged."""
 
@@ -83,9 +82,10 @@ def sliding_cars(
 ) -> NDArray[np.bool_]:
     """Where a car's wheels slide or have just done so, (time, cars).
 
-    `axle_speed` (time, axles) [m/s] at the rims; `axle_car` (axles,): car of each, 0 = foremost; `period` [s] of the samples. A
-    wheel slides where it falls behind the fastest of the train by more than the criterion; its car is left out until
-    `refilled` [s] after. Where all wheels slide at once none is seen to: give the speed over ground as one more axle then.
+    `axle_speed` (time, axles) [m/s] at the rims; `axle_car` (axles,): car of each, 0 = foremost; `period` [s] of the
+    samples. A wheel slides where it falls behind the fastest of the train by more than the criterion; its car is left out
+    until `refilled` [s] after. Where all wheels slide at once none is seen to: give the speed over ground as one more axle
+    then.
     """
     car = np.asarray(axle_car, dtype=int)
     v = finite_series("axle_speed", axle_speed, (None, car.size))
@@ -108,10 +108,10 @@ def find_shortfalls(
     """Compare allocated and estimated brake forces [N], both (time, cars) within the window of a stop.
 
     A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni):
-    noise of the mean (`stop_mean`, with `batch`) and `constant_deviation` [N], scalar or (cars,), of what averaging does not
-    remove. The former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and Satterthwaite.
-    `sliding` (time, cars), of `sliding_cars`: samples that say nothing of the car's brake. A car of which less than
-    `LEAST_JUDGED` of the window is left is not judged.
+    noise of the mean (`stop_mean`, with `batch`) and `constant_deviation` [N], scalar or (cars,), of what averaging does
+    not remove. The former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and
+    Satterthwaite. `sliding` (time, cars), of `sliding_cars`: samples that say nothing of the car's brake. A car of which
+    less than `LEAST_JUDGED` of the window is left is not judged.
     """
     if not 0.5 < confidence < 1.0:
         raise EstimationError(f"shortfall: confidence = {confidence!r} must lie in (0.5, 1)")

@@ -1,8 +1,8 @@
 """What the estimator may have wrong: its friction law, resistance, gradient and pressure sensors, apart from the plant.
 
-Plant and estimator share their formulas, and the locomotive's 60 kN went into the plant. So an agreement of the two shows that
-the estimator is consistent, not that a real train would agree with it. These arms part them: the plant stays as it is (but for the
-gradient, which it has), and the estimator reads a stop with one thing wrong.
+Plant and estimator share their formulas, and the locomotive's 60 kN went into the plant. So an agreement of the two shows
+that the estimator is consistent, not that a real train would agree with it. These arms part them: the plant stays as it is
+(but for the gradient, which it has), and the estimator reads a stop with one thing wrong.
 """
 
 from collections.abc import Mapping
@@ -25,11 +25,14 @@ class FrictionBelief(NamedTuple):
     """Factor of what the coefficient loses from standstill to the speed."""
 
 
+RIGHT_FRICTION = FrictionBelief()
+
+
 @dataclass(frozen=True)
 class Misbelief:
     """One thing, or several, that the estimator has wrong."""
 
-    friction: FrictionBelief = FrictionBelief()
+    friction: FrictionBelief = RIGHT_FRICTION
     resistance: float = 1.0
     """Factor of the running resistance."""
     grade: float = 0.0

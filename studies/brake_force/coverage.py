@@ -1,10 +1,11 @@
-"""Intervals of a running test against the truth: of the mean by the report's rule, by own accelerations, and of the smoother."""
+"""Intervals of a running test against the truth: of means by the report's rule and by own accelerations, of the smoother."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.brake_force_mean import SeriesMean, stop_mean
-from studies.brake_force.running_tests import SYSTEM, TestResult, estimate, smooth
+from alloc.estimation.brake_force_smoother import SmoothedForces
+from studies.brake_force.running_tests import SYSTEM, TestResult, estimate
 
 Floats = NDArray[np.float64]
 WIDTH = 1.96
@@ -12,11 +13,7 @@ WIDTH = 1.96
 
 
 def averages(result: TestResult) -> dict[str, object]:
-    """The wagons' sum averaged, with its uncertainty and the truth [kN], and which 95 % intervals hold it.
-
-    `covered_smooth`: share of instants of the window and cars at which the smoother's interval holds the true force;
-    `smooth_ratio`: its changing errors over the deviation stated for them, root mean square.
-    """
+    """The wagons' sum averaged, with its uncertainty and the truth [kN], and which 95 % intervals hold it."""
     w, found = result.window, estimate(result)
     truth = float(result.true_force[w, 1:].sum(axis=1).mean())
     first, own = stop_mean(found.wagons[w], moving=True), stop_mean(found.wagons_own[w])
@@ -30,7 +27,6 @@ def averages(result: TestResult) -> dict[str, object]:
         "true_mean": truth / 1e3,
         "covered": _holds(first, constant, truth),
         "covered_own": _holds(own, constant_own, truth),
-        **_smoothed(result),
     }
 
 
@@ -42,8 +38,8 @@ def _holds(found: SeriesMean, constant: float, truth: float) -> bool:
 def _constant(result: TestResult, own: bool) -> float:
     """Deviation [N] of the wagons' sum by what stays constant over the stop.
 
-    Couplers within the sum cancel; their masses are weighed one by one, and accelerometers err one by one too unless the first
-    wagon's serves for all.
+    Couplers within the sum cancel; their masses are weighed one by one, and accelerometers err one by one too unless the
+    first wagon's serves for all.
     """
     errors, w, m = SYSTEM.calibration, result.window, result.measured
     a = m.acceleration[w, 1:].mean(axis=0) if own else m.acceleration[w, 1].mean()
@@ -54,8 +50,13 @@ def _constant(result: TestResult, own: bool) -> float:
     return float(np.sqrt(offset**2 + coupler**2 + weighed**2))
 
 
-def _smoothed(result: TestResult) -> dict[str, float]:
-    w, m, found = result.window, result.measured, smooth(result)
+def smoothed_intervals(result: TestResult, found: SmoothedForces) -> dict[str, float]:
+    """How right the smoother's intervals are within the window.
+
+    `covered_smooth`: share of instants and cars at which that of 95 % holds the true force; `smooth_ratio`: root mean
+    square of its changing errors over the deviation stated for them.
+    """
+    w, m = result.window, result.measured
     # the noise of a reading is nothing beside what a weighing has wrong of a mass
     constant = SYSTEM.calibration.deviation(
         m.bare_mass, m.acceleration[w].mean(axis=0), m.coupler_force[w].mean(axis=0)

@@ -121,7 +121,11 @@ def commuter_train(seed: int) -> Train:
 
 
 def allocated_stops(
-    fault: Fault | None, seed: int, draws: int = 1, level: float = SLIPPERY, slides: int | None = None
+    fault: Fault | None,
+    seed: int,
+    draws: int = 1,
+    level: float = SLIPPERY,
+    slides: int | None = None,
 ) -> list[Stop]:
     """One stop under the train's computers and the reference rule on slippery rails, measured `draws` times.
 

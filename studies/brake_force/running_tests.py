@@ -175,7 +175,9 @@ def estimate(result: TestResult) -> Estimates:
     a, couplers, drag = m.acceleration, m.coupler_force, m.resistance
     own = car_brake_forces(a, couplers, m.mass, drag)
     fall = 1.0 - hyperbolic_speed_law(m.speed, *freight.FRICTION)
-    friction = freight.STANDSTILL_FRICTION * result.friction.level * (1.0 - result.friction.fall * fall)
+    friction = (
+        freight.STANDSTILL_FRICTION * result.friction.level * (1.0 - result.friction.fall * fall)
+    )
     return Estimates(
         locomotive=group_brake_force(a[:, 0], m.mass[0], None, couplers[:, 0], drag[:, 0]),
         wagons=group_brake_force(
