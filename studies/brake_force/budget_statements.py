@@ -5,11 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 import pandas as pd
 
 from studies.brake_force.beliefs import AS_PLANT
-from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED, Statement
-from studies.core.verdict import Bound, Met, over_cases
+from studies.core.statement import Statement
+from studies.core.verdict import Bound, has_events, no_worse, over_cases
 
-RANK = {FAILS: 0, UNDECIDED: 1, CONDITIONS: 2, HOLDS: 3}
-"""Verdicts from the worst on; a finding survives where its verdict is no worse than without the error."""
 SURE, RARE = 0.95, 0.05
 """Share of stops in which a car that lacks a tenth must be found, and a sound one may be accused."""
 Judge = Callable[[Mapping[str, pd.DataFrame]], Sequence[Statement]]
@@ -40,11 +38,11 @@ def budget_statements(
 
 
 def _survival(finding: Statement, arms: Mapping[str, Statement]) -> Statement:
-    verdicts = [finding.verdict, *(one.verdict for one in arms.values())]
+    met = {belief: no_worse(one.verdict, finding.verdict) for belief, one in arms.items()}
     return over_cases(
         f"budget: {finding.name}",
         f"it is found too where the estimator errs: {finding.claim}",
-        {belief: _survives(finding, one) for belief, one in arms.items()},
+        met,
         {
             f"{belief}: {quantity}": one.numbers[quantity]
             for belief, one in ({AS_PLANT: finding} | dict(arms)).items()
@@ -52,16 +50,8 @@ def _survival(finding: Statement, arms: Mapping[str, Statement]) -> Statement:
         },
         f"verdict no worse than that of the estimator that believes as the plant is ({finding.verdict}); numbers are the "
         "first of the finding; conditions are the errors that it does not survive",
-        TOO_FEW not in verdicts,
+        has_events(finding) and all(has_events(one) for one in arms.values()),
     )
-
-
-def _survives(finding: Statement, one: Statement) -> Met:
-    if TOO_FEW in (finding.verdict, one.verdict):
-        return None
-    if RANK[one.verdict] >= RANK[finding.verdict]:
-        return True
-    return None if one.verdict == UNDECIDED else False
 
 
 def _dry_stops(rows: pd.DataFrame) -> Statement:
