@@ -11,8 +11,9 @@ from paper_figs.palette import BLACK, BLUE, GREEN, PINK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
 from paper_figs.style import new_panels
+from studies.brake_force.accusations import driven_rows
 from studies.brake_force.faulty_car import Fault, Stop, allocated_stops
-from studies.brake_force.findings import driven_rows, running_test_row
+from studies.brake_force.findings import running_test_row
 from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
 from studies.brake_force.statements import CUT_OUT
 

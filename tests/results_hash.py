@@ -56,7 +56,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "joint": (1, {"duration": 4.0}),
     "readhesion": (1, {"margins": (0.4,), "widths": (0.2, 0.8), "step": 1e-3}),
     "calibration": (4, {"refinements": 3}),
-    "brake-force": (1, {}),
+    "brake-force": (1, {"beliefs": ("friction +20%", "gradient +10 per mille, by speeds")}),
     "resistance": (1, {}),
     "slide-protection": (1, {}),
 }

@@ -1,4 +1,18 @@
-"""Averaging of estimated brake forces over a stop, with the uncertainty of the mean (RTRI report, 3.2.3)."""
+"""Averaging of estimated brake forces over a stop, with the uncertainty of the mean (RTRI report, 3.2.3).
+
+What is wrong with a mean of (2) over a window of N samples, by what it comes from:
+
+- Noise of the sensors, independent from sample to sample: s^2 / N. s^2 is read from second differences, into which a force
+  that changes slowly does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz
+  1986, Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). That the force itself changes within
+  the window does not make its mean uncertain. Scatter of batch means counts that, however they are detrended.
+- Relative motion, where another car's acceleration stands for that of a stretch, as in (5): the error at an instant is
+  dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls with 1/T,
+  not with its root; neighbouring batches err against each other (of B batches the scatter says sqrt(B) times too much),
+  since what one gains the next one loses. P is what the integral of the estimate has beside the integral of a smooth force.
+  With the mean square of that about a polynomial, and ends that are independent, the variance is 2 P^2 / T^2.
+- What stays constant over the stop is not in the series: `alloc.estimation.brake_shortfall.CalibrationErrors`.
+"""
 
 import math
 from dataclasses import dataclass
@@ -14,8 +28,8 @@ Floats = NDArray[np.float64]
 
 BUILT_UP = 0.632
 """Share of the steady cylinder pressure from which the report averages: dead time and one time constant have passed."""
-BATCHES = 10
-"""Batches of a mean; 10 to 30 are usual, few where correlation lasts long against the window."""
+TREND = 4
+"""Degree of the polynomial in time that a force follows while it builds up and friction rises with falling speed."""
 
 
 def braking_window(
@@ -54,39 +68,75 @@ class SeriesMean:
     """Mean of one or several series with its uncertainty; fields are (series,), or scalars in arrays for one."""
 
     mean: Floats
-    deviation: Floats
-    """Standard deviation of the mean, by batch means."""
-    freedom: int
-    """Degrees of freedom from which the deviation was estimated."""
+    noise: Floats
+    """Standard deviation of the mean by what is independent from sample to sample."""
+    motion: Floats
+    """The same by relative motion; 0 where every car has its own acceleration."""
+    freedom: float
+    """Degrees of freedom from which `noise` was estimated."""
 
-    def interval(self, confidence: float = 0.95) -> tuple[Floats, Floats]:
-        """Lower and upper end of the confidence interval, by Student's t."""
-        half = student.ppf(0.5 + 0.5 * confidence, self.freedom) * self.deviation
+    @property
+    def deviation(self) -> Floats:
+        """Standard deviation of the mean, but for what is constant over the stop."""
+        return np.hypot(self.noise, self.motion)
+
+    def interval(
+        self, confidence: float = 0.95, constant: ArrayLike = 0.0
+    ) -> tuple[Floats, Floats]:
+        """Lower and upper end of the confidence interval; `constant`: deviation of what averaging does not remove."""
+        deviation = np.hypot(self.deviation, constant)
+        freedom = effective_freedom(self.freedom, self.noise, deviation)
+        half = student.ppf(0.5 + 0.5 * confidence, freedom) * deviation
         return self.mean - half, self.mean + half
 
 
-def batch_mean(values: ArrayLike, batches: int = BATCHES, trend: int = 0) -> SeriesMean:
-    """Mean of a correlated series (time,) or of several (time, series), and its deviation by batch means.
+def effective_freedom(freedom: ArrayLike, estimated: Floats, whole: Floats) -> Floats:
+    """Degrees of freedom of a deviation `whole` of which the part `estimated` has `freedom`, the rest being known.
 
-    The series is cut into equal batches; if a batch is long against the correlation, their means are all but independent and
-    their scatter, over the root of their number, is that of the whole mean (Law and Kelton, Simulation Modeling and
-    Analysis, 9.5.3). Oscillation, whose halves cancel, makes it smaller than counting independent samples would.
-    `trend`: degree of the polynomial in time about which the batches scatter; a force that itself changes within the window
-    would else count as uncertain. Raises `EstimationError` where the series is too short.
+    Welch (1947, Biometrika 34) and Satterthwaite (1946, Biometrics 2).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(freedom) * np.nan_to_num((whole / estimated) ** 4, nan=1.0, posinf=1e9)
+
+
+def stop_mean(
+    values: ArrayLike, moving: bool = False, batch: int = 1, trend: int = TREND
+) -> SeriesMean:
+    """Mean of a series (time,) of equally spaced samples, or of several (time, series), with what it may err by.
+
+    `moving`: another car's acceleration stands for that of the stretch, so the error has relative motion; `trend`: degree of
+    the polynomial beside which the integral of the series shows it. `batch`: samples after which noise is independent, 1 for
+    white noise; the mean's deviation is that of the means of such batches. Raises `EstimationError` where the series is too
+    short.
     """
     x = finite_series("values", values, (None,), (None, None))
-    freedom = batches - 1 - trend
-    if trend < 0 or freedom < 1:
+    if batch < 1 or trend < 0:
         raise EstimationError(
-            f"averaging: batches = {batches} must exceed trend + 1, trend = {trend} be 0 or more"
+            f"averaging: batch = {batch} must be 1 or more, trend = {trend} 0 or more"
         )
-    size = x.shape[0] // batches
-    if size < 1:
+    count, least = x.shape[0] // batch, trend + 3 if moving else 3
+    if count < least:
         raise EstimationError(
-            f"averaging: {x.shape[0]} samples do not fill {batches} batches; take a longer window"
+            f"averaging: {x.shape[0]} samples are not {least} batches of {batch}; take a longer window"
         )
-    # what does not fill a batch is left out of the scatter at the start, where the transient is
-    parts = x[x.shape[0] - size * batches :].reshape(batches, size, *x.shape[1:]).mean(axis=1)
-    powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, batches), trend + 1))[0]
-    scatter = np.square(parts - powers @ (powers.T @ parts)).sum(axis=0) / freedom
-    return SeriesMean(np.asarray(x.mean(axis=0)), np.asarray(np.sqrt(scatter / batches)), freedom)
+    # what does not fill a batch is left out of the noise at the start, where the force changes most
+    parts = x[x.shape[0] - count * batch :].reshape(count, batch, *x.shape[1:]).mean(axis=1)
+    bends = np.square(np.diff(parts, 2, axis=0)).mean(axis=0) / 6.0
+    motion = _relative_motion(x, trend) if moving else np.zeros(x.shape[1:])
+    return SeriesMean(
+        np.asarray(x.mean(axis=0)),
+        np.asarray(np.sqrt(bends / count)),
+        motion,
+        max((count - 2) * 18.0 / 35.0, 1.0),
+    )
+
+
+def _relative_motion(values: Floats, trend: int) -> Floats:
+    """Deviation of the mean by a momentum that the ends of the window cut off, (series,)."""
+    momentum = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    samples = momentum.shape[0]
+    # the integral of a force that is a polynomial is one of a degree more
+    powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, samples), trend + 2))[0]
+    beside = momentum - powers @ (powers.T @ momentum)
+    variance = np.square(beside).sum(axis=0) / (samples - trend - 2)
+    return np.asarray(np.sqrt(2.0 * variance) / values.shape[0])

@@ -1,4 +1,8 @@
-"""Which car did not deliver the brake force that it was allocated."""
+"""Which car did not deliver the brake force that it was allocated.
+
+A car whose wheels slide gives what the rail carries, and its slide protection takes the pressure away: that says nothing of
+its brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of the stop.
+"""
 
 from dataclasses import dataclass
 
@@ -7,13 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_force_mean import BATCHES, batch_mean
+from alloc.estimation.brake_force_mean import effective_freedom, stop_mean
 from alloc.estimation.finite_series import finite_series, positive_series
+from alloc.estimation.slip_events import SlipCriterion
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.99
 """Probability with which a train without fault accuses no car, if the stated deviations are right."""
+REFILLED = 3.0
+"""Time [s] after a slide in which a car is not yet judged, since its cylinders fill; assumed, times are 0.4 to 3."""
+LEAST_JUDGED = 0.1
+"""Share of the window that must be free of slides for a car to be judged."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +41,18 @@ class CalibrationErrors:
     def deviation(
         self, mass: ArrayLike, acceleration: ArrayLike, coupler_force: ArrayLike
     ) -> Floats:
-        """Standard deviation [N] of each car's estimated force, (cars,), by linearisation of (2).
+        """Standard deviation [N] of each car's estimated force, by linearisation of (2), (cars,) or (time, cars).
 
-        `mass` [kg] (cars,); `acceleration` [m/s2] and `coupler_force` [N], (cars,) and (cars - 1,): means over the stop.
+        `mass` [kg] (cars,); `acceleration` [m/s2] and `coupler_force` [N], (cars,) and (cars - 1,): means over the stop; or
+        (time, cars) and (time, cars - 1): the deviation at each instant, one draw of errors for all of them.
         """
         m = positive_series("mass", mass, (None,))
-        a = finite_series("acceleration", acceleration, (m.size,))
+        a = finite_series("acceleration", acceleration, (m.size,), (None, m.size))
         couplers = np.asarray(coupler_force, dtype=float)
         each = self.coupler_offset**2 + (self.coupler_gain * couplers) ** 2
-        ends = np.pad(each, 1)
+        ends = np.pad(each, [(0, 0)] * (each.ndim - 1) + [(1, 1)])
         own = (m * self.acceleration_offset) ** 2 + (self.mass * m * a) ** 2
-        return np.asarray(np.sqrt(own + ends[:-1] + ends[1:]))
+        return np.asarray(np.sqrt(own + ends[..., :-1] + ends[..., 1:]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +60,7 @@ class Shortfalls:
     """By how much each car's brake force fell short of what it was allocated, mean over a stop."""
 
     shortfall: Floats
-    """[N], (cars,); negative: the car gave more."""
+    """[N], (cars,); negative: the car gave more; nan: its wheels slid nearly all the time, so it is not judged."""
     deviation: Floats
     """Its standard deviation [N], (cars,)."""
     threshold: Floats
@@ -63,29 +73,63 @@ class Shortfalls:
         return order[self.shortfall[order] > self.threshold[order]]
 
 
+def sliding_cars(
+    axle_speed: ArrayLike,
+    axle_car: ArrayLike,
+    period: float,
+    criterion: SlipCriterion | None = None,
+    refilled: float = REFILLED,
+) -> NDArray[np.bool_]:
+    """Where a car's wheels slide or have just done so, (time, cars).
+
+    `axle_speed` (time, axles) [m/s] at the rims; `axle_car` (axles,): car of each, 0 = foremost; `period` [s] of the
+    samples. A wheel slides where it falls behind the fastest of the train by more than the criterion; its car is left out
+    until `refilled` [s] after. Where all wheels slide at once none is seen to: give the speed over ground as one more axle
+    then.
+    """
+    car = np.asarray(axle_car, dtype=int)
+    v = finite_series("axle_speed", axle_speed, (None, car.size))
+    fastest = v.max(axis=1, keepdims=True)
+    slides = fastest - v > (criterion or SlipCriterion()).bound(fastest, v)
+    cars = np.stack([slides[:, car == k].any(axis=1) for k in range(int(car.max()) + 1)], axis=1)
+    count = np.cumsum(np.pad(cars, ((1, 0), (0, 0))), axis=0)
+    since = np.maximum(np.arange(v.shape[0]) - round(refilled / period), 0)
+    return np.asarray(count[1:] > count[since])
+
+
 def find_shortfalls(
     allocated: ArrayLike,
     estimated: ArrayLike,
     constant_deviation: ArrayLike = 0.0,
     confidence: float = CONFIDENCE,
-    batches: int = BATCHES,
+    sliding: NDArray[np.bool_] | None = None,
+    batch: int = 1,
 ) -> Shortfalls:
     """Compare allocated and estimated brake forces [N], both (time, cars) within the window of a stop.
 
     A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni):
-    batch means of the difference, and `constant_deviation` [N], scalar or (cars,), of what averaging does not remove. The
-    former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and Satterthwaite.
+    noise of the mean (`stop_mean`, with `batch`) and `constant_deviation` [N], scalar or (cars,), of what averaging does
+    not remove. The former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and
+    Satterthwaite. `sliding` (time, cars), of `sliding_cars`: samples that say nothing of the car's brake. A car of which
+    less than `LEAST_JUDGED` of the window is left is not judged.
     """
     if not 0.5 < confidence < 1.0:
         raise EstimationError(f"shortfall: confidence = {confidence!r} must lie in (0.5, 1)")
     given = finite_series("allocated", allocated, (None, None))
     found = finite_series("estimated", estimated, given.shape)
-    constant = finite_series("constant_deviation", constant_deviation, (), (given.shape[1],))
-    mean = batch_mean(given - found, batches)
-    deviation = np.sqrt(mean.deviation**2 + constant**2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        freedom = mean.freedom * np.nan_to_num(
-            (deviation / mean.deviation) ** 4, nan=1.0, posinf=1e9
+    cars = given.shape[1]
+    constant = finite_series("constant_deviation", constant_deviation, (), (cars,))
+    left_out = np.zeros(given.shape, dtype=bool) if sliding is None else np.asarray(sliding)
+    if left_out.shape != given.shape:
+        raise EstimationError(
+            f"shortfall: sliding has shape {left_out.shape}, allocated {given.shape}"
         )
-    quantile = student.ppf(1.0 - (1.0 - confidence) / given.shape[1], freedom)
-    return Shortfalls(mean.mean, deviation, quantile * deviation)
+    mean, noise, freedom = np.full(cars, np.nan), np.full(cars, np.inf), np.ones(cars)
+    judged = (~left_out).mean(axis=0) >= LEAST_JUDGED
+    for k in np.flatnonzero(judged):
+        one = stop_mean((given - found)[~left_out[:, k], k], batch=batch)
+        mean[k], noise[k], freedom[k] = float(one.mean), float(one.noise), one.freedom
+    deviation = np.hypot(noise, constant)
+    whole = np.where(judged, effective_freedom(freedom, noise, deviation), 1.0)
+    quantile = student.ppf(1.0 - (1.0 - confidence) / cars, whole)
+    return Shortfalls(mean, deviation, quantile * deviation)

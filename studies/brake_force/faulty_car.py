@@ -13,16 +13,22 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.driving import Controls, TrainSense, drive
-from alloc.estimation.brake_shortfall import CalibrationErrors, Shortfalls, find_shortfalls
+from alloc.estimation.brake_shortfall import (
+    CalibrationErrors,
+    Shortfalls,
+    find_shortfalls,
+    sliding_cars,
+)
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.event import DriverCommand, Event
 from alloc.onboard.parameters import Belief, Onboard, Sensors
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
-from alloc.plant.rail import Rail, logarithmic_increments
+from alloc.plant.rail import Line, Rail, logarithmic_increments
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
 from alloc.simulation import simulate
+from studies.brake_force.beliefs import Misbelief
 from studies.brake_force.measurement import (
     Measured,
     MeasuringSystem,
@@ -47,6 +53,12 @@ COMMANDED_AT = 1.0
 DRY = 0.3
 SLIPPERY = 0.08
 """Adhesion coefficient of the foremost axle; the stop needs 0.082, and the scatter along the rail is 0.012 (JP5484215)."""
+SLIDING = 0.04
+"""Adhesion coefficient under the wheels of a trailer that is to slide."""
+USUAL = 0.2
+"""Coefficient under the other wheels then, where it is not `SLIPPERY` too: damp rails that carry any share."""
+SLID = 0.05
+"""Share of the window from which on a car counts as sliding."""
 SHARE_SCATTER = 0.02
 """Relative standard deviation of what sound shoes give of the allocated force; assumed."""
 GREATEST_LOAD = 12e3
@@ -75,19 +87,30 @@ class Stop(NamedTuple):
     """Of (2) with own accelerations and bare masses: at the rails [N], (time, cars)."""
     true_force: Floats
     """At the rails [N], (time, cars)."""
+    sliding: NDArray[np.bool_]
+    """Where the wheels of a car are found to slide, (time, cars)."""
 
-    def shortfalls(self) -> Shortfalls:
-        """What the cars fell short of, with the uncertainty as threshold."""
+    def shortfalls(self, all_samples: bool = False) -> Shortfalls:
+        """What the cars fell short of while their wheels roll, or in `all_samples`, with the uncertainty as threshold."""
         m, w = self.measured, self.window
         constant = SYSTEM.calibration.deviation(
             m.bare_mass, m.acceleration[w].mean(axis=0), m.coupler_force[w].mean(axis=0)
         )
-        return find_shortfalls(self.allocated[w], self.estimated[w], constant)
+        sliding = None if all_samples else self.sliding[w]
+        return find_shortfalls(self.allocated[w], self.estimated[w], constant, sliding=sliding)
 
     @property
     def true_shortfall(self) -> Floats:
-        """Mean of what the cars truly fell short of [N], (cars,)."""
-        return np.asarray((self.allocated - self.true_force)[self.window].mean(axis=0))
+        """Mean of what the cars truly fell short of while their wheels are not found to slide [N], (cars,); nan: always."""
+        rolls = ~self.sliding[self.window]
+        short = (self.allocated - self.true_force)[self.window]
+        with np.errstate(invalid="ignore"):
+            return np.asarray((short * rolls).sum(axis=0) / rolls.sum(axis=0))
+
+    @property
+    def slid(self) -> NDArray[np.bool_]:
+        """Cars whose wheels are found to slide for more than `SLID` of the window, (cars,)."""
+        return np.asarray(self.sliding[self.window].mean(axis=0) > SLID)
 
 
 def commuter_train(seed: int) -> Train:
@@ -97,10 +120,17 @@ def commuter_train(seed: int) -> Train:
     return train.loaded(tuple(draw.uniform(0.0, GREATEST_LOAD, len(train.cars)))).coupled(COUPLER)
 
 
-def allocated_stops(fault: Fault | None, seed: int, draws: int = 1) -> list[Stop]:
+def allocated_stops(
+    fault: Fault | None,
+    seed: int,
+    draws: int = 1,
+    level: float = SLIPPERY,
+    slides: int | None = None,
+) -> list[Stop]:
     """One stop under the train's computers and the reference rule on slippery rails, measured `draws` times.
 
-    `seed` draws loads and rail, and with the number of the measurement the sensor errors.
+    `seed` draws loads and rail, and with the number of the measurement the sensor errors. `level`: coefficient under the
+    foremost axle; `slides`: car under whose wheels it is `SLIDING`, which the computers do not know.
     """
     train = commuter_train(seed)
     failures: dict[int, float] = {}
@@ -114,7 +144,9 @@ def allocated_stops(fault: Fault | None, seed: int, draws: int = 1) -> list[Stop
         cars[fault.car] = replace(cars[fault.car], air_brake=replace(brake, cut_out=fault.bogies))
         train = replace(train, cars=tuple(cars))
     increments = tuple(logarithmic_increments(train.axle_count))
-    rail = Rail(SLIPPERY, increments=increments, scatter=0.012, seed=seed)
+    under = [SLIDING - level if k == slides else add
+             for k, add in zip(_car_of_axle(train), increments, strict=True)]  # fmt: skip
+    rail = Rail(level, increments=tuple(under), scatter=0.012, seed=seed)
     event = Event(
         "stop",
         build(train, rail, failures=failures),
@@ -134,11 +166,13 @@ def allocated_stops(fault: Fault | None, seed: int, draws: int = 1) -> list[Stop
     return _measured(run, train, seed, draws, coefficient * GRAVITY)
 
 
-def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[Stop]:
+def driven_stops(
+    car: int, missing: float, seed: int, draws: int = 1, belief: Misbelief | None = None
+) -> list[Stop]:
     """One stop on dry rails in which the shoes of `car` give less by the share `missing`, measured `draws` times.
 
     Every car brakes by air alone. Sound shoes scatter by `SHARE_SCATTER`; `seed` draws that and the loads, and with the
-    number of the measurement the sensor errors.
+    number of the measurement the sensor errors. `belief`: what the estimator has wrong; None: nothing.
     """
     nominal = commuter_train(seed)
     draw = np.random.default_rng([seed, 43])
@@ -163,13 +197,24 @@ def driven_stops(car: int, missing: float, seed: int, draws: int = 1) -> list[St
         return sense.speed > 0.9 * SLOWEST
 
     length = sum(one.length for one in cars)
-    run = drive(build(train, Rail(DRY)), driver, 60.0, "stop", INITIAL_SPEED, length, 0.01)
+    wrong = belief or Misbelief()
+    model = build(train, Rail(DRY), Line(grades=(wrong.grade,)))
+    run = drive(model, driver, 60.0, "stop", INITIAL_SPEED, length, 0.01)
     decrement = np.array(gain) / np.array([one.mass for one in cars])
-    return _measured(run, train, seed, draws, decrement)
+    return _measured(run, train, seed, draws, decrement, wrong)
+
+
+def _car_of_axle(train: Train) -> list[int]:
+    return [k for k, car in enumerate(train.cars) for _ in car.axle_positions]
 
 
 def _measured(
-    run: xr.Dataset, train: Train, seed: int, draws: int, decrement: Floats
+    run: xr.Dataset,
+    train: Train,
+    seed: int,
+    draws: int,
+    decrement: Floats,
+    belief: Misbelief | None = None,
 ) -> list[Stop]:
     """Measure a run so many times; what is allocated, `decrement` [m/s2] per car, follows the mass as weighed."""
     exact = record(run, train, SYSTEM)
@@ -177,8 +222,10 @@ def _measured(
     stops = []
     for k in range(draws):
         m = disturb(exact, train, SYSTEM, 1000 * seed + k)
+        m = m if belief is None else belief.applied(m, 1000 * seed + k)
         estimated = car_brake_forces(m.acceleration, m.coupler_force, m.bare_mass, m.resistance)
         window = (m.time >= COMMANDED_AT + SETTLED) & (m.speed >= SLOWEST)
         allocated = np.broadcast_to(decrement * m.bare_mass, estimated.shape)
-        stops.append(Stop(run, m, window, allocated, estimated, true))
+        sliding = sliding_cars(m.axle_speed, _car_of_axle(train), SYSTEM.period)
+        stops.append(Stop(run, m, window, allocated, estimated, true, sliding))
     return stops

@@ -1,19 +1,13 @@
-"""Numbers of the RTRI report's findings, read from the running tests and from the stops of a train with a faulty car."""
+"""Numbers of the RTRI report's findings, read from the running tests as they are, and by estimators that err."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.brake_force_mean import batch_mean
 from alloc.estimation.car_brake_force import coupler_force_between
-from studies.brake_force.faulty_car import (
-    Fault,
-    Stop,
-    allocated_stops,
-    commuter_train,
-    driven_stops,
-)
+from studies.brake_force.beliefs import BELIEFS
+from studies.brake_force.coverage import averages, smoothed_intervals
 from studies.brake_force.running_tests import (
     BRAKED_AT,
     SYSTEM,
@@ -33,16 +27,6 @@ AGREEMENT = 0.05
 sensors' noise alone gives 0.028."""
 BUILT_UP = 0.95
 """Share of the steady pressure from which a brake force counts as steady."""
-SHORTFALLS = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
-"""Shares of its force that the faulty car does not deliver, in dry stops."""
-SOUND = 0.05
-"""A car that truly falls short by less than this share of its allocated force is sound: to accuse it is wrong."""
-TREND = 2
-"""Degree of the polynomial that a brake force follows while the pressure builds up and friction rises with falling speed."""
-WHOLE = 0.01
-"""A car that truly falls short by less than this share delivers its force, but for what nobody measures."""
-DRAWS = 10
-"""Measurements of each stop of the passenger train, with sensor errors of their own."""
 
 
 def rms(values: Floats) -> float:
@@ -63,49 +47,23 @@ def row_of_test(name: str, result: TestResult) -> Row:
         "emergency": (_theory,),
     }
     row: Row = {"part": "test", "test": name}
-    for part in (_averages, _errors, *parts.get(name, ())):
+    for part in (averages, _errors, *parts.get(name, ())):
         row |= part(result)
     return row
-
-
-def _averages(result: TestResult) -> Row:
-    """The wagons' sum by the report's averaging rule, with its uncertainty and the truth."""
-    w, m = result.window, result.measured
-    wagons = batch_mean(estimate(result).wagons[w] / 1e3, trend=TREND)
-    truth = float(result.true_force[w, 1:].sum(axis=1).mean() / 1e3)
-    errors = SYSTEM.calibration
-    a = float(m.acceleration[w, 1].mean())
-    mass = float(m.mass[1:].sum())
-    first = float(m.coupler_force[w, 0].mean())
-    # one accelerometer and one coupler serve all wagons; their masses are weighed one by one
-    constant = np.sqrt(
-        (mass * errors.acceleration_offset) ** 2
-        + errors.coupler_offset**2
-        + (errors.coupler_gain * first) ** 2
-        + errors.mass**2 * a**2 * np.sum(m.bare_mass[1:] ** 2)
-    )
-    whole = float(np.hypot(wagons.deviation, constant / 1e3))
-    return {
-        "mean": float(wagons.mean),
-        "mean_deviation": float(wagons.deviation),
-        "whole_deviation": whole,
-        "true_mean": truth,
-        "covered": bool(abs(float(wagons.mean) - truth) <= 1.96 * whole),
-    }
 
 
 def _errors(result: TestResult) -> Row:
     """Error of the wagons' sum within the report's window: at an instant, with the remedies, and of means."""
     w, found = result.window, estimate(result)
     truth = result.true_force[:, 1:].sum(axis=1)
-    smoothed, deviation = smooth(result).total(slice(1, None))
+    smooth_forces = smooth(result)
+    smoothed, _ = smooth_forces.total(slice(1, None))
     series = {"first": found.wagons, "own": found.wagons_own, "smooth": smoothed}
     errors = {name: (values - truth)[w] / 1e3 for name, values in series.items()}
-    changing = errors["smooth"] - errors["smooth"].mean()  # constant errors are not the smoother's
     return {
         **{f"error_{name}": rms(values) for name, values in errors.items()},
         **{f"mean_error_{name}": float(abs(values.mean())) for name, values in errors.items()},
-        "smooth_ratio": rms(changing) / float(deviation[w].mean() / 1e3),
+        **smoothed_intervals(result, smooth_forces),
         "force": float(truth[w].mean() / 1e3),
     }
 
@@ -215,66 +173,14 @@ def _theory(result: TestResult) -> Row:
     return row
 
 
-def allocated_rows(seed: int, draws: int = DRAWS) -> list[Row]:
-    """Stops of the passenger train under allocation: sound, and with each kind of fault."""
-    draw = np.random.default_rng([seed, 44])
-    cars = commuter_train(seed).cars
-    motor = int(draw.choice([k for k, car in enumerate(cars) if car.motors is not None]))
-    # the lead car is not among them: its wheels slide on these rails, sound or not
-    trailer = int(draw.choice([k for k, car in enumerate(cars) if k and car.motors is None]))
-    faults: dict[str, Fault | None] = {
-        "sound": None,
-        "trailer, brake cut out": Fault(trailer, (0, 1)),
-        "trailer, one bogie cut out": Fault(trailer, (0,)),
-        "motor car, motors failed": Fault(motor, (), True),
-        "motor car, motors failed and brake cut out": Fault(motor, (0, 1), True),
-    }
+def budget_rows(name: str, seed: int, beliefs: Sequence[str] = tuple(BELIEFS)) -> list[Row]:
+    """Numbers of a running test as estimators see it that have one thing wrong."""
+    runs: dict[float, TestResult] = {}
     rows = []
-    for kind, fault in faults.items():
-        stops = allocated_stops(fault, seed, draws=draws)
-        row = _accusations(stops, None if fault is None else fault.car)
-        calls = int(stops[0].run.attrs["rule_calls"])
-        rows.append({"part": "allocated", "kind": kind, "rule_calls": calls} | row)
+    for belief in beliefs:
+        one = BELIEFS[belief]
+        if one.grade not in runs:
+            runs[one.grade] = run_test(name, seed, one.grade)
+        row = row_of_test(name, runs[one.grade].believed(one, seed))
+        rows.append(row | {"part": "budget", "belief": belief})
     return rows
-
-
-def driven_rows(
-    seed: int, shortfalls: Sequence[float] = SHORTFALLS, draws: int = DRAWS
-) -> list[Row]:
-    """Dry stops of the passenger train in which one car, drawn, falls short by each of these shares."""
-    car = int(np.random.default_rng([seed, 45]).integers(len(commuter_train(seed).cars)))
-    rows = []
-    for missing in shortfalls:
-        row = _accusations(driven_stops(car, missing, seed, draws), car if missing else None)
-        rows.append({"part": "driven", "missing": missing} | row)
-    return rows
-
-
-def _accusations(stops: Sequence[Stop], faulty: int | None) -> Row:
-    """Shares of the measurements in which the faulty car is found, is the first named, and others are accused."""
-    said = []
-    threshold, error = [], []
-    for stop in stops:
-        shortfalls, w = stop.shortfalls(), stop.window
-        accused, allocated = shortfalls.accused, stop.allocated[w].mean(axis=0)
-        sound = stop.true_shortfall < SOUND * allocated
-        others = [k for k in accused if k != faulty]
-        said.append(
-            {
-                "found": faulty in accused,
-                "first": accused.size > 0 and accused[0] == faulty,
-                "wrong": np.any(sound[others]),
-                "whole": np.any((stop.true_shortfall < WHOLE * allocated)[others]),
-                "others_short": np.any(~sound[others]),
-            }
-        )
-        threshold.append(float(np.mean(shortfalls.threshold / allocated)))
-        error.append((shortfalls.shortfall - stop.true_shortfall) / shortfalls.deviation)
-    shortfall = stops[0].true_shortfall / stops[0].allocated[stops[0].window].mean(axis=0)
-    return {
-        "car": -1 if faulty is None else faulty,
-        "true_share": np.nan if faulty is None else float(shortfall[faulty]),
-        "error_in_deviations": rms(np.concatenate(error)),
-        "threshold": float(np.mean(threshold)),
-        **{name: float(np.mean([one[name] for one in said])) for name in said[0]},
-    }

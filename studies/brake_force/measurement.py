@@ -74,6 +74,8 @@ class Measured(NamedTuple):
     """With what the wheelsets add [kg], (cars,)."""
     resistance: Floats
     """Running resistance of each car by its formula [N], (time, cars)."""
+    axle_speed: Floats
+    """At the rims [m/s], (time, axles)."""
 
 
 def turning_inertia(train: Train) -> tuple[Floats, Floats]:
@@ -100,6 +102,7 @@ def record(run: xr.Dataset, train: Train, system: MeasuringSystem) -> Measured:
         bare_mass=bare,
         mass=rolling_mass(bare, *turning_inertia(train)),
         resistance=resistance_of_cars(train, speed),
+        axle_speed=system.sampled(run, run["rim_speed"].values),
     )
 
 
@@ -123,6 +126,7 @@ def disturb(exact: Measured, train: Train, system: MeasuringSystem, seed: int) -
         bare_mass=bare,
         mass=rolling_mass(bare, *turning_inertia(train)),
         resistance=resistance_of_cars(train, speed),
+        axle_speed=exact.axle_speed + system.speed_noise * draw(exact.axle_speed.shape),
     )
 
 

@@ -17,9 +17,10 @@ from alloc.estimation.brake_force_smoother import SmoothedForces, smooth_brake_f
 from alloc.estimation.car_brake_force import BrakeRigging, car_brake_forces, group_brake_force
 from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.model import build
-from alloc.plant.rail import Rail
+from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import freight
 from alloc.plant.train import Train
+from studies.brake_force.beliefs import FrictionBelief, Misbelief
 from studies.brake_force.measurement import (
     Measured,
     MeasuringSystem,
@@ -107,21 +108,33 @@ class TestResult(NamedTuple):
     """Of the brakes of each car [N], (time, cars)."""
     window: slice
     """The report's: 63.2 % of the steady pressure to standstill."""
+    friction: FrictionBelief = FrictionBelief()
+    """What theory believes of the shoes' friction."""
+
+    def believed(self, belief: Misbelief, seed: int) -> "TestResult":
+        """The same stop as an estimator sees it that has something wrong; `seed` draws its pressure sensors."""
+        measured = belief.applied(self.measured, seed)
+        window = _window(self.test, measured)
+        return self._replace(measured=measured, window=window, friction=belief.friction)
 
 
-def run_test(name: str, seed: int) -> TestResult:
-    """Make a test on the plant and measure it; `seed` draws wagons and sensor errors."""
+def run_test(name: str, seed: int, grade: float = 0.0) -> TestResult:
+    """Make a test on the plant, at a `grade` (rise per run), and measure it; `seed` draws wagons and sensor errors."""
     test = TESTS[name]
     train = train_of_test(test, seed)
-    run = drive_test(test, train)
+    run = drive_test(test, train, grade)
     measured = disturb(record(run, train, SYSTEM), train, SYSTEM, seed)
     true = SYSTEM.sampled(run, true_brake_forces(run, train))
+    return TestResult(test, train, measured, true, _window(test, measured))
+
+
+def _window(test: BrakeTest, measured: Measured) -> slice:
     # the wagons' pressure, measured on the first; where they are not braked the locomotive's
     pressure = measured.pressure[:, 0 if test.locomotive_only else 1]
-    return TestResult(test, train, measured, true, braking_window(pressure, measured.speed))
+    return braking_window(pressure, measured.speed)
 
 
-def drive_test(test: BrakeTest, train: Train) -> xr.Dataset:
+def drive_test(test: BrakeTest, train: Train, grade: float = 0.0) -> xr.Dataset:
     """The recorded run of a test; the plant's cylinders know when the brake pipe's wave reaches them."""
     pressure = np.array(
         [
@@ -136,7 +149,8 @@ def drive_test(test: BrakeTest, train: Train) -> xr.Dataset:
         return sense.speed > STOP_SPEED
 
     length = sum(car.length for car in train.cars)
-    model = build(train, Rail(DRY), span=(0.0, length + LONGEST * test.speed / 3.6))
+    line = Line(grades=(grade,))
+    model = build(train, Rail(DRY), line, span=(0.0, length + LONGEST * test.speed / 3.6))
     return drive(model, driver, LONGEST, test.title, test.speed / 3.6, length, 0.01)
 
 
@@ -160,7 +174,10 @@ def estimate(result: TestResult) -> Estimates:
     m = result.measured
     a, couplers, drag = m.acceleration, m.coupler_force, m.resistance
     own = car_brake_forces(a, couplers, m.mass, drag)
-    friction = freight.STANDSTILL_FRICTION * hyperbolic_speed_law(m.speed, *freight.FRICTION)
+    fall = 1.0 - hyperbolic_speed_law(m.speed, *freight.FRICTION)
+    friction = (
+        freight.STANDSTILL_FRICTION * result.friction.level * (1.0 - result.friction.fall * fall)
+    )
     return Estimates(
         locomotive=group_brake_force(a[:, 0], m.mass[0], None, couplers[:, 0], drag[:, 0]),
         wagons=group_brake_force(

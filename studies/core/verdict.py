@@ -64,6 +64,24 @@ def decide(
     return UNDECIDED if all(met or met is None for met in needed) else FAILS
 
 
+RANK: Mapping[str, int] = MappingProxyType({FAILS: 0, UNDECIDED: 1, CONDITIONS: 2, HOLDS: 3})
+"""Verdicts from the worst on."""
+
+
+def has_events(statement: Statement) -> bool:
+    """Whether it had events enough for a verdict."""
+    return statement.verdict != TOO_FEW
+
+
+def no_worse(verdict: str, reference: str) -> Met:
+    """Whether a verdict is no worse than another of the same claim; None where it is undecided or had too few events."""
+    if TOO_FEW in (verdict, reference):
+        return None
+    if RANK[verdict] >= RANK[reference]:
+        return True
+    return None if verdict == UNDECIDED else False
+
+
 def agreement(rows: Iterable[Any], verdict: Callable[[Any], str]) -> float:
     """Share of rows that have the verdict of the first, which is not counted; nan where that has too few events."""
     drawn, *others = rows

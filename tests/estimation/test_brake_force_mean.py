@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_force_mean import batch_mean, braking_window
+from alloc.estimation.brake_force_mean import braking_window, stop_mean
 
 TIME = np.arange(0.0, 30.0, 0.02)
 PRESSURE = 350e3 * -np.expm1(-np.maximum(TIME - 1.0, 0.0) / 1.5)
@@ -43,48 +43,71 @@ def test_a_stop_without_a_window_is_refused(pressure, speed, options, named):
         braking_window(pressure, speed, **options)
 
 
+POLES = {
+    "white": (0.0,),
+    "correlated": (0.9,),
+    "oscillating": (0.96 * np.exp(0.2j), 0.96 * np.exp(-0.2j)),
+}
+
+
 @pytest.mark.parametrize(
-    "poles",
-    [(0.0,), (0.9,), (0.96 * np.exp(0.2j), 0.96 * np.exp(-0.2j))],
-    ids=["white", "correlated", "oscillating"],
+    ("kind", "batch"), [("white", 1), ("correlated", 150), ("oscillating", 100)]
 )
-def test_mean_is_unbiased_and_its_deviation_is_that_of_repeated_stops(poles):
-    series = correlated(np.random.default_rng(5), 600, 1500, poles)
-    means = batch_mean(3.0 + series)
+def test_mean_is_unbiased_and_its_interval_is_that_of_repeated_stops(kind, batch):
+    series = correlated(np.random.default_rng(5), 600, 3000, POLES[kind])
+    means = stop_mean(3.0 + series, batch=batch)
     assert abs(means.mean.mean() - 3.0) < 4.0 * means.mean.std() / np.sqrt(600)
     assert means.deviation.mean() == pytest.approx(means.mean.std(), rel=0.12)
     low, high = means.interval(0.95)
-    covered = ((low - 3.0) * (high - 3.0) < 0.0).mean()
-    assert 0.92 < covered < 0.98
+    assert 0.92 < ((low < 3.0) & (high > 3.0)).mean() < 0.975
 
 
-def test_a_force_that_grows_is_not_uncertain_for_that():
-    """With the trend taken out the deviation is that of the noise, whatever the force does slowly."""
-    noise = correlated(np.random.default_rng(8), 400, 1500, (0.9,))
-    growing = noise + 20.0 * np.linspace(0.0, 1.0, 1500)[:, None] ** 2
-    plain, fitted = batch_mean(growing), batch_mean(growing, trend=2)
-    np.testing.assert_allclose(fitted.deviation, batch_mean(noise, trend=2).deviation, rtol=1e-2)
-    assert fitted.deviation.mean() == pytest.approx(fitted.mean.std(), rel=0.12)
-    assert plain.deviation.mean() > 3.0 * fitted.deviation.mean()
-    assert fitted.freedom == 7
+def test_a_force_that_changes_is_not_uncertain_for_that():
+    """Second differences see the noise, whatever the force does slowly: builds up, and rises with falling speed."""
+    noise = np.random.default_rng(8).standard_normal((1500, 400))
+    time = np.linspace(0.0, 1.0, 1500)[:, None]
+    force = 100.0 * (1.0 - np.exp(-8.0 * time)) + 20.0 * time**2
+    assert stop_mean(noise + force).deviation == pytest.approx(stop_mean(noise).deviation, rel=1e-2)
 
 
-def test_samples_that_repeat_add_nothing():
-    x = np.random.default_rng(1).standard_normal(200)
-    once, often = batch_mean(x), batch_mean(np.repeat(x, 7))
-    assert often.mean == pytest.approx(once.mean)
-    assert often.deviation == pytest.approx(once.deviation)
+def test_relative_motion_cancels_in_the_mean_and_is_not_counted_as_scatter():
+    """Of a stretch with another car's acceleration the error is a change of momentum: it falls with 1/T, not its root."""
+    draw = np.random.default_rng(9)
+    momentum = correlated(draw, 500, 4001, (0.97 * np.exp(0.15j), 0.97 * np.exp(-0.15j), 0.9, 0.9))
+    force = 50.0 * (1.0 + np.linspace(0.0, 1.0, 4000)[:, None]) ** 3
+    for samples in (1000, 4000):
+        series = force[:samples] + np.diff(momentum, axis=0)[:samples]
+        means = stop_mean(series, moving=True)
+        error = means.mean - force[:samples].mean()
+        assert means.deviation.mean() == pytest.approx(error.std(), rel=0.15)
+        # few swings tell their own size: the interval is a little narrow where that varies within the window
+        low, high = means.interval()
+        assert (
+            0.88 < ((low < force[:samples].mean()) & (force[:samples].mean() < high)).mean() < 0.98
+        )
+        # what is independent from sample to sample would say far more
+        assert series.std() / np.sqrt(samples) > 1.5 * means.deviation.mean()
+    assert stop_mean(series).motion.tolist() == [0.0] * 500
+
+
+def test_what_is_constant_over_the_stop_widens_the_interval_and_is_known():
+    x = np.random.default_rng(2).standard_normal(400)
+    means = stop_mean(x)
+    low, high = means.interval(0.95, constant=10.0 * float(means.deviation))
+    assert float(high - low) / 2.0 == pytest.approx(
+        np.sqrt(101.0) * 1.96 * float(means.deviation), rel=1e-3
+    )
 
 
 def test_too_short_series_are_refused():
-    with pytest.raises(EstimationError, match="9 samples do not fill 10 batches"):
-        batch_mean(np.zeros(9))
-    with pytest.raises(EstimationError, match="batches = 1 must exceed"):
-        batch_mean(np.zeros(9), 1)
-    with pytest.raises(EstimationError, match="trend = 9"):
-        batch_mean(np.zeros(90), 10, trend=9)
+    with pytest.raises(EstimationError, match="2 samples are not 3 batches of 1"):
+        stop_mean(np.zeros(2))
+    with pytest.raises(EstimationError, match="6 samples are not 7 batches"):
+        stop_mean(np.zeros(6), moving=True)
+    with pytest.raises(EstimationError, match="batch = 0"):
+        stop_mean(np.zeros(9), batch=0)
     with pytest.raises(EstimationError, match="values holds nan"):
-        batch_mean(np.array([0.0, np.nan]))
+        stop_mean(np.array([0.0, np.nan]))
 
 
 def test_steady_pressure_is_that_of_the_last_quarter():
@@ -94,12 +117,13 @@ def test_steady_pressure_is_that_of_the_last_quarter():
     assert braking_window(np.append(pressure, 0.0), speed) == slice(10, 40)
 
 
-def test_batches_by_hand():
-    # of two batches of two the first sample is left: means 2 and 8, scatter 3^2 + 3^2, of the mean half of it
-    means = batch_mean([9.0, 1.0, 3.0, 5.0, 11.0], batches=2)
-    assert [float(means.mean), float(means.deviation)] == pytest.approx([5.8, 3.0], rel=1e-12)
-    assert means.freedom == 1
-    # Student's t of one degree of freedom: 12.706 at 95 %
-    assert np.array(means.interval()) == pytest.approx(
-        [5.8 - 3 * 12.7062, 5.8 + 3 * 12.7062], rel=1e-5
+def test_noise_by_hand():
+    # of two samples each the first is left: means 2, 8, 3, second difference -11, of it 121 / 6, of the mean a third
+    means = stop_mean([9.0, 1.0, 3.0, 5.0, 11.0, 4.0, 2.0], batch=2)
+    assert [float(means.mean), float(means.deviation)] == pytest.approx(
+        [5.0, np.sqrt(121.0 / 18.0)], rel=1e-12
     )
+    assert means.freedom == 1.0
+    # Student's t of one degree of freedom: 12.706 at 95 %
+    half = 12.7062 * np.sqrt(121.0 / 18.0)
+    assert np.array(means.interval()) == pytest.approx([5.0 - half, 5.0 + half], rel=1e-5)

@@ -6,7 +6,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_shortfall import CalibrationErrors, find_shortfalls
+from alloc.estimation.brake_shortfall import CalibrationErrors, find_shortfalls, sliding_cars
 from alloc.estimation.car_brake_force import car_brake_forces
 
 CARS, SAMPLES = 8, 500
@@ -63,7 +63,7 @@ def test_the_threshold_is_normal_where_all_is_known_and_students_where_nothing_i
     known, unknown = (find_shortfalls(allocated, allocated + noise, c) for c in (1e4, 0.0))
     ratio = [(one.threshold / one.deviation)[0] for one in (known, unknown)]
     np.testing.assert_allclose(
-        ratio, [norm.ppf(1.0 - 0.005), student.ppf(1.0 - 0.005, 9)], rtol=1e-4
+        ratio, [norm.ppf(1.0 - 0.005), student.ppf(1.0 - 0.005, 498 * 18 / 35)], rtol=1e-4
     )
     nothing = find_shortfalls(allocated, allocated)
     assert nothing.threshold.tolist() == [0.0, 0.0]
@@ -97,13 +97,53 @@ def test_degrees_of_freedom_grow_with_what_is_known():
     draw = np.random.default_rng(0)
     allocated, noise = np.full((SAMPLES, 1), 1e4), draw.normal(0.0, 100.0, (SAMPLES, 1))
     alone = find_shortfalls(allocated, allocated + noise)
-    # as much again that is known: the variance is twice, and Welch's degrees of freedom 9 x 2^2
+    # as much again that is known: the variance is twice, and Welch's degrees of freedom 2^2 times as many
     both = find_shortfalls(allocated, allocated + noise, alone.deviation)
     assert both.deviation[0] == pytest.approx(np.sqrt(2.0) * alone.deviation[0])
-    assert both.threshold[0] / both.deviation[0] == pytest.approx(student.ppf(0.99, 36))
+    assert both.threshold[0] / both.deviation[0] == pytest.approx(
+        student.ppf(0.99, 4 * 498 * 18 / 35)
+    )
 
 
 def test_the_surest_is_not_the_largest():
     allocated = np.full((SAMPLES, 2), 1e4)
     found = find_shortfalls(allocated, allocated - [5e3, 2e3], [1e3, 10.0])
     assert found.accused.tolist() == [1, 0]
+
+
+def test_a_car_is_judged_by_the_rest_of_the_stop():
+    draw = np.random.default_rng(0)
+    allocated = np.full((SAMPLES, 3), 1e4)
+    found = allocated + draw.normal(0.0, 100.0, allocated.shape)
+    sliding = np.zeros(allocated.shape, dtype=bool)
+    sliding[100:400, 1] = True
+    found[sliding] = 2e3  # the rail carries no more
+    found[:, 2] -= 500.0
+    assert find_shortfalls(allocated, found, 50.0).accused.tolist() == [1, 2]
+    judged = find_shortfalls(allocated, found, 50.0, sliding=sliding)
+    assert judged.accused.tolist() == [2]
+    assert abs(judged.shortfall[1]) < 30.0
+    short = sliding.copy()
+    short[:, 1] = True
+    never = find_shortfalls(allocated, found, 50.0, sliding=short)
+    assert never.accused.tolist() == [2]
+    assert np.isnan(never.shortfall[1])
+    with pytest.raises(EstimationError, match="sliding has shape"):
+        find_shortfalls(allocated, found, sliding=sliding[:, :2])
+
+
+def test_a_car_slides_from_where_a_wheel_falls_behind_until_its_cylinders_are_full_again():
+    speed = np.full((200, 4), 10.0)
+    speed[50:60, 2] = 9.0
+    speed[100:110, 0] = 9.7  # within the criterion's 5 %
+    slides = sliding_cars(speed, [0, 0, 1, 1], 0.1, refilled=2.0)
+    assert not slides[:, 0].any()
+    assert np.flatnonzero(slides[:, 1]).tolist() == list(range(50, 80))
+    assert not sliding_cars(speed[:, :1], [0], 0.1).any()
+
+
+def test_deviation_at_each_instant_is_that_of_its_values():
+    draw = np.random.default_rng(3)
+    a, couplers = draw.normal(size=(5, CARS)), 1e4 * draw.normal(size=(5, CARS - 1))
+    each = [ERRORS.deviation(MASS, *one) for one in zip(a, couplers, strict=True)]
+    np.testing.assert_allclose(ERRORS.deviation(MASS, a, couplers), each)

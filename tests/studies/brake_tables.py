@@ -1,12 +1,13 @@
 """Synthetic tables of the sweep `brake-force`, on which it is known what holds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from studies.brake_force.findings import SHORTFALLS
+from studies.brake_force.accusations import SHORTFALLS
+from studies.brake_force.beliefs import AS_PLANT
 from studies.brake_force.running_tests import TESTS
 from studies.brake_force.statements import CUT_OUT
 
@@ -22,8 +23,14 @@ KINDS = {
 """Kind of fault: share of the force that is truly missing, and share of stops in which it is found."""
 
 
-def brake_table(days: int = 20, change: Callable[[Row], Row] = lambda row: row) -> pd.DataFrame:
-    """A table as the report found it; `change` alters each row."""
+BELIEFS = ("friction +20%", "gradient +10 per mille, by speeds")
+"""Errors of the estimator in the table."""
+
+
+def brake_table(
+    days: int = 20, change: Callable[[Row], Row] = lambda row: row, beliefs: Sequence[str] = ()
+) -> pd.DataFrame:
+    """A table as the report found it; `change` alters each row; with the error budget of `beliefs`, if any."""
     draw = np.random.default_rng(3)
     rows = []
     for day in range(days):
@@ -34,7 +41,8 @@ def brake_table(days: int = 20, change: Callable[[Row], Row] = lambda row: row) 
                 {
                     "part": "test", "test": name, "event": day, "locomotive": 60.0 * (1.0 + own),
                     "mean": 33.0 * count + 30.0 * own, "whole_deviation": 2.0, "true_mean": 33.0 * count,
-                    "covered": (day * len(TESTS) + len(rows)) % 20 != 0, "smooth_ratio": 0.9,
+                    "smooth_ratio": 0.9,
+                    "covered": 0.95, "covered_own": 0.95, "covered_smooth": 0.95,
                     "error_first": {"locomotive": 7.0, "emergency": 100.0}.get(name, 15.0) * (1.0 + own),
                     "error_own": 3.0, "error_smooth": 1.0, "mean_error_first": 2.0,
                     "mean_error_own": 0.5, "force": 750.0 if name == "emergency" else 33.0 * count,
@@ -57,6 +65,13 @@ def brake_table(days: int = 20, change: Callable[[Row], Row] = lambda row: row) 
                     "found": found, "first": found, "wrong": 0.01, "others_short": 0.8,
                 }
             )  # fmt: skip
+        for kind in ("sound", "another's brake cut out"):
+            rows.append(
+                {
+                    "part": "sliding", "kind": kind, "event": day, "sliding_accused": 0.0, "wrong": 0.01, "first": 1.0,
+                    "accused_blindly": 1.0, "slides": True, "not_judged": 0.125,
+                }
+            )  # fmt: skip
         for missing in SHORTFALLS:
             rows.append(
                 {
@@ -65,4 +80,23 @@ def brake_table(days: int = 20, change: Callable[[Row], Row] = lambda row: row) 
                     "error_in_deviations": 1.0,
                 }
             )  # fmt: skip
-    return pd.DataFrame([change(row) for row in rows])
+    wrong = [
+        row | {"part": "budget", "belief": belief}
+        for belief in beliefs
+        for row in rows
+        if row["part"] == "test"
+    ]
+    dry = [
+        {
+            "part": "budget dry",
+            "belief": belief,
+            "event": day,
+            "missing": missing,
+            "wrong": 0.0,
+            "found": float(missing > 0.0),
+        }
+        for belief in ((AS_PLANT, *beliefs) if beliefs else ())
+        for day in range(days)
+        for missing in (0.0, 0.1)
+    ]
+    return pd.DataFrame([change(row) for row in (*rows, *wrong, *dry)])
