@@ -41,8 +41,10 @@ def hear_air_brake(air, axles, estimate):
     mean = 0.0
     for i in range(axles.coefficient.size):
         mean += axles.coefficient[i] / axles.coefficient.size
-    known = estimate == estimate
-    air.mean[0] = air.mean[0] + air.share * (estimate - mean - air.mean[0]) if known else 0.0
+    if math.isnan(estimate):
+        air.mean[0] = 0.0
+    else:
+        air.mean[0] += air.share * (estimate - mean - air.mean[0])
     air.coefficient[0] = air.mean[0] if air.mean[0] > LEAST_AIR else 0.0
     for i in range(axles.coefficient.size):
         axles.coefficient[i] += air.coefficient[0]

@@ -28,19 +28,18 @@ from mpc.axle_observer import (
     mean_noise,
     observe_axles,
 )
-from mpc.curve_filter import Curve, curve_of, look_beyond, take_in_pairs
+from mpc.curve_filter import Curve, curve_of, look_beyond, predicted_curve, take_in_pairs
 from mpc.drag import Drag, drag_of, estimate_drag
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,
-    STEEPEST_SLOPE,
     USUAL_SHARE,
     Search,
-    predicted_curve,
     search_of,
     search_slip,
     slip_limit,
 )
+from mpc.stiffness import STEEPEST_SLOPE
 from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
 
 PREDICTED = RationalCurve(peak_slip=2.0 / STEEPEST_SLOPE, steepness=2.0)

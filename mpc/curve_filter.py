@@ -34,6 +34,7 @@ from alloc.compilation import equation, jit
 from alloc.named_record import named_record
 from mpc.axle_observer import DOUBT
 from mpc.settings import PeakBelief
+from mpc.stiffness import no_steeper
 
 PEAK_SLIPS = (0.012, 3.0)
 """Bounds of s_p [m/s]."""
@@ -49,7 +50,6 @@ SHAPE_TIME = 0.3
 """Time [s] in which s_p follows what elasticities say."""
 LEAST_X = 0.5
 """Share of s_p that a slip is taken for at least: what lies further off is not seen from there."""
-
 REACH = 1.25
 """Least s_p that is predicted with, over the slip sought: who believes that the top is passed does not look beyond."""
 
@@ -158,3 +158,12 @@ def look_beyond(curve, sought):
     """Predict with a peak that lies beyond the slip `sought` [m/s]."""
     state = curve.state[0]
     state.peak_slip = max(state.top, REACH * sought)
+
+
+@jit
+def predicted_curve(curve, axles):
+    """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `mpc.stiffness` has it."""
+    most = 0.0
+    for i in range(axles.peak.size):
+        most = max(most, axles.peak[i])
+    return no_steeper(curve.state[0].peak_slip, steepness(curve), most)

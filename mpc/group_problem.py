@@ -12,7 +12,7 @@ from mpc.belief import with_predicted_curve
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.slip_search import no_steeper
+from mpc.stiffness import no_steeper
 from mpc.unit_model import curve_place, parameters, unit_of_axle
 
 

@@ -39,15 +39,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import equation, jit
+from alloc.compilation import jit
 from alloc.named_record import named_record
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
-from mpc.curve_filter import steepness, take_in_elasticity
+from mpc.curve_filter import take_in_elasticity
 from mpc.settings import SlipSearch
-
-STEEPEST_SLOPE = 12.0
-"""Slope [s/m] of the steepest curve that is predicted with; steeper ones would need shorter steps for next to no slip."""
 
 LEAST_COEFFICIENT = 0.01
 """Of an axle that is listened to; so small a force has no logarithm worth its noise."""
@@ -208,8 +205,11 @@ def _demodulate(search, axles, felt):
 
 
 @jit
-def _elasticity(search, i, wanted, read):
-    """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says."""
+def _elasticity(search, i, wanted, rough):
+    """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says.
+
+    `rough`: deviation of a reading of its slip, over the slip.
+    """
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
     cosine, sine = pace.cosine, pace.sine
     of_slip = max(z[0] * cosine + z[1] * sine, 0.0)
@@ -219,7 +219,6 @@ def _elasticity(search, i, wanted, read):
     noise = z[3] * cosine - z[2] * sine - state.elasticity * across
     state.noise += pace.noise * (noise * noise - state.noise)
     answer = of_slip * of_slip
-    rough = read / math.exp(search.mean_slip[i])
     doubt = FOLLOWS * pace.heard * rough * rough + state.noise / (PRIOR * PRIOR) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
     state.told = answer / (answer + doubt)
@@ -248,10 +247,10 @@ def search_slip(search, axles, curve, felt, noise, limited):
     if i < 0:
         return
     wanted = pace.price * state.slip
-    heard = _elasticity(search, i, wanted, noise)
+    slip = math.exp(search.mean_slip[i])
+    heard = _elasticity(search, i, wanted, noise / slip)
     swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.told))
     state.swing = min(max(swing, pace.least_swing), pace.swing)
-    slip = math.exp(search.mean_slip[i])
     if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
         if pace.seeks:
             rate = min(
@@ -259,25 +258,3 @@ def search_slip(search, axles, curve, felt, noise, limited):
             )
             state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
         take_in_elasticity(curve, slip, heard, state.told)
-
-
-@equation
-def no_steeper(peak_slip, n, most):
-    """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
-
-    `most`: the greatest peak coefficient that the curve is scaled with. From steepness 2 on the steepest slope is that at
-    the origin. Below, the curve turns on its way to the peak, and from steepness 1 on a straight line is a bound, see
-    `alloc.plant.adhesion.RationalCurve.steepest_slope`.
-    """
-    top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
-    allowed = STEEPEST_SLOPE * top / most
-    return top, min(n, allowed, 1.9 * allowed - 1.8)
-
-
-@jit
-def predicted_curve(curve, axles):
-    """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `STEEPEST_SLOPE`."""
-    most = 0.0
-    for i in range(axles.peak.size):
-        most = max(most, axles.peak[i])
-    return no_steeper(curve.state[0].peak_slip, steepness(curve), most)

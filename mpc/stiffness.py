@@ -11,6 +11,9 @@ import numpy as np
 from alloc.compilation import equation, jit
 from alloc.plant.model import STABLE_STEP
 
+STEEPEST_SLOPE = 12.0
+"""Slope [s/m] of the steepest curve that is predicted with; steeper ones would need shorter steps for next to no slip."""
+
 
 class Stiffness(NamedTuple):
     """What decides how short a Runge-Kutta step of a group must be."""
@@ -34,6 +37,17 @@ def steepest(peak, peak_slip, steepness):
     `alloc.plant.adhesion.RationalCurve.steepest_slope`.
     """
     return peak / peak_slip * max(steepness, (steepness + 1.8) / 1.9)
+
+
+@equation
+def no_steeper(peak_slip, n, most):
+    """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
+
+    `most`: the greatest peak coefficient that the curve is scaled with. `steepest` solved for the steepness.
+    """
+    top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
+    allowed = STEEPEST_SLOPE * top / most
+    return top, min(n, allowed, 1.9 * allowed - 1.8)
 
 
 @jit

@@ -10,10 +10,11 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve
 from mpc.arrays import sweep
 from mpc.belief import Belief, belief_of
+from mpc.curve_filter import predicted_curve
 from mpc.settings import MpcSettings
-from mpc.slip_search import predicted_curve, slip_limit
+from mpc.slip_search import slip_limit
 from mpc.sqp_period import Period, empty_period
-from mpc.unit_model import curve_place, parameters, torque_per_coefficient
+from mpc.unit_model import air_place, curve_place, parameters, torque_per_coefficient
 
 
 class UnitProblem(NamedTuple):
@@ -23,10 +24,10 @@ class UnitProblem(NamedTuple):
     """Greatest torque per believed coefficient, headroom included [N m], at the motor as is `per_coefficient`."""
     per_coefficient: float
     """Torque that holds a coefficient of 1 [N m]."""
-    radius: float
-    """Of the wheels [m]."""
+    air: int
+    """Place of other brakes' torque among the parameters of the model, see `mpc.unit_model.air_place`."""
     curve: int
-    """Place of the curve among the parameters of the model, see `mpc.unit_model.curve_place`."""
+    """That of the curve, see `mpc.unit_model.curve_place`."""
     belief: Belief
     solver: Period
 
@@ -39,14 +40,19 @@ def unit_problem(
     per_coefficient = float(torque_per_coefficient(context))
     carried = (1.0 + settings.headroom) * per_coefficient
     return UnitProblem(
-        carried, per_coefficient, float(context.radius), curve_place(context).start, belief, solver
+        carried,
+        per_coefficient,
+        air_place(context).start,
+        curve_place(context).start,
+        belief,
+        solver,
     )
 
 
 def empty_problem() -> UnitProblem:
     """A problem of hardly any size, of whose kind all others are."""
     context = UnitContext(0, 1, 0.4, 100.0, 5.0, 1e5, 4e4, 0.01, PiecewiseCurve(), 0.01)
-    return UnitProblem(0.0, 0.0, 0.0, 0, belief_of(context, MpcSettings()), empty_period())
+    return UnitProblem(0.0, 0.0, 0, 0, belief_of(context, MpcSettings()), empty_period())
 
 
 UNIT_PROBLEM = ByReference(empty_problem()).kind
@@ -66,7 +72,7 @@ def pose(u, target, limit):
     air, load = u.belief.air.coefficient[0], 0.0
     for i in range(axles.peak.size):
         load += u.belief.load[i] / axles.peak.size
-    now.parameters[u.curve - 1] = air * u.radius * load
+    now.parameters[u.air] = air * u.belief.constants.radius * load
     most = max(min(min(target, limit), least * u.carried - air * u.per_coefficient), 0.0)
     for k in range(now.upper.size):
         now.upper[k] = most

@@ -20,7 +20,7 @@ from mpc.horizon import HorizonSolution, cost_of
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import NO_SLIP_LIMIT, JointProblem
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
-from mpc.slip_search import STEEPEST_SLOPE
+from mpc.stiffness import STEEPEST_SLOPE
 from mpc.telegrams import Report
 from mpc.train_controller import TrainMpc
 from mpc.unit_model import parameters, torque_per_coefficient

@@ -8,7 +8,7 @@ import pytest
 
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, RationalCurve, SlipRatioCurve
 from mpc.settings import MpcSettings, SlipSearch
-from mpc.slip_search import STEEPEST_SLOPE, no_steeper
+from mpc.stiffness import STEEPEST_SLOPE, no_steeper
 from tests.mpc.synthetic_axles import SyntheticUnit
 
 CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
