@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.compilation import jit
 from alloc.plant.structure import Floats
+from mpc.arrays import inlined
 
 AIR_TIME = 0.2
 """Time [s] over which the difference is taken: that of a swing, and short against the filling of a brake cylinder."""
@@ -35,7 +35,7 @@ def air_brake_of(period: float) -> AirBrake:
     return AirBrake(-math.expm1(-period / AIR_TIME), np.zeros(1), np.zeros(1))
 
 
-@jit
+@inlined
 def hear_air_brake(air, axles, estimate):
     """Take in the unit's `estimate` of its coefficient, nan: it has none, and add the air brake to what the axles feel."""
     mean = 0.0

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.compilation import jit
 from alloc.onboard.host import UnitContext
 from alloc.onboard.observer import observer_gains, tangential_coefficient_estimate
 from alloc.plant.equations import slip_velocity
 from alloc.plant.structure import Floats
+from mpc.arrays import inlined
 from mpc.settings import PeakBelief
 
 NOISE_TIME = 1.0
@@ -122,7 +122,7 @@ def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
     return axles
 
 
-@jit
+@inlined
 def observe_axles(c, axles, load, speed, omega, torque, fresh):
     """Take in the readings of a period, in the direction of the demand; `torque` at the wheel, `load` [N] (axles,)."""
     for i in range(omega.size):
@@ -146,7 +146,7 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
         axles.before[i], axles.measured[i] = axles.measured[i], measured
 
 
-@jit
+@inlined
 def mean_noise(axles):
     """Deviation of measured slip [m/s], of the unit's axles on the mean."""
     total = 0.0

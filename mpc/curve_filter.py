@@ -30,8 +30,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import equation, jit
+from alloc.compilation import equation
 from alloc.named_record import named_record
+from mpc.arrays import inlined
 from mpc.axle_observer import DOUBT
 from mpc.settings import PeakBelief
 from mpc.stiffness import no_steeper
@@ -86,7 +87,7 @@ def curve_of(belief: PeakBelief, period: float, peak_slip: float) -> Curve:
     return Curve(pace, state)
 
 
-@jit
+@inlined
 def steepness(curve):
     """n of the curve."""
     state = curve.state[0]
@@ -99,7 +100,7 @@ def bend(x, n):
     return 1.0 + x * (x + n - 2.0)
 
 
-@jit
+@inlined
 def take_in_pairs(c, axles, curve, noise):
     """A step of the filter with the pairs of a period; `noise`: deviation of measured slip [m/s]."""
     state = curve.state[0]
@@ -140,7 +141,7 @@ def take_in_pairs(c, axles, curve, noise):
         state.top = min(max(USUAL_STEEPNESS / state.slope, PEAK_SLIPS[0]), PEAK_SLIPS[1])
 
 
-@jit
+@inlined
 def take_in_elasticity(curve, slip, elasticity, told):
     """Move s_p towards what the `elasticity` at `slip` [m/s] says, of which 0 to 1 is `told`."""
     state, e = curve.state[0], max(elasticity, -0.5)
@@ -153,14 +154,14 @@ def take_in_elasticity(curve, slip, elasticity, told):
         state.slope *= math.exp(curve.pace.shape * told * math.log(1.0 / (1.0 - left)))
 
 
-@jit
+@inlined
 def look_beyond(curve, sought):
     """Predict with a peak that lies beyond the slip `sought` [m/s]."""
     state = curve.state[0]
     state.peak_slip = max(state.top, REACH * sought)
 
 
-@jit
+@inlined
 def predicted_curve(curve, axles):
     """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `mpc.stiffness` has it."""
     most = 0.0

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.compilation import jit
 from alloc.onboard.host import UnitContext
 from alloc.plant.equations import GRAVITY
 from alloc.plant.structure import Floats
+from mpc.arrays import inlined
 
 DRAG_TIME = 0.5
 """Time [s] over which drag is taken: long against the noise of a differentiated speed, short against a gradient's length."""
@@ -40,7 +40,7 @@ def drag_of(context: UnitContext) -> Drag:
     return Drag(share, float(weight), float(rate), np.zeros(1), np.zeros(1))
 
 
-@jit
+@inlined
 def estimate_drag(drag, axles, load, speed, fresh):
     """Take in the car's speed [m/s] and what its axles feel; `load` [N], (axles,)."""
     if not fresh:

@@ -39,10 +39,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.compilation import jit
 from alloc.named_record import named_record
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
+from mpc.arrays import inlined
 from mpc.curve_filter import take_in_elasticity
 from mpc.settings import SlipSearch
 
@@ -164,14 +164,14 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
     return Search(pace, state, np.full(n, np.nan), np.zeros(n), np.zeros((n, 4)))
 
 
-@jit
+@inlined
 def slip_limit(search):
     """Slip [m/s] that no axle of the unit should exceed now."""
     state = search.state[0]
     return state.slip * (1.0 + state.swing * math.sin(state.phase))
 
 
-@jit
+@inlined
 def _demodulate(search, axles, felt):
     """Take the pairs of a period into the demodulated values; returns the axle with the largest mean slip, -1: none."""
     pace, state = search.pace, search.state[0]
@@ -204,7 +204,7 @@ def _demodulate(search, axles, felt):
     return largest
 
 
-@jit
+@inlined
 def _elasticity(search, i, wanted, rough):
     """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says.
 
@@ -225,7 +225,7 @@ def _elasticity(search, i, wanted, rough):
     return of_coefficient / max(of_slip, 1e-9)
 
 
-@jit
+@inlined
 def search_slip(search, axles, curve, felt, noise, limited):
     """A control period of the search, which tells the `curve` what it hears.
 

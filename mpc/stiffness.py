@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.compilation import equation, jit
+from alloc.compilation import equation
 from alloc.plant.model import STABLE_STEP
+from mpc.arrays import inlined
 
 STEEPEST_SLOPE = 12.0
 """Slope [s/m] of the steepest curve that is predicted with; steeper ones would need shorter steps for next to no slip."""
@@ -50,7 +51,7 @@ def no_steeper(peak_slip, n, most):
     return top, min(n, allowed, 1.9 * allowed - 1.8)
 
 
-@jit
+@inlined
 def needed_substeps(stiffness, step, parameters):
     """Substeps of a step of `step` [s] with the model's `parameters`."""
     if stiffness.curve < 0:

@@ -13,11 +13,10 @@ import numpy as np
 
 from alloc.by_address import address_of, record_at
 from alloc.by_reference import ByReference
-from alloc.compilation import jit
 from alloc.onboard.compiled_controller import STEP, CompiledController
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats, Ints
-from mpc.arrays import sweep
+from mpc.arrays import inlined, sweep
 from mpc.belief import belief_of, believe, with_predicted_curve
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.settings import MpcSettings
@@ -82,7 +81,7 @@ def _kind() -> Any:
 state_at = record_at(_kind())
 
 
-@jit
+@inlined
 def _finite(reading, omega):
     """Whether all readings that count are numbers."""
     total = abs(reading.speed) + abs(reading.torque) + abs(reading.target)
@@ -92,7 +91,7 @@ def _finite(reading, omega):
     return total < np.inf
 
 
-@jit
+@inlined
 def _start(u, reading):
     """Know the direction of the demand; where it changes, start anew."""
     before = u.problem.solver.terms.unit.before
@@ -110,7 +109,7 @@ def _start(u, reading):
         shift(u.problem.solver)
 
 
-@jit
+@inlined
 def _decide(u, reading, omega, answer):
     """Fill the answer; returns the status of the command that these readings lead to."""
     before = u.problem.solver.terms.unit.before

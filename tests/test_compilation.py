@@ -3,6 +3,7 @@
 import importlib
 import os
 import pickle
+import pkgutil
 import sys
 import textwrap
 import warnings
@@ -12,6 +13,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import alloc.loop
+import mpc
 import studies.readhesion_paper.lanes
 from alloc import compilation, private_folder, sources
 from alloc.onboard.controllers.built_in import BuiltInController
@@ -22,6 +24,7 @@ from alloc.whole_file import write_whole
 from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]
+MPC = [importlib.import_module(f"mpc.{m.name}") for m in pkgutil.iter_modules(mpc.__path__)]
 KERNELS = [alloc.loop, compiled, studies.readhesion_paper.lanes]
 
 
@@ -51,6 +54,20 @@ def test_every_function_of_a_kernel_lies_in_a_file_that_counts(module):
     own = {file for file in files if ROOT in file.parents and ".venv" not in file.parts}
     assert own
     assert own <= {path_of(name) for name in closure(module.__name__, later=False)}
+
+
+def test_the_mpc_calls_no_part_that_is_compiled_with_its_caller():
+    """Such a part has two texts of one name; which of them runs would depend on what this process compiled."""
+    parts = [getattr(module, name) for module in MPC for name in vars(module)]
+    compiled_parts = [part for part in parts if isinstance(part, Dispatcher)]
+    assert len(compiled_parts) > 40
+    own = [part for part in compiled_parts if part.py_func.__module__.startswith("mpc.")]
+    loose = [
+        part.py_func.__qualname__
+        for part in own
+        if part._can_compile and not part.targetoptions.get("forceinline")
+    ]
+    assert not loose
 
 
 def test_the_law_of_every_controller_lies_in_a_file_that_counts():
