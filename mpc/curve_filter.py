@@ -10,18 +10,20 @@ tells it, and from nothing else, for rails follow the family only nearly:
 *Peaks and slope*, random walks both, from pairs of coefficient and slip, one of each axle and period, by an extended Kalman
 filter. The derivatives are d mu / d mu_p = f and d mu / d ln r = mu (1 - f): pairs far below the peak tell r mu_p, those
 near it tell the peak. Which of the two gives way is a matter of their variances; at the start r is the less known. Pairs
-beyond `RISING` of the peak say nothing of r. Both values of a pair are in error. That of the slip counts with the curve's
-slope there (effective variance: Orear, Am. J. Phys. 50 (1982) 912-916). A pair too far from what was expected says that the
-rail has changed: the filter then doubts the axle's peak, and takes over the next pairs at once. Covariances are left out:
-peaks change from place to place, the curve does not.
+beyond `RISING` of the peak say nothing of r. Until an elasticity was heard, it is k = r mu_p that pairs have told: a peak
+lower than it was believed to be at the start is then found at a smaller slip. So k is kept where the peaks move, and
+d mu / d mu_p = f^2. Later r is kept, for rails change their peak more than their shape. Both values of a pair are in error.
+That of the slip counts with the curve's slope there (effective variance: Orear, Am. J. Phys. 50 (1982) 912-916). A pair too
+far from what was expected says that the rail has changed: the filter then doubts the axle's peak, and takes over the next
+pairs at once. Covariances are left out: peaks change from place to place, the curve does not.
 
 *Slip of the peak* from the elasticity e at a slip s, which `mpc.slip_search` hears: from e = (1 - x^2) / ((1 - x)^2 + r s)
 follows
 
     x = (e + sqrt(1 - e (1 + e) r s)) / (1 + e),    s_p = s / x.
 
-As long as no elasticity was heard, the curve is taken for one of steepness 2, whose s_p = 2 / r. That is `top`. The MPC
-predicts, and reads its pairs, with a peak that lies `REACH` times beyond the slip sought at least (`peak_slip`).
+As long as no elasticity was heard, the curve is taken for one of `USUAL_STEEPNESS`, whose s_p = n / r. That is `top`. The
+MPC predicts, and reads its pairs, with a peak that lies `REACH` times beyond the slip sought at least (`peak_slip`).
 """
 
 import math
@@ -41,8 +43,8 @@ PEAK_SLIPS = (0.012, 3.0)
 """Bounds of s_p [m/s]."""
 STEEPNESS = (1.0, 60.0)
 """Bounds of n."""
-USUAL_STEEPNESS = 2.0
-"""Taken before an elasticity was heard."""
+USUAL_STEEPNESS = 3.0
+"""Taken before an elasticity was heard: slip starts near the peak of a curve that falls steeply, and climbs on others."""
 FIRST_DEVIATION = 1.0
 """Of ln r, before anything was felt."""
 RISING = 0.8
@@ -101,11 +103,28 @@ def bend(x, n):
 
 
 @inlined
+def total_peak(axles):
+    """Sum of the believed peaks."""
+    total = 0.0
+    for i in range(axles.peak.size):
+        total += axles.peak[i]
+    return total
+
+
+@equation
+def by_peak(share, first):
+    """Derivative of a pair's coefficient by the peak, for that of the curve, `share`: at equal r, at `first` at equal k."""
+    return share * share if first else share
+
+
+@inlined
 def take_in_pairs(c, axles, curve, noise):
     """A step of the filter with the pairs of a period; `noise`: deviation of measured slip [m/s]."""
     state = curve.state[0]
     state.variance = min(state.variance + curve.pace.walk, FIRST_DEVIATION * FIRST_DEVIATION)
     felt = c.felt_noise * noise
+    first = state.heard_for == 0.0
+    before = total_peak(axles)
     for i in range(axles.peak.size):
         slip, coefficient, peak = max(axles.slip[i], 0.0), axles.coefficient[i], axles.peak[i]
         x, n = slip / state.peak_slip, steepness(curve)
@@ -120,24 +139,26 @@ def take_in_pairs(c, axles, curve, noise):
         by_slope = peak * share * (1.0 - share) if x < 1.0 and share < RISING else 0.0
         unsure = error * c.repeat + moving * moving + by_slope * by_slope * state.variance
         unexpected = coefficient - share * peak
-        expected = share * share * axles.variance[i] + unsure
+        by_own = by_peak(share, first)
+        expected = by_own * by_own * axles.variance[i] + unsure
         # a single pair is no less sure for being one of many alike
         if unexpected * unexpected > c.gate * (expected - error * (c.repeat - 1.0)):
             axles.variance[i] += (DOUBT * peak) ** 2
-            expected = share * share * axles.variance[i] + unsure
+            expected = by_own * by_own * axles.variance[i] + unsure
         # read at the slip that was measured, noise alone would pass for slip on a rail without adhesion
         likely = (
             max(slip + slope * of_slip * c.repeat * unexpected / expected, 0.0) / state.peak_slip
         )
-        tells = n * likely / bend(likely, n)
-        gain = tells * axles.variance[i] / (tells * share * axles.variance[i] + unsure)
+        tells = by_peak(n * likely / bend(likely, n), first)
+        gain = tells * axles.variance[i] / (tells * by_own * axles.variance[i] + unsure)
         axles.peak[i] = min(max(peak + gain * unexpected, c.floor), c.ceiling)
-        grown = (1.0 - gain * share) * axles.variance[i] + c.walk * peak * peak
+        grown = (1.0 - gain * by_own) * axles.variance[i] + c.walk * peak * peak
         axles.variance[i] = min(grown, (DOUBT * peak) ** 2)
         by_slope *= state.variance / expected
         state.slope *= math.exp(by_slope * unexpected)
         state.variance -= by_slope * by_slope * expected
-    if state.heard_for == 0.0:
+    if first:
+        state.slope *= before / total_peak(axles)
         state.top = min(max(USUAL_STEEPNESS / state.slope, PEAK_SLIPS[0]), PEAK_SLIPS[1])
 
 

@@ -82,24 +82,24 @@ class SlipSearch:
 
     `first`: slip held before anything is known; `lowest`, `highest`: bounds, and `noise_margin` deviations of the
     measured slip's noise are a bound from below too. `friction_price` [s/m]: relative loss of force that a slip of 1
-    m/s is worth avoiding. `swing`: greatest one of the slip limit about its mean, as a share of it, with the period
-    `swing_time` [s]; `least_swing`: what it shrinks to where the answer is clear. `memory` [s] of the answer. `gain`
-    [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and `fastest_fall` [1/s]. Tuned on
-    14 events of `studies.ladder.events` and two of `studies.curves` (seed 3000). `seek`: off, slip is held at
-    `given_share` of the slip at the peak of the curve that the unit was given.
+    m/s is worth avoiding. `swing`: greatest one of the slip limit about its mean where noise hides none, as a share of
+    it, with the period `swing_time` [s]; `least_swing`: what it shrinks to where the answer is clear. `memory` [s] of
+    the answer. `gain` [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and
+    `fastest_fall` [1/s]. Tuned on 20 events of `studies.ladder.events` and 12 of `studies.curves` (seed 3000).
+    `seek`: off, slip is held at `given_share` of the slip at the peak of the curve that the unit was given.
     """
 
     first: float = quantity(0.08, "km/h")
     lowest: float = quantity(0.02, "km/h")
     highest: float = quantity(1.6, "km/h")
     noise_margin: float = quantity(4.0, "1")
-    friction_price: float = quantity(0.18, "s/m")
+    friction_price: float = quantity(0.15, "s/m")
     swing: float = quantity(0.1, "1")
     least_swing: float = quantity(0.03, "1")
     swing_time: float = quantity(0.2, "s")
-    memory: float = quantity(0.35, "s")
-    gain: float = quantity(25.0, "1/s")
-    fastest_rise: float = quantity(2.5, "1/s")
+    memory: float = quantity(0.3, "s")
+    gain: float = quantity(40.0, "1/s")
+    fastest_rise: float = quantity(3.0, "1/s")
     fastest_fall: float = quantity(3.0, "1/s")
     seek: bool = True
     given_share: float = quantity(1.0, "1")

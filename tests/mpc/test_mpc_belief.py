@@ -7,6 +7,7 @@ import pytest
 
 from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
 from mpc.belief import GroupBelief, UnitBelief
+from mpc.curve_filter import USUAL_STEEPNESS
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
 from tests.mpc.conftest import make_unit
@@ -14,7 +15,7 @@ from tests.mpc.groups import train_of
 from tests.mpc.synthetic_axles import SyntheticUnit
 
 INITIAL = MpcSettings().belief.initial
-BELIEVED = RationalCurve(MpcSettings().search.first / USUAL_SHARE, 2.0)
+BELIEVED = RationalCurve(MpcSettings().search.first / USUAL_SHARE, USUAL_STEEPNESS)
 """Curve believed in before anything is felt; it stays so while the unit is not limited."""
 
 
@@ -25,6 +26,13 @@ def _steady(unit, slip, seconds):
         unit.period(slip, wanted=0.0)
         peaks.append(unit.belief.peak.copy())
     return np.array(peaks)
+
+
+def _knowing(*args, **options):
+    """A unit that has heard of its curve: one slip alone tells either its peak or its slope, not both."""
+    unit = SyntheticUnit(*args, **options)
+    unit.believed.heard_for = 1.0
+    return unit
 
 
 def test_axle_coefficient_is_that_of_the_rail():
@@ -51,17 +59,33 @@ def test_slip_is_as_late_as_the_coefficient():
 @pytest.mark.parametrize("truth", [0.06, 0.12, 0.3])
 def test_peaks_converge_to_the_truth_on_the_believed_curve(share, noise, truth):
     for seed in range(3):
-        unit = SyntheticUnit(BELIEVED, truth, noise=noise, seed=seed)
+        unit = _knowing(BELIEVED, truth, noise=noise, seed=seed)
         peaks = _steady(unit, share * BELIEVED.peak_slip, 4.0)
         # through noise, pairs below the peak may as well tell of another slope at the origin
         within = 0.2 if share < 1.0 and noise > 0.01 else 0.04
         np.testing.assert_allclose(peaks[-100:].mean(0), truth, rtol=within)
 
 
+@pytest.mark.parametrize("truth", [0.06, 0.12])
+@pytest.mark.parametrize("steepness", [2.0, 4.0])
+def test_at_first_a_lower_peak_is_found_at_a_smaller_slip(steepness, truth):
+    """The rise of the torque has told the coefficient's slope at the origin, r mu_p; later it is r that stays."""
+    curve, slopes = RationalCurve(0.1, steepness), []
+    for heard in (0.0, 1.0):
+        unit = SyntheticUnit(curve, truth)
+        unit.believed.heard_for = heard
+        for k in range(300):
+            unit.period(min(0.0005 * k, 0.1), wanted=0.0)
+        slopes.append(unit.believed.slope * unit.belief.peak.mean())
+    own = truth * steepness / curve.peak_slip
+    assert 0.5 * own < slopes[0] < 1.2 * own
+    assert slopes[0] > 1.5 * slopes[1]
+
+
 @pytest.mark.parametrize(("noise", "seconds"), [(0.0, 0.15), (0.005, 0.15), (0.014, 0.5)])
 def test_a_sudden_fall_of_the_rail_is_taken_over_at_once(noise, seconds):
     for seed in range(3):
-        unit = SyntheticUnit(BELIEVED, 0.15, noise=noise, seed=seed)
+        unit = _knowing(BELIEVED, 0.15, noise=noise, seed=seed)
         _steady(unit, 1.2 * BELIEVED.peak_slip, 3.0)
         unit.peak = 0.6 * 0.15
         fallen = _steady(unit, 1.2 * BELIEVED.peak_slip, seconds)[-1]

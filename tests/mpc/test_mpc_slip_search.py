@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.by_reference import ByReference
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, RationalCurve, SlipRatioCurve
+from mpc import search_step
 from mpc.settings import MpcSettings, SlipSearch
 from mpc.stiffness import STEEPEST_SLOPE, no_steeper
 from tests.mpc.synthetic_axles import SyntheticUnit
@@ -72,6 +74,7 @@ def test_noise_of_measured_slip_does_not_bias_it():
         unit = SyntheticUnit(RationalCurve(0.5, 2.0), 0.12, settings, 0.03, seed, axles=1)
         own = own_elasticity(unit, 0.25)
         for k, _ in enumerate(_swinging(unit, 0.25, 8.0)):
+            unit.search.swing = 0.05  # it would grow above the noise
             if k > 250 and k % 10 == 0:
                 told.append(read_elasticity(unit))
                 z = unit.belief.record.search.demodulated[0]
@@ -166,8 +169,50 @@ def test_it_moves_no_faster_than_it_may_and_keeps_its_bounds():
         assert limits.max() <= 0.15
         assert limits[-1] == (0.05 if curve.peak_slip < 0.1 else 0.15)
         rates = np.diff(np.log(limits)) / 0.01
-        assert rates.max() <= search.fastest_rise * (1.0 + 1e-9)
+        far = search_step.EAGER * (1.0 - search_step.FAR_BELOW)  # no elasticity is above 1
+        assert rates.max() <= search.fastest_rise * (1.0 + far) * (1.0 + 1e-9)
         assert rates.min() >= -search.fastest_fall * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("apart", "again"), [(0.2, True), (0.6, True), (3.0, False)])
+def test_slip_that_runs_away_a_second_time_within_a_second_tells_that_it_is_too_large(apart, again):
+    unit, said = SyntheticUnit(PiecewiseCurve(), 0.12), []
+    unit.search.slip, period = 0.03, round(apart / 0.01)
+    search, axles = ByReference(unit.belief.record.search), unit.belief.record.axles
+    reference = ByReference(axles)
+    for k in range(3 * period):
+        axles.slip[:] = 0.03
+        axles.slip[-1] = 0.09 if k % period < 8 else 0.03
+        said.append(bool(search_step.runs_away(search, reference, 0.001)))
+    assert not any(said[:period])  # once: the rail may have changed
+    assert any(said) == again
+    assert all(k % period < 8 for k, one in enumerate(said) if one)
+
+
+def test_noise_is_not_slip_that_runs_away():
+    unit = SyntheticUnit(PiecewiseCurve(), 0.12, noise=0.012)
+    search, axles = (
+        ByReference(record) for record in (unit.belief.record.search, unit.belief.record.axles)
+    )
+    unit.search.slip = 0.05
+    for _ in range(600):
+        unit.period(0.05, wanted=0.0)
+        noise = float(unit.belief.record.axles.noise.mean())
+        assert not search_step.runs_away(search, axles, noise)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.012])
+def test_where_noise_hides_the_answer_the_swing_grows_above_it(noise):
+    unit, _ = _sought(PiecewiseCurve(), 0.12, noise=noise, seconds=6.0)
+    assert unit.search.swing <= search_step.LARGEST_SWING
+    assert (unit.search.swing > SlipSearch().swing) == (noise > 0.0)
+
+
+@pytest.mark.parametrize("steepness", [1.5, 2.0, 4.0, 12.0])
+def test_the_slip_comes_to_rest_at_a_peak_of_any_steepness(steepness):
+    """A step that is right on a wide peak would go to and fro on one that falls at once."""
+    _, limits = _sought(RationalCurve(0.15, steepness), 0.1, seconds=12.0)
+    assert np.ptp(np.log(limits[-300:])) < 0.06
 
 
 def test_no_slip_is_sought_that_noise_hides():
@@ -211,6 +256,7 @@ def test_the_limit_swings_about_what_is_sought(make_context):
     unit = SyntheticUnit(PiecewiseCurve(), settings=MpcSettings(search=search), unit=3)
     swing = []
     for _ in range(250):
+        unit.belief.record.axles.noise[:] = 0.0  # it would swing more at first
         unit.period(0.03)
         swing.append(unit.swing - 1.0)
     assert max(swing) == pytest.approx(0.2, rel=0.01)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from alloc.onboard.observer import observer_gains
-from mpc import air_brake, axle_observer, curve_filter, slip_search
+from mpc import air_brake, axle_observer, curve_filter, search_step, slip_search
 
 PERIOD = 0.01
 
@@ -63,6 +63,9 @@ class Axle:
             x = s / top
             return n * x / (1.0 + (n - 2.0) * x + x * x)
 
+        def by_peak(s):  # at equal k = n peak / top, as long as nothing was heard
+            return shape(s) ** 2 if curve.heard_for == 0.0 else shape(s)
+
         s = max(self.slip, 0.0)
         x = s / top
         slope = self.peak * n * (1.0 - x * x) / (1.0 + (n - 2.0) * x + x * x) ** 2 / top
@@ -77,22 +80,22 @@ class Axle:
         of_curve = by_slope**2 * curve.variance + moving
         off = self.mu - shape(s) * self.peak
         doubted = False
-        if off**2 > b.gate**2 * (shape(s) ** 2 * self.variance + of_curve + single):
+        if off**2 > b.gate**2 * (by_peak(s) ** 2 * self.variance + of_curve + single):
             self.variance += (axle_observer.DOUBT * self.peak) ** 2
             doubted = True
         error = of_curve + single * repeat
-        total = shape(s) ** 2 * self.variance + error
-        tells = shape(max(0.0, s + slope * of_slip * repeat / total * off))
-        gain = tells * self.variance / (tells * shape(s) * self.variance + error)
+        total = by_peak(s) ** 2 * self.variance + error
+        tells = by_peak(max(0.0, s + slope * of_slip * repeat / total * off))
+        gain = tells * self.variance / (tells * by_peak(s) * self.variance + error)
         before = self.peak
         self.peak = float(np.clip(before + gain * off, b.floor, b.ceiling))
-        grown = self.variance * (1.0 - gain * shape(s)) + b.walk**2 * PERIOD * before**2
+        grown = self.variance * (1.0 - gain * by_peak(s)) + b.walk**2 * PERIOD * before**2
         self.variance = min(grown, (axle_observer.DOUBT * before) ** 2)
         curve.log_slope += curve.variance * by_slope / total * off
         curve.variance *= 1.0 - by_slope**2 * curve.variance / total
         return doubted
 
-    def demodulate(self, phase, felt):
+    def demodulate(self, phase, felt, swing):
         """Whether the axle is listened to, and whether its rail jumped."""
         if self.slip < slip_search.LEAST_SLIP or self.mu < slip_search.LEAST_COEFFICIENT:
             self.mean = None
@@ -100,7 +103,7 @@ class Axle:
         pair = np.log([self.slip, self.mu])
         jump = max(
             slip_search.JUMP,
-            slip_search.WHOLE_SWING * self.s.swing,
+            slip_search.WHOLE_SWING * max(self.s.swing, swing),
             slip_search.SURE * felt / self.mu,
         )
         if self.mean is None:
@@ -141,8 +144,10 @@ class Curve:
         grown = self.variance + self.walk**2 * PERIOD
         self.variance = min(grown, curve_filter.FIRST_DEVIATION**2)
 
-    def guess(self):
+    def guess(self, axles, before):
+        """Keep the mean of k where the peaks moved from those `before`, as long as nothing was heard."""
         if self.heard_for == 0.0:
+            self.log_slope += math.log(sum(before) / sum(a.peak for a in axles))
             guess = curve_filter.USUAL_STEEPNESS / self.slope
             self.top = float(np.clip(guess, *curve_filter.PEAK_SLIPS))
 
@@ -176,6 +181,7 @@ class Unit:
         self.answer = 1j * cmath.exp(1j * lag)
         self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
         self.elasticity = self.told = self.air = 0.0
+        self.step_share, self.error, self.away, self.beyond = 1.0, 0.0, 0.0, False
         self.seen = set()
 
     def search(self, noise, limited):
@@ -200,9 +206,10 @@ class Unit:
         self.limited_for += PERIOD
         heard = []
         for a in self.axles:
-            listened, jumped = a.demodulate(self.phase, felt)
+            listened, jumped = a.demodulate(self.phase, felt, self.swing)
             if jumped:
-                self.swing = s.swing
+                self.swing = max(self.swing, s.swing)
+                self.step_share = 1.0
                 self.seen.add("jump")
             if listened:
                 heard.append(a)
@@ -228,18 +235,47 @@ class Unit:
         self.told = along**2 / (along**2 + doubt)
         alone = coefficient.real / max(along, 1e-9)
         self.elasticity = self.told * alone + (1.0 - self.told) * wanted
+        if self.runs_away(noise):
+            alone, self.elasticity, self.told = search_step.FALLING, search_step.FALLING, 1.0
+            self.seen.add("runs away")
         swing = self.swing * math.exp(
-            slip_search.SWING_RATE * PERIOD * (slip_search.GOAL - self.told)
+            search_step.SWING_RATE * PERIOD * (search_step.GOAL - self.told)
         )
-        self.swing = min(max(swing, s.least_swing), s.swing)
+        most = max(s.swing, min(search_step.LARGEST_SWING, search_step.OVER_NOISE * noise / slip))
+        self.swing = min(max(swing, s.least_swing), most)
         if self.limited_for > slip_search.SETTLED and slip > slip_search.AT_LIMIT * self.slip:
             if s.seek:
-                step = self.told * s.gain * (self.elasticity - wanted)
-                rate = float(np.clip(step, -s.fastest_fall, s.fastest_rise))
-                self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
+                self.move(self.elasticity - wanted, noise / slip, lowest)
                 self.seen.add("moved")
             if self.curve.hear(slip, alone, self.told):
                 self.seen.add("too steep")
+
+    def runs_away(self, noise):
+        beyond = max(a.slip for a in self.axles) > (
+            search_step.BEYOND * self.slip * (1.0 + self.swing) + 2.0 * noise
+        )
+        self.away *= math.exp(-PERIOD / search_step.AWAY_TIME)
+        self.away += beyond and not self.beyond
+        self.beyond = beyond
+        return beyond and self.away > search_step.AGAIN
+
+    def move(self, error, rough, lowest):
+        s = self.s
+        if error * self.error < -search_step.ROUNDING:
+            self.step_share *= 1.0 - search_step.LOST * self.told
+            self.seen.add("turned")
+        self.error = error
+        self.step_share *= 1.0 + search_step.RECOVERY * PERIOD * self.told
+        self.step_share = float(np.clip(self.step_share, search_step.LEAST_STEP_SHARE, 1.0))
+        far = max(self.elasticity - search_step.FAR_BELOW, 0.0)
+        step = self.step_share * self.told * s.gain * error
+        rate = float(
+            np.clip(step, -s.fastest_fall, s.fastest_rise * (1.0 + search_step.EAGER * far))
+        )
+        if search_step.OVER_NOISE * rough > s.swing and self.away < search_step.SELDOM:
+            rate += search_step.EXPLORE * max(1.0 - self.told / search_step.HARDLY, 0.0)
+            self.seen.add("on trial")
+        self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
 
     def update(self, speed, omega, torque, wanted, estimate, load):
         for i, a in enumerate(self.axles):
@@ -254,10 +290,11 @@ class Unit:
                 a.mu += self.air
         noise = float(np.mean([a.noise for a in self.axles]))
         self.curve.older()
+        before = [a.peak for a in self.axles]
         for a in self.axles:
             if a.estimate(noise, self.curve):
                 self.seen.add("doubt")
-        self.curve.guess()
+        self.curve.guess(self.axles, before)
         self.search(noise, torque < slip_search.LIMITING * wanted)
         if not self.s.seek:
             top = self.context.curve.limit(min(a.peak for a in self.axles), speed)[1]
