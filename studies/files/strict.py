@@ -7,6 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
+from studies.files.json_schema import describe
 from studies.files.small_file import small_text
 from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
@@ -39,9 +40,14 @@ class _Plain(BaseModel):
 
 
 class Strict(_Plain):
-    """A frozen record; a key that it does not know is an error."""
+    """A frozen record; a key that it does not know is an error.
+
+    `record`: parameters that the keys feed. A key's name without its unit is that of a field there, which says its meaning.
+    """
 
     model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+    record: ClassVar[Any] = None
 
     @field_validator("*")
     @classmethod
@@ -50,6 +56,12 @@ class Strict(_Plain):
         if fault is not None:
             raise ValueError(fault)
         return value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core)
+        describe(handler.resolve_ref_schema(schema), cls, cls.record)
+        return schema
 
     @classmethod
     def complete(cls) -> type[BaseModel]:
