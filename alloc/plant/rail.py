@@ -71,8 +71,12 @@ class Patch:
                 )
 
 
+GROWTH_SLOPE, GROWTH_OFFSET = 0.0083, -0.0066
+"""Of the growth of adhesion along a train, JP5484215 (15)."""
+
+
 def logarithmic_increments(
-    axle_count: int, slope: float = 0.0083, offset: float = -0.0066
+    axle_count: int, slope: float = GROWTH_SLOPE, offset: float = GROWTH_OFFSET
 ) -> NDArray[np.float64]:
     """Growth of the adhesion coefficient along the train, JP5484215 (15): slope ln j + offset, (axles,).
 

@@ -19,7 +19,7 @@ class Shaped(Protocol):
     def shape(self, slip: NDArray[np.float64]) -> ArrayLike:
         """Coefficient at `slip` >= 0 [m/s] to any scale."""
 
-    def __hash__(self) -> int: ...
+    def __hash__(self: object) -> int: ...
 
 
 @lru_cache(maxsize=32)

@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from studies.files.key_meaning import Meaning, meanings
-from studies.files.units import unit_of
+from studies.files.key_meaning import Meaning, meanings, meant
+from studies.files.units import Unit, unit_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
@@ -28,15 +28,20 @@ def describe(schema: Schema, kind: type[BaseModel], record: type | None) -> None
     told = meanings(kind)
     fed = meanings(record) if record else {}
     defaults = _defaults(record) if record else {}
+    keys = {key.removesuffix(unit_of(key).ending): key for key in schema.get("properties", {})}
+    schema["description"] = meant(schema.get("description", "")).text
     for key, said in schema.get("properties", {}).items():
         unit = unit_of(key)
         name = key.removesuffix(unit.ending)
         default = said.pop("default", None)
-        if default is None and name in defaults:
+        if key in schema.get("required", ()):
+            default = None
+        elif default is None and name in defaults:
             default = in_unit(defaults[name], unit.factor if unit.ending else 1.0)
-        meaning = told.get(key) or fed.get(name) or Meaning()
+        meaning = told.get(key) or fed.get(name) or meant(said.pop("description", ""))
+        meaning = meaning.with_names(keys)
         add(said, meaning, unit.symbol if unit.ending else meaning.unit, default)
-        bound_numbers(said, -unit.most, unit.most)
+        bound_numbers(said, unit)
 
 
 def add(said: Schema, meaning: Meaning, unit: str, default: Any) -> None:
@@ -66,15 +71,15 @@ def in_unit(value: Any, factor: float) -> Any:
     return float(f"{value / factor:.12g}") if math.isfinite(value) else None
 
 
-def bound_numbers(said: Schema, least: float, most: float) -> None:
-    """Bound every number of a key that has no bounds of its own."""
+def bound_numbers(said: Schema, unit: Unit) -> None:
+    """Bound every number of a key that has no bounds of its own, generously."""
     if said.get("type") in ("number", "integer"):
         if not {"minimum", "exclusiveMinimum"} & said.keys():
-            said["minimum"] = least
+            said["minimum"] = -unit.most
         if not {"maximum", "exclusiveMaximum"} & said.keys():
-            said["maximum"] = most
+            said["maximum"] = unit.most
     for part in _parts(said):
-        bound_numbers(part, least, most)
+        bound_numbers(part, unit)
 
 
 def plain(schema: Any) -> Any:
@@ -86,7 +91,11 @@ def plain(schema: Any) -> Any:
         return [plain(one) for one in schema]
     if not isinstance(schema, Mapping):
         return schema
-    found = {key: plain(value) for key, value in schema.items() if key != "title" or not isinstance(value, str)}
+    found = {
+        key: plain(value)
+        for key, value in schema.items()
+        if key != "title" or not isinstance(value, str)
+    }
     items = found.pop("prefixItems", None)
     if items:
         found["items"] = items[0]

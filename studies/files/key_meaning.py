@@ -5,12 +5,14 @@ meaning and value come from; both end it. A unit in brackets is that of the fiel
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
 from docstring_parser.attrdoc import AttributeDocstrings
 
 UNIT = re.compile(r" \[((?:[A-Za-z(]|1/)[^\]]*)\]")
+NAME = re.compile(r"`(\w+)`")
 PARTS = re.compile(r"(?:^|(?<=\s))(Left out|Source): ")
 
 
@@ -24,6 +26,14 @@ class Meaning:
     left_out: str = ""
     """What holds where the key is left out, if that is no plain number."""
     source: str = ""
+
+    def with_names(self, names: Mapping[str, str]) -> "Meaning":
+        """The same with other names for what stands in backticks."""
+
+        def renamed(text: str) -> str:
+            return NAME.sub(lambda found: f"`{names.get(found[1], found[1])}`", text)
+
+        return replace(self, text=renamed(self.text), left_out=renamed(self.left_out))
 
 
 @cache

@@ -81,8 +81,13 @@ def _key(item: RecordField[Any]) -> tuple[str, tuple[Any, Any]]:
         kind = Annotated[kind, Field(le=most)]
     if names := item.metadata.get("names"):
         given: Any = Literal.__getitem__(tuple(names)) | kind
-        kind = Annotated[kind, BeforeValidator(partial(_named, names), json_schema_input_type=given)]
-    return item.name + unit_called(unit or "1").ending, (kind, ... if item.default is MISSING else None)
+        kind = Annotated[
+            kind, BeforeValidator(partial(_named, names), json_schema_input_type=given)
+        ]
+    return item.name + unit_called(unit or "1").ending, (
+        kind,
+        ... if item.default is MISSING else None,
+    )
 
 
 def _named(names: Mapping[str, float], value: object) -> object:

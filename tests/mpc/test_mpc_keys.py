@@ -24,6 +24,7 @@ time_s = 0.0
 acceleration_kmhs = 3.0
 [rail]
 level = 0.05
+increments = { law = "logarithmic" }
 """
 TABLES = ("mpc", "mpc_car", "mpc_train", "mpc_train_ideal")
 

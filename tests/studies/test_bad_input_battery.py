@@ -625,6 +625,7 @@ def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) 
 NEEDED = {
     "factor": 0.5, "stiffness_n_per_m": 2e7, "unit": 1, "start_m": 0.0, "end_m": 100.0, "axle": 0,
     "grade_permille": 5.0, "radius_m": 300.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
+    "increments": {"law": "none"}, "law": "logarithmic",
 }  # fmt: skip
 KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
 """Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""
@@ -639,7 +640,15 @@ def content_with(place, base, name, value) -> dict[str, Any]:
         "name": "own", "title": "t", "train": "one-axle", "duration_s": 0.1,
         "command": [{"time_s": 0.0, "acceleration_kmhs": 3.0}],
     }  # fmt: skip
-    rail = {"level": 0.1} | content.get("rail", {})
+    rail = {"increments": {"law": "none"}} | content.get("rail", {})
+    if "law_factor" in rail:
+        rail["speed_law"] = "shinkansen"
+    elif rail.get("speed_law", "none") == "none" and "rear_speed_law" not in rail:
+        rail = {"level": 0.1} | rail
+    elif "rear_speed_law" in rail:
+        rail |= {"speed_law": "shinkansen", "law_factor": 1.0}
+    else:
+        rail = {"law_factor": 1.0} | rail
     return top | content | {"rail": rail}
 
 

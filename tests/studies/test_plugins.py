@@ -32,6 +32,7 @@ record_period_s = 0.02
 
 [rail]
 level = 0.1
+increments = { law = "logarithmic" }
 curve = { kind = "double-exponential", a = 0.6 }
 
 [belief]
