@@ -106,7 +106,7 @@ class IncrementKeys(Strict):
 
 def _curve_schema(name: str) -> Schema:
     """Keys of an adhesion curve: the fields of its class."""
-    curve = CURVES[name]
+    curve: Any = CURVES[name]
     told, stated = meanings(curve), get_type_hints(curve)
     keys: Schema = {"kind": {"const": name}}
     for item in fields(curve):

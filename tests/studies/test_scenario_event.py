@@ -225,7 +225,7 @@ def test_increments_that_do_not_fit_the_train_are_refused(write_scenario):
 def test_the_hash_follows_content_and_nothing_else(write_scenario):
     base = load_scenario(write_scenario()).hash()
     renamed = write_scenario(write_scenario.short, ("two slippery", "other"), name="b.toml")
-    changed = write_scenario(write_scenario.short, ("0.05\nscatter", "0.051\nscatter"))
+    changed = write_scenario(write_scenario.short, ("level = 0.05", "level = 0.051"))
     assert load_scenario(renamed).hash() == base
     assert load_scenario(changed).hash() != base
 
