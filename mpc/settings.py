@@ -1,12 +1,13 @@
 """What the readhesion MPC is asked to do: horizon, weights, belief, deadline."""
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, Literal, get_args
 
 from alloc.errors import InputError
 from alloc.onboard.quantity import quantity
 
-CODES = ("numba", "c")
+Code = Literal["numba", "c"]
+CODES = get_args(Code)
 """Ways of compiling the model."""
 
 
@@ -199,7 +200,7 @@ class MpcSettings:
     """With a computing delay it solves from the state that it predicts for the instant at which its command will act."""
     exact_hessian: bool = False
     """Second derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton."""
-    code: str = "numba"
+    code: Code = "numba"
     """The model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are
     the same. Source: this project."""
     weights: Weights = field(default_factory=Weights)

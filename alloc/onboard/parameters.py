@@ -191,8 +191,8 @@ class Belief:
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     """Adhesion curve."""
     loads: tuple[float, ...] | None = None
-    """Pay load of each car in place of the load sensors, as learnt from the train's motion [kg]. Left out: what the load
-    sensors say. Source: JP H07-322414."""
+    """Pay load of each car from the front in place of the load sensors, as learnt from the train's motion [kg]. Left out:
+    what the load sensors say. Source: JP H07-322414."""
     mass_factor: float = 1.0
     """Believed over true empty mass, as the reference speed's estimate takes it."""
     resistance_factor: float = 1.0

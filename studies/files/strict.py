@@ -30,9 +30,12 @@ class _Plain(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_disguise(cls, value: Any, info: ValidationInfo) -> Any:
-        """Refuse a number in quotes, and true or false for one, which the library would convert."""
+        """Refuse a number in quotes, true for a number, and a word or a number for true; the library would convert them."""
         stated = str(cls.model_fields[str(info.field_name)].annotation)
+        only_bool = "bool" in stated and not any(kind in stated for kind in ("int", "float", "str"))
         for part in _leaves(value):
+            if only_bool and not isinstance(part, bool | None):
+                raise ValueError(f"must be true or false, not {shown(part)}")
             if (isinstance(part, bool) and "bool" not in stated) or (
                 isinstance(part, str) and "str" not in stated and is_number(part)
             ):

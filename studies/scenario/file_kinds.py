@@ -25,6 +25,9 @@ and with `--plugin FILE` it has the parts of that file too. Nothing here is writ
 A key's ending is its unit: `speed_kmh` is in km/h. A pure number has the unit 1. A key that is left out has its default;
 where that is no plain value, the column says in words what holds. "Assumed" marks a value that no source prints.
 
+A value's column says what is checked of a key alone. What keys ask of each other, as an order or a sign, is checked when the
+file is read.
+
 `readhesion schema` prints the same as a JSON schema, and `readhesion new-scenario NAME` writes a file with all keys. An
 editor that reads schemas (taplo, or a plug-in with it) completes and checks a file whose first line is `#:schema PATH`.
 """

@@ -79,11 +79,12 @@ class Scenario(Strict):
     train: Annotated[str, Names(lambda: SETS, FILES)]
     """Name of a train set, or path of a file counted from the scenario's folder: a train file in TOML, or of railtoolkit."""
     load_t: tuple[float, ...] | None = None
-    """Pay load of each car from the front. Left out: that of the train."""
+    """Pay load of each car in the order in which the train is described, also where it runs `reversed`. Left out: that
+    of the train."""
     load_transfer: bool | None = None
     """Axle loads change with the car's rail force. Left out: as the train says."""
     reversed: bool = False
-    """The train runs the other way round."""
+    """The train runs the other way round: its last car leads."""
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M). Left out:
     the train's own."""

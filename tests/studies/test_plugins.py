@@ -117,7 +117,7 @@ def test_curves_trains_and_controllers_stand_in_the_schema(examples):
     content["rail"]["curve"]["e"] = 0.7
     content["onboard"]["patient"]["shares"] = 0.7
     assert len(list(after.iter_errors(content))) == 2
-    assert "| `a` | number | 1 | `0.54` |" in reference_page()
+    assert "| `a` | number | s/m | `0.54` | Decay over" in reference_page()
 
 
 def test_all_of_them_run_together_in_two_processes(examples, tmp_path, capsys):
