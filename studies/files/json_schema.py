@@ -25,8 +25,6 @@ def schema_of(kind: type[BaseModel], title: str) -> Schema:
 
 def describe(schema: Schema, kind: type[BaseModel], record: type | None) -> None:
     """Add to the keys in the schema of `kind` what is known of them; `record`: the parameters that they feed."""
-    told = meanings(kind)
-    fed = meanings(record) if record else {}
     defaults = _defaults(record) if record else {}
     keys = {key.removesuffix(unit_of(key).ending): key for key in schema.get("properties", {})}
     schema["description"] = meant(schema.get("description", "")).text
@@ -38,10 +36,16 @@ def describe(schema: Schema, kind: type[BaseModel], record: type | None) -> None
             default = None
         elif default is None and name in defaults:
             default = in_unit(defaults[name], unit.factor if unit.ending else 1.0)
-        meaning = told.get(key) or fed.get(name) or meant(said.pop("description", ""))
+        meaning = meaning_of(key, kind, record) or meant(said.pop("description", ""))
         meaning = meaning.with_names(keys)
         add(said, meaning, unit.symbol if unit.ending else meaning.unit, default)
         bound_numbers(said, unit)
+
+
+def meaning_of(key: str, kind: type, record: type | None) -> Meaning | None:
+    """What is said of a key in its class, else in the record of parameters that it feeds; None where nothing is."""
+    name = key.removesuffix(unit_of(key).ending)
+    return meanings(kind).get(key) or (meanings(record).get(name) if record else None)
 
 
 def add(said: Schema, meaning: Meaning, unit: str, default: Any) -> None:

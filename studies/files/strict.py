@@ -7,8 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
-from studies.files.json_schema import describe
-from studies.files.key_meaning import meanings
+from studies.files.json_schema import describe, meaning_of
 from studies.files.small_file import small_text
 from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
@@ -160,7 +159,8 @@ def explain(kind: type[BaseModel], error: ValidationError) -> str:
             f"did you mean {near!r}?" if near else f"valid keys: {', '.join(valid)}"
         )
     if fault["type"] == "missing":
-        told = meanings(_model_at(kind, place[:-1])).get(str(place[-1]))
+        inside = _model_at(kind, place[:-1])
+        told = meaning_of(str(place[-1]), inside, getattr(inside, "record", None))
         return f"key {key!r} is missing" + (f": {told.text}" if told else "")
     reason = fault["msg"].removeprefix("Value error, ")
     reason = reason[0].lower() + reason[1:]

@@ -19,7 +19,7 @@ from alloc.plant.rail import (
     logarithmic_increments,
 )
 from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
-from studies.files.key_meaning import Meaning, meanings
+from studies.files.key_meaning import Meaning, meanings, meant
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
 from studies.files.units import range_fault, si, unit_of
@@ -115,9 +115,13 @@ def _curve_schema(name: str) -> Schema:
         default = in_unit(item.default, 1.0)
         add(keys[item.name], meaning, meaning.unit, default)
         bound_numbers(keys[item.name], unit_of(item.name))
-    about = (curve.__doc__ or "").strip().partition("\n")[0]
+    about = meant((curve.__doc__ or "").strip().partition("\n")[0]).text
     known = {"title": name, "description": about, "type": "object", "properties": keys}
-    required = [item.name for item in fields(curve) if item.default is MISSING]
+    required = [
+        item.name
+        for item in fields(curve)
+        if item.default is MISSING and item.default_factory is MISSING
+    ]
     kind = [] if name == CurveKeys.model_fields["kind"].default else ["kind"]
     return known | {"required": kind + required, "additionalProperties": False}
 
