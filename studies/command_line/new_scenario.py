@@ -5,6 +5,7 @@ from pathlib import Path
 from studies.command_line.options import FilePath
 from studies.command_line.terminal import console
 from studies.files.study_error import StudyError
+from studies.files.writable import check_place, make_folder
 
 USUAL = "wet-start"
 
@@ -29,11 +30,12 @@ def new_scenario(name: str, *, like: str = USUAL, out: FilePath | None = None) -
         raise StudyError(f"name {name!r}: give letters, digits, and . + - _ only")
     place = Path() if out is None else out
     path = place if place.suffix.lower() == ".toml" else place / f"{name}.toml"
+    check_place(path.parent)
     load_scenario(like)  # what does not run is no beginning
     keys = {"title": f"as {like}", **read_scenario(like)}
     text = commented_scenario(name, like, _of_new_file(keys, name, path))
+    make_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         with open(path, "x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
