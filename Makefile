@@ -8,7 +8,7 @@ MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare figures test mutants mutants-again results-hash bench bench-keep lint types clean
+.PHONY: help setup compare figures test mutants mutants-again results-hash bench bench-keep keys lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -49,6 +49,9 @@ bench: $(BENCH)      ## run the benchmarks; fails where a ratio grew by a fifth
 
 bench-keep: setup    ## measure the ratios of docs/benchmarks.md and add them there
 	READHESION_KEEP_BENCHMARKS=1 $(BIN)/python -m pytest tests/benchmarks/test_history.py --benchmark-enable -p no:xdist
+
+keys: setup          ## write docs/keys.md, the reference of all keys of files
+	$(BIN)/readhesion schema --reference --out docs/keys.md
 
 lint: setup          ## style
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -10,8 +10,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -31,18 +30,25 @@ from alloc.sources import path_of, syntax_hash
 FASTMATH = {"contract", "nsz"}
 
 
-_WAITING: list[Callable[[], None]] = []
+COMPILING = "readhesion: compiling the simulation, about a minute; later runs load what is compiled"
 
 
-@contextmanager
-def telling(tell: Callable[[], None]) -> Iterator[None]:
-    """Call `tell` if something must be compiled inside, once: whoever waits for it may want to know."""
-    _WAITING.append(tell)
-    try:
-        yield
-    finally:
-        if tell in _WAITING:
-            _WAITING.remove(tell)
+def _someone_waits() -> bool:
+    """Whether a person sees what is written to stderr: at a terminal, or in a notebook."""
+    return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+
+
+class _Said:
+    """Whether this process, or the one that it is a fork of, has said that it compiles."""
+
+    compiling = False
+
+    @classmethod
+    def once(cls) -> None:
+        """Tell the one who waits."""
+        if not cls.compiling and _someone_waits():
+            cls.compiling = True
+            print(COMPILING, file=sys.stderr, flush=True)
 
 
 KEPT_DAYS = 30.0
@@ -89,8 +95,8 @@ class _Cache(FunctionCache):
         except Exception:  # whatever a damaged file makes `pickle` do
             self.flush()
             found = None
-        while found is None and _WAITING:
-            _WAITING.pop()()
+        if found is None:
+            _Said.once()
         return found
 
 

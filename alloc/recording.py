@@ -72,7 +72,7 @@ def to_dataset(
     event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally,
     learnt: Increments | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Turn what the loop wrote into the recorded run; `learnt`: by its end."""
+    """Turn what the loop wrote into the recorded run, see `alloc.run_attributes`; `learnt`: by its end."""
     model = event.model
     values = physical_variables(model, record.plant)
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
@@ -177,4 +177,8 @@ def save(dataset: xr.Dataset, path: Path) -> None:
 def load(path: Path) -> xr.Dataset:
     """Read a run written by `save`."""
     with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
-        return dataset.load()
+        run = dataset.load()
+    plain = {
+        key: one.item() if isinstance(one, np.generic) else one for key, one in run.attrs.items()
+    }
+    return run.assign_attrs(plain)  # netCDF gives numbers as NumPy's

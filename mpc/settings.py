@@ -1,12 +1,13 @@
 """What the readhesion MPC is asked to do: horizon, weights, belief, deadline."""
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, Literal, get_args
 
 from alloc.errors import InputError
 from alloc.onboard.quantity import quantity
 
-CODES = ("numba", "c")
+Code = Literal["numba", "c"]
+CODES = get_args(Code)
 """Ways of compiling the model."""
 
 
@@ -29,17 +30,21 @@ def _check(owner: str, record: Any, zero: tuple[str, ...] = ()) -> None:
 class Weights:
     """Weights of the cost per prediction step; dimensionless, since every term is divided by its scale.
 
-    tracking: ((torque - target) / torque scale)^2. slip: mean over the axles of
-    (excess over the slip limit / `slip_scale`)^2, zero below the limit. rate: (change of torque from step to
-    step / torque scale)^2. The torque scale is the motor torque of a coefficient of `coefficient_scale`.
+    The torque scale is the motor torque of a coefficient of `coefficient_scale`.
+
+    Source: assumed.
     """
 
     tracking: float = quantity(1.0, "1")
+    """Weight of ((torque - target) / torque scale)^2."""
     slip: float = quantity(2.0, "1")
+    """Weight of the mean over the axles of (excess over the slip limit / `slip_scale`)^2, zero below the limit."""
     rate: float = quantity(0.3, "1")
+    """Weight of (change of torque from step to step / torque scale)^2."""
     coefficient_scale: float = quantity(0.1, "1")
+    """Coefficient whose motor torque is the torque scale."""
     slip_scale: float = quantity(0.05, "km/h")
-    """[m/s]"""
+    """Scale of the excess of slip [m/s]."""
 
     def __post_init__(self) -> None:
         _check("weights", self, zero=("slip", "rate"))
@@ -49,23 +54,29 @@ class Weights:
 class PeakBelief:
     """Parameters of the belief about the rail, see `mpc.axle_observer` and `mpc.curve_filter`.
 
-    `initial`: peak coefficient before anything was felt. `pole` [1/s] of the observers of single axles: that of the
-    unit's own. `walk`, `slope_walk`: relative deviation by which a peak, and the slope at the origin over it, may have
-    changed after a second. `slip_error` [m/s]: of measured slip beside its noise, that of the reference speed;
-    `coefficient_error` and `relative_error`: of the observed coefficient and of the curve's shape. `gate`: deviations
-    from what was expected that say that the rail has changed. `floor`, `ceiling`: bounds of the belief.
+    Source: assumed.
     """
 
     initial: float = quantity(0.2, "1")
+    """Peak coefficient before anything was felt."""
     pole: float = quantity(25.0, "1/s")
+    """Pole of the observers of single axles [1/s]. Source: that of the unit's own observer."""
     walk: float = quantity(0.05, "1")
+    """Relative deviation by which a peak may have changed after a second."""
     slope_walk: float = quantity(0.05, "1")
+    """Relative deviation by which the slope at the origin over the peak may have changed after a second."""
     slip_error: float = quantity(0.001, "km/h")
+    """Deviation of measured slip beside its noise: that of the reference speed [m/s]."""
     coefficient_error: float = quantity(0.0006, "1")
+    """Deviation of the observed coefficient."""
     relative_error: float = quantity(0.006, "1")
+    """Relative deviation of the curve's shape."""
     gate: float = quantity(5.0, "1")
+    """Deviations from what was expected that say that the rail has changed."""
     floor: float = quantity(0.01, "1")
+    """Least peak coefficient believed."""
     ceiling: float = quantity(0.5, "1")
+    """Greatest peak coefficient believed."""
 
     def __post_init__(self) -> None:
         _check("belief", self, zero=("walk", "slope_walk", "slip_error"))
@@ -78,31 +89,40 @@ class PeakBelief:
 
 @dataclass(frozen=True)
 class SlipSearch:
-    """Parameters of the search for the best slip, see `mpc.slip_search`; slips in m/s.
+    """Parameters of the search for the best slip, see `mpc.slip_search`.
 
-    `first`: slip held before anything is known; `lowest`, `highest`: bounds, and `noise_margin` deviations of the
-    measured slip's noise are a bound from below too. `friction_price` [s/m]: relative loss of force that a slip of 1
-    m/s is worth avoiding. `swing`: greatest one of the slip limit about its mean where noise hides none, as a share of
-    it, with the period `swing_time` [s]; `least_swing`: what it shrinks to where the answer is clear. `memory` [s] of
-    the answer. `gain` [1/s]: relative speed of the slip sought per elasticity, at most `fastest_rise` and
-    `fastest_fall` [1/s]. Tuned on 20 events of `studies.ladder.events` and 12 of `studies.curves` (seed 3000).
-    `seek`: off, slip is held at `given_share` of the slip at the peak of the curve that the unit was given.
+    Source: tuned on 20 events of `studies.ladder.events` and 12 of `studies.curves` (seed 3000).
     """
 
     first: float = quantity(0.08, "km/h")
+    """Slip held before anything is known [m/s]."""
     lowest: float = quantity(0.02, "km/h")
+    """Least slip sought [m/s]."""
     highest: float = quantity(1.6, "km/h")
+    """Greatest slip sought [m/s]."""
     noise_margin: float = quantity(4.0, "1")
+    """So many deviations of the measured slip's noise are a bound from below too."""
     friction_price: float = quantity(0.15, "s/m")
+    """Relative loss of force that a slip of 1 m/s is worth avoiding [s/m]."""
     swing: float = quantity(0.1, "1")
+    """Greatest swing of the slip limit about its mean where noise hides none, as a share of it."""
     least_swing: float = quantity(0.03, "1")
+    """What the swing shrinks to where the answer is clear."""
     swing_time: float = quantity(0.2, "s")
+    """Period of the swing [s]."""
     memory: float = quantity(0.3, "s")
+    """Memory of the answer [s]."""
     gain: float = quantity(40.0, "1/s")
+    """Relative speed of the slip sought per elasticity [1/s]."""
     fastest_rise: float = quantity(3.0, "1/s")
+    """Greatest relative speed of its rise [1/s]."""
     fastest_fall: float = quantity(3.0, "1/s")
+    """Greatest relative speed of its fall [1/s]."""
     seek: bool = True
+    """The best slip is sought. Else slip is held at `given_share` of the slip at the peak of the curve that the unit was
+    given."""
     given_share: float = quantity(1.0, "1")
+    """Share of the slip at the given curve's peak that is held where none is sought."""
 
     def __post_init__(self) -> None:
         _check("search", self, zero=("noise_margin", "friction_price"))
@@ -125,15 +145,17 @@ class SlipSearch:
 class GroupSettings:
     """What is asked of one problem over several units.
 
-    `evenness`: weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2. It is small against
-    that of tracking and makes the split of the total unique. `limited`: share of its believed adhesion from which a unit
-    counts as bound by its own rail and not by what the others need of it. `steps`: most SQP steps where the problem is
-    solved at telegram instants only, and its guess is a tenth of a second old.
+    Source: assumed.
     """
 
     evenness: float = quantity(0.05, "1")
+    """Weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2. It is small against that of
+    tracking, and makes the split of the total unique."""
     limited: float = quantity(0.95, "1")
+    """Share of its believed adhesion from which a unit counts as bound by its own rail and not by what the others need of
+    it."""
     steps: int = quantity(3, "1", most=1000)
+    """Most SQP steps where the problem is solved at telegram instants only, and its guess is a tenth of a second old."""
 
     def __post_init__(self) -> None:
         # without evenness the Hessian is singular in the split, and so is the problem
@@ -144,39 +166,51 @@ class GroupSettings:
 
 @dataclass(frozen=True)
 class MpcSettings:
-    """Settings of the readhesion MPC; times in s.
+    """Settings of the readhesion MPC.
 
-    `horizon` steps of `step`. `headroom`: the torque command never exceeds what the believed peak carries by more than
-    this share, whatever the optimiser says. `iterations`: most SQP steps per control period, the first always taken,
-    more while the optimality residual before the last one exceeds `tolerance` and time is left. Against convergence one
-    step alone costs up to 30 % of the closed loop's cost in the shipped events, five cost about 1 % in driving and some
-    percent with blended brakes. Time is simulated, so a run does not depend on the machine that computes it.
-    `step_time`: time that the computer on board takes for an SQP step, of a unit or of a group; assumed, ten times what
-    a workstation takes for four axles.
-    `deadline`: longest solve, by default as long as the default control period; what is longer than the control period
-    counts as the period. No step is begun that would end later, and where not even one fits, the answer is late, which
-    counts as failed. `computing_delay`: control periods, 0 or 1, from the readings to the command that they lead to; the
-    controller of a unit or a group then commands what it found before. `compensated`: it solves from the state that it
-    predicts for the instant at which its command will act. `exact_hessian`: second derivatives of the plant in the QP,
-    indefinite parts reflected; else Gauss-Newton. `code`: the model compiled by Numba ("numba", needs nothing else) or
-    from C by the system's compiler ("c"); the answers are the same.
+    Against convergence one step alone costs up to 30 % of the closed loop's cost in the shipped events, five cost about 1 %
+    in driving and some percent with blended brakes. Time is simulated, so a run does not depend on the machine that computes
+    it.
+
+    Source: assumed.
     """
 
     horizon: int = quantity(20, "1", most=200)
+    """Steps of the prediction, 2 or more."""
     step: float = quantity(0.01, "s")
+    """Length of a step of the prediction [s]."""
     headroom: float = quantity(0.1, "1")
+    """The torque command never exceeds what the believed peak carries by more than this share, whatever the optimiser says.
+    """
     iterations: int = quantity(5, "1", most=1000)
+    """Most SQP steps per control period; the first is always taken, more while the residual exceeds `tolerance` and time is
+    left."""
     tolerance: float = quantity(1e-2, "1")
+    """Optimality residual before the last step with which the solver is content."""
     step_time: float = quantity(1e-3, "s")
+    """Time that the computer on board takes for an SQP step, of a unit or of a group [s]. Source: assumed: ten times what a
+    workstation takes for four axles."""
     deadline: float = quantity(0.01, "s")
+    """Longest solve; what is longer than the control period counts as the period [s]. No step is begun that would end later,
+    and where not even one fits, the answer is late, which counts as failed. Source: the default control period."""
     computing_delay: int = quantity(0, "1", most=1)
+    """Control periods, 0 or 1, from the readings to the command that they lead to; with 1 the controller of a unit or a
+    group commands what it found before."""
     compensated: bool = True
+    """With a computing delay it solves from the state that it predicts for the instant at which its command will act."""
     exact_hessian: bool = False
-    code: str = "numba"
+    """Second derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton."""
+    code: Code = "numba"
+    """The model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are
+    the same. Source: this project."""
     weights: Weights = field(default_factory=Weights)
+    """Weights of the cost."""
     belief: PeakBelief = field(default_factory=PeakBelief)
+    """Belief about the rail."""
     search: SlipSearch = field(default_factory=SlipSearch)
+    """Search for the best slip."""
     group: GroupSettings = field(default_factory=GroupSettings)
+    """One problem over several units: mpc-car and mpc-train."""
 
     def __post_init__(self) -> None:
         _check("mpc", self, zero=("headroom", "tolerance", "computing_delay"))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from alloc.metrics import evaluate
 from alloc.metrics.motion import jerk
 from alloc.onboard.parameters import Detector
+from alloc.run_attributes import attributes_of
 from alloc.spans import spans
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
@@ -43,9 +44,9 @@ def slip_event(*runs: xr.Dataset) -> Figure:
         _of_units(torques, time, run["motor_torque"].values)
         _of_units(limits, time, run["limit"].values)
         limits.plot(time, run["expected"].values, color="black", linestyle="--", label="plan")
-        rule = str(run.attrs["rule"])
+        rule = attributes_of(run)["rule"]
         speeds.set_title(
-            f"rule {rule}, controller {run.attrs['controller']}", color=rule_colour(rule)
+            f"rule {rule}, controller {attributes_of(run)['controller']}", color=rule_colour(rule)
         )
         limits.set(xlabel="time [s]", xlim=(0.0, float(time[-1])))
     first = axes[:, 0]
@@ -85,14 +86,14 @@ def sharing_wanders(*runs: xr.Dataset) -> Figure:
     shape = {"sharex": True, "sharey": "row", "squeeze": False}
     drawn, axes = new_panels(7.1, 5.4, 3, len(runs), **shape)
     for (limits, torques, jerks), run in zip(axes.T, runs, strict=True):
-        time, colour = run["time"].values, rule_colour(str(run.attrs["rule"]))
+        time, colour = run["time"].values, rule_colour(attributes_of(run)["rule"])
         _of_units(limits, time, run["limit"].values)
         _of_units(torques, time, run["motor_torque"].values)
         values = jerk(run)
         worst = int(np.argmax((values**2).mean(axis=0)))
         jerks.plot(time, values[:, worst], color=colour)
         rms = evaluate(run)["jerk_rms"]
-        limits.set_title(f"{run.attrs['rule']}: jerk {rms:.2f} m/s³ rms", color=colour)
+        limits.set_title(f"{attributes_of(run)['rule']}: jerk {rms:.2f} m/s³ rms", color=colour)
         jerks.set_xlabel("time [s]")
     for one, label in zip(
         axes[:, 0], ("limit [–]", "motor torque [N m]", "jerk [m/s³]"), strict=True
@@ -129,7 +130,7 @@ def slip_detection(run: xr.Dataset, detector: Detector, unit: int = UNIT) -> Fig
     _thresholds(upper, time, computed, on, detector.on, detector.off, "m/s²")
     upper.set_ylabel("axle acceleration,\nunit's mean [m/s²]")
     upper.set_title(
-        f"unit {unit + 1} of {run.sizes['unit']}, rule {run.attrs['rule']}, {run.attrs['event']}"
+        f"unit {unit + 1} of {run.sizes['unit']}, rule {attributes_of(run)['rule']}, {attributes_of(run)['event']}"
     )
     _thresholds(middle, time, slip, on, detector.speed_on, 0.5 * detector.speed_on, "m/s")
     middle.set_ylabel("slip of its\nworst axle [m/s]")

@@ -1,6 +1,7 @@
 """Compiled code is never stale, is not compiled again for a comment, and is loaded from no folder of somebody else."""
 
 import importlib
+import io
 import os
 import pickle
 import pkgutil
@@ -145,16 +146,22 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable) == (7.0, False)
 
 
-def test_who_waits_is_told_once_and_only_where_something_is_compiled(kernel):
-    told = []
-    with compilation.telling(lambda: told.append("first")):
-        kernel()
-        kernel(law=[("*", "+")])
-    assert told == ["first"]
-    with compilation.telling(lambda: told.append("loaded")):
-        assert kernel() == (7.0, False)
+def test_who_waits_at_a_terminal_is_told_once_and_only_where_something_is_compiled(
+    kernel, monkeypatch
+):
+    terminal, log = io.StringIO(), io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(compilation._Said, "compiling", False)
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    kernel()
+    monkeypatch.setattr(sys, "stderr", log)
+    kernel(law=[("*", "+")])
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert kernel() == (7.0, False)
+    assert log.getvalue() == terminal.getvalue() == "", "a log is not told, nor who loads"
     kernel(law=[("*", "-")])
-    assert told == ["first"], "nobody waits any more"
+    kernel(law=[("*", "/")])
+    assert terminal.getvalue() == f"{compilation.COMPILING}\n"
 
 
 def test_a_library_of_another_version_compiles_again(kernel, monkeypatch):

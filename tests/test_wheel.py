@@ -44,3 +44,7 @@ def test_no_module_that_ships_imports_the_tests():
             text = (ROOT / path).read_text()
             assert "from tests" not in text, path
             assert "import tests" not in text, path
+
+
+def test_every_layer_says_that_it_has_types():
+    assert {f"{layer}/py.typed" for layer in LAYERS} <= {str(path) for path in FILES}

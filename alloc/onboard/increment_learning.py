@@ -32,24 +32,29 @@ train knows of that only some telegrams later."""
 class IncrementLearning:
     """Whether and how the leader learns the increments.
 
-    `kind`: "running-mean", (16) and (17): new data of a unit wait until there are `first` of them (N_min), later `further`
-    (N_arg); `stored`: N_z of the increments believed at first. "gaussian": a prior per unit of standard `deviation` about
-    what is believed, where `Belief.unit_deviation` says nothing, and data that scatter by `noise`; `drift`: variance that
-    every datum's passing adds, so that the train can follow the seasons. `reference`: the leader's coefficient when the
-    report arrives, "received", as par. 0064 says; where it does not slip then, this is what it delivers and not what its
-    rail could carry. Or that of its own last slip, "held", as long as this is in force. JP5484215 names no numbers: `first`,
-    `further`, `stored` and `deviation` are assumed, the latter as half of what the increments reach; `noise` is the scatter
-    of par. 0055.
+    Source: JP5484215, embodiment 2, which names no numbers; the values are assumed.
     """
 
     kind: Literal["none", "running-mean", "gaussian"] = "none"
+    """Learner: none, the running mean (16), (17), or a Gaussian posterior per unit. Source: JP5484215 (16), (17); the
+    Gaussian one is this project's."""
     reference: Literal["received", "held"] = "received"
+    """The leader's coefficient against which a report counts. Received: when the report arrives; where the leader does not
+    slip then, this is what it delivers and not what its rail could carry. Held: that of its own last slip, as long as this
+    is in force. Source: JP5484215, par. 0064, says received."""
     first: int = 10
+    """Running mean: new data of a unit wait until there are so many, N_min."""
     further: int = 5
+    """Running mean: later data wait until there are so many, N_arg."""
     stored: float = quantity(10.0, "1")
+    """Running mean: data that count as behind the increments believed at first, N_z."""
     noise: float = quantity(0.012, "1")
+    """Gaussian: standard deviation by which data scatter. Source: JP5484215, par. 0055, scatter of the rail."""
     deviation: float = quantity(0.010, "1")
+    """Gaussian: standard deviation of the prior of each unit about what is believed, where the belief's `unit_deviation`
+    says nothing. Source: assumed: half of what the increments reach."""
     drift: float = quantity(0.0, "1")
+    """Gaussian: variance that every datum's passing adds, so that the train can follow the seasons."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("learning", "kind", self.kind, KINDS)

@@ -17,19 +17,21 @@ from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
 @dataclass(frozen=True)
 class Detector:
-    """Slip detector with hysteresis (JP5484215 Fig. 5): mean computed axle acceleration of the unit.
+    """Slip detector with hysteresis: mean computed axle acceleration of the unit, in the direction of the demand.
 
-    `on`, `off` [m/s2]: signal on above `on`, off at or below `off` < `on`, measured in the direction of the demand.
-    `pole` [1/s]: of the differentiator that computes the accelerations. `speed_on` [m/s]: signal also on where the
-    slip of the unit's worst axle against the reference speed exceeds it, since a small deficit accelerates the wheels too
-    little for `on`, and one slipping axle of four moves the mean too little (not in the patent; inf switches it off);
-    off again below half of it.
+    Source: JP5484215, Fig. 5; the values are assumed.
     """
 
     on: float = quantity(1.8, "km/h/s")
+    """The slip signal is on above this acceleration [m/s2]."""
     off: float = quantity(0.9, "km/h/s")
+    """The slip signal is off at or below this acceleration, which is less than `on` [m/s2]."""
     pole: float = quantity(40.0, "1/s")
+    """Pole of the differentiator that computes the accelerations [1/s]."""
     speed_on: float = quantity(0.6, "km/h")
+    """The signal is also on where the slip of the unit's worst axle against the reference speed exceeds this; off again
+    below half of it [m/s]. A small deficit accelerates the wheels too little for `on`, and one slipping axle of four moves
+    the mean too little. A large value switches it off. Source: assumed; not in JP5484215."""
 
     def __post_init__(self) -> None:
         OnboardError.check("detector", self, positive=("on", "pole", "speed_on"))
@@ -38,9 +40,13 @@ class Detector:
 
 @dataclass(frozen=True)
 class Observer:
-    """Minimal-order disturbance observer, JP5484215 (3); `pole` a [1/s]."""
+    """Minimal-order disturbance observer.
+
+    Source: JP5484215 (3); the value is assumed.
+    """
 
     pole: float = quantity(25.0, "1/s")
+    """Pole a of the observer [1/s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("observer", self, positive=("pole",))
@@ -48,16 +54,21 @@ class Observer:
 
 @dataclass(frozen=True)
 class Telegrams:
-    """Periodic telegrams of the train monitor system; times in s, `loss` a probability.
+    """Periodic telegrams of the train monitor system.
 
-    A unit that has heard nothing for `silence` falls back to its planned limit.
+    Source: JP5484215 has telegrams, without numbers; the values are assumed.
     """
 
     period: float = quantity(0.1, "s")
+    """Time from one telegram of a unit to its next [s]."""
     latency: float = quantity(0.05, "s")
+    """Time from sending to receiving [s]."""
     jitter: float = quantity(0.0, "s")
+    """Greatest time that is added to `latency`, drawn evenly for each telegram [s]."""
     loss: float = quantity(0.0, "1")
+    """Probability that a telegram is lost, 0 to 1."""
     silence: float = quantity(1.0, "s")
+    """A unit that has heard nothing for so long falls back to its planned limit [s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("telegrams", self, ("period", "silence"), ("latency", "jitter"))
@@ -67,11 +78,17 @@ class Telegrams:
 
 @dataclass(frozen=True)
 class Dropout:
-    """Loss of the speed signal of `axle` (0 = foremost) from `begin` to `until` [s]; the computers notice it."""
+    """Loss of the speed signal of an axle for a time; the computers notice it.
+
+    Source: this project.
+    """
 
     axle: int
+    """Number of the axle in the train, 0 = foremost."""
     begin: float = quantity(MISSING, "s")
+    """Instant from which the signal is lost [s]."""
     until: float = quantity(math.inf, "s")
+    """Instant at which the signal is back [s]. Left out: it never comes back."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.axle, int) or self.axle < 0:
@@ -84,25 +101,28 @@ class Dropout:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Axle speed sensors and load signals.
+    """Axle speed sensors and load signals; `seed` draws their errors.
 
-    `speed_noise` [m/s at the rim], standard deviation per sample; `speed_quantum` [m/s at the rim], 0: none; `load_error`:
-    standard deviation of the relative error of the load signals, drawn once per run. `radius_error`: greatest relative error
-    of the wheel radii that the computers believe in, as wear leaves it, drawn evenly. `seed` draws all of them.
-    `sensorless_pole` [1/s]: motor speeds are estimated without sensors, known per unit as the mean of its axles through a
-    low-pass filter of this pole; None: every axle has a sensor. Axles without motor keep theirs.
-    `dropouts`: signals lost for a time. A unit goes on with the axles that it still sees; one that sees none takes the
-    reference speed for its own, knows no slip, and pulls with `blind_share` of its target (assumed).
+    Source: assumed; without a key the sensors are perfect.
     """
 
     speed_noise: float = quantity(0.0, "km/h")
+    """Standard deviation of a sample of an axle's speed, at the rim [m/s]."""
     speed_quantum: float = quantity(0.0, "km/h")
+    """Step to which an axle's speed is rounded, at the rim; 0: none [m/s]."""
     load_error: float = quantity(0.0, "1")
+    """Standard deviation of the relative error of the load signals, drawn once per run."""
     radius_error: float = quantity(0.0, "1")
+    """Greatest relative error of the wheel radii that the computers believe in, as wear leaves it; drawn evenly."""
     seed: int = field(default=0, metadata=NOT_IN_FILES)
     sensorless_pole: float | None = quantity(None, "1/s")
+    """Motor speeds are estimated without sensors: known per unit, as the mean of its axles through a low-pass filter of this
+    pole [1/s]. Axles without motor keep their sensors. Left out: every axle has a sensor."""
     dropouts: tuple[Dropout, ...] = ()
+    """Speed signals that are lost for a time. A unit goes on with the axles that it still sees; one that sees none takes the
+    reference speed for its own, and sees no slip."""
     blind_share: float = quantity(0.5, "1")
+    """Share of its target with which a unit pulls that sees none of its axles, 0 to 1."""
 
     def __post_init__(self) -> None:
         OnboardError.check(
@@ -122,29 +142,28 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Braking:
-    """Brakes of the train. `blended`: every car brakes itself, the air brake filling what the electric brake lacks and
-    serving the trailers alone, as JP5484215, embodiment 3; else the motors brake the whole train. A train without air brakes
-    is never blended; one without motors brakes with air alone.
-
-    `blend_time` [s]: time in which the motors take over a full brake from the air (assumed: a few times the cylinders' lag).
-    `inertia_in_estimate`: (18) counts what decelerates the wheelsets, as the observer does; as printed it does not, and
-    finds more adhesion than there is in wheels that are just being braked to a slide.
-    `air_force`: the air brake's force in (18) and beside a limit is that of the cylinders' "pressure", or the "command" as
-    printed, which the cylinders lag.
-    `slide_protection`: what the valves of the air brakes do while wheels slide, which the patent does not describe and
-    without which a trailer's wheels would lock; a plain threshold if nothing is said. `release_speed` [m/s]: reference speed
-    below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and beyond.
-    `car_shares`: brake force that each car by weight is asked for, relative to the plan, from the front; None: 1 for all.
-    It holds for cars that brake by air alone; limits of the others are the allocation rule's.
-    """
+    """Brakes of the train. A train without air brakes is never blended; one without motors brakes with air alone."""
 
     blended: bool = True
+    """Every car brakes itself: the air brake fills what the electric brake lacks, and serves the trailers alone. Else the
+    motors brake the whole train. Source: JP5484215, embodiment 3."""
     blend_time: float = quantity(4.0, "s")
+    """Time in which the motors take over a full brake from the air [s]. Source: assumed: a few times the cylinders' lag."""
     inertia_in_estimate: bool = True
+    """(18) counts what decelerates the wheelsets, as the observer does. As printed it does not, and finds more adhesion than
+    there is in wheels that are just being braked to a slide. Source: JP5484215 (18), corrected."""
     air_force: Literal["pressure", "command"] = "pressure"
+    """Force of the air brake in (18) and beside a limit: that of the cylinders' pressure, or of the command, which the
+    cylinders lag. Source: JP5484215 (18) prints the command."""
     slide_protection: SlideProtection = field(default_factory=SlideProtection)
+    """What the valves of the air brakes do while wheels slide, without which a trailer's wheels would lock. Source: not in
+    JP5484215; see the table."""
     release_speed: float = quantity(0.5, "km/h")
+    """Reference speed below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and
+    beyond [m/s]. Source: assumed."""
     car_shares: tuple[float, ...] | None = quantity(None, "1")
+    """Brake force that each car by weight is asked for, relative to the plan, from the front. It holds for cars that brake
+    by air alone; limits of the others are the allocation rule's. Left out: 1 for all. Source: this project."""
 
     def __post_init__(self) -> None:
         shares = () if self.car_shares is None else ("car_shares[]",)
@@ -154,26 +173,32 @@ class Braking:
 
 @dataclass(frozen=True)
 class Belief:
-    """What the train takes for true: growth of adhesion per axle from the front, and the adhesion curve.
+    """What the train takes for true. What it has learnt before (`learnt`) stands in place of all increments.
 
-    `increments` None: all zero. JP5484215 (15) gives Shinkansen values. `unit_increments`: increment of each traction unit
-    over the foremost one, as learnt; stands in place of `increments`, from which it is otherwise the mean over the
-    unit's axles. `unit_deviation`: standard deviation of each unit's cap about the truth, for rules that know risk.
-    `learnt`: with what the train begins that has learnt before; stands in place of all of these.
-    `loads`: pay load of each car [kg] in place of the load sensors, as learnt from the train's motion (JP H07-322414).
-    `mass_factor`, `resistance_factor`, `coupler_factor`: believed over true empty mass, running resistance, and stiffness of
-    the draft gear, as the reference speed's estimate takes them.
+    Source: this project; a train believes the truth where nothing is said.
     """
 
     increments: tuple[float, ...] | None = None
+    """Growth of the coefficient per axle from the front; None: all zero. Source: JP5484215 (15), Shinkansen."""
     unit_increments: tuple[float, ...] | None = None
+    """Increment of the coefficient of each traction unit over the foremost one, as learnt; stands in place of `increments`.
+    Left out: the mean of `increments` over the unit's axles. Source: JP5484215 (5)."""
     unit_deviation: tuple[float, ...] | None = None
+    """Standard deviation of each unit's cap about the truth, for rules that count risk, from the front. Left out: these
+    rules take the caps for certain."""
     learnt: LearntIncrements | None = None
+    """With what the train begins that has learnt before; stands in place of the increments and their deviation."""
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
+    """Adhesion curve."""
     loads: tuple[float, ...] | None = None
+    """Pay load of each car from the front in place of the load sensors, as learnt from the train's motion [kg]. Left out:
+    what the load sensors say. Source: JP H07-322414."""
     mass_factor: float = 1.0
+    """Believed over true empty mass, as the reference speed's estimate takes it."""
     resistance_factor: float = 1.0
+    """Believed over true running resistance, as the reference speed's estimate takes it."""
     coupler_factor: float = 1.0
+    """Believed over true stiffness of the draft gear, as the reference speed's estimate takes it."""
 
     def __post_init__(self) -> None:
         OnboardError.check(
@@ -189,33 +214,47 @@ class Belief:
 
 @dataclass(frozen=True)
 class Onboard(BuiltInControllers):
-    """Equipment of a train, the readhesion controllers' parameters included.
+    """Equipment of a train, the readhesion controllers' parameters included; SI units.
 
-    `trigger`: a rule is asked while any unit is "limited", by its own report, or at the foremost unit's "slip" alone, as
-    JP5484215 says; then `hold_time` [s] is the time without slip after which limits return to the plan. `rise_time` [s]:
-    time in which a unit's torque rises from zero to the expected torque (jerk limit). `period` [s]: control period.
-    `limit_rate`: largest change of a limit per allocation, for the rules that know rates. `inertia_in_limit`: a unit's
-    torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients at the
-    rail; without it (6) as printed, whose torque delivers less at the rail than the cap by that part.
-    `hosted`: settings of controllers in Python by the controller's name; those not named take their defaults.
+    Source: this project.
     """
 
     detector: Detector = field(default_factory=Detector)
+    """Slip detector of every traction unit."""
     observer: Observer = field(default_factory=Observer)
+    """Disturbance observer of every traction unit: it tells the coefficient that the rail carries."""
     telegrams: Telegrams = field(default_factory=Telegrams)
+    """Telegrams between the units."""
     sensors: Sensors = field(default_factory=Sensors)
+    """Sensors of axle speeds and loads."""
     belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
+    """What the train takes for true."""
     braking: Braking = field(default_factory=Braking)
+    """Brakes."""
     sanding: Sanding = field(default_factory=Sanding)
+    """When the sanders work; a train has those that its cars name."""
     learning: IncrementLearning = field(default_factory=IncrementLearning)
+    """Learning of the increments of adhesion along the train."""
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
+    """Estimate of the train's speed, from which slip is measured."""
     trigger: Literal["limited", "slip"] = "limited"
+    """When a rule is asked: while any unit is limited by its own report, or at the foremost unit's slip alone; then limits
+    return to the plan after `hold_time` without slip. Source: JP5484215 says slip; limited is this project's."""
     hold_time: float = quantity(5.0, "s")
+    """Time without slip after which limits return to the plan, with the trigger slip [s]. Source: JP5484215 has such a time;
+    the value is assumed."""
     rise_time: float = quantity(1.0, "s")
+    """Time in which a unit's torque rises from zero to the expected torque: the jerk limit [s]. Source: assumed."""
     period: float = quantity(0.01, "s")
+    """Control period of the computers on board [s]. Source: assumed."""
     limit_rate: float | None = quantity(None, "1")
+    """Largest change of a limit per allocation, for the rules that count rates. Left out: no bound."""
     inertia_in_limit: bool = True
+    """A unit's torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients
+    at the rail. Else (6) as printed, whose torque delivers less at the rail than the cap by that part. Source: JP5484215
+    (6), corrected."""
     hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
+    """Settings of controllers in Python by the controller's name; those not named take their defaults."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("on board", "trigger", self.trigger, ("limited", "slip"))

@@ -18,18 +18,23 @@ from alloc.plant.model import Floats
 class Sanding:
     """When the train's sanders work, all alike.
 
-    `on_slide`: they begin `delay` [s] after a valve of the slide protection leaves supply or a unit's slip signal comes
-    on, anywhere in the train, and end `hold` [s] after the last such sign. `begin`, `until` [s]: span in which the driver
-    commands sand, with the same delay. Below `least_speed` [m/s] none is laid: there 2 kg/min would be more than the 7.5 g/m
-    per rail to which GM/RT2461 holds the place where a train comes to rest. Delay and hold are assumed.
+    Source: assumed.
     """
 
     on_slide: bool = True
+    """They begin on a sign of sliding: a valve of the slide protection leaves supply, or a unit's slip signal comes on,
+    anywhere in the train."""
     delay: float = quantity(1.0, "s")
+    """Time from the sign, or from the driver's command, to the sand [s]."""
     hold: float = quantity(5.0, "s")
+    """Time from the last such sign to the end of sanding [s]."""
     begin: float = quantity(math.inf, "s")
+    """Instant from which the driver commands sand [s]. Left out: the driver commands none."""
     until: float = quantity(math.inf, "s")
+    """Instant at which the driver's command ends [s]. Left out: it does not end."""
     least_speed: float = quantity(16.0 / 3.6, "km/h")
+    """Below this speed no sand is laid [m/s]. Source: GM/RT2461, 7.5 g/m per rail where a train comes to rest, which 2
+    kg/min would exceed."""
 
     def __post_init__(self) -> None:
         OnboardError.check("sanding", self, nonnegative=("delay", "hold", "begin", "least_speed"))

@@ -5,7 +5,6 @@ The laws are in `alloc.plant.adhesion_laws`; a curve of one's own is a `ShapedCu
 
 import math
 from dataclasses import astuple, dataclass, fields, replace
-from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -26,6 +25,7 @@ from alloc.plant.adhesion_laws import (
     tangential_coefficient,
 )
 from alloc.plant.contact import HALF_AXES_RATIO, RATIOS, creep_stiffness, relative_stiffness
+from alloc.plant.shape_table import KNOTS, shape_table
 from alloc.registry import Registry
 
 
@@ -88,16 +88,22 @@ class AdhesionCurve:
 
 @dataclass(frozen=True)
 class PiecewiseCurve(AdhesionCurve):
-    """Curve of the readhesion paper, (1)-(6); slopes in s/m, curvature in (s/m)^2.
+    """Curve of the readhesion paper, (1)-(6).
 
-    The paper prints g1 = 5, C = 40, g2 = 0.05; the residual at infinite slip is not printed. The default 0.9
-    of the peak is this project's choice, the value a trial calibration of the paper's findings points to.
+    The residual at infinite slip is not printed: 0.9 of the peak is this project's choice, the value a trial calibration of
+    the paper's findings points to.
+
+    Source: readhesion paper (1)-(6).
     """
 
     micro_slope: float = 5.0
+    """Slope g1 at the origin [s/m]."""
     top_curvature: float = 40.0
+    """Curvature C of the top [(s/m)^2]."""
     macro_slope: float = 0.05
+    """Slope g2 beyond the peak [s/m]."""
     residual_ratio: float = 0.9
+    """Coefficient at infinite slip over the peak, below 1. Source: assumed: a trial calibration of the paper's findings."""
     kind: ClassVar[int] = PIECEWISE
 
     def __post_init__(self) -> None:
@@ -118,12 +124,14 @@ class PiecewiseCurve(AdhesionCurve):
 class CreepCurve(AdhesionCurve):
     """Common part of Polach's curves: the contact. The local peak is the friction coefficient at rest.
 
-    `creep_stiffness` is G pi a b C11 / (4 Q) of the contact ellipse. None: from the static wheel load (half the axle's)
-    and the wheel radius of each axle, see `alloc.plant.contact`, with `half_axes_ratio` a / b, a along the rail.
+    Source: Polach, Wear 258 (2005).
     """
 
     creep_stiffness: float | None = None
+    """Creep stiffness G pi a b C11 / (4 Q) of the contact ellipse. Left out: that of the static wheel load (half the axle's)
+    and the wheel radius of each axle. Source: `alloc.plant.contact`."""
     half_axes_ratio: float = HALF_AXES_RATIO
+    """Half axes a / b of the contact ellipse, a along the rail. Source: `alloc.plant.contact`."""
 
     def __post_init__(self) -> None:
         given = () if self.creep_stiffness is None else ("creep_stiffness",)
@@ -163,12 +171,19 @@ class CreepCurve(AdhesionCurve):
 
 @dataclass(frozen=True)
 class PolachCurve(CreepCurve):
-    """Polach's curve with one set A, B [s/m], kA, kS for every friction coefficient; by default his for wet rail, 0.30."""
+    """Polach's curve with one set A, B, kA, kS for every friction coefficient; by default his for wet rail, 0.30.
+
+    Source: Polach, Wear 258 (2005), Table 3.
+    """
 
     ratio_at_infinity: float = 0.40
+    """Friction at infinite slip over that at rest, A."""
     decay: float = 0.20
+    """Decay B of the friction over the slip velocity [s/m]."""
     adhesion_factor: float = 0.30
+    """Reduction kA of the creep stiffness in the area of adhesion."""
     slip_factor: float = 0.10
+    """Reduction kS of the creep stiffness in the area of slip."""
     kind: ClassVar[int] = POLACH
 
     def __post_init__(self) -> None:
@@ -199,9 +214,13 @@ class DryPolachCurve(PolachCurve):
 
 @dataclass(frozen=True)
 class PolachByFrictionCurve(CreepCurve):
-    """Polach's curves over the local friction coefficient, from wet to dry: Open Rails' interpolation, see `polach_set`."""
+    """Polach's curves over the local friction coefficient, from wet to dry: Open Rails' interpolation, see `polach_set`.
+
+    Source: Polach, Wear 258 (2005), Table 3; Open Rails.
+    """
 
     ratio_at_infinity: float = 0.40
+    """Friction at infinite slip over that at rest, A."""
     kind: ClassVar[int] = POLACH_BY_FRICTION
 
     def __post_init__(self) -> None:
@@ -216,10 +235,15 @@ class PolachByFrictionCurve(CreepCurve):
 
 @dataclass(frozen=True)
 class SlipRatioCurve(AdhesionCurve):
-    """Curve by slip ratio with its peak at `peak_slip_ratio`; flat beyond it if `residual_ratio` is 1."""
+    """Curve by slip ratio with its peak at `peak_slip_ratio`; flat beyond it if `residual_ratio` is 1.
+
+    Source: assumed.
+    """
 
     peak_slip_ratio: float = 0.05
+    """Slip ratio of the peak, below 1."""
     residual_ratio: float = 1.0
+    """Coefficient far beyond the peak over that of the peak, 0 to 1."""
     kind: ClassVar[int] = SLIP_RATIO
 
     def __post_init__(self) -> None:
@@ -237,14 +261,18 @@ class SlipRatioCurve(AdhesionCurve):
 
 @dataclass(frozen=True)
 class RationalCurve(AdhesionCurve):
-    """Curve with the slip velocity of its peak [m/s] and its steepness: slope at the origin over peak / `peak_slip`.
+    """Curve with the slip velocity of its peak and its steepness: n x / (1 + (n - 2) x + x^2), x = slip / `peak_slip`.
 
-    n x / (1 + (n - 2) x + x^2), after Kiencke and Daiss (1994) for tyres. With steepness 2 it is the rise of
-    `SlipRatioCurve`, with about 1.7 it is within 2 % of the piecewise curve, with 15 to 50 of Polach's on wet rail.
+    After Kiencke and Daiss (1994) for tyres. With steepness 2 it is the rise of `SlipRatioCurve`, with about 1.7 it is
+    within 2 % of the piecewise curve, with 15 to 50 of Polach's on wet rail.
+
+    Source: Kiencke and Daiss (1994), for tyres; the values are assumed.
     """
 
     peak_slip: float = 0.06
+    """Slip velocity of the peak [m/s]."""
     steepness: float = 2.0
+    """Slope n at the origin over peak / `peak_slip`."""
     kind: ClassVar[int] = RATIONAL
 
     def __post_init__(self) -> None:
@@ -264,7 +292,7 @@ class ShapedCurve(AdhesionCurve):
     """A curve of one's own: a subclass gives its `shape`; level, sign and table follow.
 
     The adhesion field gives the peak, so only ratios of the shape count. It depends on the slip velocity alone. The plant
-    interpolates it linearly between `SHAPE_KNOTS` knots, to about 1e-5 of the peak.
+    interpolates it linearly between the knots of `alloc.plant.shape_table`, to about 1e-5 of the peak.
     """
 
     kind: ClassVar[int] = TABULATED
@@ -276,35 +304,12 @@ class ShapedCurve(AdhesionCurve):
     @property
     def q(self) -> NDArray[np.float64]:
         """Slip velocity of the peak [m/s], then the shape over slip / (slip + that), 0 to 1."""
-        return _shape_table(self)
+        return shape_table(self)
 
     def steepest_slope(self, peak: float) -> float:
         """Greatest slope between knots [s/m]."""
         table = self.q
-        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(table[0] * _KNOTS))))
-
-
-SHAPE_KNOTS = 16_384
-_KNOTS = np.append(np.arange(SHAPE_KNOTS) / np.arange(SHAPE_KNOTS, 0, -1), 1e6)
-"""Slip over that of the peak at equal steps of slip / (slip + that of the peak); the last, infinity, as a large number."""
-
-
-@lru_cache(maxsize=32)
-def _shape_table(curve: ShapedCurve) -> NDArray[np.float64]:
-    owner = f"adhesion curve {type(curve).__name__}"
-    slip = np.concatenate([[0.0], np.geomspace(1e-4, 20.0, 20_000)])
-    values = np.asarray(curve.shape(slip), dtype=float)
-    if values.shape != slip.shape or not np.all(np.isfinite(values)) or values.min() < -1e-9:
-        raise PlantError(
-            f"{owner}: shape must give a finite value, 0 or greater, per slip velocity"
-        )
-    top = int(values.argmax())
-    if not 0 < top < slip.size - 1 or abs(values[0]) > 1e-6 * values[top]:
-        raise PlantError(f"{owner}: shape must rise from 0 to one maximum below 20 m/s")
-    at_knots = np.asarray(curve.shape(slip[top] * _KNOTS), dtype=float)
-    table = np.concatenate([[slip[top]], at_knots / values[top]])
-    table.flags.writeable = False
-    return table
+        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(table[0] * KNOTS))))
 
 
 # A = mu_inf / mu_0, B [s/m], kA, kS: Polach, Wear 258 (2005), Table 3 (measurements with locomotives).

@@ -41,15 +41,25 @@ Between two independent knots the smooth step w mixes them and the variance fall
 
 @dataclass(frozen=True)
 class Patch:
-    """A stretch of rail [m] that, for a time [s], multiplies the coefficient by `factor`; smooth edges."""
+    """A stretch of rail that, for a time, multiplies the coefficient by a factor; smooth edges.
+
+    Source: assumed.
+    """
 
     factor: float
+    """Factor on the coefficient."""
     start: float = -1e6
+    """Position where the stretch begins [m]."""
     end: float = 1e6
+    """Position where it ends [m]."""
     edge: float = 5.0
+    """Length over which either end is smooth [m]."""
     begin: float = -1e6
+    """Instant at which it begins [s]."""
     until: float = 1e6
+    """Instant at which it ends [s]."""
     fade: float = 0.2
+    """Time over which it comes and goes [s]."""
 
     def __post_init__(self) -> None:
         PlantError.check("patch", self, positive=("factor", "edge", "fade"))
@@ -61,8 +71,12 @@ class Patch:
                 )
 
 
+GROWTH_SLOPE, GROWTH_OFFSET = 0.0083, -0.0066
+"""Of the growth of adhesion along a train, JP5484215 (15)."""
+
+
 def logarithmic_increments(
-    axle_count: int, slope: float = 0.0083, offset: float = -0.0066
+    axle_count: int, slope: float = GROWTH_SLOPE, offset: float = GROWTH_OFFSET
 ) -> NDArray[np.float64]:
     """Growth of the adhesion coefficient along the train, JP5484215 (15): slope ln j + offset, (axles,).
 
@@ -73,40 +87,48 @@ def logarithmic_increments(
 
 @dataclass(frozen=True, repr=False)
 class Rail:
-    """Adhesion field. `level` scales the speed law (the coefficient itself where the law is `none`).
+    """Adhesion field.
 
-    `increments`: one value per axle from the front, or None for zero. `scatter` is the standard deviation of
-    the coefficient along the rail (JP5484215: 0.012), with correlation length `scatter_length` [m], drawn
-    from `seed`. `conditioning`: relative gain behind wheels that slip much; `conditioning_slip`: slip ratio
-    that cleans to 63 %; `cleaning_spacing` [m]: resolution of the cleaned or sanded rail. `presliding` [m]: deflection at
-    which a contact at rest yields, see `alloc.plant.static_adhesion`; assumed, a train that holds moves by less than a
-    millimetre.
-
-    `sanded_coefficient`: what much sand lifts a lower coefficient to; `sand_saturation` [kg/m per rail]: amount that does so
-    by 63 %; `sand_decay`: share of the sand that an axle takes off the rail. Calibrated: `studies.sanders.calibration`.
-
-    `rear_speed_law`: law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled by `level` too. Axle i
-    (0 = foremost) follows the front's law blended towards it by 1 - exp(-i / `rear_axles`): further back adhesion is
-    another and may depend less on speed (JP4209318, Fig. 2, par. 0051, findings 1 and 2). None: one law for all axles.
+    Source: assumed.
     """
 
     level: float
+    """Scale of the speed law; the coefficient itself where the law is `none`."""
     speed_law: str | tuple[float, float, float] = "none"
+    """Coefficient over the speed: a name of `SPEED_LAWS`, or a, b and c of a / (V + b) + c with V in km/h. Source:
+    shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler, 1950."""
     rear_speed_law: tuple[float, float, float] | None = None
+    """Law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled alike: further back adhesion is another
+    and may depend less on speed. Left out: one law for all axles. Source: JP4209318, Fig. 2, par. 0051, findings 1 and 2."""
     rear_axles: float = 4.0
+    """Axle i (0 = foremost) follows the front's law blended towards that of the rear by 1 - exp(-i / `rear_axles`)."""
     patches: tuple[Patch, ...] = ()
+    """Stretches of rail, or spans of time, with another adhesion."""
     increments: tuple[float, ...] | None = None
+    """Growth of the coefficient along the train, one value per axle from the front; None: zero. Source: JP5484215 (15)."""
     scatter: float = 0.0
+    """Standard deviation of the coefficient along the rail. Source: JP5484215, par. on (12) to (15): 0.012."""
     scatter_length: float = 20.0
+    """Correlation length of the scatter [m]. Source: assumed: a rail's length or a car's."""
     seed: int = 0
+    """Seed of the scatter."""
     conditioning: float = 0.0
+    """Relative gain of adhesion behind wheels that slip much. Source: JP4209318, par. 0051, without a number."""
     conditioning_slip: float = 0.05
+    """Slip ratio that cleans the rail to 63 %."""
     cleaning_spacing: float = 0.1
+    """Resolution of the cleaned or sanded rail [m]."""
     sanded_coefficient: float = 0.40
+    """Coefficient to which much sand lifts a lower one. Source: calibrated in `studies.sanders.calibration`."""
     sand_saturation: float = 35.3e-3
+    """Amount of sand per rail that does so by 63 % [kg/m]. Source: calibrated in `studies.sanders.calibration`."""
     sand_decay: float = 0.0558
+    """Share of the sand that an axle takes off the rail, 0 to 1. Source: calibrated in `studies.sanders.calibration`."""
     presliding: float = 1.5e-4
+    """Deflection at which a contact at rest yields, see `alloc.plant.static_adhesion` [m]. Source: assumed: a train that
+    holds moves by less than a millimetre."""
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
+    """Adhesion curve: tangential coefficient over the slip."""
 
     def __post_init__(self) -> None:
         lengths = ("scatter_length", "cleaning_spacing", "rear_axles", "presliding")
@@ -186,21 +208,29 @@ class Rail:
 
 @dataclass(frozen=True)
 class Line:
-    """Gradient, tunnels and curves by position [m]; gradient as rise per run (0.020 = 20 per mille).
+    """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
 
-    `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the
-    nearest holds. Changes are spread over one `spacing`. In a tunnel the air resistance is multiplied
-    by `tunnel_factor`. `curves` are start, end and radius [m]; each car is held back where it is by `curve_law`, a name in
-    `CURVE_LAWS`. Where curves overlap the sharpest counts.
+    `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest holds.
+    Changes are spread over one `spacing`. Where curves overlap the sharpest counts.
+
+    Source: this project.
     """
 
     stations: tuple[float, ...] = (0.0,)
+    """Starts of the sections, growing [m]."""
     grades: tuple[float, ...] = (0.0,)
+    """Gradient of each section."""
     tunnels: tuple[tuple[float, float], ...] = ()
+    """Start and end of each tunnel [m]."""
     tunnel_factor: float = 1.0
+    """Air resistance in a tunnel over that outside. Source: JP H07-322414 has such a factor; the value is the train's."""
     spacing: float = 5.0
+    """Resolution of the line [m]."""
     curves: tuple[tuple[float, float, float], ...] = ()
+    """Start, end and radius of each curve [m]."""
     curve_law: str = "600/R"
+    """Law of the curves' resistance, by which each car is held back where it is: a name of `CURVE_LAWS`. Source: 600/R,
+    800/R: usual in England and Japan; roeckl: Roeckl, standard gauge."""
 
     def __post_init__(self) -> None:
         PlantError.check(
@@ -253,12 +283,19 @@ class Line:
 
 @dataclass(frozen=True)
 class Receptivity:
-    """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1]."""
+    """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1].
+
+    Source: assumed.
+    """
 
     mean: float = 1.0
+    """Mean share that the line takes up."""
     amplitude: float = 0.0
+    """Amplitude of its change; 0: it is constant."""
     period: float = 3.0
+    """Period of its change [s]."""
     phase: float = 0.0
+    """Phase of its change [rad]."""
 
     def __post_init__(self) -> None:
         PlantError.check("receptivity", self, ("period",), ("mean", "amplitude"), ("phase",))

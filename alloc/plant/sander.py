@@ -9,13 +9,16 @@ from alloc.errors import PlantError
 class Sander:
     """Lays sand on both rails just ahead of an axle of its car, whichever way the train runs.
 
-    `axle`: 0 = the car's foremost. `rate` [kg/s per rail]: of a sander of fixed rate, else its greatest. `amount` [kg/m per
-    rail]: what a sander of variable rate keeps to as long as `rate` allows; None: fixed rate.
+    Source: the vehicle's.
     """
 
     axle: int
+    """Number of the axle in its car, 0 = foremost."""
     rate: float
+    """Sand per rail: of a sander of fixed rate, else its greatest [kg/s]."""
     amount: float | None = None
+    """Sand per rail and metre that a sander of variable rate keeps to as long as `rate` allows [kg/m]. Left out: the rate is
+    fixed."""
 
     def __post_init__(self) -> None:
         if isinstance(self.axle, bool) or not isinstance(self.axle, int) or self.axle < 0:

@@ -21,12 +21,19 @@ MOST_AXLES = 2000
 
 @dataclass(frozen=True)
 class Coupler:
-    """Draft gear between two cars: slack [m], stiffness [N/m], stiffening [N/m3], damping [N s/m]."""
+    """Linear draft gear between two cars, with slack.
+
+    Source: assumed.
+    """
 
     stiffness: float = 2.0e7
+    """Stiffness [N/m]."""
     stiffening: float = 0.0
+    """Force over the cube of the stretch [N/m3]."""
     damping: float = 2.0e5
+    """Damping [N s/m]."""
     slack: float = 0.0
+    """Slack [m]."""
 
     def __post_init__(self) -> None:
         PlantError.check(
@@ -38,26 +45,34 @@ class Coupler:
 class DraftGear:
     """Friction draft gears between two cars, one at either car's end, with a slack between them.
 
-    Each follows T0 + c1 (s - T0 / ck) when loaded, t0 + c2 s when unloaded, and the slope ck from one line to the other:
-    `loading` c1, `unloading` c2, `structure` ck [N/m], `preload` T0, `restoring` t0 [N]. Beyond the `stroke` [m] only the
-    structure yields. `slack` [m] between the two. Defaults: a published set (c1 2.57e7, c2 2.85e6, ck 2.5e8, T0 240 kN, t0
-    50 kN, lambda 0.09 m, delta 0.05 m), in which lambda is read as a gear's stroke, delta as the slack between two cars.
+    Each follows T0 + c1 (s - T0 / ck) when loaded, t0 + c2 s when unloaded, and the slope ck from one line to the other.
+    Defaults: a published set (c1 2.57e7, c2 2.85e6, ck 2.5e8, T0 240 kN, t0 50 kN, lambda 0.09 m, delta 0.05 m), in which
+    lambda is read as a gear's stroke, delta as the slack between two cars.
 
-    Assumed: `viscosity` [N s/m] of a gear's sliding wedges, which makes friction a function of the rate; `damping` [N s/m]
-    of its structure, about critical for two wagons of 85 t, without which a train swings for minutes on gears that
-    stick; `in_series`: gears of a connection.
+    Source: a published set of draft gears.
     """
 
     loading: float = 2.57e7
+    """Slope c1 when loaded [N/m]."""
     unloading: float = 2.85e6
+    """Slope c2 when unloaded, less than `loading` [N/m]."""
     structure: float = 2.5e8
+    """Slope ck from one line to the other; beyond the stroke only the structure yields [N/m]."""
     preload: float = 240e3
+    """Force T0 at which a gear begins to move [N]."""
     restoring: float = 50e3
+    """Force t0 of an unloaded gear [N]."""
     stroke: float = 0.09
+    """Stroke of a gear [m]."""
     slack: float = 0.05
+    """Slack between the two gears [m]."""
     viscosity: float = 2.0e5
+    """Viscosity of a gear's sliding wedges, which makes friction a function of the rate [N s/m]. Source: assumed."""
     damping: float = 1.0e7
+    """Damping of a gear's structure [N s/m]. Source: assumed: about critical for two wagons of 85 t; without it a train
+    swings for minutes on gears that stick."""
     in_series: int = 2
+    """Gears of a connection. Source: assumed."""
 
     def __post_init__(self) -> None:
         positive = (

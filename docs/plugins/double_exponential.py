@@ -9,12 +9,16 @@ from alloc.plant.adhesion import CURVES, ShapedCurve
 
 @dataclass(frozen=True)
 class DoubleExponential(ShapedCurve):
-    """Keys of `[rail.curve]` beside `kind = "double-exponential"`: a, b [s/m], c, d; wet rail by default."""
+    """c exp(-a v_s) - d exp(-b v_s); wet rail by default. Source: usual in work on locomotives."""
 
     a: float = 0.54
+    """Decay over the slip velocity beyond the peak [s/m]."""
     b: float = 1.2
+    """Decay over the slip velocity before it [s/m]."""
     c: float = 0.29
+    """Coefficient of the first term."""
     d: float = 0.29
+    """Coefficient of the second term."""
 
     def shape(self, slip):
         """Coefficient at a slip velocity of 0 or more [m/s]; the rail's level scales its peak."""

@@ -26,9 +26,10 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     """Event `k` as a scenario of `duration` [s]."""
     d = draw(seed, k)
     if d["speed_law"] == "none":
-        level = d["level"]
+        level = {"level": float(d["level"])}
     else:
-        level = d["level"] / hyperbolic_speed_law(REFERENCE_SPEED, *SPEED_LAWS[d["speed_law"]])
+        at_reference = hyperbolic_speed_law(REFERENCE_SPEED, *SPEED_LAWS[d["speed_law"]])
+        level = {"law_factor": float(d["level"] / at_reference)}
     position = np.linspace(-1.0, 1.0, CARS)
     loads = d["load_t"] * (1.0 + d["tilt"] * position)
     noise = stated("_kmh", d["speed_noise_kmh"])
@@ -46,7 +47,7 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         variation=None,  # drawn here
         load_t=tuple(stated("_t", load) for load in loads.tolist()),
         rail={
-            "level": float(level),
+            **level,
             "speed_law": d["speed_law"],
             "increments": _increments(d["slope"]),
             "scatter": d["scatter"],

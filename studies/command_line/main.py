@@ -17,7 +17,9 @@ from studies.command_line.export_controller import export_controller
 from studies.command_line.figures import figures
 from studies.command_line.list import list_names
 from studies.command_line.merge import merge
+from studies.command_line.new_scenario import new_scenario
 from studies.command_line.run_line import run_line
+from studies.command_line.schema import schema
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
 from studies.core.interruption import Termination, listen
@@ -37,7 +39,9 @@ app = App(
     help_on_error=False,
     suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
 )
-for command in (compare, simulate, run_line, sweep, merge, figures, analyse, export_controller):
+for command in (
+    compare, simulate, run_line, sweep, merge, figures, analyse, export_controller, new_scenario, schema,
+):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")
 app.meta.suppress_keyboard_interrupt = False

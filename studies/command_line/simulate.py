@@ -1,8 +1,6 @@
 """`readhesion simulate`: one slip event under one rule and one controller."""
 
 import json
-import sys
-from functools import partial
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -47,7 +45,6 @@ def simulate(
     """
     from rich.table import Table
 
-    from alloc.compilation import telling
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
     from studies.comparison.defaults import check_names
@@ -63,9 +60,7 @@ def simulate(
     beside = None if log is None else train_beside(log)
     for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):
         check_file(path, endings)
-    tell = partial(print, "compiling; the next run loads what is compiled", file=sys.stderr)
-    with telling(tell):
-        run = simulate_job(Job(chosen, rule, controller, seed))
+    run = simulate_job(Job(chosen, rule, controller, seed))
     values = evaluate(run)
     if out is not None:
         save(run, out)

@@ -5,6 +5,8 @@ from typing import Any
 
 import xarray as xr
 
+from alloc.run_attributes import attributes_of
+
 MOST_FAILURES = 0.05
 """Share of its calls, or of its steps over all units, in which a rule or a controller may fail in a run that counts.
 
@@ -16,9 +18,12 @@ DEGRADED = "degraded"
 
 def run_status(run: xr.Dataset) -> dict[str, Any]:
     """What a row says of its run: nothing while failures are few, else status and reason with the share that failed."""
-    messages = json.loads(run.attrs["messages"])
-    for part, calls in (("rule", "calls"), ("controller", "steps")):
-        count, failed = int(run.attrs[f"{part}_calls"]), int(run.attrs[f"{part}_failures"])
+    told = attributes_of(run)
+    messages = json.loads(told["messages"])
+    for part, calls, count, failed in (
+        ("rule", "calls", told["rule_calls"], told["rule_failures"]),
+        ("controller", "steps", told["controller_calls"], told["controller_failures"]),
+    ):
         if failed > MOST_FAILURES * count:
             mine = {text: n for text, n in messages.items() if text.startswith(f"{part}: ")}
             reason = (

@@ -30,9 +30,10 @@ def scenario(seed: int, k: int, curve: str, duration: float = DURATION) -> Scena
     base = claim_event(seed, k, duration)
     rail: dict[str, Any] = base.rail.model_dump() | {"curve": CURVES[curve]}
     if CURVES[curve]["kind"] == "polach":  # its level is the friction coefficient, above the peak
-        adhesion = draw(seed, k)["level"]  # "level" may be a factor on a law of speed
+        adhesion = draw(seed, k)["level"]
+        key = "level" if rail["law_factor"] is None else "law_factor"
         train = base.event(0).model.train
-        rail["level"] *= level_for(POLACH_WET, adhesion, REFERENCE_SPEED, train) / adhesion
+        rail[key] *= level_for(POLACH_WET, adhesion, REFERENCE_SPEED, train) / adhesion
     belief = base.belief.model_dump() | {"curve": {"kind": "piecewise"}}
     return base.changed(name=name_of(seed, k, curve), rail=rail, belief=belief)
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
+from studies.files.json_schema import describe, meaning_of
 from studies.files.small_file import small_text
 from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
@@ -28,9 +29,12 @@ class _Plain(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_disguise(cls, value: Any, info: ValidationInfo) -> Any:
-        """Refuse a number in quotes, and true or false for one, which the library would convert."""
+        """Refuse a number in quotes, true for a number, and a word or a number for true; the library would convert them."""
         stated = str(cls.model_fields[str(info.field_name)].annotation)
+        only_bool = "bool" in stated and not any(kind in stated for kind in ("int", "float", "str"))
         for part in _leaves(value):
+            if only_bool and not isinstance(part, bool | None):
+                raise ValueError(f"must be true or false, not {shown(part)}")
             if (isinstance(part, bool) and "bool" not in stated) or (
                 isinstance(part, str) and "str" not in stated and is_number(part)
             ):
@@ -39,9 +43,14 @@ class _Plain(BaseModel):
 
 
 class Strict(_Plain):
-    """A frozen record; a key that it does not know is an error."""
+    """A frozen record; a key that it does not know is an error.
+
+    `record`: parameters that the keys feed. A key's name without its unit is that of a field there, which says its meaning.
+    """
 
     model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+    record: ClassVar[Any] = None
 
     @field_validator("*")
     @classmethod
@@ -50,6 +59,12 @@ class Strict(_Plain):
         if fault is not None:
             raise ValueError(fault)
         return value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core)
+        describe(handler.resolve_ref_schema(schema), cls, cls.record)
+        return schema
 
     @classmethod
     def complete(cls) -> type[BaseModel]:
@@ -144,7 +159,9 @@ def explain(kind: type[BaseModel], error: ValidationError) -> str:
             f"did you mean {near!r}?" if near else f"valid keys: {', '.join(valid)}"
         )
     if fault["type"] == "missing":
-        return f"key {key!r} is missing"
+        inside = _model_at(kind, place[:-1])
+        told = meaning_of(str(place[-1]), inside, getattr(inside, "record", None))
+        return f"key {key!r} is missing" + (f": {told.text}" if told else "")
     reason = fault["msg"].removeprefix("Value error, ")
     reason = reason[0].lower() + reason[1:]
     if not place:

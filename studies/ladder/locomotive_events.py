@@ -74,7 +74,12 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         command=[{"time_s": 0.0, "acceleration_kmhs": ACCELERATION}],
         failures=[{"unit": d["failed_unit"], "time_s": FAILURE_TIME}] if failed else [],
         rail=rail_keys(d["curve"], d["residual_ratio"], level, train_of(LOCOMOTIVE))
-        | {"scatter": d["scatter"], "scatter_length_m": 20.0, "patches": patches},
+        | {
+            "increments": {"law": "logarithmic"},
+            "scatter": d["scatter"],
+            "scatter_length_m": 20.0,
+            "patches": patches,
+        },
         belief={"curve": {"kind": "piecewise"}},
         onboard={"sensors": {"speed_noise_kmh": stated("_kmh", d["speed_noise_kmh"])}},
         **changes,

@@ -11,20 +11,27 @@ from studies.railtoolkit.records import PointOfInterest, RunningPath, sections
 
 
 class LimitedSectionKeys(Strict):
-    """A stretch of line from `start_m` on: `[[sections]]`."""
+    """A stretch of line: `[[sections]]`. Source: the line's."""
 
     start_m: float
+    """Position where it begins; sections stand in growing order."""
     limit_kmh: float
+    """Speed limit."""
     grade_permille: float = 0.0
+    """Gradient, positive uphill."""
 
 
 class PointKeys(Strict):
-    """A point that a part of the train passes: `[[points]]`. With `dwell_s` the front stops there for that time."""
+    """A point that a part of the train passes: `[[points]]`. Source: the line's."""
 
     station_m: float
+    """Position of the point, on the line."""
     name: str
+    """Name of the point."""
     measure: Literal["front", "middle", "rear"] = "front"
+    """Part of the train that is meant to pass it."""
     dwell_s: float | None = Field(default=None, ge=0.0)
+    """Time for which the front stops there. Left out: the train passes without stopping."""
 
     def point(self) -> PointOfInterest:
         """The point of the line."""
@@ -32,13 +39,18 @@ class PointKeys(Strict):
 
 
 class LineFileKeys(Strict):
-    """The file: the line's name, where its figures come from, and where the last section ends."""
+    """The file: the line's name, where its figures come from, and where the last section ends. Source: the line's."""
 
     name: str = Field(min_length=1)
+    """Name of the line."""
     source: str = ""
+    """Where its figures come from."""
     end_m: float
+    """Position where the last section ends."""
     sections: tuple[LimitedSectionKeys, ...] = Field(min_length=1, max_length=MOST_SECTIONS)
+    """Stretches of constant speed limit and gradient."""
     points: tuple[PointKeys, ...] = Field(default=(), max_length=1000)
+    """Points to pass or to stop at. Left out: none."""
 
     @model_validator(mode="after")
     def _fits(self) -> "LineFileKeys":

@@ -42,18 +42,21 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
     Raises `StudyError` naming the file, the key and the reason.
     """
+    scenario = parse(Scenario, read_scenario(name_or_path), str(name_or_path))
+    scenario.event()  # impossible values show now, not in the middle of a study
+    return scenario
+
+
+def read_scenario(name_or_path: str | Path) -> dict[str, Any]:
+    """The keys of a scenario as its file has them, with its name; they are not checked. Raises as `load_scenario`."""
     text = str(name_or_path)
     is_path = text.endswith(".toml") or "/" in text
     found = text if is_path else SCENARIOS.find(text)
     if isinstance(found, Mapping):
-        keys = {"name": text} | dict(found)
-    else:
-        path = Path(found)
-        data = read_toml(str(path), "scenario", "`readhesion list` names the shipped ones")
-        keys = {"name": safe_name(path.stem)} | _resolved(data, path.parent)
-    scenario = parse(Scenario, keys, text)
-    scenario.event()  # impossible values show now, not in the middle of a study
-    return scenario
+        return {"name": text} | dict(found)
+    path = Path(found)
+    data = read_toml(str(path), "scenario", "`readhesion list` names the shipped ones")
+    return {"name": safe_name(path.stem)} | _resolved(data, path.parent)
 
 
 def _resolved(data: dict[str, Any], folder: Path) -> dict[str, Any]:

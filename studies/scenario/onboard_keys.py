@@ -4,7 +4,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, create_model, model_validator
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController
@@ -17,12 +17,16 @@ from studies.scenario.record_keys import built, keys_of
 
 
 class BeliefKeys(Strict):
-    """What the train believes where that differs from the truth: `[belief]`."""
+    """What the train believes where that differs from the truth: `[belief]`. Source: this project."""
+
+    record = Belief
 
     increments: IncrementKeys | None = None
+    """Growth of the coefficient along the train. Left out: that of the rail. Source: JP5484215 (15), Shinkansen."""
     unit_increments: tuple[float, ...] | None = None
     unit_deviation: tuple[float, ...] | None = None
     curve: CurveKeys | None = None
+    """Adhesion curve. Left out: that of the rail."""
     loads_t: tuple[float, ...] | None = None
     mass_factor: float | None = None
     resistance_factor: float | None = None
@@ -43,6 +47,10 @@ def _hosted_controllers() -> dict[str, Any]:
     return found
 
 
+def _about(controller: HostedController) -> str:
+    return f"Controller {controller.name}: {controller.meaning}. Source: see its keys."
+
+
 class OnboardKeys(_Equipment):
     """Equipment of the train: `[onboard]`; its tables and keys are the fields of `alloc.onboard.Onboard`.
 
@@ -52,13 +60,22 @@ class OnboardKeys(_Equipment):
     model_config = ConfigDict(extra="allow")
 
     @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        complete = cls.complete()
+        made: dict[str, Any] = handler(complete.__pydantic_core_schema__)
+        return made
+
+    @classmethod
     def complete(cls) -> type[BaseModel]:
         """All keys, those of hosted controllers included, which may come with plug-ins."""
         tables: Any = {
-            name: (keys_of(controller.settings), None)
+            name: (
+                keys_of(controller.settings),
+                Field(default=None, description=_about(controller)),
+            )
             for name, controller in _hosted_controllers().items()
         }
-        return create_model("OnboardKeys", __base__=_Equipment, **tables)
+        return create_model("Equipment", __base__=_Equipment, __doc__=cls.__doc__, **tables)
 
     @model_validator(mode="after")
     def _fits(self) -> "OnboardKeys":

@@ -1,27 +1,66 @@
 """What a scenario file says about rail and line."""
 
-from dataclasses import fields, replace
-from typing import Any, Literal
+from dataclasses import MISSING, fields, replace
+from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from alloc.errors import number_fault
 from alloc.plant.adhesion import CURVES, AdhesionCurve
-from alloc.plant.rail import Line, Patch, Rail, Receptivity, logarithmic_increments
+from alloc.plant.rail import (
+    CURVE_LAWS,
+    GROWTH_OFFSET,
+    GROWTH_SLOPE,
+    SPEED_LAWS,
+    Line,
+    Patch,
+    Rail,
+    Receptivity,
+    logarithmic_increments,
+)
+from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
+from studies.files.key_meaning import Meaning, meanings, meant
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
-from studies.files.units import range_fault, si
+from studies.files.units import range_fault, si, unit_of
+
+SpeedLaw = Annotated[str, Names(lambda: SPEED_LAWS)] | tuple[float, float, float]
+ONE_LEVEL: Schema = {
+    "allOf": [
+        {
+            "oneOf": [
+                {
+                    "required": ["level"],
+                    "properties": {"speed_law": {"const": "none"}},
+                    "not": {"required": ["law_factor"]},
+                },
+                {
+                    "required": ["speed_law", "law_factor"],
+                    "properties": {"speed_law": {"not": {"const": "none"}}},
+                    "not": {"required": ["level"]},
+                },
+            ]
+        }
+    ]
+}
+"""In the schema: a rail has a coefficient, or a law with a factor."""
 
 
 class PatchKeys(Strict):
-    """A stretch of rail, or a span of time, with another adhesion: `[[rail.patches]]`."""
+    """A stretch of rail, or a span of time, with another adhesion: `[[rail.patches]]`. Source: assumed."""
+
+    record = Patch
 
     factor: float
     start_m: float | None = None
+    """Position where the stretch begins. Left out: before any train."""
     end_m: float | None = None
+    """Position where it ends. Left out: beyond any train."""
     edge_m: float | None = None
     begin_s: float | None = None
+    """Instant at which it begins. Left out: before the run."""
     until_s: float | None = None
+    """Instant at which it ends. Left out: after the run."""
     fade_s: float | None = None
 
     def patch(self) -> Patch:
@@ -30,17 +69,30 @@ class PatchKeys(Strict):
 
 
 class IncrementKeys(Strict):
-    """Growth of adhesion along the train: none, the law (15) of JP5484215, or a value per axle."""
+    """Growth of adhesion along the train: none, the law (15) of JP5484215, or a value per axle.
 
-    law: Literal["none", "logarithmic", "given"] = "logarithmic"
-    slope: float = 0.0083
-    offset: float = -0.0066
+    Source: JP5484215 (15), Shinkansen.
+    """
+
+    law: Literal["none", "logarithmic", "given"]
+    """Law of the growth: none, slope ln j + offset for axle j (1 = foremost), or given by values."""
+    slope: float = GROWTH_SLOPE
+    """Slope of the law logarithmic."""
+    offset: float = GROWTH_OFFSET
+    """Offset of the law logarithmic; with the default the mean over the first four axles is zero."""
     values: tuple[float, ...] | None = None
+    """Increment of the coefficient per axle from the front, with the law given. Left out: another law is meant. Source: the
+    file's."""
 
     @model_validator(mode="after")
     def _fits(self) -> "IncrementKeys":
         if (self.values is not None) != (self.law == "given"):
             raise ValueError('values go with law = "given", and only with it')
+        if self.law != "logarithmic" and (self.slope, self.offset) != (
+            GROWTH_SLOPE,
+            GROWTH_OFFSET,
+        ):
+            raise ValueError('slope and offset go with law = "logarithmic", and only with it')
         return self
 
     def increments(self, axles: int) -> tuple[float, ...] | None:
@@ -52,12 +104,35 @@ class IncrementKeys(Strict):
         return tuple(logarithmic_increments(axles, self.slope, self.offset).tolist())
 
 
+def _curve_schema(name: str) -> Schema:
+    """Keys of an adhesion curve: the fields of its class."""
+    curve: Any = CURVES[name]
+    told, stated = meanings(curve), get_type_hints(curve)
+    keys: Schema = {"kind": {"const": name}}
+    for item in fields(curve):
+        meaning = told.get(item.name, Meaning())
+        keys[item.name] = TypeAdapter(stated[item.name]).json_schema()
+        default = in_unit(item.default, 1.0)
+        add(keys[item.name], meaning, meaning.unit, default)
+        bound_numbers(keys[item.name], unit_of(item.name))
+    about = meant((curve.__doc__ or "").strip().partition("\n")[0]).text
+    known = {"title": name, "description": about, "type": "object", "properties": keys}
+    required = [
+        item.name
+        for item in fields(curve)
+        if item.default is MISSING and item.default_factory is MISSING
+    ]
+    kind = [] if name == CurveKeys.model_fields["kind"].default else ["kind"]
+    return known | {"required": kind + required, "additionalProperties": False}
+
+
 class CurveKeys(BaseModel):
     """Adhesion curve by kind, a name in `alloc.plant.adhesion.CURVES`, with the parameters that differ from its default."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
     kind: str = "piecewise"
+    """Name of the adhesion curve; the other keys are its parameters. Source: piecewise: readhesion paper (1)-(6)."""
 
     @model_validator(mode="after")
     def _fits(self) -> "CurveKeys":
@@ -72,6 +147,19 @@ class CurveKeys(BaseModel):
                 raise ValueError(f"{key} = {value!r} {fault}")
         return self
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Schema:
+        reference: Schema = handler(core)
+        schema = handler.resolve_ref_schema(reference)
+        schema.clear()
+        about = (cls.__doc__ or "").partition(",")[0] + ", with the parameters that differ."
+        schema |= {"description": about, "oneOf": [_curve_schema(name) for name in CURVES]}
+        for one in schema["oneOf"]:
+            told = one["properties"]["kind"] = {"type": "string"} | one["properties"]["kind"]
+            is_default = told["const"] == cls.model_fields["kind"].default
+            add(told, meanings(cls)["kind"], "", told["const"] if is_default else None)
+        return reference
+
     @property
     def _given(self) -> dict[str, Any]:
         return {key: value for key, value in (self.model_extra or {}).items() if value is not None}
@@ -82,17 +170,23 @@ class CurveKeys(BaseModel):
 
 
 class RailKeys(Strict):
-    """The rail as it truly is: `[rail]`.
+    """The rail as it truly is: `[rail]`. Either `level`, or `speed_law` with its factor `law_factor`. Source: assumed."""
 
-    `level` is the coefficient where `speed_law` is "none", else a factor on the law; a law is a name, or a, b and c of
-    a / (V + b) + c with V in km/h. `rear_speed_law` takes over from the front to the rear within `rear_axles`.
-    """
+    record = Rail
+    model_config = ConfigDict(json_schema_extra=ONE_LEVEL)
 
-    level: float = Field(le=10.0)
-    speed_law: str | tuple[float, float, float] = "none"
+    level: float | None = Field(default=None, le=10.0)
+    """Coefficient, where it is the same at every speed. Left out: `speed_law` and `law_factor` are given."""
+    speed_law: SpeedLaw = "none"
+    """Coefficient over the speed V: a name, or a, b and c of a / (V + b) + c with V in km/h; none: the same at every speed.
+    Source: shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler, 1950."""
+    law_factor: float | None = Field(default=None, le=10.0)
+    """Factor on the coefficient that `speed_law` gives; 1 is the law itself. Left out: `level` is given."""
     rear_speed_law: tuple[float, float, float] | None = None
     rear_axles: float | None = None
-    increments: IncrementKeys = IncrementKeys()
+    increments: IncrementKeys
+    """Growth of the coefficient along the train. It is always said: law = "none", or law = "logarithmic" for that of
+    JP5484215 (15). Source: JP5484215 (15)."""
     patches: tuple[PatchKeys, ...] = Field(default=(), max_length=1000)
     scatter: float = 0.0
     scatter_length_m: float | None = None
@@ -104,9 +198,29 @@ class RailKeys(Strict):
     presliding_m: float | None = None
     curve: CurveKeys = CurveKeys()
 
+    @model_validator(mode="after")
+    def _fits(self) -> "RailKeys":
+        if self.speed_law == "none":
+            if self.law_factor is not None:
+                raise ValueError(
+                    "law_factor goes with speed_law; without it say level, the coefficient"
+                )
+            if self.level is None:
+                raise ValueError("level is missing; or give speed_law and law_factor")
+            if self.rear_speed_law is not None:
+                raise ValueError("rear_speed_law goes with speed_law, the law of the front")
+        elif self.level is not None:
+            raise ValueError(
+                "level is a coefficient, the same at every speed; with speed_law say law_factor in its place"
+            )
+        elif self.law_factor is None:
+            raise ValueError("law_factor is missing; 1.0 is the speed_law itself")
+        return self
+
     def rail(self, axles: int, seed: int) -> Rail:
         """The plant's rail for a train of so many axles; `seed` draws the scatter."""
         values = si(self) | {"patches": tuple(patch.patch() for patch in self.patches)}
+        values["level"] = values.pop("law_factor", self.level)
         return Rail(
             **values,
             increments=self.increments.increments(axles),
@@ -116,41 +230,53 @@ class RailKeys(Strict):
 
 
 class SectionKeys(Strict):
-    """Gradient from a position on: `[[line.sections]]`."""
+    """Gradient from a position on: `[[line.sections]]`. Source: the line's."""
 
     start_m: float
+    """Position where the section begins; sections stand in growing order."""
     grade_permille: float
+    """Gradient, positive uphill."""
 
 
 class TunnelKeys(Strict):
-    """A tunnel: `[[line.tunnels]]`."""
+    """A tunnel: `[[line.tunnels]]`. Source: the line's."""
 
     start_m: float
+    """Position where it begins."""
     end_m: float
+    """Position where it ends."""
 
 
 class LineCurveKeys(Strict):
-    """A curve of the line, straight on either side: `[[line.curves]]`."""
+    """A curve of the line, straight on either side: `[[line.curves]]`. Source: the line's."""
 
     start_m: float
+    """Position where it begins."""
     end_m: float
+    """Position where it ends."""
     radius_m: float
+    """Radius."""
 
 
 class LineKeys(Strict):
     """The line: sections, tunnels and curves, or in `file` a line of its own in place of the sections: `[line]`.
 
-    The file is TOML as `studies.scenario.line_file` reads it, or a railtoolkit running path.
-
-    `curve_law`, the curves' resistance, is a name in `alloc.plant.rail.CURVE_LAWS`.
+    Source: the line's.
     """
 
+    record = Line
+
     file: str | None = None
+    """Path of a line in place of the sections, counted from the scenario's folder: a line file in TOML, or a
+    railtoolkit running path. Left out: the sections count."""
     sections: tuple[SectionKeys, ...] = Field(default=(), max_length=50_000)
+    """Sections of constant gradient; before the first and beyond the last the nearest holds. Left out: a level line."""
     tunnels: tuple[TunnelKeys, ...] = Field(default=(), max_length=1000)
+    """Tunnels. Left out: none."""
     tunnel_factor: float = 1.0
     curves: tuple[LineCurveKeys, ...] = Field(default=(), max_length=50_000)
-    curve_law: str = "600/R"
+    """Curves; where they overlap the sharpest counts. Left out: none."""
+    curve_law: Annotated[str, Names(lambda: CURVE_LAWS)] = "600/R"
 
     @model_validator(mode="after")
     def _fits(self) -> "LineKeys":
@@ -178,7 +304,9 @@ class LineKeys(Strict):
 
 
 class ReceptivityKeys(Strict):
-    """How much regenerated power the line takes up: `[receptivity]`; the phase is drawn from the seed."""
+    """How much regenerated power the line takes up: `[receptivity]`; the phase is drawn from the seed. Source: assumed."""
+
+    record = Receptivity
 
     mean: float = 1.0
     amplitude: float = 0.0

@@ -4,20 +4,18 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from dataclasses import Field as RecordField
 from functools import cache, partial
-from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, Field, create_model
 
 from studies.files.strict import Strict
-from studies.files.units import ENDINGS, si
+from studies.files.units import si, unit_called
 
 Parameters = TypeVar("Parameters")
 
 
 class _Keys(Strict):
     """Keys of a record. They travel to other processes by it, for their class has no name in a module."""
-
-    record: ClassVar[Any]
 
     def __reduce__(self) -> Any:
         kind: Any = type(self)
@@ -82,8 +80,14 @@ def _key(item: RecordField[Any]) -> tuple[str, tuple[Any, Any]]:
     if (most := item.metadata.get("most")) is not None:
         kind = Annotated[kind, Field(le=most)]
     if names := item.metadata.get("names"):
-        kind = Annotated[kind, BeforeValidator(partial(_named, names))]
-    return item.name + ENDINGS[unit or "1"], (kind, ... if item.default is MISSING else None)
+        given: Any = Literal.__getitem__(tuple(names)) | kind
+        kind = Annotated[
+            kind, BeforeValidator(partial(_named, names), json_schema_input_type=given)
+        ]
+    return item.name + unit_called(unit or "1").ending, (
+        kind,
+        ... if item.default is MISSING else None,
+    )
 
 
 def _named(names: Mapping[str, float], value: object) -> object:

@@ -12,10 +12,10 @@ import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from alloc.errors import OnboardError, PlantError
 from alloc.onboard.equipment import equipment
@@ -24,11 +24,13 @@ from alloc.plant.model import build
 from alloc.plant.sets import SETS
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError, inputs_hash
+from studies.files.json_schema import Names
 from studies.files.strict import Strict, explain
 from studies.files.study_error import StudyError
 from studies.scenario.onboard_keys import BeliefKeys, OnboardKeys
 from studies.scenario.rail_keys import LineKeys, RailKeys, ReceptivityKeys
 from studies.scenario.train_keys import (
+    FILES,
     CouplerKeys,
     DraftGearKeys,
     FailureKeys,
@@ -45,45 +47,81 @@ SPEED_BOUND = 100.0
 
 
 class CommandKeys(Strict):
-    """Acceleration that the driver asks for on level track, from a time on: `[[command]]`."""
+    """Acceleration that the driver asks for on level track, from a time on: `[[command]]`. Source: the event's."""
 
     time_s: float
+    """Instant from which on it is asked for; commands stand in growing order. Before the first: none."""
     acceleration_kmhs: float
+    """Acceleration on level track; negative: braking."""
+
+
+def _named_by_file(schema: dict[str, Any]) -> None:
+    """A file need not say its name."""
+    schema["required"].remove("name")
 
 
 class Scenario(Strict):
-    """A slip event as its file describes it; `event` gives what the simulation runs."""
+    """A slip event as its file describes it; `event` gives what the simulation runs. Source: this project."""
+
+    model_config = ConfigDict(json_schema_extra=_named_by_file)
 
     name: str = Field(pattern=r"^[\w.+-]+$")  # part of file names
+    """Name in tables and of files: letters, digits, and . + - _. Left out: the file's name."""
     title: str
+    """One line that says what happens."""
     description: str = ""
+    """More about it."""
     case: Literal["none", "A", "B"] | None = None
-    """Case of the allocation that the event is meant to bring about."""
+    """Case of the allocation that the event is meant to bring about: none, plan out of reach (A), or plan within reach (B).
+    Left out: nothing is meant. Source: JP5484215."""
     in_default_comparison: bool = True
     """Whether `readhesion compare` runs it without being told; faults that single functions meet stay out."""
-    train: str
+    train: Annotated[str, Names(lambda: SETS, FILES)]
+    """Name of a train set, or path of a file counted from the scenario's folder: a train file in TOML, or of railtoolkit."""
     load_t: tuple[float, ...] | None = None
+    """Pay load of each car in the order in which the train is described, also where it runs `reversed`. Left out: that
+    of the train."""
     load_transfer: bool | None = None
+    """Axle loads change with the car's rail force. Left out: as the train says."""
     reversed: bool = False
+    """The train runs the other way round: its last car leads."""
     inverter_group: InverterGroup | None = None
-    """Motors per inverter in place of the train's own: a unit is an axle, a bogie or a car."""
+    """Motors per inverter in place of the train's own: a unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M). Left out:
+    the train's own."""
     coupler: CouplerKeys | None = None
+    """Linear draft gear between all cars. Left out: the train's own, or none: a rigid train."""
     draft_gear: DraftGearKeys | None = None
+    """Friction draft gear between all cars; an empty table is a published set. Left out: the train's own, or none: a rigid
+    train."""
     failures: tuple[FailureKeys, ...] = Field(default=(), max_length=1000)
+    """Traction units that fail. Left out: none."""
     rail: RailKeys
+    """The rail as it truly is."""
     line: LineKeys = LineKeys()
+    """Gradients, tunnels and curves. Left out: a level, straight line."""
     receptivity: ReceptivityKeys = ReceptivityKeys()
+    """How much regenerated power the line takes up. Left out: all of it."""
     variation: VariationKeys | None = None
-    """What differs between days; without it a seed draws only what the other tables leave to chance."""
+    """What differs between days; an empty table has bounds that fit most events. Left out: a seed draws only what the other
+    tables leave to chance."""
     command: tuple[CommandKeys, ...] = Field(min_length=1, max_length=10_000)
+    """Accelerations that the driver asks for."""
     belief: BeliefKeys = BeliefKeys()
+    """What the train believes where that differs from the truth. Left out: the truth."""
     onboard: OnboardKeys = OnboardKeys()
+    """Equipment of the train."""
     duration_s: float = Field(gt=0.0, le=36_000.0)
+    """Length of the run."""
     start_m: float = 0.0
+    """Position of the train's head at the start."""
     initial_speed_kmh: float = Field(default=0.0, ge=0.0, le=3.6 * SPEED_BOUND)
+    """Speed at the start."""
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
+    """Speed to which time and distance are measured. Left out: neither is measured."""
     step_s: float | None = Field(default=None, gt=0.0)
+    """Longest integration step. Left out: 0.002 s, with noise on the speed sensors 0.001 s."""
     record_period_s: float = Field(default=0.01, gt=0.0)
+    """Time between two recorded instants."""
 
     @model_validator(mode="after")
     def _fits(self) -> "Scenario":

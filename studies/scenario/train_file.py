@@ -19,18 +19,30 @@ class MotorKeys(Strict):
 
     Either torque and power of one motor, or the car's tractive effort at the rims as a table over speed. The electric brake
     has torque and power of its own; it is as strong as the drive where nothing is said, and missing with a table.
+
+    Source: the vehicle's.
     """
 
     inverter_group: InverterGroup = "1C4M"
+    """Motors per inverter: a traction unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M)."""
     gear_ratio: float = Field(gt=0.0, le=100.0)
+    """Turns of the motor per turn of the wheel."""
     torque_nm: float | None = None
+    """Greatest torque of a motor. Left out: effort_speed_kmh and effort_kn are given."""
     power_kw: float | None = None
+    """Greatest power of a motor. Left out: effort_speed_kmh and effort_kn are given."""
     effort_speed_kmh: tuple[float, ...] = Field(default=(), max_length=1000)
+    """Speeds of the table of tractive effort, growing from 0 or more. Left out: torque_nm and power_kw are given."""
     effort_kn: tuple[float, ...] = Field(default=(), max_length=1000)
+    """Tractive effort of the car at the rims at each of these speeds. Left out: torque_nm and power_kw are given."""
     brake_torque_nm: float | None = None
+    """Greatest braking torque of a motor. Left out: torque_nm; with a table of effort there is no electric brake."""
     brake_power_kw: float | None = None
+    """Greatest braking power of a motor. Left out: power_kw; with a table of effort there is no electric brake."""
     pull_out_speed_kmh: float | None = None
+    """Speed from which the torque falls with the square of the speed. Left out: it never does."""
     fade_speed_kmh: float = 5.0
+    """Speed below which the electric brake fades. Source: assumed."""
 
     @model_validator(mode="after")
     def _one_drive(self) -> "MotorKeys":
@@ -72,13 +84,18 @@ class MotorKeys(Strict):
 
 
 class AirBrakeKeys(Strict):
-    """Friction brake of a kind of car: `[car.X.air_brake]`; the force is that of one axle at the rim, at full pressure."""
+    """Friction brake of a kind of car: `[car.X.air_brake]`. Source: the vehicle's."""
 
     pressure_kpa: float = Field(gt=0.0)
+    """Greatest pressure of the cylinders."""
     force_kn: float
+    """Force of one axle at the rim, at that pressure."""
     lag_s: float = 1.2
+    """Time constant of filling and of releasing the cylinders. Source: assumed."""
     dead_time_s: float = 0.05
+    """Time from the command to the first change of pressure. Source: assumed."""
     friction_factor: float = 1.0
+    """Friction of the shoes over that of the design; the train's computers do not know of it."""
 
     def air_brake(self) -> AirBrake:
         """The plant's brake."""
@@ -99,6 +116,8 @@ class SanderKeys(Strict):
     With an amount its rate varies: it keeps to the amount as long as the rate given here allows.
     """
 
+    record = Sander
+
     axle: int
     rate_kg_per_min: float
     amount_g_per_m: float | None = None
@@ -109,20 +128,32 @@ class SanderKeys(Strict):
 
 
 class CarKeys(Strict):
-    """A kind of car: `[car.X]`, X the letter that stands for it in the formation."""
+    """A kind of car: `[car.X]`, X the letter that stands for it in the formation. Source: the vehicle's."""
 
     length_m: float
+    """Length over couplers."""
     mass_t: float
+    """Empty mass."""
     load_t: float = 0.0
+    """Pay load."""
     axle_positions_m: tuple[float, ...] = Field(max_length=64)
+    """Distance of each axle from the car's front end, growing."""
     bogie_of_axle: tuple[int, ...]
+    """Number of each axle's bogie, from 0."""
     wheel_radius_m: float = Field(ge=0.1, le=2.0)
+    """Radius of the wheels."""
     wheel_inertia_kgm2: float
+    """Inertia of a wheelset at the wheel, with everything geared to it."""
     driven: tuple[bool, ...] | None = None
+    """Whether each axle has a motor. Left out: every axle, if there are motors."""
     motors: MotorKeys | None = None
+    """Traction motors. Left out: none."""
     air_brake: AirBrakeKeys | None = None
+    """Friction brake. Left out: none."""
     speed_sensors: bool = True
+    """Whether the train's computers know the speed of its axles."""
     sanders: tuple[SanderKeys, ...] = Field(default=(), max_length=64)
+    """Sanders. Left out: none."""
 
     def car(self, name: str) -> Car:
         """The plant's car; every axle is driven where there are motors and nothing is said."""
@@ -148,21 +179,30 @@ class CarKeys(Strict):
 
 
 class TrainKeys(Strict):
-    """The file: the train's name, its formation from the front, its running resistance A + B v + C v2.
-
-    For a run over a line: its greatest speed, and the deceleration under the service brake, in total.
-    """
+    """The file: the train's name, its formation from the front, its running resistance A + B v + C v2. Source: the
+    vehicle's."""
 
     name: str = Field(pattern=r"^[\w.+-]+$")
+    """Name of the train: letters, digits, and . + - _."""
     formation: str = Field(min_length=1, max_length=500)
+    """Letters of its cars from the front, such as "MTTM"."""
     car: dict[str, CarKeys]
+    """Kinds of cars by their letter: `[car.M]`."""
     planned_acceleration_kmhs: float
+    """Acceleration that the plan asks for on level track."""
     resistance_n: float = 0.0
+    """Running resistance of the train, A."""
     resistance_ns_per_m: float = 0.0
+    """Running resistance of the train over the speed, B."""
     resistance_ns2_per_m2: float = 0.0
+    """Running resistance of the train over the square of the speed, C."""
     speed_limit_kmh: float | None = Field(default=None, gt=0.0)
+    """Greatest speed, for a run over a line. Left out: none."""
     service_deceleration_kmhs: float | None = Field(default=None, gt=0.0)
+    """Deceleration under the service brake in total, for a run over a line. Left out: one that is usual for its kind of
+    train, with a warning."""
     source: str = ""
+    """Where its figures come from."""
 
     @field_validator("car")
     @classmethod

@@ -1,14 +1,19 @@
 """What a scenario file says about the train."""
 
-from pathlib import Path
+import re
 
 from alloc.plant.train import Coupler, DraftGear, InverterGroup, Train
 from studies.files.strict import Strict
 from studies.files.units import si
 
+FILES = r"\.([yY][aA]?[mM][lL]|[tT][oO][mM][lL])$"
+"""Endings of the files of trains."""
+
 
 class CouplerKeys(Strict):
-    """Draft gear between all cars, which makes a rigid train a coupled one: `[coupler]`."""
+    """Draft gear between all cars, which makes a rigid train a coupled one: `[coupler]`. Source: assumed."""
+
+    record = Coupler
 
     stiffness_n_per_m: float
     stiffening_n_per_m3: float = 0.0
@@ -22,6 +27,8 @@ class CouplerKeys(Strict):
 
 class DraftGearKeys(Strict):
     """Friction draft gears between all cars in place of `[coupler]`: `[draft_gear]`; a published set if nothing is said."""
+
+    record = DraftGear
 
     loading_n_per_m: float | None = None
     unloading_n_per_m: float | None = None
@@ -40,15 +47,17 @@ class DraftGearKeys(Strict):
 
 
 class FailureKeys(Strict):
-    """A traction unit (1 = foremost) whose motors fail at a time: `[[failures]]`."""
+    """A traction unit whose motors fail at a time: `[[failures]]`. Source: this project."""
 
     unit: int
+    """Number of the traction unit, 1 = foremost."""
     time_s: float = 0.0
+    """Instant of the failure."""
 
 
 def is_file(train: str) -> bool:
     """Whether a train is given as a file, of railtoolkit or as TOML, and not by the name of a parameter set."""
-    return Path(train).suffix.lower() in (".yaml", ".yml", ".toml")
+    return re.search(FILES, train) is not None
 
 
 def build_train(

@@ -24,13 +24,17 @@ class VariationKeys(Strict):
     """What a seed of 1 or more draws, evenly within bounds: `[variation]`. Seed 0 is the event as the file states it.
 
     The bounds are assumed. JP5484215 (on (12) to (15)) has a scatter of 0.012 of the coefficient, of rail of all kinds; here
-    it is the same kind of rail, so `level` bounds a factor of a few per cent. `start_m` is how far from the stopping mark
-    trains stop, either way. `delay_s` is a telegram period: the driver does not wait for telegrams.
+    it is the same kind of rail, so `level` bounds a factor of a few per cent.
+
+    Source: assumed.
     """
 
     level: tuple[float, float] = (0.97, 1.03)
+    """Least and greatest factor on the rail's level."""
     start_m: float = Field(default=2.0, ge=0.0)
+    """How far from the stopping mark the train stands, either way."""
     delay_s: float = Field(default=0.1, ge=0.0, le=10.0)
+    """Greatest time by which the commands come later. Source: a telegram period: the driver does not wait for telegrams."""
 
     @model_validator(mode="after")
     def _fits(self) -> "VariationKeys":

@@ -24,6 +24,7 @@ time_s = 0.0
 acceleration_kmhs = 3.0
 [rail]
 level = 0.05
+increments = { law = "logarithmic" }
 """
 TABLES = ("mpc", "mpc_car", "mpc_train", "mpc_train_ideal")
 
@@ -99,7 +100,7 @@ def test_settings_reach_the_controller(load, controller):
         ("[onboard]\nhold_time = 5\n", "unknown key 'onboard.hold_time'; did you mean 'hold_time_s'?"),
         ("[onboard.mpc]\nhorizon = 1\n", "key 'onboard': mpc: horizon = 1 must be at least 2 steps"),
         ("[onboard.mpc]\nhorizon = 'long'\n", "key 'onboard.mpc.horizon' = 'long': input should be a valid integer"),
-        ("[onboard.mpc]\ncode = 'fortran'\n", "code = 'fortran' must be one of"),
+        ("[onboard.mpc]\ncode = 'fortran'\n", "'onboard.mpc.code' = 'fortran': input should be 'numba' or 'c'"),
         ("[onboard]\nmpc = 3\n", "key 'onboard.mpc' = 3: input should be a valid dictionary"),
     ],
 )  # fmt: skip

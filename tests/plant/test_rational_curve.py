@@ -111,6 +111,7 @@ time_s = 0.0
 acceleration_kmhs = 3.0
 [rail]
 level = 0.1
+increments = { law = "logarithmic" }
 curve = { kind = "rational", peak_slip = 0.09, steepness = 5.0 }
 """)
     assert CURVES["rational"] is RationalCurve

@@ -1,6 +1,7 @@
 """A run is a self-describing dataset that survives being written and read."""
 
 import time
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from alloc.plant.sets import find_set
 from alloc.recorded_physics import PlantRecord, physical_variables
 from alloc.recorded_variables import VARIABLES
 from alloc.recording import load, save
+from alloc.run_attributes import RunAttributes
 from alloc.simulation import simulate
 
 
@@ -35,6 +37,15 @@ def test_netcdf_round_trip_is_equal(run, tmp_path):
     path = tmp_path / "run.nc"
     save(run, path)
     assert load(path).identical(run)
+
+
+def test_attributes_are_those_that_are_typed(run, tmp_path):
+    path = tmp_path / "run.nc"
+    save(run, path)
+    for one in (run, load(path)):
+        assert {key: type(value) for key, value in one.attrs.items()} == get_type_hints(
+            RunAttributes
+        )
 
 
 def test_what_follows_from_a_record_occupies_one_processor():

@@ -21,6 +21,7 @@ acceleration_kmhs = 3.0
 
 [rail]
 level = 0.05
+increments = { law = "logarithmic" }
 scatter = 0.01
 
 [onboard.sensors]

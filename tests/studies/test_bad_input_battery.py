@@ -243,6 +243,20 @@ COMMAND_LINES = [
     Case("analyse log.csv --train car.toml --slip-percent nan", "--slip-percent nan"),
     Case("analyse log.csv --train car.toml --figure f", "ending '' must be"),
     Case("analyse log.csv --train car.toml --figure no/f.pdf", "cannot be written"),
+    Case("schema wagon", "wagon"),
+    Case("schema line --reference", "leave out the kind"),
+    Case("schema --out keys.md", "must be .json"),
+    Case("schema --reference --out keys.json", "must be .md"),
+    Case("schema --out no/such/x.json", "cannot be written"),
+    Case("new-scenario", "name"),
+    Case("new-scenario ''", "give letters"),
+    Case("new-scenario a/b", "give letters"),
+    Case("new-scenario 'a b'", "give letters"),
+    Case("new-scenario own --like wetpatch", "did you mean 'wet-patch'?"),
+    Case("new-scenario own --like none.toml", "'none.toml' does not exist"),
+    Case("new-scenario own --like car.toml", "car.toml"),
+    Case("new-scenario own --out car.toml", "'car.toml' exists"),
+    Case("new-scenario own --out log.csv", "cannot be written"),
     Case("export-controller", "scenario"),
     Case("export-controller short.toml --out x", "--unit"),
     Case("export-controller short.toml --unit 1", "--out"),
@@ -329,7 +343,15 @@ SCENARIO_FILES = [
     scenario("level = 0.05", "level = 'wet'", "'rail.level' = 'wet'"),
     scenario("level = 0.05", "levl = 0.05", "unknown key 'rail.levl'; did you mean 'level'?"),
     scenario("level = 0.05", "level = 0.05\nlevel = 0.06", "is not TOML"),
-    scenario("level = 0.05", "level = 0.05\nspeed_law = 'fast'", "speed_law = 'fast' is unknown"),
+    scenario("level = 0.05", "law_factor = 0.05", "without it say level"),
+    scenario("level = 0.05\n", "", "level is missing"),
+    scenario("level = 0.05", "level = 0.3\nspeed_law = 'shinkansen'", "with speed_law say law_factor"),
+    scenario("level = 0.05", "speed_law = 'shinkansen'", "law_factor is missing"),
+    scenario("level = 0.05", "level = 0.05\nrear_speed_law = [1.0, 1.0, 0.0]", "goes with speed_law"),
+    scenario('increments = { law = "logarithmic" }\n', "", "'rail.increments' is missing: Growth"),
+    scenario('{ law = "logarithmic" }', "{ slope = 0.01 }", "'rail.increments.law' is missing"),
+    scenario('law = "logarithmic"', 'law = "none", slope = 0.01', "slope and offset go with"),
+    scenario("level = 0.05", "law_factor = 0.05\nspeed_law = 'fast'", "speed_law = 'fast' is unknown"),
     scenario("level = 0.05", "level = 0.05\ncurve = { kind = 'polch' }", "did you mean 'polach'?"),
     scenario("level = 0.05", "level = 0.05\ncurve = { micro_slope = 1e300 }", "micro_slope"),
     scenario("level = 0.05", "level = 0.05\ncurve = { micro_slope = true }", "micro_slope"),
@@ -625,6 +647,7 @@ def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) 
 NEEDED = {
     "factor": 0.5, "stiffness_n_per_m": 2e7, "unit": 1, "start_m": 0.0, "end_m": 100.0, "axle": 0,
     "grade_permille": 5.0, "radius_m": 300.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
+    "increments": {"law": "none"}, "law": "logarithmic",
 }  # fmt: skip
 KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
 """Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""
@@ -639,7 +662,15 @@ def content_with(place, base, name, value) -> dict[str, Any]:
         "name": "own", "title": "t", "train": "one-axle", "duration_s": 0.1,
         "command": [{"time_s": 0.0, "acceleration_kmhs": 3.0}],
     }  # fmt: skip
-    rail = {"level": 0.1} | content.get("rail", {})
+    rail = {"increments": {"law": "none"}} | content.get("rail", {})
+    if "law_factor" in rail:
+        rail["speed_law"] = "shinkansen"
+    elif rail.get("speed_law", "none") == "none" and "rear_speed_law" not in rail:
+        rail = {"level": 0.1} | rail
+    elif "rear_speed_law" in rail:
+        rail |= {"speed_law": "shinkansen", "law_factor": 1.0}
+    else:
+        rail = {"law_factor": 1.0} | rail
     return top | content | {"rail": rail}
 
 

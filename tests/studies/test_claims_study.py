@@ -139,7 +139,9 @@ def test_measures_are_shares_of_what_there_is():
 
 
 def test_without_slip_the_plan_is_delivered_in_full():
-    dry = scenario(0, 0, 5.0).changed(rail={"level": 0.4}, line={}, belief={})
+    dry = scenario(0, 0, 5.0).changed(
+        rail={"level": 0.4, "increments": {"law": "logarithmic"}}, line={}, belief={}
+    )
     found = measure(simulate_job(Job(dry, "alone", "cut-and-ramp", 0)))
     assert found["held_effort"] == pytest.approx(1.0, abs=0.01)
     assert found["over_share"] == 0.0

@@ -26,6 +26,7 @@ time_s = 0.0
 acceleration_kmhs = -2.0
 [rail]
 level = 0.1
+increments = { law = "logarithmic" }
 """
 
 

@@ -4,13 +4,18 @@ import json
 import os
 import shutil
 import sys
+import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from alloc import sources
 from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import HostedController
+from alloc.onboard.quantity import quantity
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
@@ -19,6 +24,7 @@ from studies.core.cell import key_of
 from studies.core.job import Job
 from studies.core.plugins import VARIABLE, load_plugins, module_name, use_plugins
 from studies.files.study_error import StudyError
+from studies.scenario.file_kinds import reference_page, schema_of_kind
 from studies.scenario.loading import SCENARIOS, load_scenario
 from tests.test_sources import forget
 
@@ -32,6 +38,7 @@ record_period_s = 0.02
 
 [rail]
 level = 0.1
+increments = { law = "logarithmic" }
 curve = { kind = "double-exponential", a = 0.6 }
 
 [belief]
@@ -87,6 +94,30 @@ def test_every_kind_is_listed(examples, capsys):
         ("metrics", "slip_distance"),
     ):
         assert content[kind][name].strip()
+
+
+def test_curves_trains_and_controllers_stand_in_the_schema(examples):
+    @dataclass(frozen=True)
+    class Settings:
+        """How long it waits."""
+
+        share: float = quantity(0.5, "1")
+
+    content = tomllib.loads(SCENARIO)
+    content["rail"]["curve"]["a"] = 0.7
+    content["onboard"] = {"patient": {"share": 0.7}}
+    before = Draft202012Validator(schema_of_kind("scenario"))
+    assert {error.json_path for error in before.iter_errors(content)} == {
+        "$.train", "$.rail.curve", "$.onboard",
+    }  # fmt: skip
+    use_plugins(examples.values())
+    CONTROLLERS.register("patient", HostedController("patient", "waits", list, settings=Settings))
+    after = Draft202012Validator(schema_of_kind("scenario"))
+    assert not list(after.iter_errors(content))
+    content["rail"]["curve"]["e"] = 0.7
+    content["onboard"]["patient"]["shares"] = 0.7
+    assert len(list(after.iter_errors(content))) == 2
+    assert "| `a` | number | s/m | `0.54` | Decay over" in reference_page()
 
 
 def test_all_of_them_run_together_in_two_processes(examples, tmp_path, capsys):

@@ -42,6 +42,7 @@ acceleration_kmhs = -3.2
 
 [rail]
 level = 0.05
+increments = { law = "logarithmic" }
 sanded_coefficient = 0.25
 sand_saturation_g_per_m = 12.0
 sand_decay = 0.1

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from studies.files.strict import Strict
-from studies.files.units import SUFFIXES, si
+from studies.files.units import UNITS, si
 
 
 class Everything(Strict):
@@ -43,7 +43,7 @@ def test_every_ending_becomes_si_under_a_name_without_it():
 
 
 def test_no_ending_hides_a_longer_one():
-    endings = list(SUFFIXES)
+    endings = [unit.ending for unit in UNITS]
     for k, ending in enumerate(endings):
         assert not any(longer.endswith(ending) for longer in endings[k + 1 :])
 

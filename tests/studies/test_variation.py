@@ -9,10 +9,11 @@ from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.scenario.variation_keys import Day, VariationKeys
 
-QUIET = {"rail": {"level": 0.05}, "onboard": {}, "variation": None}
+RAIL = {"level": 0.05, "increments": {"law": "logarithmic"}}
+QUIET = {"rail": RAIL, "onboard": {}, "variation": None}
 """Changes of the short scenario after which nothing of it is drawn."""
 CHANCES = {
-    "scatter of the rail": {"rail": {"level": 0.05, "scatter": 0.01}},
+    "scatter of the rail": {"rail": RAIL | {"scatter": 0.01}},
     "noise of the speeds": {"onboard": {"sensors": {"speed_noise_kmh": 0.02}}},
     "jitter of telegrams": {"onboard": {"telegrams": {"jitter_s": 0.03}}},
     "loss of telegrams": {"onboard": {"telegrams": {"loss": 0.1}}},

@@ -26,16 +26,27 @@ class BuiltInControllers:
     """Parameters of every controller, from the simplest on; a field is a table `[onboard.<field>]` of a scenario file."""
 
     none: NoControl = field(default_factory=NoControl)
+    """No readhesion control; it has no parameters."""
     table: TorqueTable = field(default_factory=TorqueTable)
+    """Controller table. Source: readhesion paper, section 2.3."""
     cut_and_ramp: CutAndRamp = field(default_factory=CutAndRamp)
+    """Controller cut-and-ramp. Source: after Kadowaki and Ohishi."""
     creep: CreepControl = field(default_factory=CreepControl)
+    """Controller pi-creep; other searching controllers use its gains. Source: assumed."""
     perturb_observe: PerturbObserve = field(default_factory=PerturbObserve)
+    """Controller perturb-observe; other searching controllers use its interval and bounds. Source: arXiv 2406.13650."""
     steepest_gradient: SteepestGradient = field(default_factory=SteepestGradient)
+    """Controller steepest-gradient. Source: arXiv 2406.13650."""
     fuzzy_creep: FuzzyCreep = field(default_factory=FuzzyCreep)
+    """Controller fuzzy-creep. Source: Tian, Daniel, Meehan (2014)."""
     fuzzy_tracking: FuzzyTracking = field(default_factory=FuzzyTracking)
+    """Controller fuzzy-tracking. Source: arXiv 2406.13650."""
     swarm_tracking: SwarmTracking = field(default_factory=SwarmTracking)
+    """Controller swarm-tracking. Source: arXiv 2406.13650."""
     swarm_slip: SwarmSlip = field(default_factory=SwarmSlip)
+    """Controller swarm-slip. Source: Zirek, Onat (2020)."""
     cubature_seeking: CubatureSeeking = field(default_factory=CubatureSeeking)
+    """Controller cubature-seeking. Source: Applied Sciences 15, 10524."""
 
 
 _FIELDS: dict[str, Any] = {item.name: item.type for item in fields(BuiltInControllers)}

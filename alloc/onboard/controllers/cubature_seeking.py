@@ -145,13 +145,11 @@ _SEEKING: Remembered = {
 class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     """Creep control on the slip that a cubature Kalman filter estimates, with extremum seeking of its reference.
 
-    The reference is a sine of `amplitude` [m/s] and `cycle` [s] about a centre, which moves after every cycle by `gain`
-    [m2/s2] times the slope that the cycle showed, `largest` [m/s] at most, within `lowest` and `highest` [m/s]. `lag`: phase
-    by which the coefficient follows the reference. Filter: deviations of the measured rim speed, `noise` at least, and of
-    the train's, `train_noise` [m/s]; walks of both [m/s2] and of the curve's height, `height_walk` [1/sqrt(s)]; `adapt`:
-    share of an innovation that the rim speed's variance takes; `scale` [m/s]: slip at the peak of the filter's curve. Of
-    fourteen sets of these, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
+    The reference is a sine about a centre, which moves after every cycle with the slope that the cycle showed. Of fourteen
+    sets of these, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
     `studies.ladder.events` (seed 1000): 97.1 % where short on the multiple units, and 95.2 % at 0.5 s and a gain of 0.05.
+
+    Source: Applied Sciences 15, 10524; values tuned on 24 events of `studies.ladder.events` (seed 1000).
     """
 
     name = "cubature-seeking"
@@ -163,19 +161,33 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     law = cubature_seeking_unit
 
     cycle: float = quantity(0.3, "s")
+    """Period of the sine [s]."""
     amplitude: float = quantity(0.015, "km/h")
+    """Amplitude of the sine [m/s]."""
     gain: float = quantity(0.2, "m2/s2")
+    """The centre moves by so many times the slope that the cycle showed [m2/s2]."""
     largest: float = quantity(0.03, "km/h")
+    """Largest move of the centre [m/s]."""
     lag: float = quantity(0.3, "1")
+    """Phase by which the coefficient follows the reference [rad]."""
     lowest: float = quantity(0.02, "km/h")
+    """Least centre [m/s]."""
     highest: float = quantity(0.5, "km/h")
+    """Greatest centre [m/s]."""
     noise: float = quantity(0.005, "km/h")
+    """Filter: least deviation of the measured rim speed [m/s]."""
     train_noise: float = quantity(0.01, "km/h")
+    """Filter: deviation of the train's measured speed [m/s]."""
     rim_walk: float = quantity(1.0, "km/h/s")
+    """Filter: walk of the rim speed [m/s2]."""
     train_walk: float = quantity(0.3, "km/h/s")
+    """Filter: walk of the train's speed [m/s2]."""
     height_walk: float = quantity(0.2, "1")
+    """Filter: walk of the curve's height [1/sqrt(s)]."""
     adapt: float = quantity(0.02, "1")
+    """Filter: share of an innovation that the rim speed's variance takes."""
     scale: float = quantity(0.2, "km/h")
+    """Filter: slip at the peak of its curve [m/s]."""
 
     def __post_init__(self) -> None:
         names = (

@@ -69,9 +69,9 @@ def cut_and_ramp_unit(eq, st, m, p, k, j, commanded):
 class CutAndRamp(BuiltInController, remembered={"phase": FOLLOW, "clock": 0.0, "base": 0.0}):
     """Readhesion control on the observer's estimate, after Kadowaki and Ohishi.
 
-    On detection the torque is cut to `cut` times the torque that the estimate says the rail can carry; once the wheels
-    have readhered it is held at `recover` times that torque for `hold` [s], then raised to the target in `ramp` [s]
-    per unit of expected torque. Values assumed (the sources print none), typical of published controllers.
+    On detection the torque is cut, held once the wheels have readhered, and raised to the target again.
+
+    Source: after Kadowaki and Ohishi, who print no values; assumed, typical of published controllers.
     """
 
     name = "cut-and-ramp"
@@ -81,9 +81,13 @@ class CutAndRamp(BuiltInController, remembered={"phase": FOLLOW, "clock": 0.0, "
     law = cut_and_ramp_unit
 
     cut: float = quantity(0.5, "1")
+    """On detection the torque is cut to so many times the torque that the estimate says the rail can carry."""
     recover: float = quantity(0.9, "1")
+    """Once the wheels have readhered the torque is held at so many times that torque, 1 at most."""
     hold: float = quantity(0.1, "s")
+    """Time for which it is held [s]."""
     ramp: float = quantity(3.0, "s")
+    """Time in which the torque then rises by the expected torque [s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("cut-and-ramp", self, ("ramp",), ("cut", "recover", "hold"))

@@ -71,11 +71,12 @@ def fuzzy_creep_unit(eq, st, m, p, k, j, commanded):
 class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": math.nan}):
     """Fuzzy creep control after Tian, Daniel, Meehan (2014).
 
-    The sets of slip peak at 0, `reference` and `large` [m/s], those of its rate at -`rate`, 0 and `rate` [m/s2]. The allowed
-    coefficient changes by `change` [1/s] at most. `pole` [1/s]: of the pseudo-differentiator. Near the reference the law is
-    that of `CreepControl`, with the integral gain change / reference and the proportional gain change / rate: its values are
-    chosen so. Over 24 events of `studies.ladder.events` (seed 1000) the multiple units use 94.2 % where short, as under
-    `CreepControl`. A reference of 0.12 m/s used 95.3 %, but slipped twice as long; twice the rates changed nothing.
+    Near the reference the law is that of `CreepControl`, with the integral gain change / reference and the proportional gain
+    change / rate: its values are chosen so. Over 24 events of `studies.ladder.events` (seed 1000) the multiple units use
+    94.2 % where short, as under `CreepControl`. A reference of 0.12 m/s used 95.3 %, but slipped twice as long; twice the
+    rates changed nothing.
+
+    Source: Tian, Daniel, Meehan (2014); values chosen to match pi-creep near the reference.
     """
 
     name = "fuzzy-creep"
@@ -85,10 +86,15 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
     law = fuzzy_creep_unit
 
     reference: float = quantity(0.085, "km/h")
+    """Slip at which the middle set of the slip peaks, and which is held; the least one peaks at 0 [m/s]."""
     large: float = quantity(0.3, "km/h")
+    """Slip at which the greatest set peaks, more than `reference` [m/s]."""
     rate: float = quantity(1.7, "km/h/s")
+    """Slip rates at which the outer sets of the rate peak, either way; the middle one peaks at 0 [m/s2]."""
     change: float = quantity(0.7, "1/s")
+    """Greatest rate at which the allowed coefficient changes [1/s]."""
     pole: float = quantity(40.0, "1/s")
+    """Pole of the pseudo-differentiator [1/s]."""
 
     def __post_init__(self) -> None:
         names = ("reference", "large", "rate", "change", "pole")

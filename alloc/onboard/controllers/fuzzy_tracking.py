@@ -65,10 +65,11 @@ def fuzzy_tracking_unit(eq, st, m, p, k, j, commanded):
 class FuzzyTracking(BuiltInController):
     """Fuzzy adhesion tracking: as `PerturbObserve`, but the step is inferred from how much coefficient and slip changed.
 
-    The sets of the coefficient's change peak at +-`coefficient` and 0, those of the slip's change at +-`way` [m/s] and 0.
-    Steps are bounded by `least` and `largest` [m/s]. Interval, bounds and memory are those of `PerturbObserve`. Of five
-    sets of scales and steps this one used most over 24 events of `studies.ladder.events` (seed 1000): 97.2 % where short on
-    the multiple units, against 96.0 % with a least step of half the size.
+    Interval, bounds and memory are those of `PerturbObserve`. Of five sets of scales and steps this one used most over 24
+    events of `studies.ladder.events` (seed 1000): 97.2 % where short on the multiple units, against 96.0 % with a least step
+    of half the size.
+
+    Source: arXiv 2406.13650; values tuned on 24 events of `studies.ladder.events` (seed 1000).
     """
 
     name = "fuzzy-tracking"
@@ -78,9 +79,13 @@ class FuzzyTracking(BuiltInController):
     law = fuzzy_tracking_unit
 
     coefficient: float = quantity(0.005, "1")
+    """Changes of the coefficient at which its outer sets peak, either way."""
     way: float = quantity(0.01, "km/h")
+    """Changes of the slip at which its outer sets peak, either way [m/s]."""
     least: float = quantity(0.01, "km/h")
+    """Least step of the reference [m/s]."""
     largest: float = quantity(0.04, "km/h")
+    """Largest step of the reference [m/s]."""
 
     def __post_init__(self) -> None:
         names = ("coefficient", "way", "least", "largest")

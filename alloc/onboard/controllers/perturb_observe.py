@@ -42,14 +42,15 @@ def perturb_observe_unit(eq, st, m, p, k, j, commanded):
 
 @dataclass(frozen=True)
 class PerturbObserve(BuiltInController, remembered=REMEMBERED):
-    """Perturb and observe: every `interval` [s] the creep reference moves by `step` [m/s], on if the coefficient rose.
+    """Perturb and observe: at every interval the creep reference moves by a step, on if the coefficient rose.
 
-    The coefficient is the observer's, averaged over the second half of the interval. The reference stays within `lowest`
-    and `highest` [m/s]. Bounds assumed. Of nine pairs of interval (0.2, 0.3, 0.5 s) and step (0.01, 0.02, 0.04 m/s) this one
-    used most adhesion over eight probe events of `studies.ladder.events` (seed 1000, the multiple units): 97.4 %
-    where short, against 96.8 % at 0.3 s and 91.9 % at 0.3 s and 0.04 m/s. arXiv 2406.13650 names the weaknesses: the step
-    is a compromise between search time and fluctuation around the peak, and a change of the rail is taken for an answer
-    to the step.
+    The coefficient is the observer's, averaged over the second half of the interval. Of nine pairs of interval (0.2, 0.3,
+    0.5 s) and step (0.01, 0.02, 0.04 m/s) this one used most adhesion over eight probe events of `studies.ladder.events`
+    (seed 1000, the multiple units): 97.4 % where short, against 96.8 % at 0.3 s and 91.9 % at 0.3 s and 0.04 m/s. arXiv
+    2406.13650 names the weaknesses: the step is a compromise between search time and fluctuation around the peak, and a
+    change of the rail is taken for an answer to the step.
+
+    Source: arXiv 2406.13650; values tuned on eight events of `studies.ladder.events` (seed 1000).
     """
 
     name = "perturb-observe"
@@ -59,9 +60,13 @@ class PerturbObserve(BuiltInController, remembered=REMEMBERED):
     law = perturb_observe_unit
 
     interval: float = quantity(0.2, "s")
+    """Time from one move of the reference to the next [s]."""
     step: float = quantity(0.01, "km/h")
+    """Size of a move [m/s]."""
     lowest: float = quantity(0.02, "km/h")
+    """Least reference [m/s]. Source: assumed."""
     highest: float = quantity(0.5, "km/h")
+    """Greatest reference [m/s]. Source: assumed."""
 
     def __post_init__(self) -> None:
         OnboardError.check("perturb-observe", self, ("interval", "step", "lowest", "highest"))

@@ -55,11 +55,12 @@ def creep_unit(eq, st, m, p, k, j, commanded):
 class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
     """Creep control: the torque is what a PI controller of the slip velocity allows.
 
-    `reference` [m/s] is the slip of the unit's worst axle that is held; `proportional` [s/m] and `integral` [1/m] are gains
-    from slip to coefficient. Assumed: the poles of a wheelset on a flat curve are then at 40 1/s with damping 0.7. The
-    searching controllers move the reference and use the same gains. The reference is a compromise: more uses more of a
-    wide peak, and slips longer beyond a narrow one. At 0.085 the multiple units of the ladder (eight events of seed 1000)
-    slip no longer than they did at 0.10 under a reference speed that lay about 0.015 below the train's; they use 94.8 %.
+    The gains are from slip to coefficient; the searching controllers move the reference and use the same gains. The
+    reference is a compromise: more uses more of a wide peak, and slips longer beyond a narrow one. At 0.085 the multiple
+    units of the ladder (eight events of seed 1000) slip no longer than they did at 0.10 under a reference speed that lay
+    about 0.015 below the train's; they use 94.8 %.
+
+    Source: assumed: the poles of a wheelset on a flat curve are then at 40 1/s with damping 0.7.
     """
 
     name = "pi-creep"
@@ -69,8 +70,12 @@ class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
     law = creep_unit
 
     reference: float = quantity(0.085, "km/h")
+    """Slip of the unit's worst axle that is held [m/s]. Source: tuned on eight events of `studies.ladder.events` (seed
+    1000)."""
     proportional: float = quantity(0.4, "s/m")
+    """Proportional gain [s/m]."""
     integral: float = quantity(8.0, "1/m")
+    """Integral gain [1/m]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("creep", self, ("reference", "proportional", "integral"))

@@ -132,8 +132,10 @@ def swarm_slip_unit(eq, st, m, p, k, j, commanded):
 class SwarmSlip(BuiltInController, remembered=_SWARM):
     """PI creep control at the optimum of the curve that a swarm of `MODELS` fits to the last `POINTS` intervals.
 
-    Every interval the curves move once, and the reference goes towards the best one's optimum, by `largest` [m/s] at most.
-    `seed`: of the draws. Interval, bounds of the optima and the memory of the search are those of `PerturbObserve`.
+    Every interval the curves move once, and the reference goes towards the best one's optimum. Interval, bounds of the
+    optima and the memory of the search are those of `PerturbObserve`.
+
+    Source: Zirek, Onat (2020); the values are assumed.
     """
 
     name = "swarm-slip"
@@ -143,7 +145,9 @@ class SwarmSlip(BuiltInController, remembered=_SWARM):
     law = swarm_slip_unit
 
     largest: float = quantity(0.02, "km/h")
+    """Largest move of the reference per interval [m/s]."""
     seed: float = quantity(1.0, "1")
+    """Seed of the draws."""
 
     def __post_init__(self) -> None:
         OnboardError.check("swarm-slip", self, ("largest",), ("seed",))

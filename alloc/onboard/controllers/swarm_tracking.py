@@ -116,12 +116,11 @@ def swarm_tracking_unit(eq, st, m, p, k, j, commanded):
 class SwarmTracking(BuiltInController, remembered=_SWARM):
     """Particle swarm tracking: `PARTICLES` slip velocities are held in turn, then the swarm moves.
 
-    The swarm starts about the reference, its particles `spread` [m/s] apart. What a particle found counts `keep` times as
-    much after every round. Once all lie within `gathered` [m/s] of the best place, that is held until the coefficient
-    changes by the share `change` from one interval to the next. `seed`: of the draws. Interval, bounds and the search's
-    memory are those of `PerturbObserve`. The spread is a compromise: over 24 events of `studies.ladder.events` (seed 1000)
-    0.02 m/s used 97.6 % where short on the narrow peak and 93.7 % on the wide one, 0.07 m/s 93.3 and 98.4 %, this one 96.1
-    and 97.2 % (multiple units).
+    Interval, bounds and the search's memory are those of `PerturbObserve`. The spread is a compromise: over 24 events of
+    `studies.ladder.events` (seed 1000) 0.02 m/s used 97.6 % where short on the narrow peak and 93.7 % on the wide one, 0.07
+    m/s 93.3 and 98.4 %, this one 96.1 and 97.2 % (multiple units).
+
+    Source: arXiv 2406.13650; the values are assumed.
     """
 
     name = "swarm-tracking"
@@ -131,10 +130,16 @@ class SwarmTracking(BuiltInController, remembered=_SWARM):
     law = swarm_tracking_unit
 
     spread: float = quantity(0.04, "km/h")
+    """Distance of the swarm's particles at the start, about the reference [m/s]. Source: tuned on 24 events of
+    `studies.ladder.events` (seed 1000)."""
     keep: float = quantity(0.98, "1")
+    """What a particle found counts so many times as much after every round."""
     gathered: float = quantity(0.015, "km/h")
+    """Once all particles lie within this of the best place, that is held [m/s]."""
     change: float = quantity(0.05, "1")
+    """The search begins anew once the coefficient changes by this share from one interval to the next."""
     seed: float = quantity(1.0, "1")
+    """Seed of the draws."""
 
     def __post_init__(self) -> None:
         names = ("spread", "keep", "gathered", "change")

@@ -70,11 +70,12 @@ def table_unit(eq, st, m, p, k, j, commanded):
 class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": math.nan}):
     """Static table of the readhesion paper, section 2.3 and Fig. 5: torque factor over the deviation of acceleration.
 
-    The deviation is the rim's acceleration, by a pseudo-differentiator of `time_constant` tau [s], less the commanded one.
-    Factor 1 up to `margin` a_0 [m/s2], 0 from `margin` + `width` a_w [m/s2] on, linear between. Factor times target
-    passes a filter that rises with `rise` T_u [s] and falls with `fall` T_d [s]. a_0 and a_w are those of the paper's case
-    A, read as km/h/s; T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its
-    half-slip, as does the best set of `studies.readhesion_paper.calibration`.
+    The deviation is the rim's acceleration, by a pseudo-differentiator, less the commanded one. Factor 1 up to `margin`, 0
+    from `margin` + `width` on, linear between. Factor times target passes a filter whose time constant differs between rise
+    and fall. T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its half-slip,
+    as does the best set of `studies.readhesion_paper.calibration`.
+
+    Source: calibrated in `studies.readhesion_paper.calibration`; the readhesion paper does not print it.
     """
 
     name = "table"
@@ -84,10 +85,15 @@ class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": ma
     law = table_unit
 
     margin: float = quantity(0.4 / 3.6, "km/h/s")
+    """Deviation a_0 up to which the factor is 1 [m/s2]. Source: readhesion paper, case A, read as km/h/s."""
     width: float = quantity(0.2 / 3.6, "km/h/s")
+    """Further deviation a_w over which the factor falls to 0 [m/s2]. Source: readhesion paper, case A, read as km/h/s."""
     rise: float = quantity(1.8, "s")
+    """Time constant T_u of the rising torque [s]."""
     fall: float = quantity(0.25, "s")
+    """Time constant T_d of the falling torque [s]."""
     time_constant: float = quantity(0.18, "s")
+    """Time constant tau of the pseudo-differentiator [s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("table", self, ("width", "rise", "fall", "time_constant"), ("margin",))

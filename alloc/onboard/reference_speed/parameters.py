@@ -11,22 +11,29 @@ from alloc.onboard.quantity import quantity
 class Sounding:
     """When and how force is taken from a few wheels, so that they roll and tell the speed.
 
-    `doubt` [m/s] and `doubt_ratio` (of the speed): deviation of the estimate from which on a unit's torque is cut to `share`
-    for `time` [s], and given back within `return_time` [s]; `ease` times that while a unit is within adhesion. At most every
-    `pause` [s]. `air_doubt` (of the speed): deviation from which on a bogie is released, and `air_known` at which it brakes
-    again; `patience` times that while an axle runs near the estimate.
+    Source: assumed; tuned on drawn events of traction and braking.
     """
 
     doubt: float = quantity(0.05, "km/h")
+    """Deviation of the estimate from which on a unit's torque is cut [m/s]."""
     doubt_ratio: float = quantity(0.004, "1")
+    """The same deviation over the speed; the greater of both counts."""
     ease: float = quantity(2.4, "1")
+    """Both deviations count so many times while a unit is within adhesion."""
     share: float = quantity(0.4, "1")
+    """Share of its torque that a sounded unit keeps, 0 to 1."""
     time: float = quantity(0.06, "s")
+    """Time for which its torque is cut [s]."""
     return_time: float = quantity(0.06, "s")
+    """Time in which its torque is given back [s]."""
     pause: float = quantity(0.3, "s")
+    """Least time from one sounding to the next [s]."""
     air_doubt: float = quantity(0.06, "1")
+    """Deviation over the speed from which on a bogie is released."""
     air_known: float = quantity(0.03, "1")
+    """Deviation over the speed at which it brakes again, less than `air_doubt`."""
     patience: float = quantity(5.0, "1")
+    """`air_doubt` counts so many times while an axle runs near the estimate."""
 
     def __post_init__(self) -> None:
         numbers = set(self.__dataclass_fields__) - {"share"}
@@ -41,47 +48,58 @@ class Sounding:
 class ReferenceSpeed:
     """Kalman filter of the train's speed, see `alloc.onboard.reference_speed.kalman_filter`.
 
-    `source` "truth": the computers are given the true speed instead, which no train has; for comparisons.
-
-    Deviations: `sensor` of a speed reading [m/s at the rim], beside the sensors' own noise; `speed_walk` [m/s per
-    root s] and `force_walk` [m/s2 per root s] of speed and unknown specific force; `unknown_force` [m/s2]: of that at the
-    start, a gradient above all; `shoe_error`: of the shoes' friction, relative, with `shoe_walk` per root s; `mass_error`:
-    relative.
-    `slip` [m/s] and `slip_deviation`: micro-slip per coefficient, and its deviation at the start; `creep`: deviation of the
-    slip ratio of a wheel that rolls at the full adhesion, of no less than `creep_speed`; it is the same over `repeat`
-    samples, `light_repeat` of a wheel with little force, `sounded_repeat` while a unit is sounded.
-
-    `ease_time` [s]: from then on an axle is at ease whose force nobody limits. `light`: share of the force that it
-    carried lately at which a wheel is light and rolls. `carried_time`, `slid_time` [s]: in which a wheel's greatest force is
-    forgotten, and while it surely slides. `away` [m/s2]: acceleration against the train of a wheel that does not roll;
-    `returning`: of one that comes back. `gate`: deviations beyond which an axle at ease slips. `persist` [s]: for which a
-    braked axle must tell an odd speed to be believed.
+    Source: assumed; tuned on drawn events of traction and braking.
     """
 
     source: Literal["estimate", "truth"] = "estimate"
+    """The computers estimate the train's speed, or they are given the true one, which no train has; for comparisons. Source:
+    this project."""
     sensor: float = quantity(0.005, "km/h")
+    """Deviation of a speed reading, beside the sensors' own noise, at the rim [m/s]."""
     speed_walk: float = quantity(1e-3, "1")
+    """Deviation by which the speed changes unforeseen, per root s [m/s]."""
     force_walk: float = quantity(5e-3, "1")
+    """Deviation by which the unknown specific force changes, per root s [m/s2]."""
     unknown_force: float = quantity(0.2, "1")
+    """Deviation of the unknown specific force at the start, a gradient above all [m/s2]."""
     shoe_error: float = quantity(0.1, "1")
+    """Deviation of the shoes' friction, relative."""
     shoe_walk: float = quantity(0.02, "1")
+    """Deviation by which the shoes' friction changes, relative, per root s."""
     mass_error: float = quantity(0.05, "1")
+    """Deviation of the mass, relative."""
     slip: float = quantity(0.25, "1")
+    """Micro-slip per coefficient of force [m/s]."""
     slip_deviation: float = quantity(0.2, "1")
+    """Deviation of the micro-slip per coefficient at the start [m/s]."""
     creep: float = quantity(0.01, "1")
+    """Deviation of the slip ratio of a wheel that rolls at the full adhesion."""
     creep_speed: float = quantity(5.0, "km/h")
+    """Below this speed `creep` counts as at it [m/s]."""
     repeat: float = quantity(100.0, "1")
+    """Samples over which the creep of a wheel is the same."""
     light_repeat: float = quantity(16.0, "1")
+    """The same of a wheel with little force."""
     sounded_repeat: float = quantity(0.3, "1")
+    """The same while a unit is sounded."""
     ease_time: float = quantity(0.3, "s")
+    """An axle whose force nobody limits is at ease after so long [s]."""
     light: float = quantity(0.85, "1")
+    """Share of the force that it carried lately, below which a wheel is light and rolls."""
     carried_time: float = quantity(5.0, "s")
+    """Time in which a wheel's greatest force is forgotten [s]."""
     slid_time: float = quantity(1.0, "s")
+    """The same while it surely slides [s]."""
     away: float = quantity(0.2, "1")
+    """Acceleration against the train of a wheel that does not roll [m/s2]."""
     returning: float = quantity(0.45, "1")
+    """Acceleration against the train of a wheel that comes back [m/s2]."""
     gate: float = quantity(3.0, "1")
+    """Deviations beyond which an axle at ease slips."""
     persist: float = quantity(0.6, "s")
+    """Time for which a braked axle must tell an odd speed to be believed [s]."""
     sounding: Sounding = field(default_factory=Sounding)
+    """When force is taken from a few wheels to learn the speed."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))

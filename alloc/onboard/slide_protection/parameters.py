@@ -22,10 +22,15 @@ def _check_growing(name: str, knots: tuple[float, float, float]) -> None:
 
 @dataclass(frozen=True)
 class Threshold:
-    """Plain switching points: slip ratios above which a bogie's pressure is released, and held (assumed)."""
+    """Plain switching points of the slip ratio.
+
+    Source: assumed.
+    """
 
     release: float = quantity(0.15, "1")
+    """Slip ratio above which a bogie's pressure is released."""
     hold: float = quantity(0.08, "1")
+    """Slip ratio above which a bogie's pressure is held, at most `release`."""
 
     def __post_init__(self) -> None:
         OnboardError.check("threshold slide protection", self, positive=("release", "hold"))
@@ -36,16 +41,21 @@ class Threshold:
 class Fuzzy:
     """Fuzzy inference on slip and slip rate; the rules are `alloc.onboard.slide_protection.fuzzy.RULES`.
 
-    `slip`: slip ratios at which the sets small, medium, large peak. `rate` [m/s2]: slip accelerations at which the sets
-    falling, steady, growing peak. `sensitivity` scales both: at 2 every set lies at half its slip and rate. `pole` [1/s]: of
-    the filter that differentiates the slip. JP4209318 discloses neither rules nor sets: these are of the set of numbers
-    with which `studies.slides.jp4209318` reaches its tables, one of several.
+    JP4209318 discloses neither rules nor sets: these are of the set of numbers with which `studies.slides.jp4209318` reaches
+    its tables, one of several.
+
+    Source: JP4209318; calibrated in `studies.slides.calibration`.
     """
 
     sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)
+    """Detection sensitivity: at 2 every set lies at half its slip and rate. Low, medium and high are those of JP4209318,
+    Table 4."""
     slip: tuple[float, float, float] = quantity((0.0, 0.077716, 0.17027), "1")
+    """Slip ratios at which the sets small, medium and large peak, growing."""
     rate: tuple[float, float, float] = quantity((-3.5912, 0.0, 3.5912), "km/h/s")
+    """Slip accelerations at which the sets falling, steady and growing peak, growing [m/s2]."""
     pole: float = quantity(6.6789, "1/s")
+    """Pole of the filter that differentiates the slip [1/s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("fuzzy slide protection", self, positive=("sensitivity", "pole"))
@@ -57,22 +67,27 @@ class Fuzzy:
 class SlideProtection:
     """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
 
-    `law`: "none", "threshold" or "fuzzy". `period` [s]: of its decisions, rounded to control periods.
+    Slip is measured from the train's reference speed, whose estimate may ask for a bogie to be released for a moment. An
+    axle that stands while its car runs is released.
 
-    Slip is measured from the train's reference speed, whose estimate may ask for a bogie to be released for a moment.
-
-    Below `cut_out_speed` [m/s] the valves rest. A valve that has not supplied for `time_out` [s] supplies for `refill` [s],
-    whatever the law says: sliding wheels must not cost a train its brakes for good (assumed, as usual). An axle that stands
-    while its car runs is released.
+    Source: assumed, as usual.
     """
 
     law: Literal["none", "threshold", "fuzzy"] = "threshold"
+    """Law that moves the valves. Source: fuzzy is that of JP4209318; threshold is this project's."""
     threshold: Threshold = field(default_factory=Threshold)
+    """Numbers of the law threshold."""
     fuzzy: Fuzzy = field(default_factory=Fuzzy)
+    """Numbers of the law fuzzy."""
     period: float = quantity(0.01, "s")
+    """Period of its decisions, rounded to control periods [s]."""
     cut_out_speed: float = quantity(5.0 / 3.6, "km/h")
+    """Speed below which the valves rest [m/s]."""
     time_out: float = quantity(10.0, "s")
+    """A valve that has not supplied for so long supplies for `refill`, whatever the law says: sliding wheels must not cost a
+    train its brakes for good [s]."""
     refill: float = quantity(0.5, "s")
+    """Time for which it then supplies [s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check(
