@@ -20,6 +20,7 @@ from studies.command_line.merge import merge
 from studies.command_line.run_line import run_line
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
+from studies.command_line.write_report import write_report
 from studies.core.interruption import Termination, listen
 from studies.files.study_error import StudyError
 
@@ -40,6 +41,7 @@ app = App(
 for command in (compare, simulate, run_line, sweep, merge, figures, analyse, export_controller):
     app.command(command)
 app.command(list_names, name="list")
+app.command(write_report, name="report")
 app.meta.suppress_keyboard_interrupt = False
 
 
