@@ -96,7 +96,12 @@ def sentences(lines: Sequence[Line], found: Sequence[Standing]) -> list[str]:
     if best:
         bounds = {one.controller: one for one in found if one.idea and one.rule == BOUND}
         own = [_at_what_price(one, bounds.get(one.controller)) for one in best.values()]
-        return [_headline(list(best.values())), *_room(lines), *own, *_controllers(lines)]
+        return [
+            _headline(list(best.values())),
+            *_room(lines, next(iter(best.values()))),
+            *own,
+            *_controllers(lines),
+        ]
     if all(line.rule != REFERENCE for line in lines):
         return [f"Rule {REFERENCE!r} is not among the rules, so no rule can be compared with it."]
     return _controllers(lines) or ["There is nothing to compare: one rule under one controller."]
@@ -122,35 +127,52 @@ def _headline(best: Sequence[Standing]) -> str:
 
 def _at_what_price(best: Standing, bound: Standing | None) -> str:
     events = "1 event" if best.events == 1 else f"{best.events} events"
-    text = f"Under {best.controller}, of {events}, {best.rule} delivers more in {best.better} and less in {best.worse}"
-    text += f"; {best.undecided} are undecided." if best.undecided else "."
+    if best.better + best.worse + best.equal:
+        text = f"Under {best.controller}, of {events}, {best.rule} delivers more in {best.better} and less in {best.worse}"
+        text += f"; {best.undecided} undecided." if best.undecided else "."
+    else:
+        text = f"Under {best.controller}, of {events}, none is decided."
     slip, damage = best.costs["slip_time"], best.costs["damage"]
     if not math.isnan(slip + damage):
-        text += (
-            f" Slip changes by {slip:+.1f} axle s and wheel damage by {damage:+.1f} kJ per event."
-        )
+        text += f" Slip changes by {_signed(slip)} axle s and wheel damage by {_signed(damage)} kJ per event."
     if bound is not None:
         text += f" {bound.rule.capitalize()}, which knows the rail, gains {100 * bound.gain:+.2f} points."
     return text
 
 
-def _room(lines: Sequence[Line]) -> list[str]:
-    """In how many events there is something to share."""
+def _signed(value: float) -> str:
+    """With sign and one decimal; what rounds to zero has no minus."""
+    return f"{round(value, 1) + 0.0:+.1f}"
+
+
+def _room(lines: Sequence[Line], best: Standing) -> list[str]:
+    """In how many events there is something to share, and what the best rule gains there and elsewhere."""
     room: dict[str, float] = {}
     for rule in (
         REFERENCE,
         BOUND,
     ):  # where the rule that knows the rail was run, the train is where it could be
         for line in lines:
-            if line.rule == rule and line.metrics["headroom"].count:
+            if (line.rule, line.controller) == (rule, best.controller) and line.metrics[
+                "headroom"
+            ].count:
                 room[line.scenario] = line.metrics["headroom"].value
-    if not room:
+    gains: dict[bool, list[float]] = {True: [], False: []}
+    for line in lines:
+        mean = line.differences.get(GAIN)
+        mine = (line.rule, line.controller) == (best.rule, best.controller)
+        if mine and mean is not None and mean.count and line.scenario in room:
+            gains[room[line.scenario] > WORTH_SHARING].append(mean.value)
+    above, below = gains[True], gains[False]
+    if not above + below:
         return []
-    many = sum(value > WORTH_SHARING for value in room.values())
-    return [
-        f"Only sharing can use headroom. It exceeds {100 * WORTH_SHARING:g} point of the plan in {many} of "
-        f"{len(room)} events; elsewhere there is little to gain."
-    ]
+    text = (
+        f"Only sharing can use headroom. Under {best.controller} it exceeds {100 * WORTH_SHARING:g} % of the plan in "
+        f"{len(above)} of {len(above) + len(below)} events"
+    )
+    parts = [(above, "there"), (below, "elsewhere")]
+    told = [f"{100 * fmean(some):+.2f} points {where}" for some, where in parts if some]
+    return [f"{text}; {best.rule} gains {', '.join(told)}."]
 
 
 def _controllers(lines: Sequence[Line]) -> list[str]:

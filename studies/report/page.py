@@ -165,7 +165,7 @@ def _count(number: int, thing: str) -> str:
 
 
 def _signed(value: float, digits: int) -> str:
-    return "–" if math.isnan(value) else f"{value + 0.0:+.{digits}f}"
+    return "–" if math.isnan(value) else f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
 def _hint(one: Heading) -> str:

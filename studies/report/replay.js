@@ -121,13 +121,14 @@ function withForces(run, drawing) {
   return { ...run, way, forces, drawing };
 }
 
-// The instant at which most axles slip
+// The instant at which most axles slip, the middle of a run in which none does
 function busiest(run) {
   const count = new Float32Array(run.instants);
   for (let axle = 0; axle < run.drawing.axle_unit.length; axle++) {
     slipOverPeak(run, axle).forEach((value, k) => (count[k] += value > 2));
   }
-  return Math.max(0, count.indexOf(largest(count)));
+  const most = largest(count);
+  return most > 0 ? count.indexOf(most) : Math.floor(run.instants / 2);
 }
 
 function slipOverPeak(run, axle) {

@@ -111,12 +111,16 @@ function moveTrain(run, k) {
     cars.x.push(b, a, a, b, b, null);
     cars.y.push(1, 1, 3.2, 3.2, 1, null);
   }
+  const span = windowOf(run, front, last);
+  const apart = (24 * (span[1] - span[0])) / document.getElementById("train-plot").clientWidth;
+  let before = Infinity;
   for (const [unit, place] of middles(drawing)) {
+    if (Math.abs(place - before) < apart) continue; // numbers that would lie over each other
+    before = place;
     names.x.push(front - place);
     names.y.push(2.05);
     names.text.push(String(unit + 1));
   }
-  const span = windowOf(run, front, last);
   const wheels = places.map(() => 0.4);
   Plotly.update("train-plot", {
     x: [span, places, places, cars.x, names.x, places],
@@ -152,7 +156,7 @@ function drawUnits(run) {
     bar("limit", "line-ew-open", LIMIT, 3.5), bar("plan", "line-ew-open", PLAN, 1.5),
   ], {
     ...PLAIN, height: 330, barmode: "overlay",
-    xaxis: { ...GRID, title: { text: "traction unit, 1 = foremost" }, tick0: 1, dtick: 1, range: [0.4, names.length + 0.6], showgrid: false },
+    xaxis: { ...GRID, title: { text: "traction unit, 1 = foremost" }, tick0: 1, dtick: Math.ceil(names.length / 16), range: [0.4, names.length + 0.6], showgrid: false },
     yaxis: { ...GRID, title: { text: "force at the rail [kN]" }, range: [0, 1.6 * most] },
   }, CALM);
   explain("units-key", [["the rail carries, by the unit's weakest axle", "bar", "#cfe8df"], ["delivers", "bar", USED], ["limit", "line thick", LIMIT], ["plan", "line", PLAN]]);
@@ -168,7 +172,7 @@ function drawSlip(run) {
     colorbar: { title: { text: "slip over<br>peak slip", font: { size: 11 } }, thickness: 10, ticksuffix: "×", tickfont: { size: 11 } },
   }], {
     ...PLAIN, height: 330,
-    xaxis: { ...GRID, title: { text: "time [s]" }, showgrid: false, range: [run.time[0], run.time.at(-1)] }, yaxis: { ...GRID, title: { text: "axle, 1 = foremost" }, autorange: "reversed", showgrid: false },
+    xaxis: { ...GRID, title: { text: "time [s]" }, showgrid: false, range: [run.time[0], run.time.at(-1)] }, yaxis: { ...GRID, title: { text: "axle, 1 = foremost" }, autorange: "reversed", showgrid: false, tick0: 1, dtick: Math.max(1, Math.round(axles.length / 8)) },
   }, CALM);
   chooseByClick(place);
 }

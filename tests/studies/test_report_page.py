@@ -11,11 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from alloc.metrics.room import headroom
 from studies.comparison.summary import REFERENCE, Line, Mean
+from studies.core.collection import study_folder
 from studies.core.job import simulate_job
 from studies.files.study_error import StudyError
+from studies.headroom.measures import measure
+from studies.headroom.study import HEADROOM
 from studies.report import page
 from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
+from studies.report.gains import drawn_gains
 from studies.report.packing import Packed, pack, unpack
 from studies.report.replay import KEPT, kept
 from studies.scenario.loading import load_scenario
@@ -201,9 +206,37 @@ def test_the_answer_names_the_best_rule_that_a_train_can_carry_out():
     lines = [line(REFERENCE, 0.0), line("greedy", 0.01), line("exact", 0.02), line("oracle", 0.05)]
     said = sentences(lines, standings(lines, {"one"}))
     assert "exact gains most (+2.00 under none)" in said[0]
-    assert "1 of 1 events" in said[1]
+    assert "1 of 1 events; exact gains +2.00 points there." in said[1]
     assert "Oracle, which knows the rail, gains +5.00" in said[2]
     losing = [line(REFERENCE, 0.0), line("exact", -0.02)]
     assert "no rule gains anything under none" in sentences(losing, standings(losing, {"one"}))[0]
     assert "not among the rules" in sentences([line("exact", 0.1)], [])[0]
     assert "nothing to compare" in sentences([line(REFERENCE, 0.0)], [])[0]
+
+
+def test_gains_are_those_of_the_study_headroom(made):
+    found = {(one.scenario, one.rule, one.controller): one for one in made.material.gains}
+    assert {scenario for scenario, _, _ in found} == {"short"}
+    assert len(found) == 2 * len(report_pages.CONTROLLERS)
+    runs = {job.rule: simulate_job(job) for job in made.grid.jobs() if job.label.endswith("/cut-and-ramp/0")
+            and job.scenario.name == "short"}  # fmt: skip
+    one = found["short", "exact", "cut-and-ramp"]
+    use = {rule: measure(run)["plan_use"] for rule, run in runs.items()}
+    assert one.gain == pytest.approx(use["exact"] - use["alone"])
+    assert one.headroom == pytest.approx(headroom(runs["oracle"]))
+
+
+def test_a_folder_without_the_study_gives_no_gains_and_stays_as_it_is(tmp_path):
+    assert drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp",)) == []
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_random_events_that_the_study_holds_stand_behind(tmp_path):
+    table = HEADROOM.run(study_folder(tmp_path, "headroom"), 1)
+    found = drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp", "mpc"))
+    (one,) = found  # of one event, one rule beside alone, and the controller that the study has
+    own = table[table["controller"] == "cut-and-ramp"].set_index("rule")
+    assert one.drawn
+    assert one.gain == pytest.approx(own.loc["exact", "plan_use"] - own.loc["alone", "plan_use"])
+    assert one.headroom == pytest.approx(own.loc["oracle", "headroom"])
