@@ -110,19 +110,23 @@ def sentences(lines: Sequence[Line], found: Sequence[Standing]) -> list[str]:
 def _headline(best: Sequence[Standing]) -> str:
     """Which rule gains most, under which controller."""
     gaining = [one for one in best if one.gain > EQUAL]
+    idle = ", ".join(one.controller for one in best if one not in gaining)
     parts = []
     for rule in dict.fromkeys(one.rule for one in gaining):
         own = [
             f"{100 * one.gain:+.2f} under {one.controller}" for one in gaining if one.rule == rule
         ]
         parts.append(f"{rule} gains most ({', '.join(own)})")
-    idle = [one.controller for one in best if one not in gaining]
+    text = ""
+    if parts:
+        text = (
+            f"Of the rules that a train can carry out, {'; '.join(parts)}: points of the planned effort more than "
+            f"{REFERENCE}, on the mean over the events. "
+        )
     if idle:
-        parts.append(f"no rule gains anything under {' and '.join(idle)}")
-    return (
-        f"Of the rules that a train can carry out, {'; '.join(parts)}: points of the planned effort more than "
-        f"{REFERENCE}, on the mean over the events."
-    )
+        text += f"Under {idle}, no such rule gains anything over {REFERENCE}."
+        text = text if parts else text.replace("no such rule", "no rule that a train can carry out")
+    return text.strip()
 
 
 def _at_what_price(best: Standing, bound: Standing | None) -> str:

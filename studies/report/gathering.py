@@ -20,10 +20,11 @@ def gather(
     grid: Grid, results: Path, command: str, workers: Workers | None = None, on_row: OnRow | None = None
 ) -> Material:  # fmt: skip
     """The comparison and a replay of each of its lines on the first seed; what `results` lacks is run and kept."""
-    check = partial(check_rules, grid.rules)
-    table = run_cells(grid.jobs(), Store(results), workers, on_row=on_row, check=check)
+    table = run_cells(
+        grid.jobs(), Store(results), workers, on_row=on_row, check=partial(check_rules, grid.rules)
+    )
     cells = wanted(grid)
-    rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row, check=check)
+    rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row)
     replays = replays_of(cells, rows)
     controllers = (*grid.controllers, *grid.once)
     gains = [*gains_of(table, replays), *drawn_gains(results, grid.rules, controllers)]

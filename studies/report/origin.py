@@ -20,6 +20,7 @@ from alloc.plant.adhesion import CURVES
 from alloc.recording import provenance
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
+from studies.core.plugins import plugin_modules
 from studies.scenario.loading import SCENARIOS
 from studies.scenario.scenario import Scenario
 
@@ -56,6 +57,7 @@ def facts(table: pd.DataFrame, command: str) -> dict[str, str]:
         "made": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         "versions": ", ".join([*versions, f"plotly {version('plotly')}"]),
         "git revision": found["git_revision"],
+        **({"plug-ins": ", ".join(plug_ins)} if (plug_ins := plugin_modules()) else {}),
         "machine": f"{platform.platform()}, {_processor()}, {cores} cores in use",
         "runs": f"{len(table)} runs, {'all' if good == len(table) else f'of which {good}'} count",
         "hash of the code": ", ".join(sorted(set(table["code_hash"]))),

@@ -27,7 +27,7 @@ async function startReplay(page) {
     const bad = content === undefined ? "This run is not part of the comparison." : content.reason;
     trouble.textContent = bad ? `${content?.status ?? "none"}: ${bad}` : "";
     trouble.hidden = !bad;
-    element("replay-plots").hidden = !found;
+    element("replay-plots").hidden = readout.hidden = !found;
     for (const one of [slider, play]) one.disabled = !found;
     element("event-title").textContent = page.events[choice.event.value].title;
     const changed = run?.event !== choice.event.value;

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -29,8 +30,18 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     (folder / "short.toml").write_text(SHORT)
     made = report_pages.make(load_scenario(folder / "short.toml"), folder / "results")
-    (folder / "page.html").write_text(page.rendered(made.material), encoding="utf-8")
+    material = replace(made.material, replays=[with_faults(one) for one in made.material.replays])
+    (folder / "page.html").write_text(page.rendered(material), encoding="utf-8")
     return made, folder / "page.html"
+
+
+def with_faults(one):
+    """Two replays as they are where a run failed, and where one does not count."""
+    if one.label == "milder/oracle/none/0":
+        return replace(one, status="failed", reason="no <b>answer</b>", run={})
+    if one.label == "milder/oracle/cut-and-ramp/0":
+        return replace(one, status="degraded", reason="half of its calls")
+    return one
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +153,20 @@ def test_a_choice_shows_another_run_and_bars_have_its_forces(tab, made):
     structure = made[0].grid.scenarios[1].event(0).model.structure
     wanted = [force[structure.axle_unit == unit].sum() / 1e3 for unit in range(len(drawn))]
     np.testing.assert_allclose(drawn, wanted, rtol=1e-5)
+
+
+def test_a_run_that_failed_shows_its_reason_in_place_of_plots_and_a_degraded_one_both(tab):
+    for name, value in (("event", "milder"), ("rule", "oracle"), ("controller", "none")):
+        tab.select_option(f"#{name}", value)
+    trouble, plots = tab.locator("#trouble"), tab.locator("#replay-plots")
+    sync_api.expect(trouble).to_have_text("failed: no <b>answer</b>")
+    assert not plots.is_visible()
+    assert tab.locator("#play").is_disabled()
+    tab.select_option("#controller", "cut-and-ramp")
+    sync_api.expect(trouble).to_have_text("degraded: half of its calls")
+    assert plots.is_visible()
+    tab.select_option("#rule", "exact")
+    sync_api.expect(trouble).to_be_hidden()
 
 
 def test_filters_and_sorting_do_what_they_say(tab):
