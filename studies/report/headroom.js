@@ -1,9 +1,5 @@
 // Gain of each rule over `alone` by headroom, one mark per event; the random events of the study lie behind, small.
 
-const FONT = { family: "system-ui, sans-serif", size: 13, color: "#1a1a1a" };
-const CALM = { displayModeBar: false, responsive: true };
-const GRID = { gridcolor: "#e6e6e6", zerolinecolor: "#999999", linecolor: "#666666", automargin: true, fixedrange: true };
-
 function startHeadroom(page) {
   const place = document.getElementById("headroom-plot");
   if (!place) return;
@@ -29,10 +25,8 @@ function startHeadroom(page) {
       line: { color: "#444444", dash: "dash", width: 1.2 } };
     const traces = [all, ...rules.map((rule) => trace(rule, true)), ...rules.map((rule) => trace(rule, false))];
     Plotly.react(place, traces, {
-      font: FONT, height: 460, margin: { l: 60, r: 16, t: 16, b: 50 }, hovermode: "closest",
-      paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
-      xaxis: { ...GRID, title: { text: "headroom [% of the plan]" } },
-      yaxis: { ...GRID, title: { text: "gain over alone [% of the plan]" } },
+      ...PLAIN, height: 460, showlegend: true, xaxis: axis("headroom [% of the plan]"),
+      yaxis: axis("gain over alone [% of the plan]"),
       legend: { orientation: "h", yanchor: "bottom", y: 1.02, x: 0, font: { size: 12 } },
     }, CALM);
   }

@@ -23,7 +23,9 @@ from studies.report.replay import PERIOD, Replay, drawing
 from studies.report.result_table import Heading, headings, shown_columns, table_rows
 
 HERE = Path(__file__).parent
-SCRIPTS = ("unpack.js", "table.js", "headroom.js", "replay_plots.js", "replay.js", "start.js")
+SCRIPTS = (
+    "unpack.js", "table.js", "plot_look.js", "headroom.js", "train_plot.js", "force_plots.js", "replay.js", "start.js",
+)  # fmt: skip
 MOST_BYTES = 15_000_000
 """Size of a page [bytes], which mail and most readers take; replays beyond it are left out."""
 SYMBOLS = {
@@ -89,7 +91,7 @@ def _render(material: Material, replays: Sequence[Replay]) -> str:
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    place.globals.update(count=_count, signed=_signed, hint=_hint, repr=repr)
+    place.globals.update(count=_count, signed=_signed, hint=_hint, repr=repr, zip=zip)
     seed = grid.seeds[0]
     return place.get_template("page.html").render(
         style=(HERE / "page.css").read_text(), program=_program(), plotly=_plotly(), content=_content(material, replays),

@@ -1,8 +1,8 @@
-// The replay: one recorded run at a time, its instant chosen by a slider or played. `replay_plots.js` draws it.
+// The replay: one recorded run at a time, its instant chosen by a slider or played.
 
 async function startReplay(page) {
   const element = (name) => document.getElementById(name);
-  const choice = { event: element("event"), rule: element("rule"), controller: element("controller"), other: element("other") };
+  const choice = Object.fromEntries(["event", "rule", "controller", "other"].map((name) => [name, element(name)]));
   const [slider, play, pace, unit, readout, trouble] =
     ["instant", "play", "pace", "unit", "readout", "trouble"].map(element);
   const known = new Map();
@@ -21,8 +21,8 @@ async function startReplay(page) {
 
   async function choose() {
     const mine = ++asked, name = label(choice.rule.value), content = page.replays[name];
-    const found = await load(name);
-    const other = choice.other.value && choice.other.value !== choice.rule.value ? await load(label(choice.other.value)) : null;
+    const found = await load(name), beside = choice.other.value;
+    const other = beside && beside !== choice.rule.value ? await load(label(beside)) : null;
     if (mine !== asked) return; // another choice was made meanwhile
     const bad = content === undefined ? "This run is not part of the comparison." : content.reason;
     trouble.textContent = bad ? `${content?.status ?? "none"}: ${bad}` : "";
@@ -31,16 +31,16 @@ async function startReplay(page) {
     for (const one of [slider, play]) one.disabled = !found;
     element("event-title").textContent = page.events[choice.event.value].title;
     const changed = run?.event !== choice.event.value;
-    run = found && { ...found, event: choice.event.value, rule: choice.rule.value, other, otherRule: choice.other.value };
+    run = found && { ...found, event: choice.event.value, rule: choice.rule.value, other, otherRule: beside };
     if (!run) return stop();
     if (changed) {
-      const units = run.forces.length;
-      unit.replaceChildren(...[new Option("the whole train", "-1"), ...Array.from({ length: units }, (_, j) => new Option(`unit ${j + 1}`, j))]);
+      const each = run.forces.map((_, j) => new Option(`unit ${j + 1}`, j));
+      unit.replaceChildren(new Option("the whole train", "-1"), ...each);
       slider.max = run.instants - 1;
       slider.value = busiest(run);
     }
     exact = Number(slider.value);
-    drawRun(run, Number(unit.value), page);
+    drawRun(run, Number(unit.value));
     show();
   }
 
@@ -77,7 +77,7 @@ async function startReplay(page) {
     requestAnimationFrame(step);
   });
   slider.addEventListener("input", () => { exact = Number(slider.value); show(); });
-  unit.addEventListener("change", () => { drawRun(run, Number(unit.value), page); show(); });
+  unit.addEventListener("change", () => { drawRun(run, Number(unit.value)); show(); });
   for (const one of Object.values(choice)) one.addEventListener("change", choose);
   document.addEventListener("instant", (event) => {
     slider.value = Math.round((event.detail - run.time[0]) / (run.time[1] - run.time[0]));
@@ -103,7 +103,8 @@ function withForces(run, drawing) {
   for (let j = 0; j < units; j++) {
     const axles = drawing.axle_unit.map((own, axle) => (own === j ? axle : -1)).filter((axle) => axle >= 0);
     const load = axles.reduce((sum, axle) => sum + drawing.axle_load[axle], 0) / 1e3;
-    const found = { force: new Float32Array(n), limit: new Float32Array(n), carries: new Float32Array(n), plan: new Float32Array(n) };
+    const names = ["force", "limit", "carries", "plan"];
+    const found = Object.fromEntries(names.map((name) => [name, new Float32Array(n)]));
     const limit = s.limit.at(j);
     for (let k = 0; k < n; k++) {
       let sum = 0, least = Infinity;
@@ -137,7 +138,8 @@ function slipOverPeak(run, axle) {
 }
 
 function wordsAt(run, k) {
-  const kmh = (3.6 * run.series.speed.at(0)[k]).toFixed(1), total = (name) => run.forces.reduce((sum, one) => sum + one[name][k], 0);
+  const kmh = (3.6 * run.series.speed.at(0)[k]).toFixed(1);
+  const total = (name) => run.forces.reduce((sum, one) => sum + one[name][k], 0);
   const axles = run.drawing.axle_unit.length;
   let slipping = 0;
   for (let axle = 0; axle < axles; axle++) {

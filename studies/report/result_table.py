@@ -95,7 +95,7 @@ def _value(line: Line, column: Column) -> TableCell:
     if not applies(line, column):
         return NO_CELL
     mean = line.metrics[column.metric]
-    text = f"{column.factor * mean.value:.{column.digits}f}"
+    text = f"{round(column.factor * mean.value, column.digits) + 0.0:.{column.digits}f}"
     return TableCell(mean.value, text + _plus_minus(mean, column))
 
 
@@ -104,9 +104,7 @@ def _difference(line: Line, column: Column) -> TableCell:
     if mean.count == 0 or not math.isfinite(mean.value):
         return NO_CELL
     digits = column.digits + (column.factor != 1.0)  # points of a per cent are worth a digit more
-    text = f"{column.factor * mean.value:+.{digits}f}"
-    if float(text) == 0.0:
-        text = text.replace("-", "+")
+    text = f"{round(column.factor * mean.value, digits) + 0.0:+.{digits}f}"  # no minus zero
     if mean.half_width > 0.0:
         text += f" ±{column.factor * mean.half_width:.{digits}f}"
     return TableCell(mean.value, text, _tint(column.metric, mean))

@@ -18,8 +18,12 @@ async function start() {
   // Plots have the width of the screen; on paper they get that of the sheet
   const plots = () => [...document.querySelectorAll(".js-plotly-plot")].filter((one) => one.offsetParent);
   const sheet = (one) => (one.closest(".plots > div:not(.wide)") ? 480 : 990);
-  window.addEventListener("beforeprint", () => plots().forEach((one) => Plotly.relayout(one, { width: sheet(one) })));
-  window.addEventListener("afterprint", () => plots().forEach((one) => Plotly.relayout(one, { width: null, autosize: true })));
+  window.addEventListener("beforeprint", () => {
+    plots().forEach((one) => Plotly.relayout(one, { width: sheet(one) }));
+  });
+  window.addEventListener("afterprint", () => {
+    plots().forEach((one) => Plotly.relayout(one, { width: null, autosize: true }));
+  });
 }
 
 start();

@@ -10,14 +10,15 @@ function startTable() {
   function cellsOf(row) {
     const found = { value: {}, difference: {}, name: {} };
     for (const cell of row.cells) {
-      const kind = cell.classList.contains("value") ? "value" : cell.classList.contains("difference") ? "difference" : "name";
-      found[kind][cell.dataset.column] = kind === "name" ? cell.textContent.trim() : number(cell.dataset.number);
+      const kind = ["value", "difference"].find((name) => cell.classList.contains(name)) ?? "name";
+      const told = cell.dataset.number;
+      found[kind][cell.dataset.column] = told === undefined ? cell.textContent.trim() : number(told);
     }
     return found;
   }
 
   function number(text) {
-    return text === undefined || text === "" ? NaN : Number(text);
+    return text === "" ? NaN : Number(text);
   }
 
   function filter() {

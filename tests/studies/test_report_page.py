@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from alloc.metrics.room import headroom
 from studies.comparison.summary import REFERENCE, Line, Mean
+from studies.comparison.table import COLUMNS
 from studies.core.collection import study_folder
 from studies.core.job import simulate_job
 from studies.files.study_error import StudyError
@@ -23,6 +24,7 @@ from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
 from studies.report.gains import drawn_gains
 from studies.report.packing import Packed, pack, unpack
 from studies.report.replay import KEPT, kept
+from studies.report.result_table import table_rows
 from studies.scenario.loading import load_scenario
 from tests.studies import report_pages
 from tests.studies.conftest import SHORT
@@ -241,3 +243,30 @@ def test_random_events_that_the_study_holds_stand_behind(tmp_path):
     assert one.drawn
     assert one.gain == pytest.approx(own.loc["exact", "plan_use"] - own.loc["alone", "plan_use"])
     assert one.headroom == pytest.approx(own.loc["oracle", "headroom"])
+
+
+def test_a_difference_is_tinted_by_the_side_that_is_better():
+    columns = [one for one in COLUMNS if one.metric in ("effort_ratio", "slip_time", "headroom")]
+
+    def tints(value, half_width):
+        mean = Mean(value, half_width, 3)
+        metrics = {one.metric: mean for one in columns}
+        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns)
+        return {one.metric: cell.tint for one, cell in zip(columns, row.differences, strict=True)}
+
+    assert tints(0.2, 0.1) == {"effort_ratio": "better", "headroom": "other", "slip_time": "worse"}
+    assert tints(-0.2, 0.1) == {"effort_ratio": "worse", "headroom": "other", "slip_time": "better"}
+    for half_width in (0.3, math.nan):
+        assert set(tints(0.2, half_width).values()) == {""}
+
+
+def test_texts_of_cells_have_the_heading_s_unit_and_no_minus_zero():
+    (column,) = (one for one in COLUMNS if one.metric == "effort_ratio")
+
+    def texts(value, half_width):
+        mean = {column.metric: Mean(value, half_width, 3)}
+        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column])
+        return row.values[0].text, row.differences[0].text
+
+    assert texts(0.9123, 0.0123) == ("91.2 ±1.2", "+91.23 ±1.23")
+    assert texts(-0.00001, math.nan) == ("0.0", "+0.00")
