@@ -55,7 +55,6 @@ def write_report(
     from studies.report.page import check_packages, rendered
     from studies.scenario.loading import default_scenarios, load_scenario
 
-    check_packages()
     count = process_count(jobs)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
@@ -64,6 +63,7 @@ def write_report(
     names = split_names(events) if events else None
     chosen = default_scenarios() if names is None else [load_scenario(name) for name in dict.fromkeys(names)]  # fmt: skip
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
+    check_packages()
     parts = {
         "rules": rules,
         "controllers": controllers,

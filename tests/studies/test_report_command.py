@@ -1,4 +1,4 @@
-"""`readhesion report` as a user meets it: what it writes, what it does not do twice, and what it refuses."""
+"""`readhesion report` as a user meets it: what it writes, what it does not do twice; bad input is in the battery."""
 
 import sys
 
@@ -96,32 +96,6 @@ def test_runs_that_fail_are_shown_with_their_reason(call, short_file, tmp_path):
     assert 'data-replay="short/alone/none/0"' in text
     assert 'data-replay="short/alone/raising/0"' not in text
     assert "2 runs, of which 1 count" in text
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["no-such-event"], "unknown scenario 'no-such-event'"),
-        (["wet-patch", "--rules", "exakt"], "did you mean 'exact'"),
-        (["wet-patch", "--controllers", "cut"], "controller 'cut'"),
-        (["wet-patch", "--seeds", "0"], "--seeds 0"),
-        (["wet-patch", "--seeds", "1.5"], "not a whole number"),
-        (["wet-patch", "--out", "page.pdf"], "'.pdf' must be .html"),
-        (["wet-patch", "--out", "nowhere/page.html"], "cannot be written"),
-        (["wet-patch", "--results", "file.txt"], "--results"),
-        (["wet-patch", "--jobs", "0"], "--jobs 0"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line_before_anything_is_run(
-    call, tmp_path, monkeypatch, arguments, said
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "file.txt").write_text("")
-    monkeypatch.setattr("studies.core.runner.run_cell", None)
-    code, out, err = call("report", *arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said in err
-    assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
 
 
 def test_a_missing_package_is_named_before_anything_is_run(call, tmp_path, monkeypatch):
