@@ -230,3 +230,16 @@ def test_nothing_is_wider_than_a_phone_and_paper_has_all_columns(opened):
     assert not tab.locator("#play").is_visible()
     assert tab.locator("#runs thead .paper").first.is_visible()
     assert tab.pdf(prefer_css_page_size=True).startswith(b"%PDF")
+
+
+def test_in_a_browser_that_cannot_unpack_the_table_works_and_the_page_says_why_plots_do_not(
+    browser, made
+):
+    context = browser.new_context(offline=True)
+    context.add_init_script("delete window.DecompressionStream")
+    old = context.new_page()
+    old.goto(made[1].as_uri())
+    sync_api.expect(old.locator("#plot-note")).to_contain_text("too old to unpack the plots")
+    old.select_option("[data-filter=rule]", "exact")
+    assert old.locator("#shown").inner_text() == "4 of 12 rows"
+    context.close()
