@@ -8,7 +8,7 @@ MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare figures test mutants mutants-again results-hash bench bench-keep keys lint types clean
+.PHONY: help setup compare report figures test mutants mutants-again results-hash bench bench-keep keys lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -24,6 +24,9 @@ setup: $(STAMP)      ## create .venv and install (a second call does nothing)
 
 compare: setup       ## the main job: every rule with every controller over the shipped slip events
 	$(BIN)/readhesion compare
+
+report: setup        ## the same as one page that opens offline: report.html
+	$(BIN)/readhesion report
 
 figures: setup       ## draw the figures of the papers
 	$(BIN)/readhesion figures
@@ -60,4 +63,4 @@ types: setup         ## static types
 	$(BIN)/mypy
 
 clean:               ## remove the environment and every result
-	rm -rf $(VENV) build dist *.egg-info results figures
+	rm -rf $(VENV) build dist *.egg-info results figures report.html

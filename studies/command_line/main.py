@@ -22,6 +22,7 @@ from studies.command_line.run_line import run_line
 from studies.command_line.schema import schema
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
+from studies.command_line.write_report import write_report
 from studies.core.interruption import Termination, listen
 from studies.files.study_error import StudyError
 
@@ -44,6 +45,7 @@ for command in (
 ):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")
+app.command(write_report, name="report")
 app.meta.suppress_keyboard_interrupt = False
 
 

@@ -112,7 +112,7 @@ def _signed(line: Line, column: Column) -> str:
 
 
 def _table(lines: list[Line], title: str, width: int) -> Group:
-    columns = [column for column in COLUMNS if any(_tells(line, column) for line in lines)]
+    columns = [column for column in COLUMNS if any(tells(line, column) for line in lines)]
     names = _names(lines)
     cells = {column: [_cell(line, column) for line in lines] for column in columns}
     failures = [_failures(line) for line in lines]
@@ -147,14 +147,16 @@ def _names(lines: list[Line]) -> list[tuple[str, str]]:
     ]
 
 
-def _applies(line: Line, column: Column) -> bool:
+def applies(line: Line, column: Column) -> bool:
+    """Whether a line has a number for a column."""
     mean = line.metrics.get(column.metric, _NOTHING)
     # a built-in controller solves nothing: zero time says that there is nothing to say
     return mean.count > 0 and not (column.metric == "controller_median" and mean.value == 0.0)
 
 
-def _tells(line: Line, column: Column) -> bool:
-    return _applies(line, column) and not (
+def tells(line: Line, column: Column) -> bool:
+    """Whether it has one that says something: not a count of faults of which there were none."""
+    return applies(line, column) and not (
         column.counts and line.metrics[column.metric].value == 0.0
     )
 
@@ -162,7 +164,7 @@ def _tells(line: Line, column: Column) -> bool:
 def _cell(line: Line, column: Column) -> str:
     if line.left_out == line.seeds:
         return f"[red]{_fault(line)}[/red]" if column is COLUMNS[0] else "–"
-    if not _applies(line, column):
+    if not applies(line, column):
         return "–"
     mean = line.metrics[column.metric]
     text = f"{column.factor * mean.value:.{column.digits}f}"

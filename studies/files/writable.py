@@ -7,7 +7,7 @@ from pathlib import Path
 
 from studies.files.study_error import StudyError
 
-RUN, FIGURE, LOG = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet")
+RUN, FIGURE, LOG, PAGE = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet"), (".html",)
 """Endings of files by what they hold."""
 
 

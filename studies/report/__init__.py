@@ -1,0 +1,1 @@
+"""A comparison as one HTML file that opens offline: table, gain against headroom, replays, provenance, citations."""

@@ -1,0 +1,128 @@
+"""What the page keeps of a recorded run, so that it can be replayed: states of train, units and axles at 20 Hz."""
+
+import json
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from alloc.plant.model import Model
+from studies.core.cell import Shared, Yield
+from studies.core.job import Job, simulate_job
+from studies.core.run_status import run_status
+from studies.headroom.measures import measure
+from studies.report.packing import pack
+
+PERIOD = 0.05
+"""Time between two instants that are kept [s]."""
+MOST_INSTANTS = 2000
+"""Of a longer run every second, third, ... of them is kept."""
+
+KEPT: dict[str, float] = {
+    "position": 0.05,
+    "speed": 0.005,
+    "driver_command": 0.001,
+    "expected": 1e-4,
+    "limit": 1e-4,
+    "slipping": 1.0,
+    "slip_velocity": 1e-3,
+    "peak_slip": 1e-3,
+    "rail_force": 10.0,
+    "adhesion_limit": 1e-4,
+    "axle_load": 10.0,
+}
+"""Recorded variables that are kept, each with its resolution, in the unit of the recording."""
+
+
+@dataclass(frozen=True)
+class ReplayCell:
+    """A job's run, kept for its replay; its row holds that as JSON."""
+
+    job: Job
+
+    @property
+    def label(self) -> str:
+        """That of the job."""
+        return self.job.label
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """That of the job."""
+        return self.job.identity
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Those of the job, and what is kept of its run."""
+        return (*self.job.sources, __name__)
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Those of the job."""
+        return self.job.programs
+
+    @property
+    def group(self) -> Hashable:
+        """That of the job."""
+        return self.job.group
+
+    def work(self, shared: Shared) -> Yield:
+        """Simulate, and keep what is shown."""
+        run = simulate_job(self.job)
+        with np.errstate(invalid="ignore"):  # nan where nothing is asked for
+            row = dict(self.identity) | measure(run)
+        return Yield([row | {"content": json.dumps(kept(run))} | run_status(run)])
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A run as the page keeps it."""
+
+    label: str
+    """Scenario/rule/controller/seed."""
+    status: str
+    reason: str
+    plan_use: float
+    """Effort, the plan at most, over the plan (`studies.headroom`); nan where the run failed."""
+    run: Mapping[str, Any]
+    """What `kept` gives; nothing where the run failed."""
+
+    def content(self) -> dict[str, Any]:
+        """The same as plain values, as the page keeps them."""
+        return {"status": self.status, "reason": self.reason, **self.run}
+
+
+def kept(run: xr.Dataset) -> dict[str, Any]:
+    """What is kept of a recorded run: first instant and period [s], and the series of `KEPT`."""
+    time = run["time"].values
+    recorded = float(time[1] - time[0]) if time.size > 1 else PERIOD
+    every = max(1, round(PERIOD / recorded), -(-time.size // MOST_INSTANTS))
+    series = {name: (run[name].values[::every], step) for name, step in KEPT.items() if name in run}
+    return {"start": float(time[0]), "period": every * recorded, **pack(series).content()}
+
+
+def replays_of(cells: Sequence[ReplayCell], table: pd.DataFrame) -> list[Replay]:
+    """The replays that the rows of `cells` hold, in their order."""
+    found = []
+    for cell, row in zip(cells, table.to_dict("records"), strict=True):
+        failed = row["status"] == "failed"
+        run = {} if failed else json.loads(row["content"])
+        use = math.nan if failed else float(row["plan_use"])
+        found.append(Replay(cell.label, row["status"], row["reason"], use, run))
+    return found
+
+
+def drawing(model: Model) -> dict[str, Any]:
+    """What the page draws a train from: places [m] behind the train's front, and which unit each axle belongs to."""
+    structure = model.structure
+    ends = np.cumsum([car.length for car in model.train.cars])
+    return {
+        "train": model.train.name,
+        "cars": [[float(end - car.length), float(end)] for end, car in zip(ends, model.train.cars, strict=True)],
+        "axles": (-structure.axle_offset).tolist(),
+        "axle_unit": structure.axle_unit.tolist(),
+        "axle_load": structure.static_load.tolist(),
+    }  # fmt: skip

@@ -1,0 +1,122 @@
+"""The table of a comparison as a page shows it: a row per event, rule and controller, with values and differences."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from alloc.metrics import METRICS
+from studies.comparison.summary import RULE_CALL_TIME, Line, Mean
+from studies.comparison.table import COLUMNS, Column, applies, tells
+
+ALWAYS = 1
+"""Columns that a narrow terminal does without sooner than this are shown on demand."""
+WAYS = {1: "more is better", -1: "less is better", 0: ""}
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A column as its reader sees it."""
+
+    metric: str
+    text: str
+    """With line breaks where it may have them."""
+    unit: str
+    """Of the metric itself; the heading names the one it is shown in."""
+    meaning: str
+    better: str
+    extra: bool
+    """Shown on demand."""
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """A mean over seeds, as number in the metric's unit and as text in the heading's."""
+
+    number: float | None
+    text: str
+    tint: str = ""
+    """Of a difference whose interval excludes zero: "better", "worse" or, where neither is, "other"."""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A line of the comparison."""
+
+    line: Line
+    status: str
+    """What became of runs that do not count; empty where all count."""
+    values: tuple[TableCell, ...]
+    differences: tuple[TableCell, ...]
+
+
+NO_CELL = TableCell(None, "–")
+_NO_MEAN = Mean(math.nan, math.nan, 0)
+
+
+def shown_columns(lines: Sequence[Line]) -> list[Column]:
+    """Columns that apply to any line."""
+    return [column for column in COLUMNS if any(tells(line, column) for line in lines)]
+
+
+def headings(columns: Sequence[Column]) -> list[Heading]:
+    """What stands above the columns."""
+    return [_heading(column) for column in columns]
+
+
+def _heading(column: Column) -> Heading:
+    text = column.heading.replace("-\n", "")
+    extra = column.spare > ALWAYS
+    if column.metric == RULE_CALL_TIME:
+        return Heading(column.metric, text, "ms", "mean time of a call of the rule", "", extra)
+    found = METRICS[column.metric]
+    unit = "" if found.unit == "1" else found.unit
+    return Heading(column.metric, text, unit, found.description, WAYS[found.better], extra)
+
+
+def table_rows(lines: Sequence[Line], columns: Sequence[Column]) -> list[TableRow]:
+    """The rows, in the order of `lines`."""
+    return [
+        TableRow(
+            line, status_of(line),
+            tuple(_value(line, column) for column in columns),
+            tuple(_difference(line, column) for column in columns),
+        )
+        for line in lines
+    ]  # fmt: skip
+
+
+def status_of(line: Line) -> str:
+    """What became of a line's runs, in words; empty where all count."""
+    counts = ((line.failed, "failed"), (line.degraded, "degraded"))
+    return ", ".join(f"{count} of {line.seeds} {word}" for count, word in counts if count)
+
+
+def _value(line: Line, column: Column) -> TableCell:
+    if not applies(line, column):
+        return NO_CELL
+    mean = line.metrics[column.metric]
+    text = f"{round(column.factor * mean.value, column.digits) + 0.0:.{column.digits}f}"
+    return TableCell(mean.value, text + _plus_minus(mean, column))
+
+
+def _difference(line: Line, column: Column) -> TableCell:
+    mean = line.differences.get(column.metric, _NO_MEAN)
+    if mean.count == 0 or not math.isfinite(mean.value):
+        return NO_CELL
+    digits = column.digits + (column.factor != 1.0)  # points of a per cent are worth a digit more
+    text = f"{round(column.factor * mean.value, digits) + 0.0:+.{digits}f}"  # no minus zero
+    if mean.half_width > 0.0:
+        text += f" ±{column.factor * mean.half_width:.{digits}f}"
+    return TableCell(mean.value, text, _tint(column.metric, mean))
+
+
+def _plus_minus(mean: Mean, column: Column) -> str:
+    """Half-width of the interval; nothing for one seed, or where the event leaves nothing to chance."""
+    return f" ±{column.factor * mean.half_width:.{column.digits}f}" if mean.half_width > 0.0 else ""
+
+
+def _tint(metric: str, mean: Mean) -> str:
+    if not (math.isfinite(mean.half_width) and abs(mean.value) > mean.half_width):
+        return ""
+    way = METRICS[metric].better * math.copysign(1, mean.value)
+    return {1: "better", -1: "worse"}.get(int(way), "other")

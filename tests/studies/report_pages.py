@@ -1,0 +1,46 @@
+"""A small page for tests: two events, three rules, two controllers, made without the command."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from studies.comparison.defaults import make_grid
+from studies.comparison.grid import Grid
+from studies.core.store import Store
+from studies.report.gathering import gather
+from studies.report.page import Material
+from studies.scenario.scenario import Scenario
+
+RULES = ("alone", "exact", "oracle")
+CONTROLLERS = ("none", "cut-and-ramp")
+SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a page was made of, and where."""
+
+    grid: Grid
+    results: Path
+    material: Material
+
+    @property
+    def rows(self):
+        """The stored rows of the comparison."""
+        return Store(self.results).read()
+
+
+def make(scenario: Scenario, results: Path) -> Made:
+    """Gather what a page of `scenario`, of which 3 s are run, and of a shorter one needs; in 1.5 s nothing has settled."""
+    milder = scenario.changed(
+        name="milder", title="a </script> of <b>two</b> & more", duration_s=1.5
+    )
+    grid = make_grid([scenario.changed(duration_s=3.0), milder], RULES, CONTROLLERS, SEEDS)
+    return Made(grid, results, gather(grid, results, "readhesion report short.toml"))
+
+
+def need_packages() -> None:
+    """Skip a module where what a page is made with is not installed."""
+    for package in ("jinja2", "plotly"):
+        pytest.importorskip(package, reason=f"{package}: pip install 'readhesion[report]'")

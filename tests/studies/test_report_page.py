@@ -1,0 +1,272 @@
+"""The page of `readhesion report`: its numbers are the stored ones, its replays the runs, and it loads nothing."""
+
+import json
+import math
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from alloc.metrics.room import headroom
+from studies.comparison.summary import REFERENCE, Line, Mean
+from studies.comparison.table import COLUMNS
+from studies.core.collection import study_folder
+from studies.core.job import simulate_job
+from studies.files.study_error import StudyError
+from studies.headroom.measures import measure
+from studies.headroom.study import HEADROOM
+from studies.report import page
+from studies.report.answer import EQUAL, GAIN, sentences, sign_of, standings
+from studies.report.gains import drawn_gains
+from studies.report.packing import Packed, pack, unpack
+from studies.report.replay import KEPT, kept
+from studies.report.result_table import table_rows
+from studies.scenario.loading import load_scenario
+from tests.studies import report_pages
+from tests.studies.conftest import SHORT
+
+report_pages.need_packages()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "short.toml").write_text(SHORT)
+    return report_pages.make(load_scenario(folder / "short.toml"), folder / "results")
+
+
+@pytest.fixture(scope="module")
+def html(made):
+    return page.rendered(made.material)
+
+
+class Reader(HTMLParser):
+    """Attributes of every tag, and the cells of the table of runs: by row, kind and column."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.rows = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.tags.append((tag, found))
+        if tag == "tr" and "data-scenario" in found:
+            self.rows.append((found, {}))
+        elif tag == "td" and "data-number" in found and self.rows:
+            kind = found["class"].split()[0] if found["class"] else ""
+            number = found["data-number"]
+            self.rows[-1][1][kind, found["data-column"]] = float(number) if number else math.nan
+
+
+numbers = arrays(
+    float,
+    st.tuples(st.integers(1, 9), st.integers(0, 4)),
+    elements=st.floats(-1e4, 1e4) | st.just(math.nan),
+)
+
+
+@given(numbers, st.floats(1e-4, 10.0))
+@settings(max_examples=60, deadline=None)
+def test_what_is_packed_comes_back_within_half_a_step(values, resolution):
+    packed = pack({"one": (values, resolution), "two": (np.arange(len(values)), 1.0)})
+    back = unpack(packed)
+    assert back["one"].shape == values.shape
+    assert (np.isnan(back["one"]) == np.isnan(values)).all()
+    known = ~np.isnan(values)
+    assert (
+        np.abs(back["one"] - values)[known].max(initial=0.0) <= (0.5 + 1e-6) * packed.steps["one"]
+    )
+    np.testing.assert_array_equal(back["two"], np.arange(len(values)))
+
+
+def test_a_replay_is_the_run_at_every_fifth_instant(made):
+    cell = made.grid.jobs()[0]
+    run = simulate_job(cell)
+    found = next(one for one in made.material.replays if one.label == cell.label)
+    columns = {name: count for name, count, _ in found.run["series"]}
+    steps = {name: step for name, _, step in found.run["series"]}
+    back = unpack(Packed(found.run["text"], columns, steps, found.run["instants"]))
+    assert back.keys() == KEPT.keys()
+    assert found.run["period"] == pytest.approx(5 * 0.01)
+    for name, values in back.items():
+        np.testing.assert_allclose(values, run[name].values[::5], rtol=0, atol=0.501 * steps[name])
+
+
+def test_a_long_run_is_thinned_out(made):
+    run = simulate_job(made.grid.jobs()[0])
+    long = run.isel(time=np.zeros(50_000, int)).assign_coords(time=0.01 * np.arange(50_000))
+    assert kept(long)["instants"] <= 2000
+
+
+def test_every_cell_of_the_table_is_the_mean_of_the_stored_rows(made, html):
+    rows, table = Reader(html).rows, made.rows
+    assert len(rows) == 2 * len(report_pages.RULES) * len(report_pages.CONTROLLERS)
+    compared = 0
+    for about, cells in rows:
+        same = (table["scenario"] == about["data-scenario"]) & (
+            table["controller"] == about["data-controller"]
+        )
+        own = table[same & (table["rule"] == about["data-rule"])].set_index("seed")
+        base = table[same & (table["rule"] == REFERENCE)].set_index("seed")
+        for (kind, metric), number in cells.items():
+            if metric == "seeds":
+                assert number == len(own) == report_pages.SEEDS
+                continue
+            wanted = own[metric].mean()
+            if kind == "difference":
+                wanted = (
+                    (own[metric] - base[metric]).mean()
+                    if about["data-rule"] != REFERENCE
+                    else math.nan
+                )
+            assert number == pytest.approx(wanted, rel=1e-12, abs=1e-12, nan_ok=True), (
+                about,
+                kind,
+                metric,
+            )
+            compared += math.isfinite(number)
+    assert compared > 150
+
+
+def test_nothing_on_the_page_is_loaded_from_anywhere(html):
+    tags = Reader(html).tags
+    assert not [tag for tag, found in tags if "src" in found or (tag == "link" and "href" in found)]
+    links = {found["href"] for tag, found in tags if tag == "a"}
+    assert all(link.startswith(("#", "https://doi.org/", "https://arxiv.org/")) for link in links)
+    policy = next(found["content"] for _, found in tags if found.get("http-equiv"))
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+    style = re.search(r"<style>(.*?)</style>", html, re.S).group(1)
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_what_a_scenario_says_ends_no_script_and_is_no_markup(html):
+    text = re.search(r'id="content">(.*?)</script>', html, re.S).group(1)
+    assert json.loads(text)["events"]["milder"]["title"] == "a </script> of <b>two</b> & more"
+    assert "a &lt;/script&gt; of &lt;b&gt;two&lt;/b&gt; &amp; more" in html
+
+
+def test_versions_hashes_and_seeds_are_on_the_page(made, html):
+    scenarios = {one.name: one.hash() for one in made.grid.scenarios}
+    assert all(name in html and digest in html for name, digest in scenarios.items())
+    assert all(code in html for code in made.rows["code_hash"])
+    assert "0, 1, 2" in html
+    assert "numba" in html
+
+
+def test_sources_are_those_that_the_parts_name(html):
+    sources = html[html.index('id="sources"') :]
+    assert "JP 5484215" in sources  # the rule `exact` and the plant
+    assert "@patent{jp4209318," in sources  # metrics
+    assert "Zirek" not in sources  # a controller that was not run
+
+
+def test_a_page_that_would_be_too_large_leaves_replays_out_and_says_so(made, html):
+    whole = len(html.encode())
+    small = page.rendered(made.material, whole - 1)
+    assert len(small.encode()) < whole
+    assert "1 run left out" in small
+    with pytest.raises(StudyError, match="fewer events"):
+        page.rendered(made.material, 1_000_000)
+
+
+def line(rule, gain, half_width=math.nan, scenario="one", controller="none"):
+    """A line whose only metrics are the effort's and, by none, the headroom."""
+    metrics = {GAIN: Mean(0.8, math.nan, 1), "headroom": Mean(0.02, math.nan, 1)}
+    differences = {} if rule == REFERENCE else {GAIN: Mean(gain, half_width, 1)}
+    differences |= (
+        dict.fromkeys(("slip_time", "damage", "jerk_rms"), Mean(1.0, 0.1, 1)) if differences else {}
+    )
+    return Line(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
+
+
+def test_a_difference_is_decided_by_its_interval_or_where_nothing_is_drawn():
+    for gain, half_width, fixed, wanted in (
+        (0.02, 0.01, False, 1), (-0.02, 0.01, False, -1), (0.02, 0.03, False, None), (0.02, math.nan, False, None),
+        (0.02, math.nan, True, 1), (-0.02, math.nan, True, -1), (EQUAL / 2, math.nan, True, 0), (0.0, 0.0, False, 0),
+    ):  # fmt: skip
+        assert sign_of(line("exact", gain, half_width), GAIN, {"one"} if fixed else ()) == wanted
+
+
+def test_with_every_sign_turned_what_was_more_is_less():
+    gains = {"a": 0.03, "b": -0.01, "c": 0.0, "d": 0.002}
+    lines = [line("exact", gain, 0.005, name) for name, gain in gains.items()]
+    turned = [line("exact", -gain, 0.005, name) for name, gain in gains.items()]
+    (one,), (other,) = standings(lines, ()), standings(turned, ())
+    assert (one.better, one.worse) == (other.worse, other.better) == (1, 1)
+    assert one.better + one.worse + one.equal + one.undecided == len(gains)
+    assert one.gain == pytest.approx(-other.gain)
+
+
+def test_the_answer_names_the_best_rule_that_a_train_can_carry_out():
+    lines = [line(REFERENCE, 0.0), line("greedy", 0.01), line("exact", 0.02), line("oracle", 0.05)]
+    said = sentences(lines, standings(lines, {"one"}))
+    assert "exact gains most (+2.00 under none)" in said[0]
+    assert "1 of 1 events; exact gains +2.00 points there." in said[1]
+    assert "Oracle, which knows the rail, gains +5.00" in said[2]
+    losing = [line(REFERENCE, 0.0), line("exact", -0.02)]
+    first = sentences(losing, standings(losing, {"one"}))[0]
+    assert first == "Under none, no rule that a train can carry out gains anything over alone."
+    assert "not among the rules" in sentences([line("exact", 0.1)], [])[0]
+    assert "nothing to compare" in sentences([line(REFERENCE, 0.0)], [])[0]
+
+
+def test_gains_are_those_of_the_study_headroom(made):
+    found = {(one.scenario, one.rule, one.controller): one for one in made.material.gains}
+    assert {scenario for scenario, _, _ in found} == {"short"}
+    assert len(found) == 2 * len(report_pages.CONTROLLERS)
+    runs = {job.rule: simulate_job(job) for job in made.grid.jobs() if job.label.endswith("/cut-and-ramp/0")
+            and job.scenario.name == "short"}  # fmt: skip
+    one = found["short", "exact", "cut-and-ramp"]
+    use = {rule: measure(run)["plan_use"] for rule, run in runs.items()}
+    assert one.gain == pytest.approx(use["exact"] - use["alone"])
+    assert one.headroom == pytest.approx(headroom(runs["oracle"]))
+
+
+def test_a_folder_without_the_study_gives_no_gains_and_stays_as_it_is(tmp_path):
+    assert drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp",)) == []
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_random_events_that_the_study_holds_stand_behind(tmp_path):
+    table = HEADROOM.run(study_folder(tmp_path, "headroom"), 1)
+    found = drawn_gains(tmp_path, ("alone", "exact"), ("cut-and-ramp", "mpc"))
+    (one,) = found  # of one event, one rule beside alone, and the controller that the study has
+    own = table[table["controller"] == "cut-and-ramp"].set_index("rule")
+    assert one.drawn
+    assert one.gain == pytest.approx(own.loc["exact", "plan_use"] - own.loc["alone", "plan_use"])
+    assert one.headroom == pytest.approx(own.loc["oracle", "headroom"])
+
+
+def test_a_difference_is_tinted_by_the_side_that_is_better():
+    columns = [one for one in COLUMNS if one.metric in ("effort_ratio", "slip_time", "headroom")]
+
+    def tints(value, half_width):
+        mean = Mean(value, half_width, 3)
+        metrics = {one.metric: mean for one in columns}
+        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns)
+        return {one.metric: cell.tint for one, cell in zip(columns, row.differences, strict=True)}
+
+    assert tints(0.2, 0.1) == {"effort_ratio": "better", "headroom": "other", "slip_time": "worse"}
+    assert tints(-0.2, 0.1) == {"effort_ratio": "worse", "headroom": "other", "slip_time": "better"}
+    for half_width in (0.3, math.nan):
+        assert set(tints(0.2, half_width).values()) == {""}
+
+
+def test_texts_of_cells_have_the_heading_s_unit_and_no_minus_zero():
+    (column,) = (one for one in COLUMNS if one.metric == "effort_ratio")
+
+    def texts(value, half_width):
+        mean = {column.metric: Mean(value, half_width, 3)}
+        (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column])
+        return row.values[0].text, row.differences[0].text
+
+    assert texts(0.9123, 0.0123) == ("91.2 ±1.2", "+91.23 ±1.23")
+    assert texts(-0.00001, math.nan) == ("0.0", "+0.00")

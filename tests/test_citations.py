@@ -1,0 +1,45 @@
+"""Publications: each is named by some file, each entry is whole, and a text names what it says and nothing else."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from alloc.citations import CITATIONS, cited_in, uses
+
+ROOT = Path(__file__).parents[1]
+TEXT = "\n".join(
+    path.read_text()
+    for layer in ("alloc", "mpc", "studies")
+    for path in (ROOT / layer).rglob("*")
+    if path.suffix in (".py", ".toml") and path.name != "citations.py"
+)
+
+
+@pytest.mark.parametrize("one", CITATIONS, ids=lambda one: one.key)
+def test_an_entry_is_whole_and_some_file_names_it(one):
+    assert one in cited_in(TEXT)
+    assert re.match(rf"@\w+{{{one.key},\n(  \w+ = {{[^{{}}]+}},\n)+}}$", one.bibtex)
+    assert one.fields["title"] in one.words
+
+
+def test_keys_and_marks_are_one_publications_own():
+    keys = [one.key for one in CITATIONS]
+    marks = [mark for one in CITATIONS for mark in one.marks]
+    assert len(set(keys)) == len(keys)
+    assert len(set(marks)) == len(marks)
+
+
+def test_a_name_counts_as_a_whole_word_also_over_two_lines():
+    assert [one.key for one in cited_in("after the readhesion\n    paper, (3)")] == [
+        "tsukinokizawa"
+    ]
+    assert cited_in("XJP5484215 and JP54842155 and Polachs") == []
+    assert [one.key for one in cited_in("Polach's law")] == ["polach2005"]
+
+
+def test_uses_keep_the_order_of_the_publications_and_name_their_users():
+    found = uses({"rule b": "Polach", "rule a": "JP5484215, Polach"})
+    assert [(one.key, who) for one, who in found.items()] == [
+        ("jp5484215", ["rule a"]), ("polach2005", ["rule b", "rule a"]),
+    ]  # fmt: skip
