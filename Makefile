@@ -4,11 +4,13 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BENCH  := $(VENV)/.bench-installed
+DOCS   := $(VENV)/.docs-installed
+STUDY  ?=
 MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare figures test mutants mutants-again results-hash bench bench-keep lint types clean
+.PHONY: help setup compare figures docs results test mutants mutants-again results-hash bench bench-keep lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -27,6 +29,16 @@ compare: setup       ## the main job: every rule with every controller over the 
 
 figures: setup       ## draw the figures of the papers
 	$(BIN)/readhesion figures
+
+$(DOCS): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $(DOCS)
+
+docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+
+results: setup       ## compute the numbers of README and docs again, or those of one STUDY, and write them into the pages
+	$(BIN)/python -m tests.numbers compute $(STUDY)
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
