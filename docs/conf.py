@@ -22,7 +22,9 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "cyclopts.ext.sphinx"]
 exclude_patterns = ["plugins", "results"]
 root_doc = "index"
 
-myst_heading_anchors = 4  # links to a heading of another page, as the plain view of the repository has them
+myst_heading_anchors = (
+    4  # links to a heading of another page, as the plain view of the repository has them
+)
 
 default_role = "code"  # docstrings put names into single backticks
 autodoc_member_order = "bysource"
@@ -35,7 +37,12 @@ def names_page() -> str:
     """What `readhesion list` lists, as a page."""
     from studies.command_line.catalogue import catalogue
 
-    lines = ["# Names", "", "Every name that a command takes, as `readhesion list` prints them.", ""]
+    lines = [
+        "# Names",
+        "",
+        "Every name that a command takes, as `readhesion list` prints them.",
+        "",
+    ]
     for kind, entries in catalogue().items():
         lines += [f"## {kind[0].upper()}{kind[1:]}", "", "| name | meaning |", "|---|---|"]
         lines += [f"| `{name}` | {_cell(meaning)} |" for name, meaning in entries.items()] + [""]
