@@ -8,21 +8,18 @@ them and writes them into the pages.
 import argparse
 import hashlib
 import json
-import math
-import operator
 import re
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
-from functools import cache, reduce
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from typing import Any
 
 import joblib
-import pandas as pd
 
 ROOT = Path(__file__).parents[1]
 MANIFEST = ROOT / "docs" / "numbers.toml"
@@ -30,10 +27,10 @@ STORED = ROOT / "docs" / "results"
 GUARDS = ROOT / "tests" / "results_hash.json"
 COMPARISON = "compare"
 """The one source that is no study: the grid of `readhesion compare`."""
+OVER_ROWS = ("mean", "median")
+"""What a cell may ask of a column of a study's table."""
 SLOTS = {"f": r"([-+]?\d+(?:\.\d+)?)", "d": r"([-+]?\d+)", "s": r"([a-z, ]+?)"}
 """Kind of a slot -> what a page may have in it: numbers, and words of verdicts."""
-DIGITS = 8
-"""Significant digits that are stored."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +72,7 @@ class Number:
     pages: tuple[str, ...]
     text: str
     cells: tuple[str, ...]
-    """`study | statement | number | parts * factor`, or `study | mean | column * factor | column=value; ...`."""
+    """`study | statement | number | parts * factor`, or `study | mean | column * factor | column=value; ...` (or median)."""
 
     @property
     def sources(self) -> set[str]:
@@ -162,7 +159,7 @@ def _per_slot(number: Number) -> list[str]:
 
 def _parts(cell: str) -> list[str]:
     words = cell.split(" | ")
-    return ["mean"] if words[1] == "mean" else words[-1].partition(" * ")[0].split(", ")
+    return words[1:2] if words[1] in OVER_ROWS else words[-1].partition(" * ")[0].split(", ")
 
 
 def rewritten(number: Number, text: str, values: Mapping[str, Mapping[str, Any]]) -> str:
@@ -189,86 +186,18 @@ def unnamed(text: str, entries: Sequence[Number], given: Sequence[str]) -> list[
     return re.findall(r"\S*\d\S*", text)
 
 
-class Results:
-    """What a source computed: statements or lines of a comparison by name, and the table."""
-
-    def __init__(self, source: Source, folder: Path, jobs: int) -> None:
-        self.source = source
-        if source.name == COMPARISON:
-            from studies.comparison.defaults import KEPT_RUNS, default_grid
-            from studies.comparison.summary import summarise, to_json
-            from studies.core.runner import run_cells
-            from studies.core.store import Store
-
-            self.table = run_cells(default_grid().jobs(), Store(folder), jobs, KEPT_RUNS)
-            rows = json.loads(to_json(summarise(self.table), {}))["rows"]
-            self.named = {
-                f"{row['scenario']}/{row['rule']}/{row['controller']}": row["metrics"]
-                | {f"{name}, less alone": value for name, value in row["differences"].items()}
-                for row in rows
-            }
-            return
-        from studies.core.collection import find_study, study_folder
-
-        study = find_study(source.name)
-        events = study.default_events if source.events is None else source.events
-        where = study_folder(folder, source.name)
-        self.table = study.run(where, events, source.seed, jobs, **source.settings)
-        found = [one.content() for one in study.statements(self.table)]
-        self.named = {
-            one["name"]: one["numbers"] | {"statement": one | {"words": _words(one)}}
-            for one in found
-        }
-
-    def values(self, cell: str) -> list[Any]:
-        """Values of a cell."""
-        _, name, *rest = cell.split(" | ")
-        last, _, factor = rest[0 if name == "mean" else -1].partition(" * ")
-        times = float(factor or 1.0)
-        if name == "mean":
-            return [_kept(times * float(self._rows(rest[1:])[last].mean()), cell)]
-        try:
-            number = reduce(operator.getitem, rest[:-1], self.named[name])
-            found = [number[part] for part in last.split(", ")]
-        except KeyError as error:
-            raise KeyError(
-                f"{cell!r} has no {error}; {list(self.named.get(name, self.named))}"
-            ) from None
-        return [
-            one if isinstance(one, str) else _kept(times * (math.nan if one is None else one), cell)
-            for one in found
-        ]
-
-    def _rows(self, conditions: Sequence[str]) -> pd.DataFrame:
-        """Rows that are ok and meet `column=value` or `column!=value`, several of them after `; `."""
-        table = self.table[self.table["status"] == "ok"]
-        for condition in [one for part in conditions for one in part.split("; ")]:
-            column, sign, value = re.fullmatch(r"(\w+)(!?=)(.*)", condition).groups()  # type: ignore[union-attr]
-            compare = operator.eq if sign == "=" else operator.ne
-            table = table[compare(table[column].astype(str), value)]
-        return table
-
-
-def _words(statement: Mapping[str, Any]) -> str:
-    return statement["verdict"] + (", fragile" if statement["fragile"] else "")
-
-
-def _kept(value: float, cell: str) -> float:
-    if not math.isfinite(value):
-        raise ValueError(f"{cell!r} is {value}")
-    return float(f"{value:.{DIGITS}g}")
-
-
 def compute(names: Sequence[str], folder: Path, jobs: int) -> None:
     """Compute sources, store their values, write them into the pages."""
+    from tests.study_values import StudyValues
+
     for name in names:
         source = sources()[name]
         print(f"{name}: {source.command}", flush=True)
-        results = Results(source, folder, jobs)
+        values_of = StudyValues(source, folder, jobs)
         content = {
             "command": source.command,
             "guard": source.guard_digest(),
-            "values": {cell: results.values(cell) for cell in cells_of(name)},
+            "values": {cell: values_of(cell) for cell in cells_of(name)},
         }
         STORED.mkdir(exist_ok=True)
         source.path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
