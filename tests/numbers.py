@@ -25,8 +25,6 @@ ROOT = Path(__file__).parents[1]
 MANIFEST = ROOT / "docs" / "numbers.toml"
 STORED = ROOT / "docs" / "results"
 GUARDS = ROOT / "tests" / "results_hash.json"
-COMPARISON = "compare"
-"""The one source that is no study: the grid of `readhesion compare`."""
 OVER_ROWS = ("mean", "median")
 """What a cell may ask of a column of a study's table."""
 SLOTS = {"f": r"([-+]?\d+(?:\.\d+)?)", "d": r"([-+]?\d+)", "s": r"([a-z, ]+?)"}
@@ -40,15 +38,17 @@ class Source:
     name: str
     events: int | None
     seed: int
-    settings: Mapping[str, Any]
+    compared: Mapping[str, Any] | None
+    """Options of `readhesion compare`, where it is no study that runs."""
     guard: tuple[str, ...]
     """Patterns of names in `tests/results_hash.json`: where one of these hashes changes, the values count as old."""
 
     @property
     def command(self) -> str:
         """The command that runs it."""
-        if self.name == COMPARISON:
-            return "readhesion compare"
+        if self.compared is not None:
+            words = [f"--{key} {_words(value)}" for key, value in self.compared.items()]
+            return " ".join(["readhesion compare", *words])
         return f"readhesion sweep {self.name} --events {self.events} --seed {self.seed}"
 
     def guard_digest(self) -> str:
@@ -63,6 +63,10 @@ class Source:
     def path(self) -> Path:
         """File of its stored values."""
         return STORED / f"{self.name}.json"
+
+
+def _words(value: Any) -> str:
+    return " ".join(value) if isinstance(value, list) else str(value)
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def sources() -> dict[str, Source]:
             name,
             entry.get("events"),
             entry.get("seed", 0),
-            entry.get("settings", {}),
+            entry.get("compare"),
             tuple(entry["guard"]),
         )
         for name, entry in manifest()["study"].items()

@@ -11,12 +11,14 @@ from typing import Any
 
 import pandas as pd
 
-from studies.comparison.defaults import KEPT_RUNS, default_grid
+from studies.comparison.defaults import make_grid
+from studies.comparison.grid import Grid
 from studies.comparison.summary import summarise, to_json
 from studies.core.collection import find_study, study_folder
 from studies.core.runner import run_cells
 from studies.core.store import Store
-from tests.numbers import COMPARISON, OVER_ROWS, Source
+from studies.scenario.loading import default_scenarios, load_scenario
+from tests.numbers import OVER_ROWS, Source
 
 DIGITS = 8
 """Significant digits that are stored."""
@@ -27,8 +29,8 @@ class StudyValues:
 
     def __init__(self, source: Source, folder: Path, jobs: int) -> None:
         self.source = source
-        if source.name == COMPARISON:
-            self.table = run_cells(default_grid().jobs(), Store(folder), jobs, KEPT_RUNS)
+        if source.compared is not None:
+            self.table = run_cells(_grid(source.compared).jobs(), Store(folder), jobs)
             rows = json.loads(to_json(summarise(self.table), {}))["rows"]
             self.named = {
                 f"{row['scenario']}/{row['rule']}/{row['controller']}": row["metrics"]
@@ -74,6 +76,15 @@ class StudyValues:
             compare = operator.eq if sign == "=" else operator.ne
             table = table[compare(table[column].astype(str), value)]
         return table
+
+
+def _grid(options: Mapping[str, Any]) -> Grid:
+    """The grid of `readhesion compare` with these options."""
+    names = options.get("scenario")
+    scenarios = default_scenarios() if names is None else [load_scenario(one) for one in names]
+    return make_grid(
+        scenarios, options.get("rules"), options.get("controllers"), options.get("seeds")
+    )
 
 
 def _words(statement: Mapping[str, Any]) -> str:
