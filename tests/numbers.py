@@ -85,7 +85,12 @@ class Number:
 
     def filled(self, stored: Mapping[str, Mapping[str, Any]]) -> list[str]:
         """What each slot shows, from values stored by study and cell."""
-        values = [value for cell in self.cells for value in stored[cell.split(" | ")[0]][cell]]
+        values = []
+        for cell in self.cells:
+            name = cell.split(" | ")[0]
+            if cell not in stored[name]:
+                raise ValueError(f"{cell!r} is not stored: make results STUDY={name}")
+            values += stored[name][cell]
         forms = [spec for _, _, spec, _ in Formatter().parse(self.text) if spec is not None]
         if len(forms) != len(values):
             raise ValueError(f"{self.text!r} has {len(forms)} slots for {len(values)} values")

@@ -12,6 +12,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.command_line.analyse import analyse
+from studies.command_line.cite import cite
 from studies.command_line.compare import compare
 from studies.command_line.export_controller import export_controller
 from studies.command_line.figures import figures
@@ -37,7 +38,17 @@ app = App(
     help_on_error=False,
     suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
 )
-for command in (compare, simulate, run_line, sweep, merge, figures, analyse, export_controller):
+for command in (
+    compare,
+    simulate,
+    run_line,
+    sweep,
+    merge,
+    figures,
+    analyse,
+    export_controller,
+    cite,
+):
     app.command(command)
 app.command(list_names, name="list")
 app.meta.suppress_keyboard_interrupt = False

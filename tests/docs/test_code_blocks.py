@@ -33,6 +33,7 @@ OTHER_PROGRAMS = ("dask ", "srun ")
 """Beginnings of lines that no test here understands: they need a cluster."""
 RUN = {
     "list",
+    "cite wet-patch --rule greedy --controller mpc",
     "simulate wet-patch --log event.csv",
     "analyse event.csv --train event.train.toml --figure log.png",
     "simulate my-event.toml --rule cooperative --controller perturb-observe",
