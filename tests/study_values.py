@@ -42,7 +42,7 @@ class StudyValues:
         study = find_study(source.name)
         events = study.default_events if source.events is None else source.events
         where = study_folder(folder, source.name)
-        self.table = study.run(where, events, source.seed, jobs, **source.settings)
+        self.table = study.run(where, events, source.seed, jobs)
         found = [one.content() for one in study.statements(self.table)]
         self.named = {
             one["name"]: one["numbers"] | {"statement": one | {"words": _words(one)}}

@@ -1,6 +1,6 @@
 """Documents whose equations or values this project uses, and how its sources name them.
 
-Only facts that a document states itself, or that are known of it, stand here. Where no title or year is known, there is none.
+Only facts that a document states itself, or that are known of it, stand here. Some entries have no title or no year.
 """
 
 import re
