@@ -35,7 +35,7 @@ $(DOCS): $(STAMP)
 	@touch $(DOCS)
 
 docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
-	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
 
 results: setup       ## compute the numbers of README and docs again, or those of one STUDY, and write them into the pages
 	$(BIN)/python -m tests.numbers compute $(STUDY)

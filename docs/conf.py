@@ -1,8 +1,14 @@
 """Settings of the documentation site: `make docs` builds it, without the network and with every warning as an error."""
 
+import re
 import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx import addnodes
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -56,10 +62,41 @@ def _cell(text: str) -> str:
     return text
 
 
-def setup(app: object) -> None:
-    """Write the pages that follow from the code."""
+SHORT_TYPES = {
+    r"(typing\.)?_?Buffer \| _SupportsArray.*?complex \| bytes \| str\]": "ArrayLike",
+    r"(numpy\.)?ndarray\[tuple\[.*?\], (numpy\.)?dtype\[(numpy\.)?\w+\]\]": "ndarray",
+}
+"""Types that are aliases in the code, and that Python shows as what they stand for."""
+
+
+def shorten_types(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) -> None:
+    """Call types in signatures as the code calls them."""
+    for part in content.parent.findall(addnodes.desc_annotation):
+        text = part.astext()
+        for pattern, name in SHORT_TYPES.items():
+            text = re.sub(pattern, name, text)
+        if text != part.astext():
+            part.children = []
+            part += nodes.Text(text)
+
+
+def escape_bars(
+    app: Sphinx, what: str, name: str, item: object, options: object, lines: list[str]
+) -> None:
+    """Bars of magnitudes, as in |x|, are no markup; those in code stay."""
+    for k, line in enumerate(lines):
+        parts = line.split("`")
+        parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
+        lines[k] = "`".join(parts)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Write the pages that follow from the code; show types by their names."""
     page = HERE / "_generated" / "names.md"
     page.parent.mkdir(exist_ok=True)
     text = names_page()
     if not page.exists() or page.read_text(encoding="utf-8") != text:
         page.write_text(text, encoding="utf-8")
+    app.connect("autodoc-process-docstring", escape_bars)
+    app.connect("object-description-transform", shorten_types)
+    return {"parallel_read_safe": True}

@@ -28,7 +28,7 @@ TYPICAL = (400.0, 400.0, 0.5, 1.0, 20.0)
 def gradient_step(weights: Floats, direction: Floats, error: float, gain: float) -> Floats:
     """(5): W + K_d delta Z, the gradient of half the squared error with one gain for all weights.
 
-    It lessens the error of that sample where 0 < gain Z.Z < 2, if `direction` is the regressor, and enlarges it beyond.
+    It lessens the error of that sample where 0 < gain |Z|^2 < 2, if `direction` is the regressor, and enlarges it beyond.
     """
     return weights + gain * error * direction
 
