@@ -1,5 +1,6 @@
 """Every code block of README and pages: Python runs, files are read, commands run or are at least understood."""
 
+import json
 import re
 import shlex
 import tomllib
@@ -13,12 +14,16 @@ from alloc.simulation import CONTROLLERS
 from paper_figs.registry import FIGURES
 from studies.command_line.main import app, run
 from studies.core.collection import all_studies
+from studies.files.strict import parse
 from studies.lines.named_files import TRAINS, shipped
+from studies.logs.mapping import read_mapping
 from studies.scenario.line_file import read_line
 from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.scenario.scenario import Scenario
+from studies.scenario.train_file import read_train_file
 from tests.docs.pages import ROOT, Block, blocks
 
-LANGUAGES = {"sh", "python", "toml", "text"}
+LANGUAGES = {"sh", "python", "toml", "json", "text"}
 PYTHON = blocks("python")
 FILES = blocks("toml")
 COMMANDS = [
@@ -67,22 +72,38 @@ def test_python_runs(block, capsys, monkeypatch, tmp_path):
         assert value in shown
 
 
-def test_files_are_read(tmp_path):
-    assert FILES
-    for k, block in enumerate(FILES):
-        content = tomllib.loads(block.code)
-        path = tmp_path / f"{k}.toml"
-        path.write_text(block.code)
-        if "command" in content:
-            assert load_scenario(path).event().duration > 0.0
-        elif "sections" in content:
-            assert read_line(str(path)).span[1] > 0.0
-        elif "columns" in content:
-            from studies.logs.mapping import read_mapping
+READ = {
+    "command": load_scenario,
+    "sections": read_line,
+    "columns": read_mapping,
+    "car": read_train_file,
+}
+"""What reads a file, by a key that it must have."""
 
-            assert read_mapping(path).columns
-        else:
-            pytest.fail(f"{block.page}: a file of no known kind")
+
+@pytest.mark.parametrize("block", FILES, ids=named(FILES))
+def test_files_are_read(block, tmp_path):
+    """What is no whole file is a part of a scenario's, whose keys fit into one that ships."""
+    content = tomllib.loads(block.code)
+    path = tmp_path / "block.toml"
+    path.write_text(block.code)
+    for key, read in READ.items():
+        if key in content:
+            assert read(str(path) if read is not read_mapping else path)
+            return
+    start = load_scenario("wet-start")
+    keys = start.model_dump(exclude_unset=True)
+    for table, values in content.items():
+        known = keys.get(table)
+        keys[table] = (
+            known | values if isinstance(known, dict) and isinstance(values, dict) else values
+        )
+    assert parse(Scenario, keys, block.page).event().duration > 0.0
+
+
+def test_json_is_read():
+    for block in blocks("json"):
+        json.loads(block.code)
 
 
 @pytest.mark.parametrize(
