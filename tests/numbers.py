@@ -36,8 +36,11 @@ class Source:
     """What is run: a study with its events and seed, or the comparison."""
 
     name: str
+    study: str
     events: int | None
     seed: int
+    settings: Mapping[str, Any]
+    """Options of the study beside these."""
     compared: Mapping[str, Any] | None
     """Options of `readhesion compare`, where it is no study that runs."""
     guard: tuple[str, ...]
@@ -49,7 +52,9 @@ class Source:
         if self.compared is not None:
             words = [f"--{key} {_words(value)}" for key, value in self.compared.items()]
             return " ".join(["readhesion compare", *words])
-        return f"readhesion sweep {self.name} --events {self.events} --seed {self.seed}"
+        words = [f"--{key} {_words(value)}" for key, value in self.settings.items()]
+        start = f"readhesion sweep {self.study} --events {self.events} --seed {self.seed}"
+        return " ".join([start, *words])
 
     def guard_digest(self) -> str:
         """One hash of all hashes that guard it."""
@@ -117,8 +122,10 @@ def sources() -> dict[str, Source]:
     return {
         name: Source(
             name,
+            entry.get("study", name),
             entry.get("events"),
             entry.get("seed", 0),
+            entry.get("settings", {}),
             entry.get("compare"),
             tuple(entry["guard"]),
         )

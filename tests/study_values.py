@@ -39,10 +39,10 @@ class StudyValues:
             }
             return
 
-        study = find_study(source.name)
+        study = find_study(source.study)
         events = study.default_events if source.events is None else source.events
-        where = study_folder(folder, source.name)
-        self.table = study.run(where, events, source.seed, jobs)
+        where = study_folder(folder, source.study)
+        self.table = study.run(where, events, source.seed, jobs, **source.settings)
         found = [one.content() for one in study.statements(self.table)]
         self.named = {
             one["name"]: one["numbers"] | {"statement": one | {"words": _words(one)}}
