@@ -69,4 +69,4 @@ types: setup         ## static types
 	$(BIN)/mypy
 
 clean:               ## remove the environment and every result
-	rm -rf $(VENV) build dist *.egg-info results figures
+	rm -rf $(VENV) build dist *.egg-info results figures docs/_generated
