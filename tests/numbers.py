@@ -99,7 +99,7 @@ class Number:
         forms = [spec for _, _, spec, _ in Formatter().parse(self.text) if spec is not None]
         if len(forms) != len(values):
             raise ValueError(f"{self.text!r} has {len(forms)} slots for {len(values)} values")
-        return [format(value, form) for value, form in zip(values, forms, strict=True)]
+        return [_shown(value, form) for value, form in zip(values, forms, strict=True)]
 
     def pattern(self) -> re.Pattern[str]:
         """The text as it may stand on a page: any white space between words, anything that fits in a slot."""
@@ -109,6 +109,12 @@ class Number:
             if spec is not None:
                 parts.append(SLOTS[spec[-1:] or "s"])
         return re.compile("".join(parts))
+
+
+def _shown(value: Any, form: str) -> str:
+    """A value in a slot; what is rounded to zero has no minus."""
+    text = format(value, form)
+    return text if isinstance(value, str) or float(text) else format(0.0, form)
 
 
 @cache
@@ -217,6 +223,11 @@ def compute(names: Sequence[str], folder: Path, jobs: int) -> None:
         }
         STORED.mkdir(exist_ok=True)
         source.path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write(names)
+
+
+def write(names: Sequence[str]) -> None:
+    """Write what is stored of these sources into the pages."""
     values = stored()
     for number in numbers():
         if number.sources & set(names) and all(values[one] for one in number.sources):
@@ -231,9 +242,9 @@ def compute(names: Sequence[str], folder: Path, jobs: int) -> None:
 
 
 def main() -> int:
-    """Compute, or list the sources with their commands."""
+    """Compute, write into pages what is stored, or list the sources with their commands."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("task", choices=("list", "compute"))
+    parser.add_argument("task", choices=("list", "compute", "write"))
     parser.add_argument("studies", nargs="*", metavar="STUDY", help="all without it")
     parser.add_argument("--out", type=Path, default=ROOT / "results", help="folder of results")
     parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
@@ -243,8 +254,11 @@ def main() -> int:
         parser.error(
             f"no number comes from {', '.join(sorted(unknown))}; known: {', '.join(sources())}"
         )
+    names = chosen.studies or list(sources())
     if chosen.task == "compute":
-        compute(chosen.studies or list(sources()), chosen.out, chosen.jobs)
+        compute(names, chosen.out, chosen.jobs)
+    elif chosen.task == "write":
+        write(names)
     else:
         for source in sources().values():
             print(f"{source.name}: {source.command}; {len(cells_of(source.name))} cells")

@@ -82,6 +82,12 @@ def test_too_few_values_for_the_slots_are_an_error():
         replace(SENTENCE, cells=SENTENCE.cells[:1]).filled(FOUND)
 
 
+def test_what_is_rounded_to_zero_has_no_minus():
+    small = Number(("page.md",), "{:+.1f} and {:.0f}", ("a | b",))
+    assert small.filled({"a": {"a | b": [-0.04, -0.3]}}) == ["+0.0", "0"]
+    assert small.filled({"a": {"a | b": [-0.06, -0.7]}}) == ["-0.1", "-1"]
+
+
 def test_a_number_that_nobody_named_is_found():
     assert unnamed("Nine of 12 [see](page9.md)", [], []) == ["12"]
     assert not unnamed(PAGE, [SENTENCE], [])
