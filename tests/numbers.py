@@ -25,8 +25,8 @@ ROOT = Path(__file__).parents[1]
 MANIFEST = ROOT / "docs" / "numbers.toml"
 STORED = ROOT / "docs" / "results"
 GUARDS = ROOT / "tests" / "results_hash.json"
-OVER_ROWS = ("mean", "median")
-"""What a cell may ask of a column of a study's table."""
+OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "interval": 3}
+"""What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
 SLOTS = {"f": r"([-+]?\d+(?:\.\d+)?)", "d": r"([-+]?\d+)", "s": r"([a-z, ]+?)"}
 """Kind of a slot -> what a page may have in it: numbers, and words of verdicts."""
 
@@ -81,7 +81,7 @@ class Number:
     pages: tuple[str, ...]
     text: str
     cells: tuple[str, ...]
-    """`study | statement | number | parts * factor`, or `study | mean | column * factor | column=value; ...` (or median)."""
+    """`study | statement | number | parts * factor`, or `study | mean | column * factor | column=value; ...`."""
 
     @property
     def sources(self) -> set[str]:
@@ -181,7 +181,9 @@ def _per_slot(number: Number) -> list[str]:
 
 def _parts(cell: str) -> list[str]:
     words = cell.split(" | ")
-    return words[1:2] if words[1] in OVER_ROWS else words[-1].partition(" * ")[0].split(", ")
+    if words[1] in OVER_ROWS:
+        return [words[1]] * OVER_ROWS[words[1]]
+    return words[-1].partition(" * ")[0].split(", ")
 
 
 def rewritten(number: Number, text: str, values: Mapping[str, Mapping[str, Any]]) -> str:

@@ -39,6 +39,8 @@ OTHER_PROGRAMS = ("dask ", "srun ")
 RUN = {
     "list",
     "cite wet-patch --rule greedy --controller mpc",
+    "simulate wet-patch --rule cooperative --controller perturb-observe --figure event.png",
+    "compare --scenario wet-patch --rules alone cooperative --controllers perturb-observe --seeds 3",
     "simulate wet-patch --log event.csv",
     "analyse event.csv --train event.train.toml --figure log.png",
     "simulate my-event.toml --rule cooperative --controller perturb-observe",
