@@ -4,11 +4,13 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BENCH  := $(VENV)/.bench-installed
+DOCS   := $(VENV)/.docs-installed
+STUDY  ?=
 MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare report figures test mutants mutants-again results-hash bench bench-keep keys lint types clean
+.PHONY: help setup compare report figures docs results test mutants mutants-again results-hash bench bench-keep keys lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -30,6 +32,16 @@ report: setup        ## the same as one page that opens offline: report.html
 
 figures: setup       ## draw the figures of the papers
 	$(BIN)/readhesion figures
+
+$(DOCS): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $(DOCS)
+
+docs: $(DOCS)        ## build the documentation site into build/docs; a warning is an error
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
+
+results: setup       ## compute the numbers of README and docs again, or those of one STUDY, and write them into the pages
+	$(BIN)/python -m tests.numbers compute $(STUDY)
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
@@ -63,4 +75,4 @@ types: setup         ## static types
 	$(BIN)/mypy
 
 clean:               ## remove the environment and every result
-	rm -rf $(VENV) build dist *.egg-info results figures report.html
+	rm -rf $(VENV) build dist *.egg-info results figures report.html docs/_generated

@@ -17,8 +17,8 @@ lag, and u is the phase of that answer. A wrong lag costs signal, but makes no b
 
     A = Re(Z_s conj u),    B = Re(Z_mu conj u),    e = (A B + D e_0) / (A^2 + D).
 
-The part of Z_mu across u that does not follow slip is no answer, so it tells the noise: D = `FOLLOWS` var(Z_s) +
-var(Z_mu - e Z_s) / `PRIOR`^2 holds e at e_0 = p s, where nothing moves, as long as slip does not follow or adhesion changes
+The part of Z_mu across u that does not follow slip is no answer, so it tells the noise: D = FOLLOWS var(Z_s) +
+var(Z_mu - e Z_s) / PRIOR^2 holds e at e_0 = p s, where nothing moves, as long as slip does not follow or adhesion changes
 by itself; var(Z_s) is what the sensors' noise makes. A^2 / (A^2 + D) is how far e is told. A rail that changes is no answer
 to the swing either. The axle asked is the one with the largest slip: it is at its limit.
 

@@ -12,6 +12,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from studies.command_line.analyse import analyse
+from studies.command_line.cite import cite
 from studies.command_line.compare import compare
 from studies.command_line.export_controller import export_controller
 from studies.command_line.figures import figures
@@ -41,7 +42,7 @@ app = App(
     suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
 )
 for command in (
-    compare, simulate, run_line, sweep, merge, figures, analyse, export_controller, new_scenario, schema,
+    compare, simulate, run_line, sweep, merge, figures, analyse, cite, export_controller, new_scenario, schema,
 ):  # fmt: skip
     app.command(command)
 app.command(list_names, name="list")

@@ -9,7 +9,7 @@ from alloc.registry import Registry
 CONTROLLERS: Registry[type[BuiltInController] | HostedController] = Registry(
     "controller", "readhesion.controllers", OnboardError
 )
-"""Built-in controllers first, from the simplest on; those registered or offered by entry points are `HostedController`s."""
+"""Built-in controllers first, from the simplest on; those registered or installed are each a `HostedController`."""
 
 for _name, _controller in BUILT_IN.items():
     CONTROLLERS.register(_name, _controller)

@@ -1,0 +1,1 @@
+"""Which documents a run rests on, and where its values come from."""

@@ -1,0 +1,100 @@
+"""Numbers of README and docs are those that stored results hold."""
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from tests.docs.pages import PAGES
+from tests.numbers import (
+    Number,
+    cells_of,
+    drifts,
+    manifest,
+    numbers,
+    rewritten,
+    sources,
+    stored,
+    unnamed,
+)
+
+NUMBERS = numbers()
+VALUES = stored()
+
+
+@pytest.mark.parametrize("number", NUMBERS, ids=lambda one: one.text[:40])
+def test_pages_say_what_is_stored(number):
+    for page in number.pages:
+        assert not list(drifts(number, page, PAGES[page], VALUES))
+
+
+@pytest.mark.parametrize("name", sources())
+def test_stored_values_are_those_of_the_present_results(name):
+    """A hash of `results_hash.json` that guards a study has changed: the study is to be computed again."""
+    source = sources()[name]
+    content = json.loads(source.path.read_text())
+    assert content["guard"] == source.guard_digest(), f"make results STUDY={name}"
+    assert content["command"] == source.command
+
+
+@pytest.mark.parametrize("name", sources())
+def test_what_is_stored_is_what_the_manifest_names(name):
+    assert list(VALUES[name]) == cells_of(name)
+
+
+@pytest.mark.parametrize("page", manifest()["given"])
+def test_no_number_of_a_covered_page_comes_from_nowhere(page):
+    named = [one for one in NUMBERS if page in one.pages]
+    assert not unnamed(PAGES[page], named, manifest()["given"][page])
+
+
+SENTENCE = Number(
+    ("page.md",),
+    "uses {:.1f} % [{:.1f}, {:.1f}], {}.",
+    ("a | b | c | value, low, high * 100", "a | b | words"),
+)
+FOUND = {"a": {SENTENCE.cells[0]: [98.84, 98.7, 99.0], SENTENCE.cells[1]: ["does not hold"]}}
+PAGE = "It uses 98.8 %\n  [98.7, 99.0], does not hold.\n"
+
+
+def test_a_number_that_moved_is_seen_and_written():
+    assert not list(drifts(SENTENCE, "page.md", PAGE, FOUND))
+    for k, moved in enumerate((98.86, 98.6, 99.1)):
+        values = [98.84, 98.7, 99.0]
+        values[k] = moved
+        other = {"a": FOUND["a"] | {SENTENCE.cells[0]: values}}
+        (words,) = drifts(SENTENCE, "page.md", PAGE, other)
+        assert f"{moved:.1f}" in words
+        written = rewritten(SENTENCE, PAGE, other)
+        assert written == PAGE.replace(f"{[98.84, 98.7, 99.0][k]:.1f}", f"{moved:.1f}")
+        assert not list(drifts(SENTENCE, "page.md", written, other))
+
+
+def test_a_verdict_that_moved_and_a_text_that_is_gone_are_seen():
+    other = {"a": FOUND["a"] | {SENTENCE.cells[1]: ["holds, fragile"]}}
+    assert "holds, fragile" in next(drifts(SENTENCE, "page.md", PAGE, other))
+    assert "no text" in next(drifts(SENTENCE, "page.md", PAGE.replace("uses", "used"), FOUND))
+
+
+def test_too_few_values_for_the_slots_are_an_error():
+    with pytest.raises(ValueError, match="slots"):
+        replace(SENTENCE, cells=SENTENCE.cells[:1]).filled(FOUND)
+
+
+def test_what_is_rounded_to_zero_has_no_minus():
+    small = Number(("page.md",), "{:+.1f} and {:.0f}", ("a | b",))
+    assert small.filled({"a": {"a | b": [-0.04, -0.3]}}) == ["+0.0", "0"]
+    assert small.filled({"a": {"a | b": [-0.06, -0.7]}}) == ["-0.1", "-1"]
+
+
+def test_a_number_that_nobody_named_is_found():
+    assert unnamed("Nine of 12 [see](page9.md)", [], []) == ["12"]
+    assert not unnamed(PAGE, [SENTENCE], [])
+    assert not unnamed("since JP5484215", [], ["JP5484215"])
+    assert unnamed("```sh\nmake 5\n```\n7", [], []) == ["7"]
+
+
+def test_patterns_of_what_is_given_are_needed():
+    for page, patterns in manifest()["given"].items():
+        assert not [one for one in patterns if not re.search(one, PAGES[page])]

@@ -1,0 +1,84 @@
+"""README and pages: their size, their links, their language, and what states the version."""
+
+import tomllib
+
+import pytest
+import yaml
+
+from studies.command_line.main import app
+from tests.docs.pages import PAGES, ROOT, anchors, blocks, links, sentences, without_code
+
+MOST_BYTES = 6000
+"""Of the README."""
+MOST_WORDS = 20
+"""Of a sentence, on the mean."""
+
+
+def test_readme_is_short_and_says_the_commands_first():
+    readme = PAGES["README.md"]
+    assert len(readme.encode()) <= MOST_BYTES
+    assert readme.count("![") == 1
+    of_readme = [one for one in blocks() if one.page == "README.md"]
+    assert [one.language for one in of_readme] == ["sh", "python"]
+    assert [line.split()[:2] for line in of_readme[0].code.splitlines()] == [
+        ["make", "compare"],
+        ["make", "test"],
+    ]
+    assert len(of_readme[1].code.splitlines()) <= 10
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for link in links(PAGES[page]):
+        path, _, anchor = link.partition("#")
+        target = (ROOT / page).parent / path if path else ROOT / page
+        assert target.exists(), f"{page} links to {link}"
+        if anchor:
+            assert anchor in anchors(target.read_text(encoding="utf-8")), f"{page} links to {link}"
+
+
+def test_every_page_stands_in_the_contents():
+    listed = {
+        line
+        for one in blocks("{toctree}")
+        if one.page == "docs/index.md"
+        for line in one.code.split()
+    }
+    pages = {
+        page.removeprefix("docs/").removesuffix(".md") for page in PAGES if page.startswith("docs/")
+    }
+    assert pages - {"index"} <= listed
+
+
+def test_every_page_has_one_title():
+    for page, text in PAGES.items():
+        titles = [line for line in without_code(text).split("\n") if line.startswith("# ")]
+        assert len(titles) == 1 or "{include}" in text, page
+
+
+def test_sentences_are_short_on_the_mean():
+    words = [len(one.split()) for text in PAGES.values() for one in sentences(text)]
+    assert len(words) > 500
+    assert sum(words) / len(words) < MOST_WORDS
+    readme = [len(one.split()) for one in sentences(PAGES["README.md"])]
+    assert sum(readme) / len(readme) < MOST_WORDS
+
+
+def test_one_version_is_stated():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert str(cited["version"]) == project["version"]
+    assert (
+        f"({project['version']})" in PAGES["CHANGELOG.md"]
+        or f"## {project['version']}" in PAGES["CHANGELOG.md"]
+    )
+    assert cited["license"] == project["license"]
+    for key in ("cff-version", "message", "title", "authors"):
+        assert cited[key], key
+
+
+def test_every_command_has_an_example():
+    commands = [name for name in app if not name.startswith("-")]
+    examples = "\n".join(block.code for block in blocks("sh"))
+    assert len(commands) > 5
+    assert not [name for name in commands if f"readhesion {name}" not in examples]

@@ -1,0 +1,271 @@
+"""Numbers of README and docs: what each is computed from, what is stored of it, and whether a page still says so.
+
+`docs/numbers.toml` names the numbers, `docs/results` keeps what was computed, and `docs/numbers.md` explains both. Tests
+compare page, manifest and stored values. `python -m tests.numbers compute STUDY` computes a study's values again, stores
+them and writes them into the pages.
+"""
+
+import argparse
+import hashlib
+import json
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import joblib
+
+ROOT = Path(__file__).parents[1]
+MANIFEST = ROOT / "docs" / "numbers.toml"
+STORED = ROOT / "docs" / "results"
+GUARDS = ROOT / "tests" / "results_hash.json"
+OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "interval": 3}
+"""What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
+SLOTS = {"f": r"([-+]?\d+(?:\.\d+)?)", "d": r"([-+]?\d+)", "s": r"([a-z, ]+?)"}
+"""Kind of a slot -> what a page may have in it: numbers, and words of verdicts."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is run: a study with its events and seed, or the comparison."""
+
+    name: str
+    study: str
+    events: int | None
+    seed: int
+    settings: Mapping[str, Any]
+    """Options of the study beside these."""
+    compared: Mapping[str, Any] | None
+    """Options of `readhesion compare`, where it is no study that runs."""
+    guard: tuple[str, ...]
+    """Patterns of names in `tests/results_hash.json`: where one of these hashes changes, the values count as old."""
+
+    @property
+    def command(self) -> str:
+        """The command that runs it."""
+        if self.compared is not None:
+            words = [f"--{key} {_words(value)}" for key, value in self.compared.items()]
+            return " ".join(["readhesion compare", *words])
+        words = [f"--{key} {_words(value)}" for key, value in self.settings.items()]
+        start = f"readhesion sweep {self.study} --events {self.events} --seed {self.seed}"
+        return " ".join([start, *words])
+
+    def guard_digest(self) -> str:
+        """One hash of all hashes that guard it."""
+        hashes = json.loads(GUARDS.read_text())["hashes"]
+        chosen = {k: v for k, v in hashes.items() if any(fnmatch(k, one) for one in self.guard)}
+        if not chosen:
+            raise ValueError(f"{self.name}: no stored hash has a name like {self.guard}")
+        return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def path(self) -> Path:
+        """File of its stored values."""
+        return STORED / f"{self.name}.json"
+
+
+def _words(value: Any) -> str:
+    return " ".join(value) if isinstance(value, list) else str(value)
+
+
+@dataclass(frozen=True)
+class Number:
+    """Some numbers of one sentence or table row: the text with a slot for each, and where they come from."""
+
+    pages: tuple[str, ...]
+    text: str
+    cells: tuple[str, ...]
+    """`study | statement | number | parts * factor`, or `study | mean | column * factor | column=value; ...`."""
+
+    @property
+    def sources(self) -> set[str]:
+        """Studies that it needs."""
+        return {cell.split(" | ")[0] for cell in self.cells}
+
+    def filled(self, stored: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """What each slot shows, from values stored by study and cell."""
+        values = []
+        for cell in self.cells:
+            name = cell.split(" | ")[0]
+            if cell not in stored[name]:
+                raise ValueError(f"{cell!r} is not stored: make results STUDY={name}")
+            values += stored[name][cell]
+        forms = [spec for _, _, spec, _ in Formatter().parse(self.text) if spec is not None]
+        if len(forms) != len(values):
+            raise ValueError(f"{self.text!r} has {len(forms)} slots for {len(values)} values")
+        return [_shown(value, form) for value, form in zip(values, forms, strict=True)]
+
+    def pattern(self) -> re.Pattern[str]:
+        """The text as it may stand on a page: any white space between words, anything that fits in a slot."""
+        parts = []
+        for words, _, spec, _ in Formatter().parse(self.text):
+            parts.append(re.sub(r"(?:\\ )+", r"\\s+", re.escape(words)))
+            if spec is not None:
+                parts.append(SLOTS[spec[-1:] or "s"])
+        return re.compile("".join(parts))
+
+
+def _shown(value: Any, form: str) -> str:
+    """A value in a slot; what is rounded to zero has no minus."""
+    text = format(value, form)
+    return text if isinstance(value, str) or float(text) else format(0.0, form)
+
+
+@cache
+def manifest() -> dict[str, Any]:
+    """The manifest as it is written."""
+    return tomllib.loads(MANIFEST.read_text(encoding="utf-8"))
+
+
+def sources() -> dict[str, Source]:
+    """Every source by name."""
+    return {
+        name: Source(
+            name,
+            entry.get("study", name),
+            entry.get("events"),
+            entry.get("seed", 0),
+            entry.get("settings", {}),
+            entry.get("compare"),
+            tuple(entry["guard"]),
+        )
+        for name, entry in manifest()["study"].items()
+    }
+
+
+def numbers() -> list[Number]:
+    """Every entry in its order."""
+    return [
+        Number(tuple(entry["pages"]), entry["text"], tuple(entry["cells"]))
+        for entry in manifest()["number"]
+    ]
+
+
+def cells_of(name: str) -> list[str]:
+    """Cells that the manifest asks of a source."""
+    found = [cell for number in numbers() for cell in number.cells]
+    return list(dict.fromkeys(cell for cell in found if cell.split(" | ")[0] == name))
+
+
+def stored() -> dict[str, dict[str, Any]]:
+    """Stored values by source and cell."""
+    return {
+        name: json.loads(source.path.read_text())["values"] if source.path.exists() else {}
+        for name, source in sources().items()
+    }
+
+
+def drifts(
+    number: Number, page: str, text: str, values: Mapping[str, Mapping[str, Any]]
+) -> Iterator[str]:
+    """What a page says otherwise than the stored values, in words."""
+    expected = number.filled(values)
+    found = list(number.pattern().finditer(text))
+    if not found:
+        yield f"{page} has no text like {number.text!r}"
+    for match in found:
+        for shown, value, cell in zip(match.groups(), expected, _per_slot(number), strict=True):
+            if shown != value:
+                yield f"{page} says {shown} where {cell!r} is {value}: make results STUDY={cell.split(' | ')[0]}"
+
+
+def _per_slot(number: Number) -> list[str]:
+    return [cell for cell in number.cells for _ in _parts(cell)]
+
+
+def _parts(cell: str) -> list[str]:
+    words = cell.split(" | ")
+    if words[1] in OVER_ROWS:
+        return [words[1]] * OVER_ROWS[words[1]]
+    return words[-1].partition(" * ")[0].split(", ")
+
+
+def rewritten(number: Number, text: str, values: Mapping[str, Mapping[str, Any]]) -> str:
+    """The page's text with the stored values in the slots; white space stays."""
+    expected = number.filled(values)
+
+    def fill(match: re.Match[str]) -> str:
+        whole, start, parts = match.group(), match.start(), []
+        last = 0
+        for k, value in enumerate(expected, 1):
+            parts += [whole[last : match.start(k) - start], value]
+            last = match.end(k) - start
+        return "".join([*parts, whole[last:]])
+
+    return number.pattern().sub(fill, text)
+
+
+def unnamed(text: str, entries: Sequence[Number], given: Sequence[str]) -> list[str]:
+    """Numbers of a page that neither an entry nor `given` (patterns of what is no result) covers."""
+    text = re.sub(r"```.*?```", " ", text, flags=re.DOTALL)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    for pattern in [*(one.pattern() for one in entries), *(re.compile(one) for one in given)]:
+        text = pattern.sub(" ", text)
+    return re.findall(r"\S*\d\S*", text)
+
+
+def compute(names: Sequence[str], folder: Path, jobs: int) -> None:
+    """Compute sources, store their values, write them into the pages."""
+    from tests.study_values import StudyValues
+
+    for name in names:
+        source = sources()[name]
+        print(f"{name}: {source.command}", flush=True)
+        values_of = StudyValues(source, folder, jobs)
+        content = {
+            "command": source.command,
+            "guard": source.guard_digest(),
+            "values": {cell: values_of(cell) for cell in cells_of(name)},
+        }
+        STORED.mkdir(exist_ok=True)
+        source.path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write(names)
+
+
+def write(names: Sequence[str]) -> None:
+    """Write what is stored of these sources into the pages."""
+    values = stored()
+    for number in numbers():
+        if number.sources & set(names) and all(values[one] for one in number.sources):
+            for page in number.pages:
+                path = ROOT / page
+                before = path.read_text(encoding="utf-8")
+                after = rewritten(number, before, values)
+                if after != before:
+                    path.write_text(after, encoding="utf-8")
+                for words in drifts(number, page, after, values):
+                    print(f"  {words}")
+
+
+def main() -> int:
+    """Compute, write into pages what is stored, or list the sources with their commands."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("task", choices=("list", "compute", "write"))
+    parser.add_argument("studies", nargs="*", metavar="STUDY", help="all without it")
+    parser.add_argument("--out", type=Path, default=ROOT / "results", help="folder of results")
+    parser.add_argument("--jobs", type=int, default=joblib.cpu_count())
+    chosen = parser.parse_args()
+    unknown = set(chosen.studies) - set(sources())
+    if unknown:
+        parser.error(
+            f"no number comes from {', '.join(sorted(unknown))}; known: {', '.join(sources())}"
+        )
+    names = chosen.studies or list(sources())
+    if chosen.task == "compute":
+        compute(names, chosen.out, chosen.jobs)
+    elif chosen.task == "write":
+        write(names)
+    else:
+        for source in sources().values():
+            print(f"{source.name}: {source.command}; {len(cells_of(source.name))} cells")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
