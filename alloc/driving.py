@@ -68,6 +68,7 @@ class _DriverInPython:
         self.controls = Controls(*inputs)
         self.position, self.speed = state[n.position], state[n.speed]
         self.motors, self.cylinders = state[n.torque], state[n.pressure]
+        self.turning, self.radius = state[n.omega], model.structure.radius
         self.last_speed = float(self.speed[0])
 
     def __call__(self, tick: int) -> bool:
@@ -79,6 +80,7 @@ class _DriverInPython:
             acceleration=(speed - self.last_speed) / self.timing.period,
             torque=self.motors.copy(),
             pressure=self.cylinders.copy(),
+            wheel_speed=self.turning * self.radius,
         )
         self.last_speed = speed
         go_on = self.driver(sense, self.controls)

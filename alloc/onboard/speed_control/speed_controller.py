@@ -10,6 +10,7 @@ import xarray as xr
 
 from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_control.detector import Detection, Detector
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
 from alloc.onboard.speed_control.resistance import (
@@ -77,8 +78,8 @@ class Learning:
 class SpeedControl:
     """Drives the train by current I = I_FB + I_FF; call it once per control period `period` [s], as `drive` does.
 
-    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `speed_noise`
-    [m/s]: standard deviation of the measured speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
+    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `detector`: where
+    position and speed come from. Raises `OnboardError` for what cannot be.
     """
 
     def __init__(
@@ -92,15 +93,14 @@ class SpeedControl:
         weights: Floats | None = None,
         learning: Learning | None = None,
         rotating_mass: float = 0.0,
-        speed_noise: float = 0.0,
-        seed: int = 0,
+        detector: Detector | None = None,
     ) -> None:
         self.command, self.feedback, self.traction = command, feedback, traction
         self.period, self.mode = period, mode
         self.memory, self.learning = memory or LineMemory(), learning or Learning()
-        self.rotating_mass, self.speed_noise = rotating_mass, speed_noise
+        self.rotating_mass = rotating_mass
         learner, switch = self.learning.learner, self.learning.switch
-        OnboardError.check("speed control", self, ("period",), ("rotating_mass", "speed_noise"))
+        OnboardError.check("speed control", self, ("period",), ("rotating_mass",))
         OnboardError.check_choice("speed control", "mode", mode, get_args(Mode))
         if weights is None and learner is None and mode != "feedback":
             raise OnboardError(f"speed control: mode {mode!r} needs weights or a learner")
@@ -110,7 +110,7 @@ class SpeedControl:
         if self.weights.shape not in ((3,), (5,)) or not np.all(np.isfinite(self.weights)):
             raise OnboardError(f"speed control: weights = {self.weights} must be 3 or 5 numbers")
         self._filter = RegressionFilter(self.learning.filter_time, period)
-        self._noise = np.random.default_rng(seed)
+        self._detection = Detection(detector or Detector(), period)
         self._last: tuple[float, float, float, float, bool] | None = None
         self._rows: list[list[float]] = []
         self._times: list[float] = []
@@ -129,12 +129,11 @@ class SpeedControl:
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set the torques of all units for the coming control period."""
-        speed, switch = sense.speed, self.learning.switch
-        if self.speed_noise > 0.0:
-            speed += self.speed_noise * float(self._noise.standard_normal())
+        position, speed = self._detection.read(sense)
+        switch = self.learning.switch
         wanted, rate = (float(value) for value in self.command.at(sense.time))
-        tunnel, slope = (float(value) for value in self.memory.read(sense.position))
-        error = self._learn(speed, sense.position)
+        tunnel, slope = (float(value) for value in self.memory.read(position))
+        error = self._learn(speed, position)
         difference = wanted - speed
         ahead = self._feedforward(
             Motion(speed, 0.0, slope, tunnel), Motion(wanted, rate, slope, tunnel)
@@ -155,11 +154,11 @@ class SpeedControl:
         controls.torque[:] = torques
         bounded = abs(current - supplied) > 1e-9 * max(abs(current), 1.0)
         self.feedback.integrate(difference, current - supplied if bounded else 0.0, self.period)
-        self._last = (speed, sense.position, supplied, back, bounded)
+        self._last = (speed, position, supplied, back, bounded)
         self._times.append(sense.time)
         ahead_used = ahead if self._using else 0.0
         self._rows.append(
-            [wanted, rate, speed, sense.position, back, ahead_used, supplied,
+            [wanted, rate, speed, position, back, ahead_used, supplied,
              supplied / self.traction.current_per_force,
              np.nan if switch is None else switch.signal]
         )  # fmt: skip
