@@ -54,6 +54,7 @@ RANGES: dict[str, tuple[float, float]] = {
 
 ENDINGS: dict[str, str] = {
     "1": "",
+    "m": "_m",
     "s": "_s",
     "1/s": "_per_s",
     "1/m": "_per_m",

@@ -14,8 +14,8 @@ from alloc.estimation.running_resistance import (
     NormalisedGradientLearner,
 )
 from alloc.metrics.motion import jerk
-from alloc.onboard.speed_control.detector import Detector
 from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.position_detector import Detector
 from alloc.onboard.speed_control.speed_controller import Learning, SpeedControl
 from alloc.onboard.speed_control.switch import LearnThenUse
 from alloc.onboard.speed_control.traction import Traction
@@ -59,7 +59,7 @@ CASES = (FEEDBACK, RIGHT, WRONGLY, LEARNED)
 position of a train is its position. `FRONT` and `CARS` read it at the front and in the middle of every car (not in the
 source); `EXACT` does so with the plant's five weights in the feedforward from commanded values; `USED` is claim 5."""
 ALL_CASES = (*CASES, FRONT, CARS, EXACT, USED)
-"""`TAUGHT`, compensation with weights that a learner has learnt before, needs that learner."""
+"""`TAUGHT`, compensation car by car with weights that a learner has learnt before, needs that learner."""
 TRUE_SIGNALS = Detector()
 """Position and speed as they are."""
 
@@ -101,8 +101,9 @@ def drive_case(
 ) -> CaseRun:
     """One run of `route` in a `case`; `LEARNED` and `USED` go on with `learner`, a new one if None; `TAUGHT` needs one.
 
-    `detector`: where position and speed come from. `LEARNED` has its weights from one run of the same route before this one, which began with weights `wrong` by these
-    factors and compensated while it learnt. `open_loop`: `USED` as printed, without feedback while what was learnt is used.
+    `detector`: where position and speed come from. `LEARNED` has its weights from one run of the same route before this
+    one, which began with weights `wrong` by these factors and compensated while it learnt. `open_loop`: `USED` as printed,
+    without feedback while what was learnt is used.
     """
     if case not in (*ALL_CASES, TAUGHT):
         raise unknown("case", case, (*ALL_CASES, TAUGHT))
@@ -131,7 +132,7 @@ def drive_case(
         else "feedforward" if case in (LEARNED, EXACT)
         else "learn-then-use" if case == USED
         else "compensation",
-        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, "middle")),
+        route.memory({CARS: "cars", EXACT: "cars", TAUGHT: "cars", FRONT: "front"}.get(case, "middle")),
         None if case == FEEDBACK else weights,
         Learning(
             learner if case in (LEARNED, USED) else None,

@@ -67,7 +67,11 @@ class Route:
             "cars": tuple((0.5 * lengths - ends).tolist()),
         }[reading]
         grades = tuple(100.0 * grade for grade in line.grades)
-        shares = tuple(tuple((of / of.sum()).tolist()) for of in (lengths, masses)) if reading == "cars" else ()
+        shares = (
+            tuple(tuple((of / of.sum()).tolist()) for of in (lengths, masses))
+            if reading == "cars"
+            else ()
+        )
         return LineMemory(line.stations, grades, line.tunnels, offsets, *shares)
 
     @property

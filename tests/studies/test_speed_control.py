@@ -9,8 +9,8 @@ from alloc.estimation.resistance_log import RunLog, learn_from_log
 from alloc.estimation.running_resistance import LeastSquaresLearner
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.onboard.speed_control.detector import Detector
 from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.position_detector import Detector
 from alloc.onboard.speed_control.speed_controller import SpeedControl
 from alloc.onboard.speed_control.traction import Traction
 from studies.files.study_error import StudyError

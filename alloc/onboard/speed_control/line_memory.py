@@ -49,7 +49,9 @@ class LineMemory:
         for name in ("air_shares", "mass_shares"):
             shares = getattr(self, name)
             if shares and not (
-                len(shares) == len(self.offsets) and min(shares) >= 0.0 and abs(sum(shares) - 1.0) < 1e-9
+                len(shares) == len(self.offsets)
+                and min(shares) >= 0.0
+                and abs(sum(shares) - 1.0) < 1e-9
             ):
                 raise OnboardError(
                     f"line memory: {name} = {shares} must be one per offset, 0 or greater, of the sum 1"
@@ -62,7 +64,7 @@ class LineMemory:
 
     @cached_property
     def _pieces(self) -> tuple[Floats, Floats, Floats]:
-        """Places [m] where anything changes; share in tunnels (0 or 1) and g sin(theta) [m/s2] before, between, behind them."""
+        """Places [m] of changes; share in tunnels (0 or 1) and g sin(theta) [m/s2] before, between and behind them."""
         mouths = [mouth for tunnel in self.tunnels for mouth in tunnel]
         places = np.unique(np.array([*self.stations, *mouths]))
         at = np.append(places[0] - 1.0, places)
@@ -90,7 +92,9 @@ class LineMemory:
         """Whether one of the `changes` lies under the train, whose `length` [m] is behind `position` [m]."""
         x = np.asarray(position, dtype=float)
         changes = np.array(self.changes)
-        return changes.searchsorted(x, side="right") > changes.searchsorted(x - length, side="right")
+        return changes.searchsorted(x, side="right") > changes.searchsorted(
+            x - length, side="right"
+        )
 
 
 def _over(values: Floats, shares: tuple[float, ...]) -> Floats:

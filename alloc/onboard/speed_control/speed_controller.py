@@ -10,9 +10,9 @@ import xarray as xr
 
 from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.detector import Detection, Detector
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.speed_control.position_detector import Detection, Detector
 from alloc.onboard.speed_control.resistance import (
     EXTENDED_WEIGHTS,
     Motion,

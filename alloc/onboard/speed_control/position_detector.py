@@ -123,7 +123,11 @@ class _Count:
 
     def _residual(self) -> float:
         """Error of the position at the last station passed [m]."""
-        return self._odometer.residuals[self._passed - 1] if self._odometer.residuals and self._passed else 0.0
+        return (
+            self._odometer.residuals[self._passed - 1]
+            if self._odometer.residuals and self._passed
+            else 0.0
+        )
 
     def read(self, sense: TrainSense, period: float) -> tuple[float, float]:
         speed = self._turning(sense)
