@@ -15,7 +15,7 @@ from alloc.estimation.running_resistance import (
 )
 from alloc.metrics.motion import jerk
 from alloc.onboard.speed_control.feedback import Feedback
-from alloc.onboard.speed_control.position_detector import Detector
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.speed_controller import Learning, SpeedControl
 from alloc.onboard.speed_control.switch import LearnThenUse
 from alloc.onboard.speed_control.traction import Traction
@@ -60,7 +60,7 @@ position of a train is its position. `FRONT` and `CARS` read it at the front and
 source); `EXACT` does so with the plant's five weights in the feedforward from commanded values; `USED` is claim 5."""
 ALL_CASES = (*CASES, FRONT, CARS, EXACT, USED)
 """`TAUGHT`, compensation car by car with weights that a learner has learnt before, needs that learner."""
-TRUE_SIGNALS = Detector()
+TRUE_SIGNALS = PositionDetector()
 """Position and speed as they are."""
 
 
@@ -95,7 +95,7 @@ def drive_case(
     case: str,
     control: Control = "PI",
     learner: Learner | None = None,
-    detector: Detector = TRUE_SIGNALS,
+    detector: PositionDetector = TRUE_SIGNALS,
     open_loop: bool = False,
     wrong: tuple[float, float, float] = WRONG,
 ) -> CaseRun:

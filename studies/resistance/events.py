@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from alloc.estimation.excitation import LARGEST_DEVIATION, LEARNED
-from alloc.onboard.speed_control.position_detector import Detector
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.resistance import WEIGHTS
 from studies.resistance import driven_cases as cases
 from studies.resistance.learners import (
@@ -74,7 +74,7 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
 
     def driven(case: str, open_loop: bool = False, on: Route = of) -> cases.CaseRun:
         return cases.drive_case(
-            on, case, drawn["control"], detector=Detector(speed_noise=cases.SPEED_NOISE, seed=noise_seed),
+            on, case, drawn["control"], detector=PositionDetector(speed_noise=cases.SPEED_NOISE, seed=noise_seed),
             open_loop=open_loop, wrong=drawn["wrong"],
         )  # fmt: skip
 

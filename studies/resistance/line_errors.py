@@ -7,7 +7,7 @@ import numpy as np
 
 from alloc.errors import OnboardError
 from alloc.onboard.quantity import quantity
-from alloc.onboard.speed_control.position_detector import Detector, Odometer
+from alloc.onboard.speed_control.position_detector import Odometer, PositionDetector
 from alloc.plant.rail import Line
 from studies.files.strict import parse, read_toml
 from studies.resistance.routes import LineBelief, Route
@@ -140,7 +140,7 @@ def driven_axles(route: Route) -> tuple[int, ...]:
 
 def detector(
     route: Route, errors: LineErrors, draw: Draw, speed_noise: float, seed: int
-) -> Detector:
+) -> PositionDetector:
     """Where position and speed of a run of `route` come from."""
     odometer = None
     if errors.counts_wheels:
@@ -150,7 +150,7 @@ def detector(
             tuple(errors.reset_deviation * x for x in draw.resets),
             driven_axles(route),
         )
-    return Detector(odometer, errors.delay, speed_noise, seed)
+    return PositionDetector(odometer, errors.delay, speed_noise, seed)
 
 
 def with_errors(route: Route, errors: LineErrors, draw: Draw) -> Route:

@@ -54,7 +54,7 @@ class Odometer:
 
 
 @dataclass(frozen=True)
-class Detector:
+class PositionDetector:
     """What position and speed the train gets: by an `odometer`, or the true ones where there is none.
 
     `delay` [s]: both are late by it. `speed_noise` [m/s]: standard deviation of the speed, white, drawn from `seed`.
@@ -73,7 +73,7 @@ class Detector:
 class Detection:
     """A `detector` at work in one run; ask it once per `period` [s]."""
 
-    def __init__(self, detector: Detector, period: float) -> None:
+    def __init__(self, detector: PositionDetector, period: float) -> None:
         self._odometer, self._noise_size = detector.odometer, detector.speed_noise
         self._noise = np.random.default_rng(detector.seed)
         whole = math.ceil(detector.delay / period - 1e-9)

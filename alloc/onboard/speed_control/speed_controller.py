@@ -12,7 +12,7 @@ from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.onboard.speed_control.position_detector import Detection, Detector
+from alloc.onboard.speed_control.position_detector import Detection, PositionDetector
 from alloc.onboard.speed_control.resistance import (
     EXTENDED_WEIGHTS,
     Motion,
@@ -93,7 +93,7 @@ class SpeedControl:
         weights: Floats | None = None,
         learning: Learning | None = None,
         rotating_mass: float = 0.0,
-        detector: Detector | None = None,
+        detector: PositionDetector | None = None,
     ) -> None:
         self.command, self.feedback, self.traction = command, feedback, traction
         self.period, self.mode = period, mode
@@ -110,7 +110,7 @@ class SpeedControl:
         if self.weights.shape not in ((3,), (5,)) or not np.all(np.isfinite(self.weights)):
             raise OnboardError(f"speed control: weights = {self.weights} must be 3 or 5 numbers")
         self._filter = RegressionFilter(self.learning.filter_time, period)
-        self._detection = Detection(detector or Detector(), period)
+        self._detection = Detection(detector or PositionDetector(), period)
         self._last: tuple[float, float, float, float, bool] | None = None
         self._rows: list[list[float]] = []
         self._times: list[float] = []
