@@ -85,7 +85,7 @@ class _DriverInPython:
         self.last_speed = speed
         go_on = self.driver(sense, self.controls)
         for label, values in zip(Controls._fields, self.controls, strict=True):
-            if not np.all(np.isfinite(values)):
+            if not np.isfinite(values).all():
                 raise SimulationError(
                     f"drive: at {time:g} s the driver set {label} = {values}; set finite values"
                 )

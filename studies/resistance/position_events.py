@@ -11,9 +11,9 @@ from studies.resistance.drawn_routes import RANGES, drawn_route
 from studies.resistance.events import WRONG_BY, felt
 from studies.resistance.learners import SQUARES, learners
 from studies.resistance.line_errors import (
+    AIR,
     ALL,
     ARMS,
-    DELAY,
     NONE,
     ODOMETER,
     PLACES,
@@ -53,12 +53,15 @@ def draw(seed: int, event: int) -> DrawnRun:
 
 def cases_of(arm: str) -> tuple[str, ...]:
     """Cases that are driven in an arm; a rung of the ladder asks of compensation alone."""
-    compensated = (cases.FEEDBACK, cases.RIGHT, cases.CARS)
-    if arm not in ARMS:
-        return compensated
-    front = (cases.FRONT,) if arm in (NONE, ALL) else ()
-    used = (cases.USED,) if arm in (NONE, ODOMETER, DELAY, PLACES, ALL) else ()
-    return (*compensated, *front, cases.LEARNED, cases.TAUGHT, *used)
+    found = [cases.FEEDBACK, cases.RIGHT, cases.CARS]
+    if arm in ARMS:
+        found += [cases.FRONT] if arm in (NONE, ALL) else []
+        found += (
+            [cases.LEARNED] if arm != AIR else []
+        )  # it begins elsewhere, and never sees the map's air resistance
+        found += [cases.TAUGHT]
+        found += [cases.USED] if arm in (NONE, ODOMETER, PLACES, ALL) else []
+    return tuple(found)
 
 
 def position_row(seed: int, event: int, arm: str, errors: LineErrors) -> dict[str, Any]:

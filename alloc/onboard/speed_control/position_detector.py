@@ -111,6 +111,7 @@ class _Count:
                 f"odometer: axles = {odometer.axles} must lie below {len(sense.wheel_speed)}, the number of axles"
             )
         self._axles = list(odometer.axles) or slice(None)
+        self._counted = len(odometer.axles) or len(sense.wheel_speed)
         passed = [place for place in odometer.stations if place <= sense.position]
         come = sense.position - passed[-1] if passed else 0.0
         self._passed = len(passed)
@@ -118,7 +119,7 @@ class _Count:
         self._speed = self._turning(sense)
 
     def _turning(self, sense: TrainSense) -> float:
-        wheels = float(sense.wheel_speed[self._axles].mean())
+        wheels = float(np.add.reduce(sense.wheel_speed[self._axles])) / self._counted
         return (1.0 + self._odometer.scale_error) * wheels
 
     def _residual(self) -> float:

@@ -132,12 +132,9 @@ class SpeedControl:
         position, speed = self._detection.read(sense)
         switch = self.learning.switch
         wanted, rate = (float(value) for value in self.command.at(sense.time))
-        tunnel, slope = (float(value) for value in self.memory.read(position))
         error = self._learn(speed, position)
         difference = wanted - speed
-        ahead = self._feedforward(
-            Motion(speed, 0.0, slope, tunnel), Motion(wanted, rate, slope, tunnel)
-        )
+        ahead = self._feedforward(speed, wanted, rate, position)
         if switch is not None and error is not None and switch.update(error, self.period):
             # what the feedforward gives from now on the integrator need no longer give, and the other way round
             self.feedback.shift(ahead if self._using else -ahead)
@@ -165,19 +162,21 @@ class SpeedControl:
         self._history.append(self.weights.copy())
         return True
 
-    def _feedforward(self, measured: Motion, commanded: Motion) -> float:
+    def _feedforward(self, speed: float, wanted: float, rate: float, position: float) -> float:
         """I_FF [A]."""
         if self.mode == "feedback":
             return 0.0
+        tunnel, slope = (float(value) for value in self.memory.read(position))
         if self.mode == "compensation":
-            force = compensation_force(self.weights, measured)
+            force = compensation_force(self.weights, Motion(speed, 0.0, slope, tunnel))
         else:
+            commanded = Motion(wanted, rate, slope, tunnel)
             force = feedforward_force(self.weights, commanded, self.rotating_mass)
         return self.traction.current_per_force * float(force)
 
     def _learn(self, speed: float, position: float) -> float | None:
         """Learn from the control period that has passed; returns the error [N] that the switch looks at, if any."""
-        if self._last is None:
+        if self._last is None or (self.learning.learner is None and self.learning.switch is None):
             return None
         before, behind, supplied, back, bounded = self._last
         middle = 0.5 * (position + behind)
