@@ -33,10 +33,10 @@ class Range(NamedTuple):
 
 RANGES = {
     "commuter": Range(
-        "commuter-8car", (16.0, 20.0), np.inf, 0.3, 1700.0, (450.0, 800.0), 0.025, (1.3, 2.5), (1000.0, 2500.0)
+        "commuter-8car", (16.0, 20.0), np.inf, 0.3, 700.0, (400.0, 600.0), 0.025, (1.3, 2.5), (1000.0, 2500.0)
     ),
     "high-speed": Range(
-        "high-speed-16car", (64.0, 72.0), 4.0, 0.12, 3500.0, (1500.0, 2500.0), 0.012, (1.3, 2.5), (30e3, 60e3)
+        "high-speed-16car", (64.0, 72.0), 4.0, 0.12, 2500.0, (1300.0, 1900.0), 0.012, (1.3, 2.5), (30e3, 60e3)
     ),
 }  # fmt: skip
 """All assumed. A commuter train starts at a station, a high-speed train comes from one that lies up to a spacing behind."""

@@ -64,14 +64,14 @@ NONE, ODOMETER, DELAY, PLACES, GRADIENTS, AIR, ALL = (
 )  # fmt: skip
 ARMS: Mapping[str, tuple[str, ...]] = {
     NONE: (),
-    ODOMETER: ("odometer_error", "reset_deviation"),
-    DELAY: ("delay",),
     PLACES: ("place_deviation",),
     GRADIENTS: ("gradient_deviation",),
     AIR: ("air_deviation",),
+    ODOMETER: ("odometer_error", "reset_deviation"),
+    DELAY: ("delay",),
     ALL: tuple(item.name for item in fields(LineErrors)),
 }
-"""Arm of the study -> errors that it has."""
+"""Arm of the study -> errors that it has; arms with true signals come first, for they share a run."""
 
 
 def read_line_errors(path: str) -> LineErrors:
@@ -117,7 +117,7 @@ def believed(line: Line, errors: LineErrors, draw: Draw) -> LineBelief:
     shift = errors.place_deviation * np.array(draw.places)
     count = len(line.stations)
     stations = np.array(line.stations)
-    stations[1:] = np.sort(stations[1:] + shift[1:count])
+    stations[1:] = np.maximum(np.sort(stations[1:] + shift[1:count]), stations[0])
     mouths = np.array(line.tunnels).reshape(-1, 2) + shift[count:].reshape(-1, 2)
     mouths[:, 1] = np.maximum(mouths[:, 1], mouths[:, 0] + LEAST_TUNNEL)
     grades = np.array(line.grades) * (1.0 + errors.gradient_deviation * np.array(draw.gradients))
@@ -158,7 +158,7 @@ def with_errors(route: Route, errors: LineErrors, draw: Draw) -> Route:
     return replace(route, belief=believed(route.line, errors, draw))
 
 
-LADDER = (0.01, 0.02, 0.04)
+LADDER = (0.02, 0.04)
 """Further bounds of the odometer's error, to find where compensation by position ends to help."""
 
 

@@ -1,11 +1,14 @@
 """The speed control on drawn routes, with errors of position and map: the row that an event yields in an arm."""
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from alloc.estimation.resistance_log import RunLog, learn_from_log
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.resistance import WEIGHTS
+from alloc.onboard.speed_control.switch import USE
 from studies.resistance import driven_cases as cases
 from studies.resistance.drawn_routes import RANGES, drawn_route
 from studies.resistance.events import WRONG_BY, felt
@@ -14,9 +17,8 @@ from studies.resistance.line_errors import (
     AIR,
     ALL,
     ARMS,
+    DELAY,
     NONE,
-    ODOMETER,
-    PLACES,
     Draw,
     LineErrors,
     detector,
@@ -55,12 +57,11 @@ def cases_of(arm: str) -> tuple[str, ...]:
     """Cases that are driven in an arm; a rung of the ladder asks of compensation alone."""
     found = [cases.FEEDBACK, cases.RIGHT, cases.CARS]
     if arm in ARMS:
-        found += [cases.FRONT] if arm in (NONE, ALL) else []
-        found += (
-            [cases.LEARNED] if arm != AIR else []
-        )  # it begins elsewhere, and never sees the map's air resistance
+        # what is learnt while it compensates begins elsewhere, and never sees the map's air resistance
+        found += [] if arm in (AIR, DELAY) else [cases.LEARNED]
         found += [cases.TAUGHT]
-        found += [cases.USED] if arm in (NONE, ODOMETER, PLACES, ALL) else []
+        found += [cases.FRONT] if arm == NONE else []
+        found += [cases.USED] if arm in (NONE, ALL) else []
     return tuple(found)
 
 
@@ -68,29 +69,35 @@ def position_row(seed: int, event: int, arm: str, errors: LineErrors) -> dict[st
     """Disturbances of all cases of `arm`, which has these `errors`, and what was learnt."""
     drawn = draw(seed, event)
     of = with_errors(drawn.route, errors, drawn.errors)
-    noise_seed = 1000 * seed + 10 * event
-    signals = detector(of, errors, drawn.errors, cases.SPEED_NOISE, noise_seed)
+    signals = detector(of, errors, drawn.errors, cases.SPEED_NOISE, 1000 * seed + 10 * event)
+    alone = _feedback_alone(seed, event, signals)
     row: dict[str, Any] = {
         "route": of.name, "control": drawn.control, "cruise": of.command.speeds[0], "length": of.length,
+        "position error": _position_error(of, alone),
     }  # fmt: skip
     learner = None
+    if arm in ARMS:
+        learnt, learner = _alone(of, alone)
+        row |= learnt
     for case in cases_of(arm):
-        done = cases.drive_case(
-            of, case, drawn.control, learner if case == cases.TAUGHT else None, signals, wrong=drawn.wrong
-        )  # fmt: skip
+        done = alone
+        if case != cases.FEEDBACK:
+            teacher = learner if case == cases.TAUGHT else None
+            done = cases.drive_case(of, case, drawn.control, teacher, signals, wrong=drawn.wrong)
         row |= felt(of, done, case, LEAD)
-        if case == cases.FEEDBACK:
-            row["position error"] = _position_error(of, done)
-            if arm in ARMS:
-                learnt, learner = _alone(of, done)
-                row |= learnt
-        elif case == cases.LEARNED:
+        if case == cases.LEARNED:
             share = done.control.weights / of.true_weights()
             row |= {f"{name}@{case}": float(x) for name, x in zip(WEIGHTS, share, strict=True)}
         elif case == cases.USED:
-            using = done.log["switch"].values == 2.0
-            row["use share"] = float(using.mean())
+            row["use share"] = float((done.log["switch"].values == USE).mean())
     return row
+
+
+@lru_cache(maxsize=1)
+def _feedback_alone(seed: int, event: int, signals: PositionDetector) -> cases.CaseRun:
+    """It reads no map: arms with the same signals have it in common."""
+    drawn = draw(seed, event)
+    return cases.drive_case(drawn.route, cases.FEEDBACK, drawn.control, detector=signals)
 
 
 def _position_error(of: Route, done: cases.CaseRun) -> float:

@@ -38,7 +38,7 @@ def position_statements(table: pd.DataFrame) -> list[Statement]:
     return [*_survivals(found, [arm for arm in arms if arm != NONE]), *found]
 
 
-def _ratio(quantity: str, case: str, other: str, kinds: Sequence[str] = KINDS) -> Quantity:
+def ratio(quantity: str, case: str, other: str, kinds: Sequence[str] = KINDS) -> Quantity:
     """Disturbance in one case over that in another, the mean over kinds of places."""
 
     def mean(e: pd.DataFrame) -> "pd.Series[float]":
@@ -57,10 +57,10 @@ def _compensation(quantity: str, case: str) -> Callable[[str], dict[str, Quantit
     """Disturbance with compensation, over that with feedback alone: the whole, then what goes along."""
 
     def of(arm: str) -> dict[str, Quantity]:
-        found = {"over feedback alone": _ratio(quantity, case, FEEDBACK)}
-        found |= {f"at a {kind}": _ratio(quantity, case, FEEDBACK, (kind,)) for kind in KINDS}
+        found = {"over feedback alone": ratio(quantity, case, FEEDBACK)}
+        found |= {f"at a {kind}": ratio(quantity, case, FEEDBACK, (kind,)) for kind in KINDS}
         if case == RIGHT:
-            found["memory read at the front"] = _ratio(quantity, FRONT, FEEDBACK)
+            found["memory read at the front"] = ratio(quantity, FRONT, FEEDBACK)
         return found | {"error of the position in m": lambda e: e["position error"]}
 
     return of
@@ -69,9 +69,9 @@ def _compensation(quantity: str, case: str) -> Callable[[str], dict[str, Quantit
 def _mended(arm: str) -> dict[str, Quantity]:
     kinds = CONCERNED.get(arm, KINDS)
     return {
-        "with learnt coefficients over with those of the map": _ratio("speed_peak", TAUGHT, CARS, kinds),
-        "over feedback alone, learnt": _ratio("speed_peak", TAUGHT, FEEDBACK, kinds),
-        "over feedback alone, as the map has them": _ratio("speed_peak", CARS, FEEDBACK, kinds),
+        "with learnt coefficients over with those of the map": ratio("speed_peak", TAUGHT, CARS, kinds),
+        "over feedback alone, learnt": ratio("speed_peak", TAUGHT, FEEDBACK, kinds),
+        "over feedback alone, as the map has them": ratio("speed_peak", CARS, FEEDBACK, kinds),
     }  # fmt: skip
 
 
@@ -83,8 +83,8 @@ QUANTITIES: dict[str, Callable[[str], dict[str, Quantity]]] = {
     "1, 2: jerk": _compensation("jerk_peak", RIGHT),
     "1, 2: jerk, car by car": _compensation("jerk_peak", CARS),
     "3, 4: as steady as true ones": lambda arm: {
-        "over true coefficients": _ratio("speed_peak", LEARNED, RIGHT),
-        "over feedback alone": _ratio("speed_peak", LEARNED, FEEDBACK),
+        "over true coefficients": ratio("speed_peak", LEARNED, RIGHT),
+        "over feedback alone": ratio("speed_peak", LEARNED, FEEDBACK),
     },
     "3, 4: mass": lambda arm: {"relative error of W3": _off(f"W3@{LEARNED}")},
     "5: in use": lambda arm: {"share of the run": lambda e: e["use share"]},
