@@ -74,6 +74,7 @@ def test_deviations_of_the_map_are_those_stated_and_places_keep_their_order():
     assert np.std(np.divide(found.grades, MANY.grades)) == pytest.approx(0.2, rel=0.15)
     wild = believed(MANY, LineErrors(place_deviation=1e3), drawn_for(MANY)).line
     assert list(wild.stations) == sorted(wild.stations)
+    assert wild.stations[0] == MANY.stations[0]
     assert all(start < end for start, end in wild.tunnels)
 
 
