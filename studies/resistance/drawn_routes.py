@@ -17,11 +17,11 @@ class Range(NamedTuple):
     cruise: tuple[float, float]
     """[m/s]"""
     below: float
-    """Speed at the start of the run below the cruise [m/s]; inf: standstill."""
+    """Speed at the start of the run below the cruise [m/s]."""
     rate: float
     """Acceleration up to the cruise [m/s2]."""
     start: float
-    """Where the first point may lie [m]."""
+    """Where the first point may lie [m]: a minute behind the ramp of the speed, whose end moves the integrator too."""
     stretch: tuple[float, float]
     """Between two points [m]."""
     steepest: float
@@ -33,13 +33,13 @@ class Range(NamedTuple):
 
 RANGES = {
     "commuter": Range(
-        "commuter-8car", (16.0, 20.0), np.inf, 0.3, 700.0, (400.0, 600.0), 0.025, (1.3, 2.5), (1000.0, 2500.0)
+        "commuter-8car", (16.0, 20.0), 3.0, 0.3, 1150.0, (400.0, 600.0), 0.025, (1.3, 2.5), (1000.0, 2500.0)
     ),
     "high-speed": Range(
-        "high-speed-16car", (64.0, 72.0), 4.0, 0.12, 2500.0, (1300.0, 1900.0), 0.012, (1.3, 2.5), (30e3, 60e3)
+        "high-speed-16car", (64.0, 72.0), 3.0, 0.12, 5300.0, (1300.0, 1900.0), 0.012, (1.3, 2.5), (30e3, 60e3)
     ),
 }  # fmt: skip
-"""All assumed. A commuter train starts at a station, a high-speed train comes from one that lies up to a spacing behind."""
+"""All assumed. The last station lies up to a spacing behind the start."""
 BLOCKS = ("tunnel", "climb", "descent")
 SETTLING, START = 12.0, 2.0
 """Time [s] of the run after the last point and the train behind it; instant of the command."""
@@ -70,8 +70,7 @@ def drawn_route(name: str, generator: np.random.Generator) -> Route:
     ramp = (cruise - first) / of.rate
     rest = place + length - START * first - 0.5 * (first + cruise) * ramp
     duration = round(START + ramp + rest / cruise + SETTLING, 1)
-    behind = float(generator.uniform(0.0, of.stations[1])) if first else 0.0
-    stops = [-behind]
+    stops = [-float(generator.uniform(0.0, of.stations[1]))]
     while stops[-1] < place:
         stops.append(stops[-1] + float(generator.uniform(*of.stations)))
     command = SpeedCommand((START,), (cruise,), of.rate, first)

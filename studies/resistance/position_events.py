@@ -1,5 +1,6 @@
 """The speed control on drawn routes, with errors of position and map: the row that an event yields in an arm."""
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -17,8 +18,10 @@ from studies.resistance.line_errors import (
     AIR,
     ALL,
     ARMS,
-    DELAY,
+    GRADIENTS,
     NONE,
+    ODOMETER,
+    PLACES,
     Draw,
     LineErrors,
     detector,
@@ -58,8 +61,8 @@ def cases_of(arm: str) -> tuple[str, ...]:
     found = [cases.FEEDBACK, cases.RIGHT, cases.CARS]
     if arm in ARMS:
         # what is learnt while it compensates begins elsewhere, and never sees the map's air resistance
-        found += [] if arm in (AIR, DELAY) else [cases.LEARNED]
-        found += [cases.TAUGHT]
+        found += [cases.LEARNED] if arm in (NONE, PLACES, ODOMETER, ALL) else []
+        found += [cases.TAUGHT] if arm in (NONE, PLACES, GRADIENTS, AIR, ALL) else []
         found += [cases.FRONT] if arm == NONE else []
         found += [cases.USED] if arm in (NONE, ALL) else []
     return tuple(found)
@@ -77,7 +80,7 @@ def position_row(seed: int, event: int, arm: str, errors: LineErrors) -> dict[st
     }  # fmt: skip
     learner = None
     if arm in ARMS:
-        learnt, learner = _alone(of, alone)
+        learnt, learner = _alone(of, alone, ALONE if arm in (NONE, ALL) else (3,))
         row |= learnt
     for case in cases_of(arm):
         done = alone
@@ -107,17 +110,19 @@ def _position_error(of: Route, done: cases.CaseRun) -> float:
     return float(np.abs(done.log["position"].values - position)[at].mean())
 
 
-def _alone(of: Route, done: cases.CaseRun) -> tuple[dict[str, float], Any]:
+def _alone(of: Route, done: cases.CaseRun, sizes: Iterable[int]) -> tuple[dict[str, float], Any]:
     """What the stand-alone learners make of the run as the train measured it, and the one of three weights."""
     names = ("position", "measured_speed", "force")
     log = RunLog(done.log["time"].values, *(done.log[name].values for name in names))
     row: dict[str, float] = {}
     found = {}
-    for weights, label in ALONE.items():
+    for weights in sizes:
         learner = found[weights] = learners(of, weights)[SQUARES]
         learn_from_log(
             log, of.memory(), learner, of.train.rotating_mass, cases.FILTER_TIME, of.length
         )
         share = learner.weights / of.true_weights(weights)
-        row |= {f"{name}@{label}": float(x) for name, x in zip(WEIGHTS, share, strict=False)}
+        row |= {
+            f"{name}@{ALONE[weights]}": float(x) for name, x in zip(WEIGHTS, share, strict=False)
+        }
     return row, found[3]

@@ -80,7 +80,9 @@ def test_an_error_that_breaks_a_claim_is_named_as_what_it_does_not_survive(broke
     assert broken[f"{claim} ({arm})"].verdict == FAILS
     if claim != "learning mends":  # without errors there is nothing to mend
         survival = broken[f"survives: {claim}"]
-        assert survival.verdict == (FAILS if claim == "5: in use" else CONDITIONS)  # of one error, or of several
+        assert survival.verdict == (
+            FAILS if claim == "5: in use" else CONDITIONS
+        )  # of one error, or of several
         assert survival.conditions == (arm,)
 
 
