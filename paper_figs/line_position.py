@@ -13,6 +13,7 @@ from paper_figs.registry import figure
 from paper_figs.source import made, study
 from paper_figs.style import BOUND, Look, bare_rows, handle, interval_mark, name_rows, new_figure
 from studies.core.statement import mean_interval
+from studies.resistance.drawn_routes import RANGES
 from studies.resistance.driven_cases import CARS, FEEDBACK, RIGHT, TAUGHT, CaseRun, drive_case
 from studies.resistance.line_errors import ARMS, LADDER, NONE, ODOMETER, TYPICAL, rung
 from studies.resistance.position_statements import KINDS, ratio
@@ -86,32 +87,25 @@ def _passage(axes: Axes, of: Route, passages: Passages) -> None:
 
 
 def _benefit(axes: Axes, table: pd.DataFrame) -> None:
-    """Disturbance over that of the feedback alone by the odometer's error, both readings, speed and acceleration."""
+    """Peak of speed over that of the feedback alone by the odometer's error, for each reading and train."""
+    quantity, label = QUANTITIES[0]
     arms = [(0.0, NONE), (TYPICAL.odometer_error, ODOMETER), *((x, rung(x)) for x in LADDER)]
     arms = [(x, arm) for x, arm in arms if (table["arm"] == arm).any()]
-    for k, (quantity, label) in enumerate(QUANTITIES):
+    x = 100.0 * np.array([bound for bound, _ in arms])
+    for train, dashes in zip(RANGES, ("--", "-"), strict=True):
+        own = table[table["route"] == train]
         for case in (RIGHT, CARS):
-            means = [
-                mean_interval(ratio(quantity, case, FEEDBACK)(table[table["arm"] == arm]))
-                for _, arm in arms
-            ]
-            x = 100.0 * np.array([bound for bound, _ in arms])
-            value = np.array([one.value for one in means])
-            look = {**CASE_LOOKS[case], "linestyle": ("-", "--")[k], "markersize": 3.5}
-            axes.plot(x, value, label=f"{label}, {NAMES[case]}", **look)
+            found = ratio(quantity, case, FEEDBACK)
+            means = [mean_interval(found(own[own["arm"] == arm])) for _, arm in arms]
+            look = {**CASE_LOOKS[case], "linestyle": dashes, "markersize": 3.5}
+            axes.plot(x, [one.value for one in means], label=f"{train}, {NAMES[case]}", **look)
             if min(one.count for one in means) > 1:
-                low, high = (
-                    np.array([getattr(one, name) for one in means]) for name in ("low", "high")
-                )
+                low, high = [one.low for one in means], [one.high for one in means]
                 axes.fill_between(x, low, high, color=look["color"], alpha=0.15, linewidth=0)
     axes.axhline(1.0, **BOUND)
-    axes.set(
-        xlabel="bound of the odometer's error [%]",
-        ylabel="over feedback alone [–]",
-        ylim=(0.0, None),
-    )
-    axes.set_title("(b) odometer alone")
-    axes.legend(loc="upper left", fontsize=5.5)
+    axes.set(xlabel="bound of the odometer's error [%]", ylabel=f"{label}, over feedback alone [–]")
+    axes.set(title="(b) odometer alone", ylim=(0.0, 1.7))
+    axes.legend(loc="upper left", fontsize=6.0)
 
 
 def _arms(axes: Axes, table: pd.DataFrame, arms: list[str], quantity: str) -> None:
