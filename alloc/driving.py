@@ -68,6 +68,7 @@ class _DriverInPython:
         self.controls = Controls(*inputs)
         self.position, self.speed = state[n.position], state[n.speed]
         self.motors, self.cylinders = state[n.torque], state[n.pressure]
+        self.turning, self.radius = state[n.omega], model.structure.radius
         self.last_speed = float(self.speed[0])
 
     def __call__(self, tick: int) -> bool:
@@ -79,11 +80,12 @@ class _DriverInPython:
             acceleration=(speed - self.last_speed) / self.timing.period,
             torque=self.motors.copy(),
             pressure=self.cylinders.copy(),
+            wheel_speed=self.turning * self.radius,
         )
         self.last_speed = speed
         go_on = self.driver(sense, self.controls)
         for label, values in zip(Controls._fields, self.controls, strict=True):
-            if not np.all(np.isfinite(values)):
+            if not np.isfinite(values).all():
                 raise SimulationError(
                     f"drive: at {time:g} s the driver set {label} = {values}; set finite values"
                 )

@@ -32,6 +32,7 @@ from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic
 from tests.studies.mismatch_tables import mismatch_table
+from tests.studies.position_tables import position_table
 from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.resistance_tables import resistance_table
 from tests.studies.slide_tables import slide_table
@@ -58,6 +59,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "calibration": (4, {"refinements": 3}),
     "brake-force": (1, {"beliefs": ("friction +20%", "gradient +10 per mille, by speeds")}),
     "resistance": (1, {}),
+    "line-position": (1, {"arms": ("none", "all")}),
     "slide-protection": (1, {}),
 }
 """Study -> events and settings of its small run."""
@@ -72,6 +74,7 @@ SYNTHETIC: dict[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "calibration": ("calibration", calibration_table),
     "brake-force": ("brake-force", brake_table),
     "resistance": ("resistance", resistance_table),
+    "line-position": ("line-position", position_table),
     "slide-protection": ("slide-protection", slide_table),
     "learning": ("learning", lambda: synthetic(lambda arm, station: 0.01 / station)),
 }

@@ -20,6 +20,8 @@ class TrainSense(NamedTuple):
     """Torque of each motor of the units [N m], (units,)."""
     pressure: Floats
     """Brake cylinder pressures [Pa], (groups,)."""
+    wheel_speed: Floats
+    """Speed of each axle's tread [m/s], (axles,)."""
 
 
 class Controls(NamedTuple):

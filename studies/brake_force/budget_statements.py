@@ -6,7 +6,7 @@ import pandas as pd
 
 from studies.brake_force.beliefs import AS_PLANT
 from studies.core.statement import Statement
-from studies.core.verdict import Bound, has_events, no_worse, over_cases
+from studies.core.verdict import Bound, over_cases, survives
 
 SURE, RARE = 0.95, 0.05
 """Share of stops in which a car that lacks a tenth must be found, and a sound one may be accused."""
@@ -38,19 +38,14 @@ def budget_statements(
 
 
 def _survival(finding: Statement, arms: Mapping[str, Statement]) -> Statement:
-    met = {belief: no_worse(one.verdict, finding.verdict) for belief, one in arms.items()}
-    return over_cases(
+    return survives(
         f"budget: {finding.name}",
         f"it is found too where the estimator errs: {finding.claim}",
-        met,
-        {
-            f"{belief}: {quantity}": one.numbers[quantity]
-            for belief, one in ({AS_PLANT: finding} | dict(arms)).items()
-            for quantity in list(one.numbers)[:1]
-        },
+        finding,
+        arms,
+        AS_PLANT,
         f"verdict no worse than that of the estimator that believes as the plant is ({finding.verdict}); numbers are the "
         "first of the finding; conditions are the errors that it does not survive",
-        has_events(finding) and all(has_events(one) for one in arms.values()),
     )
 
 

@@ -133,6 +133,8 @@ class StudyOptions:
     """wsp-acceptance: law of the slide protection [default: fuzzy]."""
     source: str | None = None
     """sanders: speed that slip is measured from, estimate or truth [default: estimate]."""
+    errors: str | None = None
+    """line-position: path of a file with the errors of odometer, signals and map [default: typical ones]."""
     controllers: Names = None
     """headroom: readhesion controllers, one by one or with commas [default: cut-and-ramp, perturb-observe]."""
 

@@ -183,6 +183,29 @@ def over_cases(
     return decided(name, claim, met, numbers, method, some=True, enough=enough)
 
 
+def survives(
+    name: str,
+    claim: str,
+    finding: Statement,
+    arms: Mapping[str, Statement],
+    without: str,
+    method: str,
+) -> Statement:
+    """Whether a finding is found again in other arms: its verdict there is no worse than where it was found, `without`."""
+    return over_cases(
+        name,
+        claim,
+        {arm: no_worse(one.verdict, finding.verdict) for arm, one in arms.items()},
+        {
+            f"{arm}: {quantity}": one.numbers[quantity]
+            for arm, one in ({without: finding} | dict(arms)).items()
+            for quantity in list(one.numbers)[:1]
+        },
+        method,
+        has_events(finding) and all(has_events(one) for one in arms.values()),
+    )
+
+
 def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
     """Conditions in words: with which cases it holds, and then with which it does not."""
     return (

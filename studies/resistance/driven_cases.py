@@ -1,5 +1,6 @@
 """The speed control on its routes: disturbance at tunnel mouths and gradient changes, case by case (JP H07-322414)."""
 
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,10 +15,11 @@ from alloc.estimation.running_resistance import (
 )
 from alloc.metrics.motion import jerk
 from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.speed_controller import Learning, SpeedControl
 from alloc.onboard.speed_control.switch import LearnThenUse
 from alloc.onboard.speed_control.traction import Traction
-from studies.files.study_error import unknown
+from studies.files.study_error import StudyError, unknown
 from studies.resistance.routes import Route
 
 PERIOD = 0.05
@@ -51,11 +53,15 @@ FEEDBACK, RIGHT, WRONGLY, LEARNED = (
 )
 FRONT, CARS = "compensation at the front", "compensation, car by car"
 EXACT, USED = "feedforward, car by car", "learn, then use"
+TAUGHT = "compensation, learned"
 CASES = (FEEDBACK, RIGHT, WRONGLY, LEARNED)
 """The four that are compared, with the line's memory read at the middle of the train: the source does not say which
 position of a train is its position. `FRONT` and `CARS` read it at the front and in the middle of every car (not in the
 source); `EXACT` does so with the plant's five weights in the feedforward from commanded values; `USED` is claim 5."""
 ALL_CASES = (*CASES, FRONT, CARS, EXACT, USED)
+"""`TAUGHT`, compensation car by car with weights that a learner has learnt before, needs that learner."""
+TRUE_SIGNALS = PositionDetector()
+"""Position and speed as they are."""
 
 
 class CaseRun(NamedTuple):
@@ -89,26 +95,32 @@ def drive_case(
     case: str,
     control: Control = "PI",
     learner: Learner | None = None,
-    speed_noise: float = 0.0,
-    seed: int = 0,
+    detector: PositionDetector = TRUE_SIGNALS,
     open_loop: bool = False,
     wrong: tuple[float, float, float] = WRONG,
 ) -> CaseRun:
-    """One run of `route` in a `case`; `LEARNED` and `USED` go on with `learner`, a new one if None.
+    """One run of `route` in a `case`; `LEARNED` and `USED` go on with `learner`, a new one if None; `TAUGHT` needs one.
 
-    `LEARNED` has its weights from one run of the same route before this one, which began with weights `wrong` by these
-    factors and compensated while it learnt. `open_loop`: `USED` as printed, without feedback while what was learnt is used.
+    `detector`: where position and speed come from. `LEARNED` has its weights from one run of the same route before this
+    one, which began with weights `wrong` by these factors and compensated while it learnt. `open_loop`: `USED` as printed,
+    without feedback while what was learnt is used.
     """
-    if case not in ALL_CASES:
-        raise unknown("case", case, ALL_CASES)
+    if case not in (*ALL_CASES, TAUGHT):
+        raise unknown("case", case, (*ALL_CASES, TAUGHT))
+    if case == TAUGHT and learner is None:
+        raise StudyError(f"case {TAUGHT!r}: give the learner whose weights it has")
     start, typical = beginning(route, 3, wrong)
     if case == LEARNED and learner is None:
         learner = NormalisedGradientLearner(start, RATE, typical)
-        drive_case(route, case, control, learner, speed_noise, seed + 1, False, wrong)
+        before = replace(detector, seed=detector.seed + 1)
+        drive_case(route, case, control, learner, before, False, wrong)
     if case == USED and learner is None:  # prior: wrong by as much as the weights begin
         learner = LeastSquaresLearner(start, 0.5 * route.true_weights())
-    true = route.true_weights(5 if case == EXACT else 3)
-    weights = true * np.array(wrong) if case == WRONGLY else true
+    weights = route.believed_weights(5 if case == EXACT else 3)
+    if case == WRONGLY:
+        weights = weights * np.array(wrong)
+    if case == TAUGHT and learner is not None:
+        weights = learner.weights
     mass = route.train.mass + route.train.rotating_mass
     switch = LearnThenUse(0.01 * mass, 0.05 * mass, feedback=not open_loop)
     driver = SpeedControl(
@@ -120,7 +132,7 @@ def drive_case(
         else "feedforward" if case in (LEARNED, EXACT)
         else "learn-then-use" if case == USED
         else "compensation",
-        route.memory({CARS: "cars", EXACT: "cars", FRONT: "front"}.get(case, "middle")),
+        route.memory({CARS: "cars", EXACT: "cars", TAUGHT: "cars", FRONT: "front"}.get(case, "middle")),
         None if case == FEEDBACK else weights,
         Learning(
             learner if case in (LEARNED, USED) else None,
@@ -129,8 +141,7 @@ def drive_case(
             train_length=route.length,
         ),
         rotating_mass=route.train.rotating_mass,
-        speed_noise=speed_noise,
-        seed=seed,
+        detector=detector,
     )  # fmt: skip
     run = drive(
         route.model(), driver, route.duration, f"{route.name}, {case}",
@@ -139,12 +150,13 @@ def drive_case(
     return CaseRun(run, driver.log(), driver)
 
 
-def disturbances(route: Route, done: CaseRun) -> pd.DataFrame:
+def disturbances(route: Route, done: CaseRun, lead: float = 0.0) -> pd.DataFrame:
     """What the train feels at every point of the line: a row per point.
 
-    From the front's reaching it until `SETTLE` after the rear has passed. Speed [m/s] and acceleration [m/s2] are
-    deviations from the command, the speed's from its deviation on arrival, which under P control is never zero; jerk [m/s3]
-    below 5 Hz.
+    From the front's reaching it until `SETTLE` after the rear has passed. `lead`: the look begins earlier and ends later, by
+    this share of the way from the point before; compensation may come early and late where the position is wrong. Speed
+    [m/s] and acceleration [m/s2] are deviations from the command, the speed's from its deviation on arrival, which under P
+    control is never zero; jerk [m/s3] below 5 Hz.
     """
     time, position = done.run["time"].values, done.run["position"].values
     speed = done.run["speed"].values - done.log["commanded_speed"].values
@@ -152,9 +164,11 @@ def disturbances(route: Route, done: CaseRun) -> pd.DataFrame:
     jolt = jerk(done.run)[:, 0]
     force = done.log["feedback_current"].values / CURRENT_PER_FORCE
     rows = []
-    for point in route.points:
-        begin = int(np.searchsorted(position, point.position))
-        rear = int(np.searchsorted(position, point.position + route.length))
+    points = route.points
+    gaps = np.diff([point.position for point in points])
+    for point, gap in zip(points, [*gaps[:1], *gaps], strict=True):
+        begin = int(np.searchsorted(position, point.position - lead * gap))
+        rear = int(np.searchsorted(position, point.position + route.length + lead * gap))
         inside = slice(begin, int(np.searchsorted(time, time[min(rear, time.size - 1)] + SETTLE)))
         moved, pulled = speed[inside] - speed[begin], acceleration[inside]
         rows.append(

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from alloc.estimation.excitation import LARGEST_DEVIATION, LEARNED
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.resistance import WEIGHTS
 from studies.resistance import driven_cases as cases
 from studies.resistance.learners import (
@@ -73,18 +74,18 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
 
     def driven(case: str, open_loop: bool = False, on: Route = of) -> cases.CaseRun:
         return cases.drive_case(
-            on, case, drawn["control"], speed_noise=cases.SPEED_NOISE, seed=noise_seed,
+            on, case, drawn["control"], detector=PositionDetector(speed_noise=cases.SPEED_NOISE, seed=noise_seed),
             open_loop=open_loop, wrong=drawn["wrong"],
         )  # fmt: skip
 
     done = {case: driven(case) for case in cases.ALL_CASES}
     for case, one in done.items():
-        row |= _felt(of, one, case)
+        row |= felt(of, one, case)
         force = one.log["feedback_current"].values / cases.CURRENT_PER_FORCE
         row[f"feedback_share@{case}"] = _rms(force) / _rms(one.log["force"].values)
     single = of.one_car()
     for case, label in ONE_CAR.items():
-        row |= _felt(single, driven(case, on=single), label)
+        row |= felt(single, driven(case, on=single), label)
     true = of.true_weights()
     learned = done[cases.LEARNED].control.weights / true
     row |= {f"{name}@{cases.LEARNED}": float(x) for name, x in zip(WEIGHTS, learned, strict=True)}
@@ -93,11 +94,11 @@ def event_row(seed: int, event: int) -> dict[str, Any]:
     return row | _boarded(drawn, noise_seed)
 
 
-def _felt(of: Route, done: cases.CaseRun, label: str) -> dict[str, float]:
-    """Disturbances of a run, means over like points."""
-    means = cases.disturbances(of, done).groupby("kind")[list(QUANTITIES)].mean()
-    felt = means.stack()
-    return {column(q, kind, label): float(felt[kind, q]) for kind, q in felt.index}
+def felt(of: Route, done: cases.CaseRun, label: str, lead: float = 0.0) -> dict[str, float]:
+    """Disturbances of a run, means over like points; `lead` as in `disturbances`."""
+    means = cases.disturbances(of, done, lead).groupby("kind")[list(QUANTITIES)].mean()
+    found = means.stack()
+    return {column(q, kind, label): float(found[kind, q]) for kind, q in found.index}
 
 
 def _rms(values: np.ndarray) -> float:

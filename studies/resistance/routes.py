@@ -27,15 +27,29 @@ class Point(NamedTuple):
     """"tunnel mouth" or "gradient change"."""
 
 
+class LineBelief(NamedTuple):
+    """What the train takes its line to be."""
+
+    line: Line
+    """Gradients and tunnels; `tunnel_factor` and curves are not read."""
+    air: tuple[float, float] = (1.0, 1.0)
+    """K1 and K2 over the true air resistance, open and tunnel."""
+
+
 @dataclass(frozen=True)
 class Route:
-    """A run to be made: a loaded train on its line under a speed command."""
+    """A run to be made: a loaded train on its line under a speed command.
+
+    `stations` [m]: where an odometer is set anew. `belief`: what the train takes the line to be, the line itself if None.
+    """
 
     name: str
     train: Train
     line: Line
     command: SpeedCommand
     duration: float
+    stations: tuple[float, ...] = ()
+    belief: LineBelief | None = None
 
     def model(self) -> Model:
         """The plant."""
@@ -45,14 +59,20 @@ class Route:
     def memory(self, reading: str = "middle") -> LineMemory:
         """What the train remembers of the line, read at its "front", its "middle" or in the middle of all "cars"."""
         lengths = np.array([car.length for car in self.train.cars])
-        ends, line = np.cumsum(lengths), self.line
+        masses = np.array([car.mass for car in self.train.cars])
+        ends, line = np.cumsum(lengths), self.belief.line if self.belief else self.line
         offsets = {
             "front": (0.0,),
             "middle": (-0.5 * float(ends[-1]),),
             "cars": tuple((0.5 * lengths - ends).tolist()),
         }[reading]
         grades = tuple(100.0 * grade for grade in line.grades)
-        return LineMemory(line.stations, grades, line.tunnels, offsets)
+        shares = (
+            tuple(tuple((of / of.sum()).tolist()) for of in (lengths, masses))
+            if reading == "cars"
+            else ()
+        )
+        return LineMemory(line.stations, grades, line.tunnels, offsets, *shares)
 
     @property
     def length(self) -> float:
@@ -75,6 +95,13 @@ class Route:
         a, b, c = self.train.resistance
         factor = self.line.tunnel_factor
         return np.array([c, factor * c, self.train.mass, a, b])[:weights]
+
+    def believed_weights(self, weights: int = 3) -> np.ndarray:
+        """The same as the train believes them, (weights,)."""
+        found = self.true_weights(weights)
+        if self.belief:
+            found[:2] *= self.belief.air
+        return found
 
     def one_car(self) -> "Route":
         """The same route of the train's first motor car alone: where its resistance changes, it does so at once."""

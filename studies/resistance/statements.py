@@ -1,6 +1,6 @@
 """What the sweep `resistance` says: claims and effects of JP H07-322414 against thresholds that are stated here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import pandas as pd
@@ -66,13 +66,21 @@ def _judged(
     table: pd.DataFrame, name: str, claim: str, quantity: Quantity, side: Literal["<", ">"],
     threshold: float, label: str, **numbers: Quantity,
 ) -> Claim:  # fmt: skip
+    named = {text.replace("_", " "): q for text, q in numbers.items()}
+    return mean_claim(table, name, claim, quantity, side, threshold, label, named)
+
+
+def mean_claim(
+    table: pd.DataFrame, name: str, claim: str, quantity: Quantity, side: Literal["<", ">"],
+    threshold: float, label: str, numbers: Mapping[str, Quantity], method: str = METHOD,
+) -> Claim:  # fmt: skip
     """Whether the mean of a quantity lies on its side of the threshold; `numbers` go along."""
     test = Test(quantity, threshold, 1 if side == ">" else -1)
-    quantities = {label: quantity} | {text.replace("_", " "): q for text, q in numbers.items()}
+    quantities = {label: quantity} | dict(numbers)
     return Claim(
         name, claim, table, test, PARTS, in_words("{:.3g} [{:.3g}, {:.3g}]"),
         {text: q(table) for text, q in quantities.items()},
-        f"{label} {side} {threshold:g}; {METHOD}",
+        f"{label} {side} {threshold:g}; {method}",
     )  # fmt: skip
 
 

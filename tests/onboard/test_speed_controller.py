@@ -10,6 +10,7 @@ from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
 from alloc.onboard.speed_control.speed_controller import LOGGED, Learning, SpeedControl
 from alloc.onboard.speed_control.switch import LEARN, USE, LearnThenUse
@@ -210,7 +211,13 @@ def test_currents_and_what_is_learnt_equal_the_second_transcription(case, integr
 
 
 def test_the_measured_speed_is_noisy_as_drawn():
-    control = SpeedControl(COMMAND, Feedback(30.0), Motors(), PERIOD, speed_noise=0.2, seed=4)
+    control = SpeedControl(
+        COMMAND,
+        Feedback(30.0),
+        Motors(),
+        PERIOD,
+        detector=PositionDetector(speed_noise=0.2, seed=4),
+    )
     controls = SimpleNamespace(torque=np.zeros(2))
     for k in range(3):
         control(SimpleNamespace(time=k * PERIOD, speed=5.0, position=0.0), controls)

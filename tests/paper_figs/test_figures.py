@@ -43,6 +43,7 @@ from paper_figs.events import blended_braking, sharing_wanders, slip_detection, 
 from paper_figs.headroom import headroom
 from paper_figs.increments import axle_shifts, learning, unit_increments
 from paper_figs.ladder import curves, ladder
+from paper_figs.line_position import late_passages, line_position
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
 from paper_figs.mismatch import mismatch
@@ -99,6 +100,7 @@ from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import falling, synthetic
 from tests.studies.mismatch_tables import mismatch_table
+from tests.studies.position_tables import position_table
 from tests.studies.readhesion_tables import calibration_table, sweep_table
 from tests.studies.sander_tables import sander_table
 from tests.studies.short_route import short_route
@@ -215,6 +217,9 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "air-resistance": air_resistance(short_route()),
         "tunnel-mouth": tunnel_mouth(short_route(), passages),
         "gradient-change": gradient_change(short_route(), passages),
+        "line-position": line_position(
+            short_route(), late_passages(short_route()), position_table()
+        ),
         "resistance-weights": resistance_weights(convergence(short_route(), 1)),
         "slide-adhesion": slide_adhesion(DEMONSTRATION),
         "slide-control": slide_control(brake(brake_event(DEMONSTRATION))),

@@ -10,6 +10,7 @@ from alloc.estimation.running_resistance import LeastSquaresLearner
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.onboard.speed_control.feedback import Feedback
+from alloc.onboard.speed_control.position_detector import PositionDetector
 from alloc.onboard.speed_control.speed_controller import SpeedControl
 from alloc.onboard.speed_control.traction import Traction
 from studies.files.study_error import StudyError
@@ -158,7 +159,7 @@ def test_a_log_too_short_for_the_filter_is_refused():
 def test_learning_while_compensating_and_learning_then_using_find_the_mass():
     of = short_route()
     for case in (LEARNED, USED):
-        done = drive_case(of, case, speed_noise=0.005)
+        done = drive_case(of, case, detector=PositionDetector(speed_noise=0.005))
         # it began 30 % too light
         assert done.control.weights[2] == pytest.approx(of.train.mass, rel=0.15)
         assert done.log["weights"].shape == (done.log.sizes["time"], 3)

@@ -17,8 +17,9 @@ class LineMemory:
 
     `stations` [m] are the starts of sections with `gradients` [%] (the source's Y: rise per run times 100), before the
     first and beyond the last the nearest holds; `tunnels`: start and end of each [m]. `offsets` [m]: where along the train
-    the memory is read, relative to the position that is reported, mean of them. The source reads at one position, (0.0,);
-    the middle of every car is nearer to a long train, which passes a tunnel mouth gradually (not in the source). Without
+    the memory is read, relative to the position that is reported. The source reads at one position, (0.0,); the middle of
+    every car is nearer to a long train, which passes a tunnel mouth gradually (not in the source): `air_shares` of the air
+    resistance and `mass_shares` of the mass lie at each of `offsets`, equal ones where none are given. Without
     feedback, a change of d [m/s2] met by a train of length L at speed V moves the speed by d L / (2 V) for a while if the
     memory is read at the front, by d L / (8 V) if it is read in the middle.
     """
@@ -27,6 +28,8 @@ class LineMemory:
     gradients: tuple[float, ...] = (0.0,)
     tunnels: tuple[tuple[float, float], ...] = ()
     offsets: tuple[float, ...] = (0.0,)
+    air_shares: tuple[float, ...] = ()
+    mass_shares: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.stations) != len(self.gradients) or not self.stations:
@@ -43,20 +46,40 @@ class LineMemory:
         for start, end in self.tunnels:
             if not start < end:
                 raise OnboardError(f"line memory: tunnel from {start} to {end} m must end later")
+        for name in ("air_shares", "mass_shares"):
+            shares = getattr(self, name)
+            if shares and not (
+                len(shares) == len(self.offsets)
+                and min(shares) >= 0.0
+                and abs(sum(shares) - 1.0) < 1e-9
+            ):
+                raise OnboardError(
+                    f"line memory: {name} = {shares} must be one per offset, 0 or greater, of the sum 1"
+                )
 
     @cached_property
     def _slopes(self) -> Floats:
         """g sin(theta) [m/s2] of each section; sin(theta) = (Y/100) / sqrt(1 + (Y/100)^2), (1)."""
         return np.array([float(gradient_force(1.0, y / 100.0)) for y in self.gradients])
 
+    @cached_property
+    def _pieces(self) -> tuple[Floats, Floats, Floats]:
+        """Places [m] of changes; share in tunnels (0 or 1) and g sin(theta) [m/s2] before, between and behind them."""
+        mouths = [mouth for tunnel in self.tunnels for mouth in tunnel]
+        places = np.unique(np.array([*self.stations, *mouths]))
+        at = np.append(places[0] - 1.0, places)
+        inside = np.zeros(at.size)
+        for start, end in self.tunnels:
+            inside[(at >= start) & (at < end)] = 1.0
+        section = np.clip(np.searchsorted(self.stations, at, side="right") - 1, 0, None)
+        return places, inside, self._slopes[section]
+
     def read(self, position: ArrayLike) -> tuple[Floats, Floats]:
         """Share in tunnels (0 or 1 where the memory is read at one point) and g sin(theta) [m/s2] at `position` [m]."""
+        places, inside, slopes = self._pieces
         x = np.asarray(position, dtype=float)[..., None] + np.asarray(self.offsets)
-        inside = np.zeros(x.shape, dtype=bool)
-        for start, end in self.tunnels:
-            inside |= (x >= start) & (x < end)
-        section = np.clip(np.searchsorted(self.stations, x, side="right") - 1, 0, None)
-        return inside.mean(axis=-1), self._slopes[section].mean(axis=-1)
+        piece = places.searchsorted(x, side="right")
+        return _over(inside[piece], self.air_shares), _over(slopes[piece], self.mass_shares)
 
     @cached_property
     def changes(self) -> tuple[float, ...]:
@@ -68,7 +91,15 @@ class LineMemory:
     def straddled(self, position: ArrayLike, length: float) -> NDArray[np.bool_]:
         """Whether one of the `changes` lies under the train, whose `length` [m] is behind `position` [m]."""
         x = np.asarray(position, dtype=float)
-        under = np.zeros(x.shape, dtype=bool)
-        for change in self.changes:
-            under |= (x >= change) & (x - length < change)
-        return under
+        changes = np.array(self.changes)
+        return changes.searchsorted(x, side="right") > changes.searchsorted(
+            x - length, side="right"
+        )
+
+
+def _over(values: Floats, shares: tuple[float, ...]) -> Floats:
+    """Mean of `values` (..., offsets) by `shares`, the plain mean where there are none; (...)."""
+    if shares:
+        found: Floats = values @ np.array(shares)
+        return found
+    return np.add.reduce(values, axis=-1) / values.shape[-1]

@@ -44,10 +44,12 @@ def regressor(motion: Motion, weights: int = 3) -> Floats:
         raise OnboardError(f"running resistance: weights = {weights!r} must be 3 or 5")
     speed, acceleration, slope, tunnel = (np.asarray(value, dtype=float) for value in motion)
     square = speed * speed
-    columns = [square * (1.0 - tunnel), square * tunnel, acceleration + slope + 0.0 * speed]
+    pull = acceleration + slope + 0.0 * speed
+    found = np.empty((*np.broadcast_shapes(square.shape, tunnel.shape, pull.shape), weights))
+    found[..., 0], found[..., 1], found[..., 2] = square * (1.0 - tunnel), square * tunnel, pull
     if weights == len(EXTENDED_WEIGHTS):
-        columns += [np.ones_like(square), speed + 0.0 * square]
-    return np.stack(columns, axis=-1)
+        found[..., 3], found[..., 4] = 1.0, speed
+    return found
 
 
 def compensation_force(weights: ArrayLike, motion: Motion) -> Floats:

@@ -12,6 +12,7 @@ from alloc.errors import OnboardError
 from alloc.onboard.speed_control.command import SpeedCommand
 from alloc.onboard.speed_control.feedback import Feedback
 from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.speed_control.position_detector import Detection, PositionDetector
 from alloc.onboard.speed_control.resistance import (
     EXTENDED_WEIGHTS,
     Motion,
@@ -77,8 +78,8 @@ class Learning:
 class SpeedControl:
     """Drives the train by current I = I_FB + I_FF; call it once per control period `period` [s], as `drive` does.
 
-    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `speed_noise`
-    [m/s]: standard deviation of the measured speed, white, drawn from `seed`. Raises `OnboardError` for what cannot be.
+    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `detector`: where
+    position and speed come from. Raises `OnboardError` for what cannot be.
     """
 
     def __init__(
@@ -92,15 +93,14 @@ class SpeedControl:
         weights: Floats | None = None,
         learning: Learning | None = None,
         rotating_mass: float = 0.0,
-        speed_noise: float = 0.0,
-        seed: int = 0,
+        detector: PositionDetector | None = None,
     ) -> None:
         self.command, self.feedback, self.traction = command, feedback, traction
         self.period, self.mode = period, mode
         self.memory, self.learning = memory or LineMemory(), learning or Learning()
-        self.rotating_mass, self.speed_noise = rotating_mass, speed_noise
+        self.rotating_mass = rotating_mass
         learner, switch = self.learning.learner, self.learning.switch
-        OnboardError.check("speed control", self, ("period",), ("rotating_mass", "speed_noise"))
+        OnboardError.check("speed control", self, ("period",), ("rotating_mass",))
         OnboardError.check_choice("speed control", "mode", mode, get_args(Mode))
         if weights is None and learner is None and mode != "feedback":
             raise OnboardError(f"speed control: mode {mode!r} needs weights or a learner")
@@ -110,7 +110,7 @@ class SpeedControl:
         if self.weights.shape not in ((3,), (5,)) or not np.all(np.isfinite(self.weights)):
             raise OnboardError(f"speed control: weights = {self.weights} must be 3 or 5 numbers")
         self._filter = RegressionFilter(self.learning.filter_time, period)
-        self._noise = np.random.default_rng(seed)
+        self._detection = Detection(detector or PositionDetector(), period)
         self._last: tuple[float, float, float, float, bool] | None = None
         self._rows: list[list[float]] = []
         self._times: list[float] = []
@@ -129,16 +129,12 @@ class SpeedControl:
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set the torques of all units for the coming control period."""
-        speed, switch = sense.speed, self.learning.switch
-        if self.speed_noise > 0.0:
-            speed += self.speed_noise * float(self._noise.standard_normal())
+        position, speed = self._detection.read(sense)
+        switch = self.learning.switch
         wanted, rate = (float(value) for value in self.command.at(sense.time))
-        tunnel, slope = (float(value) for value in self.memory.read(sense.position))
-        error = self._learn(speed, sense.position)
+        error = self._learn(speed, position)
         difference = wanted - speed
-        ahead = self._feedforward(
-            Motion(speed, 0.0, slope, tunnel), Motion(wanted, rate, slope, tunnel)
-        )
+        ahead = self._feedforward(speed, wanted, rate, position)
         if switch is not None and error is not None and switch.update(error, self.period):
             # what the feedforward gives from now on the integrator need no longer give, and the other way round
             self.feedback.shift(ahead if self._using else -ahead)
@@ -155,30 +151,32 @@ class SpeedControl:
         controls.torque[:] = torques
         bounded = abs(current - supplied) > 1e-9 * max(abs(current), 1.0)
         self.feedback.integrate(difference, current - supplied if bounded else 0.0, self.period)
-        self._last = (speed, sense.position, supplied, back, bounded)
+        self._last = (speed, position, supplied, back, bounded)
         self._times.append(sense.time)
         ahead_used = ahead if self._using else 0.0
         self._rows.append(
-            [wanted, rate, speed, sense.position, back, ahead_used, supplied,
+            [wanted, rate, speed, position, back, ahead_used, supplied,
              supplied / self.traction.current_per_force,
              np.nan if switch is None else switch.signal]
         )  # fmt: skip
         self._history.append(self.weights.copy())
         return True
 
-    def _feedforward(self, measured: Motion, commanded: Motion) -> float:
+    def _feedforward(self, speed: float, wanted: float, rate: float, position: float) -> float:
         """I_FF [A]."""
         if self.mode == "feedback":
             return 0.0
+        tunnel, slope = (float(value) for value in self.memory.read(position))
         if self.mode == "compensation":
-            force = compensation_force(self.weights, measured)
+            force = compensation_force(self.weights, Motion(speed, 0.0, slope, tunnel))
         else:
+            commanded = Motion(wanted, rate, slope, tunnel)
             force = feedforward_force(self.weights, commanded, self.rotating_mass)
         return self.traction.current_per_force * float(force)
 
     def _learn(self, speed: float, position: float) -> float | None:
         """Learn from the control period that has passed; returns the error [N] that the switch looks at, if any."""
-        if self._last is None:
+        if self._last is None or (self.learning.learner is None and self.learning.switch is None):
             return None
         before, behind, supplied, back, bounded = self._last
         middle = 0.5 * (position + behind)

@@ -53,5 +53,5 @@ class Traction:
         """
         torque = current / self.current_per_force / float(self.rim_force.sum())
         limit = self.limit(speed, torque < 0.0)
-        torques = np.clip(torque, -limit, limit)
+        torques = np.minimum(np.maximum(torque, -limit), limit)
         return torques, float(self.rim_force @ torques) * self.current_per_force
