@@ -119,7 +119,7 @@ def torque_table() -> Figure:
             axes.text(0.5 * (begin + end), -0.08, text, ha="center", va="bottom")
         axes.set(xlim=(deviation[0], deviation[-1]), ylim=(-0.25, 1.1))
         axes.set_title(f"({letter}) $a_0$ and $a_w$ in {_shown(one.unit)}")
-        axes.set_xlabel("wheel acceleration less the commanded one [km/h/s]")
+        axes.set_xlabel("deviation of acceleration [km/h/s]")
         axes.legend(loc="upper right")
     panels[0].set_ylabel("torque factor [–]")
     return drawn
@@ -147,7 +147,7 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
     return drawn
 
 
-@figure("readhesion-torque", "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11), in both units",
+@figure("readhesion-torque", "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11), by unit",
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_torque(*runs: TableRuns) -> Figure:
     """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
@@ -162,7 +162,7 @@ def readhesion_torque(*runs: TableRuns) -> Figure:
 
     _by_set(draw, panels, runs)
     for axes in panels[:, 0]:
-        axes.set(ylim=(0.08, 0.19), ylabel="coefficient [–]")
+        axes.set(ylim=(0.04, 0.19), ylabel="coefficient [–]")
     legend_below(drawn, 2, panels[0, 0])
     return drawn
 
@@ -189,7 +189,7 @@ def readhesion_factor(*runs: TableRuns) -> Figure:
     return drawn
 
 
-@figure("readhesion-trajectory", "torque and coefficient over slip: limit cycle or none (readhesion paper Figs. 14, 15), both units",
+@figure("readhesion-trajectory", "torque and coefficient over slip (readhesion paper Figs. 14, 15), in both units",
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_trajectory(*runs: TableRuns) -> Figure:
     """A row per case, a column per unit, from the drop to the recovery. Torque on the scale of the coefficient."""

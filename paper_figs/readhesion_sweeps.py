@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, MultipleLocator
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source, study
-from paper_figs.style import legend_below, new_panels, plain_ticks
+from paper_figs.style import Look, legend_below, new_panels, plain_ticks
 from studies.core.ensemble import PERCENTILES
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import LEAST_MET, RANGES, best, members
@@ -120,8 +120,13 @@ def _limits_of_members(axes: Axes, members: pd.DataFrame, over: str) -> None:
         known = rows["limit_coefficient"].dropna().to_numpy(dtype=float)
         if known.size > 1:
             low, high = np.percentile(known, PERCENTILES)
-            look = {"color": "black", "alpha": 0.25, "linewidth": 5.0, "solid_capstyle": "butt"}
-            axes.plot([low, high], [value, value], label="_", **look)
+            look: Look = {
+                "color": "black",
+                "alpha": 0.25,
+                "linewidth": 5.0,
+                "solid_capstyle": "butt",
+            }
+            axes.plot([low, high], [float(str(value))] * 2, label="_", **look)
     label = "90 % of the ensemble's limits"
     axes.plot([], [], color="black", alpha=0.25, linewidth=5.0, label=label)
 
@@ -159,7 +164,7 @@ def limit_cycle(
     Simulated cycles are drawn where the wheel readheres.
     """
     drawn, panels = new_panels(7.1, 5.2, len(cycles), 3, squeeze=False)
-    sets = {one.unit: one for one in (CALIBRATED, RIVAL)}
+    sets: dict[str, Unprinted] = {one.unit: one for one in (CALIBRATED, RIVAL)}
     for row, letters, (unit, table) in zip(panels, ("abc", "def"), cycles.items(), strict=False):
         _cycle_panels(row[0], row[1], table)
         _growth_panel(row[2], growth_widths, sets[unit])
@@ -173,7 +178,12 @@ def limit_cycle(
 def _cycle_panels(period: Axes, slip: Axes, cycles: pd.DataFrame) -> None:
     for colour, (width, rows) in zip((BLUE, VERMILION), cycles.groupby("width"), strict=True):
         back = rows[rows["possible"]]  # wheels that run away swing as well, elsewhere
-        circle = {"marker": "o", "markersize": 3.5, "markerfacecolor": "none", "linestyle": "none"}
+        circle: Look = {
+            "marker": "o",
+            "markersize": 3.5,
+            "markerfacecolor": "none",
+            "linestyle": "none",
+        }
         of_width = f"$a_w$ = {width:g}"
         for panel, quantity in ((period, "period"), (slip, "slip_swing")):
             predicted = rows[f"predicted_{quantity}"]
@@ -231,9 +241,9 @@ def calibration(table: pd.DataFrame) -> Figure:
             plain_ticks(axes.xaxis, FixedLocator(TICKS))
         axes.set(xlim=(low, high), ylim=(0.0, top), xlabel=PARAMETERS[name])
         for k, (unit, (_, colour)) in enumerate(UNIT_LOOKS.items()):
-            own = good.loc[good["unit"] == unit, name]
-            if len(own) > 1:
-                ends = np.percentile(own, PERCENTILES)
+            filled = good.loc[good["unit"] == unit, name]
+            if len(filled) > 1:
+                ends = np.percentile(filled, PERCENTILES)
                 height = (0.03 + 0.04 * k) * top
                 axes.plot(
                     ends, [height, height], color=colour, linewidth=3.5, solid_capstyle="butt"

@@ -1,4 +1,4 @@
-"""Slide protection in the demonstration of JP4209318: its rail and its stop, and what the ensemble leaves open about them."""
+"""Slide protection in the demonstration of JP4209318: its rail and its stop, and what the ensemble leaves open."""
 
 from collections.abc import Sequence
 from itertools import cycle

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator
 
 from paper_figs.palette import BLUE, DARK, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure
@@ -19,6 +20,7 @@ from paper_figs.style import (
     handle,
     legend_below,
     new_panels,
+    plain_ticks,
 )
 from studies.core.ensemble import PERCENTILES
 from studies.slides.electric import CONTROLLERS, PART
@@ -125,6 +127,11 @@ def _points(
         )
     axes.set_xticks(place, names)
     axes.set_xlim(-0.5, len(names) - 0.2)
+
+
+def _over_damage(axes: Axes) -> None:
+    axes.set(xlabel="wheel damage Q [kJ]", ylabel="braking distance [m]", xscale="log")
+    plain_ticks(axes.xaxis, FixedLocator(DAMAGES))
 
 
 def _members_front(axes: Axes, table: pd.DataFrame) -> None:

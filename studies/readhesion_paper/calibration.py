@@ -143,7 +143,7 @@ def best_of_units(table: pd.DataFrame, number: int) -> pd.DataFrame:
 
 
 def first_cells(seed: int, samples: int, refinements: int = REFINEMENTS) -> list[Task]:
-    """What was assumed before, after trials by hand; the rival in the other unit; the set in use; sets over the whole ranges.
+    """What was assumed before, after trials by hand; the rival in the other unit; the set in use; sets over all ranges.
 
     A search of that unit alone found the rival. Few draws may miss either, so both are samples too. The set in use is tried
     like any other.

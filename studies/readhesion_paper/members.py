@@ -21,7 +21,7 @@ COLUMNS = ("residual_ratio", "rise", "fall", "time_constant", "unit")
 def _sets(unit: Unit) -> tuple[Unprinted, ...]:
     table = pd.read_csv(FILE, dtype=str)
     rows = table.loc[table["unit"] == unit, list(COLUMNS[:-1])]
-    return tuple(Unprinted(*map(float, row), unit=unit) for row in rows.to_numpy())
+    return tuple(Unprinted(*(float(value) for value in row), unit) for row in rows.to_numpy())
 
 
 MEMBERS: dict[Unit, tuple[Unprinted, ...]] = {unit: _sets(unit) for unit in UNITS}

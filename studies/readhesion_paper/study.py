@@ -22,7 +22,7 @@ from studies.readhesion_paper.paper import (
 from studies.readhesion_paper.sensitivity import case_rows, searched_rows
 from studies.readhesion_paper.statements import readhesion_statements
 
-MOST_MEMBERS = 12
+MOST_MEMBERS = 8
 """Members in each unit whose whole grid is run: 5 s each."""
 PRINTED, NARROW = "as printed", "narrow throughout"
 PARABOLAS: dict[str, float | None] = {PRINTED: None, NARROW: 0.25 * 5.0**2 / min(PAPER_LIMITS)}

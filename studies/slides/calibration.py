@@ -54,13 +54,13 @@ def row_of(undisclosed: Undisclosed, found: Mapping[str, float]) -> dict[str, An
     }
 
 
-def reaches(row: Mapping[str, Any], leave_out: str | None = None) -> bool:
+def reaches(row: Mapping[Any, Any], leave_out: str | None = None) -> bool:
     """Whether the set of a row reaches every target but `leave_out`, and is plausible."""
     missed = {name for name in str(row["unreached"]).split(", ") if name}
     return missed <= {leave_out} and implausible(undisclosed_of(row)) == 0.0
 
 
-def undisclosed_of(row: "Mapping[str, Any] | pd.Series[Any]") -> Undisclosed:
+def undisclosed_of(row: "Mapping[Any, Any] | pd.Series[Any]") -> Undisclosed:
     """The set of a row."""
     return Undisclosed(**{name: float(row[name]) for name in BOUNDS})
 

@@ -125,9 +125,12 @@ def electric_statement(table: pd.DataFrame) -> Statement:
     mpc = (rows["controller"] == MPC.name).to_numpy()
     shorter = zip(rows["group"][mpc], longer[mpc] < -DECIDED, strict=True)
     numbers: dict[str, float] = {}
-    for row, value in zip(rows.itertuples(), longer.tolist(), strict=True):
-        arm = f"{row.group}, {row.controller}"
-        numbers |= {f"{arm}: longer than the front by [m]": value, f"{arm}: Q [kJ]": row.damage}
+    for (_, row), value in zip(rows.iterrows(), longer.tolist(), strict=True):
+        arm = f"{row['group']}, {row['controller']}"
+        numbers |= {
+            f"{arm}: longer than the front by [m]": value,
+            f"{arm}: Q [kJ]": float(row["damage"]),
+        }
     return over_cases(
         "electric brake",
         "an electric brake whose units hold their slip by the MPC brakes shorter than the front at the same Q",

@@ -1,4 +1,4 @@
-"""What the ensemble of the slide protection's calibration says: is it large, what does it determine, what does it predict?"""
+"""What the ensemble of the slide protection's calibration says: how large it is, what it determines and predicts."""
 
 import math
 
@@ -134,7 +134,7 @@ def _spread(points: np.ndarray) -> np.ndarray:
 
 def _settled(table: pd.DataFrame) -> Statement:
     """Whether the sampler went on long enough for its walkers to have forgotten where they began."""
-    rows = table[(table["arm"] == "all") & (table["stage"] == "sampled")]
+    rows = table[(table["stage"] == "sampled") & (table["walker"] >= 0)]
     last = rows["generation"].max()
     shift = np.full(PARAMETERS, np.nan)
     if last >= 2:

@@ -23,7 +23,7 @@ NEAR, NEARBY = 23, 0.02
 """Walkers that begin near the set in use, and the standard deviation of their distance as a share of every range."""
 EVALUATIONS = 2500
 """Sets that a search may run; one in ten or fewer needs more."""
-GENERATIONS, STEPS = 5, 10
+GENERATIONS, STEPS = 6, 10
 """Pieces of work of the sampler, and its steps in each."""
 
 
@@ -68,7 +68,8 @@ def later_cells(
         return []
     own = table[table["arm"] == "all"]
     if generation:
-        rows = own[own["generation"] == generation - 1].sort_values("walker")
+        latest = own[(own["generation"] == generation - 1) & (own["walker"] >= 0)]
+        rows = latest.sort_values("walker")
     else:
         rows = own.drop_duplicates(subset=list(BOUNDS))
     walkers = rows[list(PASSED)].to_dict("records")

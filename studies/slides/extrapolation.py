@@ -1,4 +1,4 @@
-"""What the tables of JP4209318 do not have: stops from other speeds, of longer trains, on other rail, after a set of them."""
+"""What the tables of JP4209318 do not have: stops from other speeds, of longer trains, on other rail."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +14,7 @@ from studies.slides.jp4209318 import INITIAL_SPEED, Undisclosed, brake, brake_ev
 
 PART = "beyond"
 AGREED_DISTANCE, AGREED_DAMAGE = 0.02, 0.20
-"""Sets agree about a stop where half the width of their range is at most this share of its middle; set before any was run."""
+"""Sets agree about a stop where half their range is at most this share of its middle; chosen before any was run."""
 DURATION = 80.0
 """Time [s] longer than any of these stops."""
 

@@ -1,6 +1,7 @@
 """The ensemble of the slide protection's calibration: sets that reach the tables of JP4209318, and fits without two cars.
 
-`members.csv` holds what `readhesion sweep slide-calibration --seed 1` found; `python -m studies.slides.members` writes it again.
+`members.csv` holds what `readhesion sweep slide-calibration --seed 1` found; `python -m studies.slides.members` writes it
+again.
 """
 
 import argparse
@@ -23,7 +24,7 @@ MOST_MEMBERS = 60
 
 
 def chosen(table: pd.DataFrame, arm: str, leave_out: str | None) -> pd.DataFrame:
-    """Distinct sets of an arm that reach every target but `leave_out`: the shipped one, then from the last generation back."""
+    """Distinct sets of an arm that reach all but `leave_out`: the shipped one, then from the last generation back."""
     rows = table[table["arm"] == arm]
     rows = rows[[reaches(row, leave_out) for row in rows.to_dict("records")]]
     first = rows["stage"].map({"shipped": 0, "sampled": 1, "start": 2, "near": 3})
@@ -46,7 +47,7 @@ HELD_OUT = _sets("held out")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the members from the sweep's table, whose missing rows are run first."""
-    from studies.slides.ensemble_study import ARMS, SLIDE_CALIBRATION  # it imports this module
+    from studies.slides.ensemble_study import ARMS, SLIDE_CALIBRATION  # needed here alone
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--results", type=Path, default=Path("results"))

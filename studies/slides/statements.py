@@ -162,8 +162,11 @@ def _rivals(table: pd.DataFrame) -> Statement:
     plain = table[table["part"] == "threshold"]
     reach = np.interp(plain["damage"], own["damage"][::-1], own["distance"][::-1])
     longer = {
-        f"hold {row.hold:g}, release {row.release:g}": (row.distance - most, row.damage)
-        for row, most in zip(plain.itertuples(), reach, strict=True)
+        f"hold {row['hold']:g}, release {row['release']:g}": (
+            float(row["distance"] - most),
+            float(row["damage"]),
+        )
+        for (_, row), most in zip(plain.iterrows(), reach, strict=True)
     }  # distance [m] and Q [kJ]
     without = table[table["part"] == "none"].iloc[0]
     return over_cases(

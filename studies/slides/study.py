@@ -1,4 +1,4 @@
-"""The demonstration of JP4209318: its tables, what lies between their settings, other laws, noise; and the whole ensemble."""
+"""The demonstration of JP4209318: its tables, what lies between their settings, other laws, noise, the ensemble."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -76,7 +76,10 @@ def member_rows(undisclosed: Undisclosed, seed: int, k: int) -> list[dict[str, A
             {"part": "noise", "noise": size, **jittered(undisclosed, seed, k, size)}
             for size in NOISES
         ),
-        *({**identity, **stop_row(*how, undisclosed)} for identity, *how in stops(undisclosed)),
+        *(
+            {**identity, **stop_row(law, cars, step, undisclosed)}
+            for identity, law, cars, step in stops(undisclosed)
+        ),
         *(electric_row(group, controller, undisclosed) for group, controller in electric_tasks()),
         *(beyond_row(undisclosed, name) for name in STOPS),
     ]

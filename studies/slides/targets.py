@@ -101,7 +101,7 @@ def outcomes(undisclosed: Undisclosed) -> dict[str, float]:
 def misfit_up_to(
     undisclosed: Undisclosed, most: float = math.inf, leave_out: str | None = None
 ) -> tuple[float, dict[str, float] | None]:
-    """The `misfit` of a set and its outcomes; or, once the stops run so far miss by more than `most`, by how much and None."""
+    """The `misfit` of a set and its outcomes; once the stops run so far miss by more than `most`, by how much, and None."""
     stops: dict[tuple[int, str], dict[str, float]] = {}
     for run in RUNS:
         stops[run] = _stop(undisclosed, *run)

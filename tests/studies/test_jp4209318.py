@@ -9,6 +9,7 @@ from alloc.onboard.slide_protection.parameters import SENSITIVITIES, Fuzzy
 from alloc.plant.sets import jp4209318_3car
 from studies.slides.calibration import to_unit_cube
 from studies.slides.ensemble_statements import LEAST_MEMBERS
+from studies.slides.extrapolation import STOPS, beyond_event, beyond_row
 from studies.slides.jp4209318 import (
     BOUNDS,
     CALIBRATED,
@@ -140,3 +141,21 @@ def test_what_is_as_printed_has_no_misfit(found):
 def test_implausible_sets_are_told_by_how_much():
     assert implausible(replace(CALIBRATED, front_adhesion=0.16)) > 0.01
     assert implausible(replace(CALIBRATED, slip_large=0.5 * CALIBRATED.slip_medium)) > 0.0
+
+
+def test_stops_beyond_the_tables_change_what_they_name():
+    event = brake_event(CALIBRATED)
+    for stop in STOPS.values():
+        other = beyond_event(CALIBRATED, stop)
+        assert other.initial_speed == stop.speed
+        assert len(other.model.train.cars) == stop.cars
+        assert other.model.rail == replace(event.model.rail, level=stop.adhesion)
+        assert other.onboard.braking.slide_protection.fuzzy.sensitivity == stop.sensitivity
+
+
+def test_faster_trains_and_worse_rails_brake_longer():
+    names = ("from 80 km/h", "from 130 km/h", "adhesion 20 % lower", "adhesion 20 % higher")
+    slow, fast, bad, good = (beyond_row(CALIBRATED, name) for name in names)
+    assert all(row["stopped"] for row in (slow, fast, bad, good))
+    assert slow["distance"] < 300.0 < 600.0 < fast["distance"]
+    assert good["distance"] < bad["distance"]

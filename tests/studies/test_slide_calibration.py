@@ -121,7 +121,7 @@ def table(stub, folder):
 
 
 def test_walkers_stay_where_the_posterior_is(table):
-    sampled = table[table["stage"] == "sampled"]
+    sampled = table[(table["stage"] == "sampled") & (table["walker"] >= 0)]
     assert sampled.groupby("generation").size().nunique() == 1
     last = sampled[sampled["generation"] == 2]
     assert last["misfit"].median() < 20.0
@@ -129,6 +129,13 @@ def test_walkers_stay_where_the_posterior_is(table):
     assert last.drop_duplicates(list(BOUNDS)).shape[0] > 15
     for _, row in last.iterrows():
         assert row["misfit"] == misfit(undisclosed_of(row), numbers(undisclosed_of(row)))
+
+
+def test_sets_on_the_way_that_reach_all_are_kept(table):
+    passed = table[table["walker"] == -1]
+    assert len(passed) > 0
+    assert all(reaches(row) for row in passed.to_dict("records"))
+    assert not table[table["stage"] == "sampled"].duplicated(["generation", *BOUNDS]).any()
 
 
 def test_walkers_do_not_hear_of_fits_without_two_cars(table):
@@ -176,6 +183,7 @@ def ensemble_table(**changed):
                     "arm": "all",
                     "stage": "sampled",
                     "generation": k % 4,
+                    "walker": k // 4,
                     "accepted": 0.2,
                     **row_of(one, AS_PRINTED),
                 }
