@@ -13,7 +13,7 @@ from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source, study
 from paper_figs.style import Look, legend_below, new_panels, plain_ticks
-from studies.core.ensemble import PERCENTILES
+from studies.core.ensemble_range import PERCENTILES
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import LEAST_MET, RANGES, best, members
 from studies.readhesion_paper.findings import CLAIMS

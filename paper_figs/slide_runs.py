@@ -14,7 +14,7 @@ from paper_figs.palette import BLUE, DARK, GREEN, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
 from paper_figs.style import BAND, Look, handle, new_panels
-from studies.core.ensemble import PERCENTILES
+from studies.core.ensemble_range import PERCENTILES
 from studies.slides.jp4209318 import CALIBRATED, Undisclosed, brake, brake_event
 from studies.slides.members import MEMBERS
 

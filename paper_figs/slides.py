@@ -22,7 +22,7 @@ from paper_figs.style import (
     new_panels,
     plain_ticks,
 )
-from studies.core.ensemble import PERCENTILES
+from studies.core.ensemble_range import PERCENTILES
 from studies.slides.electric import CONTROLLERS, PART
 from studies.slides.targets import HOLD_OUT, TABLE_3, TABLE_4, front, logarithm
 

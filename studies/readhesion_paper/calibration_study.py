@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from studies.core.ensemble import RANGE, median_of
+from studies.core.ensemble_range import RANGE, median_of
 from studies.core.statement import Interval, Statement
 from studies.core.study import Study
 from studies.core.verdict import decide, decided, intervals_of

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from studies.core.ensemble import over_members
+from studies.core.ensemble_range import over_members
 from studies.core.statement import CONDITIONS, HOLDS, Statement
 from studies.core.verdict import decided, over_cases
 from studies.readhesion_paper.findings import CLAIMS, Finding, grid_findings

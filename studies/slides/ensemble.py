@@ -40,8 +40,13 @@ SHARPNESS = 2.0
 """Of the posterior, whose logarithm is so many times minus the misfit."""
 DISORDER = 10.0
 """What slips out of the source's order take from it: such a set is taken once in e^10 times."""
+
 HOPELESS = 20.0
 """A set that misses by this much more than twice the walkers' median is not run to its end."""
+NEARNESS = (0.002, 0.02)
+"""Least and greatest standard deviation of sets drawn around those found, as a share of every range."""
+POOR = 8.0
+"""Misfit beyond which such a set is not run to its end: that of a set that misses every target by its tolerance."""
 PASSED = (*BOUNDS, *OUTCOMES, "misfit", "misfit without 2", "unreached")
 """Columns of a walker."""
 
@@ -126,3 +131,20 @@ def sample(walkers: Sequence[Row], seed: int, leave_out: str | None, steps: int)
 
 def _log_posterior(row: Row, column: str) -> float:
     return -SHARPNESS * float(row[column]) - DISORDER * (float(row["slides"]) > 0.0)
+
+
+def around(found: Sequence[Row], seed: int, draws: int) -> list[Row]:
+    """Rows of the sets that reach all, of so many drawn around those `found`, each from one of these.
+
+    Valves that switch make the misfit rough, so that of the sets near a good one few reach all, however near they are.
+    """
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(draws):
+        start = to_unit_cube(undisclosed_of(found[int(rng.integers(len(found)))]))
+        width = np.exp(rng.uniform(*np.log(NEARNESS)))
+        point = np.clip(start + width * rng.standard_normal(start.size), 0.0, 1.0)
+        _, row = _tried(from_unit_cube(point), POOR, None)
+        if row is not None and reaches(row):
+            rows.append({name: row[name] for name in PASSED})
+    return rows

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from studies.core.ensemble import RANGE, median_of, range_of
+from studies.core.ensemble_range import RANGE, median_of, range_of
 from studies.core.statement import Statement
 from studies.core.verdict import decided
 from studies.slides.calibration import reaches, to_unit_cube, undisclosed_of
@@ -27,8 +27,9 @@ NARROW = 0.25
 """A parameter is determined where 90 % of the members lie within this share of its range."""
 SHARP = 0.1
 """A combination is determined where the members' standard deviation is this share of the prior's, or less."""
-SETTLED = 0.5
-"""Shift of a parameter's mean over the sampler's second half, in standard deviations, up to which it has settled."""
+SETTLED, MOVING = 0.5, 0.2
+"""Shift of a parameter's mean over the sampler's second half, in standard deviations, up to which it has settled; and the
+share of steps that walkers take which are free to go anywhere."""
 NOISES = (1e-4, 1e-2)
 """Standard deviations of relative noise on every parameter of every member."""
 PARAMETERS = len(BOUNDS)
@@ -50,7 +51,7 @@ def ensemble_statements(table: pd.DataFrame) -> list[Statement]:
 
 def distinct(rows: pd.DataFrame, leave_out: str | None = None) -> pd.DataFrame:
     """Distinct sets that reach every target but `leave_out`, in the order of the rows."""
-    good = [reaches(row, leave_out) for row in rows.to_dict("records")]
+    good = np.array([reaches(row, leave_out) for row in rows.to_dict("records")], dtype=bool)
     return rows[good].drop_duplicates(subset=list(BOUNDS))
 
 
@@ -119,7 +120,7 @@ def _determined(members: pd.DataFrame) -> Statement:
             "greatest": float(spread.max(initial=0.0)),
         },
         f"combinations: principal axes of the members in the unit cube; determined: 90 % within {100 * NARROW:g} % of the "
-        f"range; {RANGE}",
+        f"range; members descend from few searches, so their widths are lower bounds; {RANGE}",
         some=False,
     )  # fmt: skip
 
@@ -145,12 +146,18 @@ def _settled(table: pd.DataFrame) -> Statement:
         middle, end = cubes.values()
         shift = np.abs(end.mean(axis=0) - middle.mean(axis=0)) / end.std(axis=0)
     worst = float(np.max(shift))
-    names = list(BOUNDS)
+    moved = float(rows.loc[rows["generation"] == last, "accepted"].mean())
     return decided(
         "settled", "the sampler has forgotten where its walkers began",
-        {f"{names[int(np.argmax(shift))]} still moves" if worst == worst else "too few steps": worst <= SETTLED},
-        {"largest shift of a parameter's mean over the second half [standard deviations]": worst},
-        f"at most {SETTLED:g}; walkers do not mix between the searches they come from as a long chain would",
+        {
+            f"{list(BOUNDS)[int(np.argmax(shift))]} still moves" if worst == worst else "too few steps": worst <= SETTLED,
+            f"walkers take {100.0 * moved:.0f} % of their steps alone": moved >= MOVING,
+        },
+        {
+            "largest shift of a parameter's mean over the second half [standard deviations]": worst,
+            "mean share of steps that walkers take at last": moved,
+        },
+        f"at most {SETTLED:g} and at least {MOVING:g}; where not, the ensemble is narrower than the posterior",
     )  # fmt: skip
 
 
@@ -174,6 +181,7 @@ def held_out_statement(rows: pd.DataFrame) -> Statement:
         RANGE,
         further={f"a fit does not reach: {name}": False for name in dict.fromkeys(rest)},
         partly=bool(near.any()),
+        enough=len(rows) > 0,
     )  # fmt: skip
 
 
@@ -193,6 +201,7 @@ def logarithm_statement(rows: pd.DataFrame) -> Statement:
             "share of the fits that are nearer than the logarithm": nearer,
         },
         f"a + b ln(cars); better: more than half of the fits are nearer; {RANGE}",
+        enough=len(rows) > 0,
     )  # fmt: skip
 
 

@@ -10,8 +10,8 @@ from studies.core.cell import Task
 from studies.core.study import Study
 from studies.core.walkers import needed
 from studies.slides.calibration import draw, from_unit_cube, to_unit_cube
-from studies.slides.ensemble import PASSED, Row, sample, search, tried_row
-from studies.slides.ensemble_statements import ensemble_statements
+from studies.slides.ensemble import PASSED, Row, around, sample, search, tried_row
+from studies.slides.ensemble_statements import distinct, ensemble_statements
 from studies.slides.jp4209318 import BOUNDS, CALIBRATED, Undisclosed
 from studies.slides.targets import HOLD_OUT
 
@@ -23,12 +23,14 @@ NEAR, NEARBY = 23, 0.02
 """Walkers that begin near the set in use, and the standard deviation of their distance as a share of every range."""
 EVALUATIONS = 2500
 """Sets that a search may run; one in ten or fewer needs more."""
-GENERATIONS, STEPS = 6, 10
+GENERATIONS, STEPS = 4, 10
 """Pieces of work of the sampler, and its steps in each."""
+CLOUDS, DRAWS = 10, 60
+"""Pieces of work that draw sets around those found, and draws in each."""
 
 
 def first_cells(
-    seed: int, starts: int, evaluations: int = EVALUATIONS, generations: int = GENERATIONS, steps: int = STEPS
+    seed: int, starts: int, evaluations: int = EVALUATIONS, generations: int = GENERATIONS
 ) -> list[Task]:  # fmt: skip
     """The shipped set, and a search from each start of the prior in each arm."""
     for package in ("cma", "emcee"):
@@ -58,7 +60,7 @@ def noisy_row(undisclosed: Undisclosed, seed: int, k: int) -> Row:
 
 def later_cells(
     generation: int, seed: int, starts: int, table: pd.DataFrame,
-    evaluations: int = EVALUATIONS, generations: int = GENERATIONS, steps: int = STEPS,
+    evaluations: int = EVALUATIONS, generations: int = GENERATIONS,
 ) -> list[Task]:  # fmt: skip
     """The sampler's next steps from where the walkers are; the first from the set in use, near it, and what searches found.
 
@@ -76,10 +78,23 @@ def later_cells(
     return [
         Task(
             f"all/generation/{generation}", sample,
-            (walkers, _number(seed, "all", starts + generation), None, steps),
+            (walkers, _number(seed, "all", starts + generation), None, STEPS),
             (("arm", "all"), ("stage", "sampled"), ("generation", generation)),
         )
     ]  # fmt: skip
+
+
+def cloud_cells(
+    cloud: int, seed: int, starts: int, table: pd.DataFrame,
+    evaluations: int = EVALUATIONS, generations: int = GENERATIONS,
+) -> list[Task]:  # fmt: skip
+    """More sets around all that reach everything so far."""
+    found = distinct(table[table["arm"] == "all"])
+    if found.empty:
+        return []
+    arguments = (found[list(PASSED)].to_dict("records"), _number(seed, "all", 1000 + cloud), DRAWS)
+    columns = (("arm", "all"), ("stage", "around"), ("generation", GENERATIONS + cloud))
+    return [Task(f"all/around/{cloud}", around, arguments, columns)]
 
 
 def _number(seed: int, arm: str, k: int) -> int:
@@ -94,7 +109,10 @@ SLIDE_CALIBRATION = Study(
     default_events=STARTS,  # points of the prior from which sets are sought
     step=STARTS,
     cells=first_cells,
-    later=tuple(partial(later_cells, generation) for generation in range(GENERATIONS)),
+    later=(
+        *(partial(later_cells, generation) for generation in range(GENERATIONS)),
+        *(partial(cloud_cells, cloud) for cloud in range(CLOUDS)),
+    ),
     judge=ensemble_statements,
     whole=True,
 )

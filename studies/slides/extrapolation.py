@@ -7,7 +7,7 @@ import pandas as pd
 
 from alloc.event import Event
 from alloc.plant.model import build
-from studies.core.ensemble import median_of
+from studies.core.ensemble_range import median_of
 from studies.core.statement import Interval, Statement
 from studies.core.verdict import over_cases
 from studies.slides.jp4209318 import INITIAL_SPEED, Undisclosed, brake, brake_event, measures

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import joblib
+import numpy as np
 import pandas as pd
 
 from studies.core.collection import study_folder
@@ -24,13 +25,13 @@ MOST_MEMBERS = 60
 
 
 def chosen(table: pd.DataFrame, arm: str, leave_out: str | None) -> pd.DataFrame:
-    """Distinct sets of an arm that reach all but `leave_out`: the shipped one, then from the last generation back."""
+    """Distinct sets of an arm that reach all but `leave_out`: the shipped one, those of search and walkers, the rest."""
     rows = table[table["arm"] == arm]
-    rows = rows[[reaches(row, leave_out) for row in rows.to_dict("records")]]
-    first = rows["stage"].map({"shipped": 0, "sampled": 1, "start": 2, "near": 3})
-    rows = rows.assign(first=first, back=-rows["generation"].fillna(0.0))
-    ordered = rows.sort_values(["first", "back", "misfit"], kind="stable")
-    return ordered.drop_duplicates(subset=list(BOUNDS)).drop(columns=["first", "back"])
+    good = np.array([reaches(row, leave_out) for row in rows.to_dict("records")], dtype=bool)
+    rows = rows[good]
+    first = rows["stage"].map({"shipped": 0, "sampled": 1, "start": 1, "near": 1, "around": 2})
+    ordered = rows.assign(first=first).sort_values("first", kind="stable")
+    return ordered.drop_duplicates(subset=list(BOUNDS)).drop(columns="first")
 
 
 def _sets(arm: str) -> tuple[Undisclosed, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.core.ensemble import over_members
+from studies.core.ensemble_range import over_members
 from studies.core.statement import Interval, Statement, single
 from studies.core.verdict import decide, decided, over_cases
 from studies.slides.electric import electric_statement

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.core.ensemble import median_of, over_members, range_of
+from studies.core.ensemble_range import median_of, over_members, range_of
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, Statement, single
 
 
