@@ -51,12 +51,13 @@ def slide_tables(table: pd.DataFrame) -> Figure:
     here = [_of_sets(table, "distance", cars, "medium") for cars in TABLE_3]
     _points(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), here, ".1f")
     predicted = table.loc[table["part"] == "held out", HOLD_OUT].to_numpy(dtype=float)
-    low, high = np.percentile(predicted, PERCENTILES)
-    middle = float(np.median(predicted))
-    length.errorbar(
-        [1.0], [middle], [[middle - low], [high - middle]], fmt="D", color=VERMILION, markersize=4, capsize=3,
-        label=f"predicted by {predicted.size} fits to 1 and 3 cars",
-    )  # fmt: skip
+    if predicted.size:
+        low, high = np.percentile(predicted, PERCENTILES)
+        middle = float(np.median(predicted))
+        length.errorbar(
+            [1.0], [middle], [[middle - low], [high - middle]], fmt="D", color=VERMILION, markersize=4, capsize=3,
+            label=f"predicted by {predicted.size} fits to 1 and 3 cars",
+        )  # fmt: skip
     length.plot(
         [1.0], [logarithm(2)], "x", color="black", label="by a logarithm through 1 and 3 cars"
     )
