@@ -68,7 +68,7 @@ def _sweep(table: pd.DataFrame, over: str, other: str) -> Figure:
     table = table[np.isclose(table[other].astype(float), held)]
     members = table[table["unit"].notna()]
     in_use = table[table["unit"].isna() & (table["parabola"] == readhesion.PRINTED)]
-    drawn, panels = new_panels(7.4, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
+    drawn, panels = new_panels(7.1, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
     for (possible, used, share), unit, letters in zip(
         panels.T, UNIT_LOOKS, ("ace", "bdf"), strict=True
     ):
@@ -204,10 +204,8 @@ def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None
     growth.axhline(1.0, linestyle=":", color="black", linewidth=0.9)
     if critical <= max(widths):
         growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
-    growth.annotate(
-        f"factor rests\nfrom {critical:.2f} on", (min(critical, min(widths)), float(np.max(sizes))),
-        xytext=(6, 0), textcoords="offset points", va="top",
-    )  # fmt: skip
+    words = f"factor rests\nfrom {critical:.2f} on"
+    growth.text(0.96, 0.94, words, transform=growth.transAxes, ha="right", va="top", fontsize=7)
     growth.set(xlabel=f"$a_w$ [{one.unit.replace('s2', 's²')}]", ylabel="growth per swing [–]")
 
 

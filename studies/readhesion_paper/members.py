@@ -20,8 +20,11 @@ COLUMNS = ("residual_ratio", "rise", "fall", "time_constant", "unit")
 
 def _sets(unit: Unit) -> tuple[Unprinted, ...]:
     table = pd.read_csv(FILE, dtype=str)
-    rows = table.loc[table["unit"] == unit, list(COLUMNS[:-1])]
-    return tuple(Unprinted(*(float(value) for value in row), unit) for row in rows.to_numpy())
+    found = []
+    for row in table.loc[table["unit"] == unit, list(COLUMNS[:-1])].to_numpy():
+        residual_ratio, rise, fall, time_constant = (float(value) for value in row)
+        found.append(Unprinted(residual_ratio, rise, fall, time_constant, unit))
+    return tuple(found)
 
 
 MEMBERS: dict[Unit, tuple[Unprinted, ...]] = {unit: _sets(unit) for unit in UNITS}
