@@ -168,7 +168,7 @@ def limit_cycle(
     for row, letters, (unit, table) in zip(panels, ("abc", "def"), cycles.items(), strict=False):
         _cycle_panels(row[0], row[1], table)
         _growth_panel(row[2], growth_widths, sets[unit])
-        words = ("period", "swing of slip", "swings while running away")
+        words = ("period", "swing of slip", "growth of swings")
         for axes, letter, word in zip(row, letters, words, strict=True):
             axes.set_title(f"({letter}) {word}, {unit.replace('s2', 's²')}", fontsize=7.5)
     legend_below(drawn, 2, panels[0, 0])
