@@ -1,6 +1,6 @@
 """Runs of the readhesion paper's torque table: its Figs. 5, 7 to 15, 22 and 23."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +22,7 @@ from studies.readhesion_paper.paper import (
     DROP,
     RECOVERY,
     RIVAL,
+    UNITS,
     Case,
     Unprinted,
     run_cases,
@@ -31,11 +32,9 @@ CASES: dict[str, Case] = {"A": CASE_A, "B": CASE_B}
 COLOURS = {"A": BLUE, "B": VERMILION}
 """Colour of each case in every figure."""
 HALF_SLIP = Case(width=HALF_SLIP_WIDTHS[-1], limit=HALF_SLIP_LIMIT)
-SETS: dict[str, tuple[Unprinted, str]] = {
-    "calibrated": (CALIBRATED, GREEN),
-    "rival": (RIVAL, PURPLE),
-}
-"""Sets of what is not printed, by name, and their colours."""
+SETS: dict[str, Unprinted] = {"calibrated": CALIBRATED, "rival": RIVAL}
+"""Sets of what is not printed, by name: in km/h/s and in m/s2."""
+SET_COLOURS = {"calibrated": GREEN, "rival": PURPLE}
 FROM, UNTIL = 5.0, 15.0
 """Times [s] that the paper's figures show."""
 CLOSE = (9.0, 11.0)
@@ -55,6 +54,10 @@ def case_runs(
     return run_cases(unprinted, cases, recovers=True)
 
 
+IN_BOTH_UNITS = tuple(made(case_runs, tuple(CASES.values()), one) for one in SETS.values())
+"""Need: runs of the paper's cases after the set of each unit."""
+
+
 def on_coefficient_scale(runs: TableRuns, lane: int) -> np.ndarray:
     """Torque on the scale of the coefficient, (instants,): the tangential force it would hold at the wheel.
 
@@ -64,12 +67,13 @@ def on_coefficient_scale(runs: TableRuns, lane: int) -> np.ndarray:
     return np.asarray(runs.torque[:, lane] / runs.torque_per_coefficient)
 
 
-def _heading(letter: str, name: str) -> str:
+def _shown(unit: str) -> str:
+    return unit.replace("s2", "s²")
+
+
+def _heading(name: str, unit: str) -> str:
     case = CASES[name]
-    return (
-        f"({letter}) case {name}: $a_w$ = {case.width:g}, $a_0$ = {case.margin:g} km/h/s, "
-        rf"$\mu_\mathrm{{lim}}$ = {case.limit:g}"
-    )
+    return rf"{name}: $a_w$ {case.width:g}, $a_0$ {case.margin:g} {_shown(unit)}, $\mu_\mathrm{{lim}}$ {case.limit:g}"
 
 
 def _pair(
@@ -83,90 +87,124 @@ def _pair(
     axes.set_xlim(shown)
 
 
+def _by_set(
+    draw: Callable[[TableRuns, Sequence[Axes], str], None],
+    panels: np.ndarray,
+    runs: Sequence[TableRuns],
+) -> None:
+    """A column per set; the paper names no unit of a_0 and a_w, so both stand side by side."""
+    for column, one, name in zip(panels.T, runs, SETS, strict=True):
+        draw(one, column, SETS[name].unit)
+        column[-1].set_xlabel(column[-1].get_xlabel() or "time [s]")
+
+
 @figure("torque-table",
-        "torque factor over the deviation of acceleration (readhesion paper Fig. 5)")  # fmt: skip
+        "torque factor over the deviation of acceleration (readhesion paper Fig. 5), in both units")  # fmt: skip
 def torque_table() -> Figure:
-    """The table of both cases, with margin and width of case B marked."""
-    drawn, axes = new_panels(4.6, 2.9)
-    deviation = np.linspace(-0.3, 1.6, 400)
-    for (name, case), dashes in zip(CASES.items(), ("-", "--"), strict=True):
-        factor = [torque_factor(value, case.margin, case.width) for value in deviation]
-        label = f"case {name}: $a_0$ = {case.margin:g}, $a_w$ = {case.width:g} km/h/s"
-        axes.plot(deviation, factor, dashes, color=COLOURS[name], label=label)
-    arrow = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
-    ends = (0.0, CASE_B.margin, CASE_B.margin + CASE_B.width)
-    for begin, end, text in zip(ends, ends[1:], ("$a_0$", "$a_w$"), strict=False):
-        place = (begin, -0.10), (end, -0.10)
-        axes.annotate("", *place, annotation_clip=False, arrowprops=arrow)
-        axes.text(0.5 * (begin + end), -0.10 + 0.02, text, ha="center", va="bottom")
-    axes.set(xlim=(deviation[0], deviation[-1]), ylim=(-0.2, 1.1), ylabel="torque factor [–]")
-    axes.set_xlabel("wheel acceleration less the commanded one [km/h/s]")
-    axes.legend(loc="upper right")
+    """The table of both cases, read in each unit, on one scale; margin and width of case B are marked."""
+    drawn, panels = new_panels(7.1, 2.7, 1, len(SETS), sharey=True)
+    deviation = np.linspace(-0.3, 4.8, 600)
+    for axes, letter, one in zip(panels, "ab", SETS.values(), strict=True):
+        scale = 3.6 * UNITS[one.unit]  # km/h/s
+        for (name, case), dashes in zip(CASES.items(), ("-", "--"), strict=True):
+            margin, width = scale * case.margin, scale * case.width
+            factor = [torque_factor(value, margin, width) for value in deviation]
+            label = f"case {name}: $a_0$ = {case.margin:g}, $a_w$ = {case.width:g}"
+            axes.plot(deviation, factor, dashes, color=COLOURS[name], label=label)
+        arrow = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
+        ends = (0.0, scale * CASE_B.margin, scale * (CASE_B.margin + CASE_B.width))
+        for begin, end, text in zip(ends, ends[1:], ("$a_0$", "$a_w$"), strict=False):
+            place = (begin, -0.10), (end, -0.10)
+            axes.annotate("", *place, annotation_clip=False, arrowprops=arrow)
+            axes.text(0.5 * (begin + end), -0.08, text, ha="center", va="bottom")
+        axes.set(xlim=(deviation[0], deviation[-1]), ylim=(-0.25, 1.1))
+        axes.set_title(f"({letter}) $a_0$ and $a_w$ in {_shown(one.unit)}")
+        axes.set_xlabel("deviation of acceleration [km/h/s]")
+        axes.legend(loc="upper right")
+    panels[0].set_ylabel("torque factor [–]")
     return drawn
 
 
-@figure("readhesion-slip", "slip with and without readhesion (readhesion paper Figs. 7, 8, 9)",
-        made(case_runs))  # fmt: skip
-def readhesion_slip(runs: TableRuns) -> Figure:
-    """Rows: case A, case B on the same scale, case B as a whole."""
-    drawn, panels = new_panels(5.6, 5.6, 3, sharex=True)
+@figure("readhesion-slip", "slip with and without readhesion (readhesion paper Figs. 7, 8, 9), in both units",
+        *IN_BOTH_UNITS)  # fmt: skip
+def readhesion_slip(*runs: TableRuns) -> Figure:
+    """Rows: case A, case B on the same scale, case B as a whole; a column per unit."""
+    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharex=True, sharey="row")
     rows = (("A", 0, PEAK_SLIP), ("B", 1, PEAK_SLIP), ("B", 1, None))
     labels = ("slip velocity", "at the curve's peak: micro slip below, macro above")
-    for axes, (name, lane, top), letter in zip(panels, rows, "abc", strict=True):
-        values = runs.slip[:, lane], runs.peak_slip[:, lane]
-        _pair(axes, runs.time, values, labels, COLOURS[name], (None, 0.9))
+
+    def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
+        for axes, (name, lane, top) in zip(column, rows, strict=True):
+            values = one.slip[:, lane], one.peak_slip[:, lane]
+            _pair(axes, one.time, values, labels, COLOURS[name], (None, 0.9))
+            axes.set_title(_heading(name, unit) + ("" if top else ", whole"), fontsize=7.5)
+
+    _by_set(draw, panels, runs)
+    for axes, (_, _, top) in zip(panels[:, 0], rows, strict=True):
         axes.set(ylim=(0.0, top), ylabel="slip velocity [m/s]")
-        axes.set_title(_heading(letter, name) + ("" if top else ", whole"))
-    panels[0].legend(loc="upper right", ncols=2)
-    panels[-1].set_xlabel("time [s]")
-    drawn.align_ylabels(panels.tolist())
+    legend_below(drawn, 2, panels[0, 0])
+    drawn.align_ylabels(panels[:, 0].tolist())
     return drawn
 
 
-@figure("readhesion-torque", "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11)",
-        made(case_runs))  # fmt: skip
-def readhesion_torque(runs: TableRuns) -> Figure:
-    """A row per case. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
-    drawn, panels = new_panels(5.6, 4.4, 2, sharex=True, sharey=True)
+@figure("readhesion-torque", "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11), by unit",
+        *IN_BOTH_UNITS)  # fmt: skip
+def readhesion_torque(*runs: TableRuns) -> Figure:
+    """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
+    drawn, panels = new_panels(7.1, 4.4, 2, len(SETS), sharex=True, sharey=True)
     labels = (r"motor torque $\times\ R_g/(Wgr)\ M/(M + J/r^2)$", FORCE)
-    for lane, (axes, name) in enumerate(zip(panels, CASES, strict=True)):
-        values = on_coefficient_scale(runs, lane), runs.coefficient[:, lane]
-        _pair(axes, runs.time, values, labels, COLOURS[name])
-        axes.set(ylim=(0.08, 0.21), ylabel="coefficient [–]")
-        axes.set_title(_heading("ab"[lane], name))
-        axes.legend(loc="upper right", ncols=2)
-    panels[-1].set_xlabel("time [s]")
+
+    def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
+        for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
+            values = on_coefficient_scale(one, lane), one.coefficient[:, lane]
+            _pair(axes, one.time, values, labels, COLOURS[name])
+            axes.set_title(_heading(name, unit), fontsize=7.5)
+
+    _by_set(draw, panels, runs)
+    for axes in panels[:, 0]:
+        axes.set(ylim=(0.04, 0.19), ylabel="coefficient [–]")
+    legend_below(drawn, 2, panels[0, 0])
     return drawn
 
 
-@figure("readhesion-factor", "torque factor with and without readhesion (readhesion paper Figs. 12, 13)",
-        made(case_runs))  # fmt: skip
-def readhesion_factor(runs: TableRuns) -> Figure:
-    """Rows: case A, two seconds of it, case B; the factor, and the filtered command as a share of the plan."""
-    drawn, panels = new_panels(5.6, 5.6, 3, sharey=True)
+@figure("readhesion-factor", "torque factor with and without readhesion (readhesion paper Figs. 12, 13), in both units",
+        *IN_BOTH_UNITS)  # fmt: skip
+def readhesion_factor(*runs: TableRuns) -> Figure:
+    """Rows: case A, two seconds of it, case B; a column per unit. The factor, and the filtered command over the plan."""
+    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharey=True)
     close = f", {CLOSE[0]:g} to {CLOSE[1]:g} s"
     rows = (("A", 0, (FROM, UNTIL), ""), ("A", 0, CLOSE, close), ("B", 1, (FROM, UNTIL), ""))
     labels = ("torque factor of the table", "torque command after its filter, over the plan")
-    for axes, (name, lane, shown, part), letter in zip(panels, rows, "abc", strict=True):
-        values = runs.factor[:, lane], runs.command[:, lane] / runs.plan
-        _pair(axes, runs.time, values, labels, COLOURS[name], (1.0, 1.0), shown)
-        axes.set(ylim=(-0.05, 1.3), yticks=(0.0, 0.5, 1.0), ylabel="factor [–]", xlabel="time [s]")
-        axes.set_title(_heading(letter, name) + part)
-    panels[0].legend(loc="upper right", ncols=2)
+
+    def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
+        for axes, (name, lane, shown, part) in zip(column, rows, strict=True):
+            values = one.factor[:, lane], one.command[:, lane] / one.plan
+            _pair(axes, one.time, values, labels, COLOURS[name], (1.0, 1.0), shown)
+            axes.set_title(_heading(name, unit) + part, fontsize=7.5)
+
+    _by_set(draw, panels, runs)
+    for axes in panels[:, 0]:
+        axes.set(ylim=(-0.05, 1.1), yticks=(0.0, 0.5, 1.0), ylabel="factor [–]")
+    legend_below(drawn, 2, panels[0, 0])
     return drawn
 
 
-@figure("readhesion-trajectory", "torque and coefficient over slip: limit cycle or none (readhesion paper Figs. 14, 15)",
-        made(case_runs))  # fmt: skip
-def readhesion_trajectory(runs: TableRuns) -> Figure:
-    """A column per case, from the drop to the recovery. Torque on the scale of the coefficient, see readhesion-torque."""
-    drawn, panels = new_panels(7.1, 3.6, 1, 2, sharey=True)
-    for lane, (axes, name) in enumerate(zip(panels, CASES, strict=True)):
-        _loci(axes, runs, lane, COLOURS[name])
-        axes.set_title(_heading("ab"[lane], name), fontsize=7.5)
-        axes.set(xlim=(0.0, None), xlabel="slip velocity [m/s]")
-    panels[0].set_ylabel("coefficient [–]")
-    legend_below(drawn, 3, panels[0])
+@figure("readhesion-trajectory", "torque and coefficient over slip (readhesion paper Figs. 14, 15), in both units",
+        *IN_BOTH_UNITS)  # fmt: skip
+def readhesion_trajectory(*runs: TableRuns) -> Figure:
+    """A row per case, a column per unit, from the drop to the recovery. Torque on the scale of the coefficient."""
+    drawn, panels = new_panels(7.1, 5.4, 2, len(SETS), sharey=True)
+
+    def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
+        for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
+            _loci(axes, one, lane, COLOURS[name])
+            axes.set_title(_heading(name, unit), fontsize=7.5)
+            axes.set(xlim=(0.0, None), xlabel="slip velocity [m/s]")
+
+    _by_set(draw, panels, runs)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("coefficient [–]")
+    legend_below(drawn, 3, panels[0, 0])
     return drawn
 
 
@@ -184,7 +222,7 @@ def _loci(axes: Axes, runs: TableRuns, lane: int, colour: str) -> None:
 
 
 @figure("half-slip", "slip and torque on a rail just below the plan (readhesion paper Figs. 22, 23)",
-        *(made(case_runs, (HALF_SLIP,), unprinted) for unprinted, _ in SETS.values()))  # fmt: skip
+        *(made(case_runs, (HALF_SLIP,), unprinted) for unprinted in SETS.values()))  # fmt: skip
 def half_slip(*runs: TableRuns) -> Figure:
     """A column per set; rows: slip velocity, torque and coefficient.
 
@@ -193,7 +231,7 @@ def half_slip(*runs: TableRuns) -> Figure:
     drawn, panels = new_panels(7.1, 4.2, 2, len(SETS), sharex=True, squeeze=False)
     case, units = HALF_SLIP, ("motor torque, as a coefficient", FORCE)
     for (slip, torque), one, letter, name in zip(panels.T, runs, "ab", SETS, strict=True):
-        unprinted, colour = SETS[name]
+        unprinted, colour = SETS[name], SET_COLOURS[name]
         values, labels = (
             (one.slip[:, 0], one.peak_slip[:, 0]),
             ("slip velocity", "at the curve's peak"),
@@ -203,7 +241,7 @@ def half_slip(*runs: TableRuns) -> Figure:
         _pair(torque, one.time, values, units, colour, (None, 0.9))
         slip.set_title(
             f"({letter}) {name}, $a_w$ = {case.width:g}, $a_0$ = {case.margin:g} "
-            rf"{unprinted.unit.replace('s2', 's²')}, $\mu_\mathrm{{lim}}$ = {case.limit:g}"
+            rf"{_shown(unprinted.unit)}, $\mu_\mathrm{{lim}}$ = {case.limit:g}"
         )
         torque.set_xlabel("time [s]")
         slip.legend(loc="upper left")

@@ -1,5 +1,7 @@
 """What the readhesion paper sweeps and does not print: its Figs. 16 to 21, limit cycles, calibration."""
 
+from collections.abc import Mapping, Sequence
+
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
@@ -9,17 +11,19 @@ from matplotlib.ticker import FixedLocator, MultipleLocator
 
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
-from paper_figs.source import study
-from paper_figs.style import legend_below, new_figure, new_panels, plain_ticks
+from paper_figs.source import Source, study
+from paper_figs.style import Look, legend_below, new_panels, plain_ticks
+from studies.core.ensemble_range import PERCENTILES
 from studies.readhesion_paper import study as readhesion
-from studies.readhesion_paper.calibration import RANGES, best, fulfilling
+from studies.readhesion_paper.calibration import LEAST_MET, RANGES, best, members
+from studies.readhesion_paper.findings import CLAIMS
 from studies.readhesion_paper.limit_cycle import critical_width
 from studies.readhesion_paper.limit_cycle_comparison import (
     compare_cycles,
     growth_over_widths,
     paper_model,
 )
-from studies.readhesion_paper.paper import CASE_A, PAPER_LIMITS
+from studies.readhesion_paper.paper import CALIBRATED, CASE_A, PAPER_LIMITS, RIVAL, UNITS, Unprinted
 
 SYMBOLS = {"margin": "a_0", "width": "a_w"}
 SHADES = mpl.colormaps["viridis"]
@@ -44,37 +48,51 @@ HEADROOM = 12.0
 """Objective above the best one up to which sets are shown."""
 
 
-@figure("margin-sweep", "readhesion and adhesion used over a_0 (readhesion paper Figs. 16, 17, 18)",
+@figure("margin-sweep", "readhesion and adhesion used over a_0 (readhesion paper Figs. 16, 17, 18), in both units",
         study("readhesion"))  # fmt: skip
 def margin_sweep(table: pd.DataFrame) -> Figure:
-    """Three panels; filled points: readhesion is possible."""
+    """A column per unit; filled points: readhesion is possible."""
     return _sweep(table, "margin", "width")
 
 
-@figure("width-sweep", "readhesion and adhesion used over a_w (readhesion paper Figs. 19, 20, 21)",
+@figure("width-sweep", "readhesion and adhesion used over a_w (readhesion paper Figs. 19, 20, 21), in both units",
         study("readhesion"))  # fmt: skip
 def width_sweep(table: pd.DataFrame) -> Figure:
-    """Three panels; filled points: readhesion is possible."""
+    """A column per unit; filled points: readhesion is possible."""
     return _sweep(table, "width", "margin")
 
 
 def _sweep(table: pd.DataFrame, over: str, other: str) -> Figure:
-    """Three panels over "margin" (a_0) or "width" (a_w), the `other` as in case A."""
+    """Rows of panels over "margin" (a_0) or "width" (a_w), the `other` as in case A; a column per unit of both."""
     held = getattr(CASE_A, other)
-    as_printed = table["parabola"] == readhesion.PRINTED
-    rows = table[as_printed & np.isclose(table[other].astype(float), held)]
-    drawn = new_figure(7.1, 5.6)
-    panels = drawn.subplot_mosaic([["possible", "possible"], ["used", "share"]])
-    possible, used, share = (panels[name] for name in ("possible", "used", "share"))
-    _possibility(possible, rows, over)
-    _indices(used, share, rows[rows["part"] == "indices"], over)
-    possible.set_title(f"(a) readhesion possibility, ${SYMBOLS[other]}$ = {held:g} km/h/s")
-    used.set_title("(b) used coefficient")
-    share.set_title("(c) utilisation")
-    handles = used.get_legend_handles_labels()[0]
-    title = f"${SYMBOLS[over]}$ [km/h/s]"
-    drawn.legend(handles=handles, loc="outside right center", title=title)
-    return drawn
+    table = table[np.isclose(table[other].astype(float), held)]
+    members = table[table["unit"].notna()]
+    in_use = table[table["unit"].isna() & (table["parabola"] == readhesion.PRINTED)]
+    drawn, panels = new_panels(7.1, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
+    for (possible, used, share), unit, letters in zip(
+        panels.T, UNIT_LOOKS, ("ace", "bdf"), strict=True
+    ):
+        own = members[members["unit"] == unit]
+        rows = in_use if unit == CALIBRATED.unit else own[own["member"] == 0]
+        shown = unit.replace("s2", "s²")
+        _possibility(possible, rows, over)
+        _limits_of_members(possible, own, over)
+        _indices(used, share, rows[rows["part"] == "indices"], over)
+        possible.set_title(
+            f"({letters[0]}) readhesion possibility, ${SYMBOLS[other]}$ = {held:g} {shown}"
+        )
+        used.set_title(f"({letters[1]}) used coefficient")
+        share.set_title(f"({letters[2]}) utilisation")
+        share.set_xlabel(LIMIT)
+        possible.set_ylabel(f"${SYMBOLS[over]}$ [{shown}]")
+    panels[1, 0].set_ylabel(r"$\mu_\mathrm{use}$ [–]")
+    panels[2, 0].set_ylabel(r"$\mu_\mathrm{r}$ [%]")
+    lines = panels[1, 0].get_legend_handles_labels()[0]
+    title = f"(c) to (f): ${SYMBOLS[over]}$, in the unit of each column"
+    drawn.legend(handles=lines, loc="outside lower center", ncols=6, title=title)
+    points = panels[0, 0].get_legend_handles_labels()[0]
+    drawn.legend(handles=points, loc="outside upper center", ncols=4)
+    return drawn  # fmt: skip
 
 
 def _possibility(axes: Axes, rows: pd.DataFrame, over: str) -> None:
@@ -86,23 +104,38 @@ def _possibility(axes: Axes, rows: pd.DataFrame, over: str) -> None:
         (runs[~good], "x", VERMILION, "not possible"),
     ):
         axes.plot(
-            own["limit"], own[over], marker, color=colour, markersize=3.6,
-            markerfacecolor="none", markeredgewidth=0.9, label=label,
+            own["limit"], own[over], marker, color=colour, markersize=3.0,
+            markerfacecolor="none", markeredgewidth=0.8, label=label,
         )  # fmt: skip
     axes.plot(
-        limits["limit_coefficient"], limits[over], "|", color="black", markersize=11,
+        limits["limit_coefficient"], limits[over], "|", color="black", markersize=10,
         markeredgewidth=1.4, label="limit adhesion coefficient",
     )  # fmt: skip
-    axes.set(xlabel=LIMIT, ylabel=f"${SYMBOLS[over]}$ [km/h/s]")
-    axes.set_ylim(runs[over].min() - 0.08, runs[over].max() + 0.22)
-    axes.legend(loc="upper left", ncols=3)
+    axes.set_ylim(runs[over].min() - 0.08, runs[over].max() + 0.08)
+
+
+def _limits_of_members(axes: Axes, members: pd.DataFrame, over: str) -> None:
+    """Between which limit coefficients 90 % of the ensemble's members lie, those that have one."""
+    for value, rows in members[members["part"] == "limit"].groupby(over):
+        known = rows["limit_coefficient"].dropna().to_numpy(dtype=float)
+        if known.size > 1:
+            low, high = np.percentile(known, PERCENTILES)
+            look: Look = {
+                "color": "black",
+                "alpha": 0.25,
+                "linewidth": 5.0,
+                "solid_capstyle": "butt",
+            }
+            axes.plot([low, high], [float(str(value))] * 2, label="_", **look)
+    label = "90 % of the ensemble's limits"
+    axes.plot([], [], color="black", alpha=0.25, linewidth=5.0, label=label)
 
 
 def _indices(used: Axes, share: Axes, runs: pd.DataFrame, over: str) -> None:
     """Used coefficient and utilisation, a line per value; points where readhesion is possible."""
     values = sorted(runs[over].unique())
     for k, value in enumerate(values):
-        own = runs[np.isclose(runs[over], value)].sort_values("limit")
+        own = runs[np.isclose(runs[over].astype(float), value)].sort_values("limit")
         colour = SHADES(0.92 * k / max(len(values) - 1, 1))
         good = own["possible"].to_numpy(dtype=bool)
         for axes, y in ((used, own["used_coefficient"]), (share, 100.0 * own["utilisation"])):
@@ -111,54 +144,80 @@ def _indices(used: Axes, share: Axes, runs: pd.DataFrame, over: str) -> None:
     ends = [min(PAPER_LIMITS), max(PAPER_LIMITS)]
     used.plot(ends, ends, ":", color="black", linewidth=0.9, label="ideal")
     share.axhline(100.0, linestyle=":", color="black", linewidth=0.9)
-    used.set(xlabel=LIMIT, ylabel=r"$\mu_\mathrm{use}$ [–]")
-    share.set(xlabel=LIMIT, ylabel=r"$\mu_\mathrm{r}$ [%]")
-    for axes in (used, share):
-        axes.xaxis.set_major_locator(MultipleLocator(0.04))
+    share.xaxis.set_major_locator(MultipleLocator(0.04))
 
 
-@figure("limit-cycle", "limit cycle of the torque table, simulated and predicted; when wheels run away",
-        lambda source: compare_cycles(WIDTHS, LIMITS, source.jobs))  # fmt: skip
-def limit_cycle(cycles: pd.DataFrame, growth_widths: tuple[float, ...] = GROWTH_WIDTHS) -> Figure:
-    """Panels: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w.
+def _cycles(source: Source) -> dict[str, pd.DataFrame]:
+    """Need: cycles of the set of each unit."""
+    return {
+        one.unit: compare_cycles(WIDTHS, LIMITS, source.jobs, one) for one in (CALIBRATED, RIVAL)
+    }
+
+
+@figure("limit-cycle", "limit cycle of the torque table, simulated and predicted; when wheels run away; in both units",
+        _cycles)  # fmt: skip
+def limit_cycle(
+    cycles: Mapping[str, pd.DataFrame], growth_widths: tuple[float, ...] = GROWTH_WIDTHS
+) -> Figure:
+    """A row per unit: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w.
 
     Simulated cycles are drawn where the wheel readheres.
     """
-    drawn, (period, slip, growth) = new_panels(7.1, 2.9, 1, 3)
+    drawn, panels = new_panels(7.1, 5.2, len(cycles), 3, squeeze=False)
+    sets: dict[str, Unprinted] = {one.unit: one for one in (CALIBRATED, RIVAL)}
+    for row, letters, (unit, table) in zip(panels, ("abc", "def"), cycles.items(), strict=False):
+        _cycle_panels(row[0], row[1], table)
+        _growth_panel(row[2], growth_widths, sets[unit])
+        words = ("period", "swing of slip", "growth of swings")
+        for axes, letter, word in zip(row, letters, words, strict=True):
+            axes.set_title(f"({letter}) {word}, {unit.replace('s2', 's²')}", fontsize=7.5)
+    legend_below(drawn, 2, panels[0, 0])
+    return drawn
+
+
+def _cycle_panels(period: Axes, slip: Axes, cycles: pd.DataFrame) -> None:
     for colour, (width, rows) in zip((BLUE, VERMILION), cycles.groupby("width"), strict=True):
         back = rows[rows["possible"]]  # wheels that run away swing as well, elsewhere
-        circle = {"marker": "o", "markersize": 3.5, "markerfacecolor": "none", "linestyle": "none"}
-        of_width = f"$a_w$ = {width:g} km/h/s"
+        circle: Look = {
+            "marker": "o",
+            "markersize": 3.5,
+            "markerfacecolor": "none",
+            "linestyle": "none",
+        }
+        of_width = f"$a_w$ = {width:g}"
         for panel, quantity in ((period, "period"), (slip, "slip_swing")):
             predicted = rows[f"predicted_{quantity}"]
             panel.plot(rows["limit"], predicted, color=colour, label=f"predicted, {of_width}")
             label = f"simulated, {of_width}"
             panel.plot(back["limit"], back[quantity], color=colour, label=label, **circle)
-    period.set(title="(a) period", ylabel="period [s]")
-    slip.set(title="(b) swing of slip", ylabel="slip velocity [m/s]")
+    period.set_ylabel("period [s]")
+    slip.set_ylabel("slip velocity [m/s]")
     for panel in (period, slip):
         panel.set_xlabel(LIMIT)
         panel.set_ylim(bottom=0.0)
-    sizes = growth_over_widths(growth_widths)
-    growth.plot(growth_widths, sizes, ".-", color=GREEN)
-    critical = critical_width(paper_model()) * 3.6
-    growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
+
+
+def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None:
+    sizes = growth_over_widths(widths, one)
+    growth.plot(widths, sizes, ".-", color=GREEN)
+    critical = critical_width(paper_model(unprinted=one)) / UNITS[one.unit]
     growth.axhline(1.0, linestyle=":", color="black", linewidth=0.9)
-    growth.annotate(
-        f"factor rests\nfrom {critical:.2f} on", (critical, float(np.max(sizes))),
-        xytext=(6, 0), textcoords="offset points", va="top",
-    )  # fmt: skip
-    growth.set(title="(c) swings while running away", xlabel="$a_w$ [km/h/s]")
-    growth.set_ylabel("growth per swing [–]")
-    legend_below(drawn, 2, period)
-    return drawn
+    if critical <= max(widths):
+        growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
+    words = f"factor rests\nfrom {critical:.2f} on"
+    growth.text(0.96, 0.94, words, transform=growth.transAxes, ha="right", va="top", fontsize=7)
+    growth.set(xlabel=f"$a_w$ [{one.unit.replace('s2', 's²')}]", ylabel="growth per swing [–]")
 
 
 @figure("calibration", "how narrowly the readhesion paper determines what it does not print",
         study("calibration", FEW_EVENTS))  # fmt: skip
 def calibration(table: pd.DataFrame) -> Figure:
-    """A panel per parameter. Filled: sets that fulfil all findings but the half-slip; star: the best of them."""
-    good, chosen = fulfilling(table), best(table)
+    """A panel per parameter. Filled: sets that meet as many findings as any; star: the best that lacks but the half-slip.
+
+    Bars: 90 % of the filled ones, in each unit.
+    """
+    chosen = best(table)
+    good = pd.concat([members(table, unit) for unit in UNIT_LOOKS])
     top = float(table["objective"].min()) + HEADROOM
     others = table[table["objective"] <= top].drop(good.index, errors="ignore")
     drawn, panels = new_panels(7.1, 4.8, 2, 2, sharey=True)
@@ -167,8 +226,8 @@ def calibration(table: pd.DataFrame) -> Figure:
             look = {"color": colour, "markersize": 3.6, "markeredgewidth": 0.7}
             shown = unit.replace("s2", "s²")
             for rows, face, label in (
-                (others, "none", f"{shown}, not all findings"),
-                (good, colour, f"{shown}, all findings but the half-slip"),
+                (others, "none", f"{shown}, fewer findings"),
+                (good, colour, f"{shown}, {LEAST_MET} findings of {len(CLAIMS)}"),
             ):
                 own = rows[rows["unit"] == unit]
                 x, y = own[name], own["objective"]
@@ -179,8 +238,14 @@ def calibration(table: pd.DataFrame) -> Figure:
             axes.set_xscale("log")
             plain_ticks(axes.xaxis, FixedLocator(TICKS))
         axes.set(xlim=(low, high), ylim=(0.0, top), xlabel=PARAMETERS[name])
-        if len(good) > 1:
-            axes.axvspan(good[name].min(), good[name].max(), color=BLUE, alpha=0.10)
+        for k, (unit, (_, colour)) in enumerate(UNIT_LOOKS.items()):
+            filled = good.loc[good["unit"] == unit, name]
+            if len(filled) > 1:
+                ends = np.percentile(filled, PERCENTILES)
+                height = (0.03 + 0.04 * k) * top
+                axes.plot(
+                    ends, [height, height], color=colour, linewidth=3.5, solid_capstyle="butt"
+                )
     for axes in panels[:, 0]:
         axes.set_ylabel("objective [–]")
     legend_below(drawn, 3, panels[0, 0])

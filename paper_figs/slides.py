@@ -1,38 +1,36 @@
 """Slide protection: the demonstration of JP4209318 and its tables, and what surrounds them."""
 
 from collections.abc import Sequence
-from itertools import cycle
 from typing import Literal
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from paper_figs.palette import BLUE, DARK, GREEN, GREY, ORANGE, SKY, VERMILION
+from paper_figs.palette import BLUE, DARK, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure
-from paper_figs.source import made, study
-from paper_figs.style import Look, controller_look, handle, legend_below, new_panels, plain_ticks
+from paper_figs.source import study
+from paper_figs.style import (
+    BAND,
+    Look,
+    controller_look,
+    handle,
+    legend_below,
+    new_panels,
+    plain_ticks,
+)
+from studies.core.ensemble_range import PERCENTILES
 from studies.slides.electric import CONTROLLERS, PART
-from studies.slides.jp4209318 import CALIBRATED, Undisclosed, brake, brake_event
-from studies.slides.targets import TABLE_3, TABLE_4, front
+from studies.slides.targets import HOLD_OUT, TABLE_3, TABLE_4, front, logarithm
 
-SPEEDS = {10.0: BLUE, 50.0: GREEN, 100.0: VERMILION}
-"""Speed [km/h] and its colour."""
-AXLES: dict[int, Literal["-", "--"]] = {1: "-", 12: "--"}
-"""Axle from the front and its line."""
-AXLE_COLOURS = (VERMILION, ORANGE, BLUE, SKY)
-"""Axles of a car from its front: those of a bogie are kin."""
-BOGIE_COLOURS = {"front": VERMILION, "rear": BLUE}
-ACTIONS = {1: ("hold", 0.35), 2: ("release", 1.0)}
-"""Valves' action, its name and the opacity that it is drawn with."""
 HERE, PRINTED = BLUE, GREY
 """Colours of this project's numbers and of the source's."""
 MARKERS = {"low": "v", "medium": "o", "high": "^"}
 """Of the sensitivity's settings."""
+BAND_WORDS = "fuzzy, fronts of 90 % of the ensemble"
 DAMAGES = (200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 10000)
 """Ticks of wheel damage [kJ]."""
 FILLS: dict[str, tuple[Literal["full", "none"], str]] = {
@@ -42,139 +40,94 @@ FILLS: dict[str, tuple[Literal["full", "none"], str]] = {
 """Inverters' grouping, fill of its marks and label."""
 
 
-@figure("slide-adhesion", "adhesion over slip ratio, speed and axle position (JP4209318 Fig. 2)",
-        made(lambda: CALIBRATED))  # fmt: skip
-def slide_adhesion(undisclosed: Undisclosed) -> Figure:
-    """Left: over slip ratio. Middle: over speed; the upper end of each band is on fully conditioned rail. Right: by axle."""
-    curve, raised = undisclosed.rail().curve, 1.0 + undisclosed.conditioning
-    drawn, (by_slip, by_speed, by_axle) = new_panels(7.1, 3.0, 1, 3, sharey=True)
-    ratio = np.linspace(0.0, 0.12, 241)
-    for kmh, colour in SPEEDS.items():
-        peaks, speed = undisclosed.peaks(np.array([kmh]))[:, 0], kmh / 3.6
-        for axle, line in AXLES.items():
-            mu = curve.coefficient(-ratio * speed, peaks[axle - 1], speed)
-            by_slip.plot(100.0 * ratio, -mu, line, color=colour)
-        axles, look = np.arange(1, peaks.size + 1), {"color": colour, "markersize": 3.5}
-        by_axle.plot(axles, peaks, "o-", **look)
-        by_axle.plot(axles[1:], peaks[1:] * raised, "o", markerfacecolor="white", **look)
-    speeds = np.linspace(0.0, 100.0, 101)
-    peaks = undisclosed.peaks(speeds)
-    for axle, line in AXLES.items():
-        by_speed.plot(speeds, peaks[axle - 1], line, color="black")
-    by_speed.fill_between(speeds, peaks[11], peaks[11] * raised, color="black", alpha=0.12, lw=0)
-    by_slip.set(xlabel="slip ratio [%]", ylabel="adhesion coefficient [–]", title="(a) over slip")
-    by_slip.set(xlim=(0.0, 12.0), ylim=(0.0, 0.16), xticks=[0, 3, 6, 9, 12])
-    by_speed.set(xlabel="train speed [km/h]", title="(b) over speed")
-    by_axle.set(xlabel="axle from the front", title="(c) along the train", xticks=[1, 4, 8, 12])
-    grey: Look = {"color": DARK}
-    mark = grey | {"linestyle": "none", "marker": "o"}
-    handles = [
-        *(handle(f"{kmh:.0f} km/h", color=colour) for kmh, colour in SPEEDS.items()),
-        handle("not conditioned", **mark),
-        *(handle(f"axle {axle}", linestyle=line, **grey) for axle, line in AXLES.items()),
-        handle("up to fully conditioned", linewidth=6, alpha=0.3, **grey),
-        handle("fully conditioned", markerfacecolor="white", **mark),
-    ]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=4)
-    return drawn
-
-
-@figure("slide-control", "three cars under slide protection: speeds, pressures, valves (JP4209318 Fig. 3)",
-        made(lambda: brake(brake_event(CALIBRATED))))  # fmt: skip
-def slide_control(run: xr.Dataset) -> Figure:
-    """A column per car, the foremost one left: speeds, pressures of its two bogies, and what their valves do."""
-    moving = np.flatnonzero(run["speed"].values > 0.1)
-    if moving.size:  # a second after the stop is enough
-        run = run.sel(time=slice(None, run["time"].values[moving[-1]] + 1.0))
-    cars = run.sizes["car"]
-    shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": [5, 3, 1.2]}
-    drawn, panels = new_panels(max(7.1, 2.0 * cars), 4.6, 3, cars, **shape)
-    for car, column in enumerate(panels.T):
-        _draw_car(run, car, column)
-        column[0].set_title(f"car {car + 1}")
-        column[2].set_xlabel("time [s]")
-    speed, pressure, valves = panels[:, 0]
-    speed.set(ylabel="speed [km/h]", ylim=(0.0, None))
-    pressure.set(ylabel="pressure [kPa]", ylim=(0.0, None))
-    valves.set(yticks=[0, 1], yticklabels=["rear", "front"], ylim=(-0.5, 1.5))
-    drawn.align_ylabels([speed, pressure, valves])
-    drawn.legend(handles=_handles(), loc="outside lower center", ncols=5)
-    return drawn
-
-
-def _draw_car(run: xr.Dataset, car: int, column: np.ndarray) -> None:
-    speeds, pressures, valves = column
-    time = run["time"].values
-    own = np.flatnonzero(run["axle_car"].values == car)
-    for axle, colour in zip(own, cycle(AXLE_COLOURS), strict=False):
-        speeds.plot(time, 3.6 * run["rim_speed"].values[:, axle], color=colour, linewidth=0.7)
-    speeds.plot(time, 3.6 * run["speed"].values, color="black", linewidth=1.0)
-    groups = np.unique(run["axle_group"].values[own])
-    bogies = zip(groups[groups >= 0], BOGIE_COLOURS.values(), strict=False)
-    # the first two bogies: a third one, of long locomotives, has no row
-    for k, (group, colour) in enumerate(bogies):
-        pressures.plot(time, run["cylinder_pressure"].values[:, group] / 1e3, color=colour)
-        valve = run["valve"].values[:, group]
-        for action, (_, opacity) in ACTIONS.items():
-            valves.fill_between(
-                time, 0.6 - k, 1.4 - k, where=valve == action, step="post", color=colour,
-                alpha=opacity, linewidth=0.0,
-            )  # fmt: skip
-
-
-def _handles() -> list[Line2D]:
-    axles = [handle(f"axle {k + 1}", color=colour) for k, colour in enumerate(AXLE_COLOURS)]
-    bogies = [handle(f"{k} bogie", color=c, linewidth=2.5) for k, c in BOGIE_COLOURS.items()]
-    valves = [
-        handle(f"valves {name}", color=DARK, alpha=opacity, linewidth=6)
-        for name, opacity in ACTIONS.values()
-    ]
-    # read by columns: one bogie's axles and itself, the other's, the rest
-    rest = [handle("train", color="black"), handle(" ", linestyle="none")]
-    return [*axles, *bogies, *valves, *rest]
-
-
 @figure("slide-tables", "braking distances and Q beside the source's numbers (JP4209318 Tables 3, 4)",
         study("slide-protection"))  # fmt: skip
 def slide_tables(table: pd.DataFrame) -> Figure:
-    """Left: distance by number of cars, with what a fit to one and three predicts of two. Right: by sensitivity."""
-    rows = table[table["part"] == "tables"].set_index(["cars", "setting"])
-    distances, damages = rows["distance"].to_dict(), rows["damage"].to_dict()
-    drawn, (length, distance, damage) = new_panels(7.1, 3.0, 1, 3)
-    here = [distances[cars, "medium"] for cars in TABLE_3]
-    _bars(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), here, ".1f")
-    predicted = float(table.loc[table["part"] == "held out", "distance 2"].iloc[0])
-    label = "predicted by a fit to 1 and 3 cars"
-    length.plot([1.0], [predicted], "D", color=VERMILION, markersize=5, label=label)
+    """Left: distance by number of cars, with what fits to one and three predict of two. Right: by sensitivity.
+
+    Whiskers: 90 % of the ensemble.
+    """
+    drawn, (length, distance, damage) = new_panels(7.1, 3.3, 1, 3)
+    here = [_of_sets(table, "distance", cars, "medium") for cars in TABLE_3]
+    _points(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), here, ".1f")
+    predicted = table.loc[table["part"] == "held out", HOLD_OUT].to_numpy(dtype=float)
+    if predicted.size:
+        low, high = np.percentile(predicted, PERCENTILES)
+        middle = float(np.median(predicted))
+        length.errorbar(
+            [1.0], [middle], [[middle - low], [high - middle]], fmt="D", color=VERMILION, markersize=4, capsize=3,
+            label=f"predicted by {predicted.size} fits to 1 and 3 cars",
+        )  # fmt: skip
+    length.plot(
+        [1.0], [logarithm(2)], "x", color="black", label="by a logarithm through 1 and 3 cars"
+    )
     settings, printed = list(TABLE_4), list(zip(*TABLE_4.values(), strict=True))
-    for axes, values, own, text in (
-        (distance, printed[0], distances, ".1f"),
-        (damage, printed[1], damages, ".0f"),
+    for axes, values, measure, text in (
+        (distance, printed[0], "distance", ".1f"),
+        (damage, printed[1], "damage", ".0f"),
     ):
-        _bars(axes, settings, values, [own[3, setting] for setting in settings], text)
-    for axes, title, counted in (
-        (length, "(a) Table 3", "cars"),
-        (distance, "(b) Table 4", "sensitivity"),
-    ):
-        axes.set(ylabel="braking distance [m]", xlabel=counted, title=title, ylim=(0, 545))
-    damage.set(ylabel="wheel damage Q [kJ]", xlabel="sensitivity", title="(c) Table 4")
-    damage.set_ylim(0, 2000)
+        own = [_of_sets(table, measure, 3, setting) for setting in settings]
+        _points(axes, settings, values, own, text)
+    length.set(ylabel="braking distance [m]", xlabel="cars", title="(a) Table 3")
+    distance.set(ylabel="braking distance [m]", xlabel="sensitivity", title="(b) Table 4")
+    damage.set(
+        ylabel="wheel damage Q [kJ]", xlabel="sensitivity", title="(c) Table 4", ylim=(0, 2100)
+    )
     legend_below(drawn, 3, length)
     return drawn
 
 
-def _bars(
-    axes: Axes, names: Sequence[str], printed: Sequence[float], here: Sequence[float], text: str
-) -> None:
-    place, width = np.arange(len(names), dtype=float), 0.38
-    for offset, values, colour, label in (
-        (-0.5 * width, printed, PRINTED, "printed in the source"),
-        (0.5 * width, here, HERE, "calibrated here"),
-    ):
-        bars = axes.bar(place + offset, values, width, color=colour, label=label)
-        words = [f"{value:{text}}" for value in values]
-        axes.bar_label(bars, words, rotation=90, padding=3, fontsize=6.5)
+def _of_sets(table: pd.DataFrame, measure: str, cars: int, setting: str) -> np.ndarray:
+    """A measure of a table's stop: of the set in use, then of the members."""
+    chosen = (table["part"] == "tables") & (table["cars"] == cars) & (table["setting"] == setting)
+    rows = table[chosen].sort_values("member", na_position="first")
+    return rows[measure].to_numpy(dtype=float)
+
+
+def _whisker(values: np.ndarray) -> np.ndarray:
+    """How far 90 % of the members reach below and above the set in use, (2,); 0 where there are none."""
+    if values.size < 2:
+        return np.zeros(2)
+    low, high = np.nanpercentile(values[1:], PERCENTILES)
+    return np.array([max(values[0] - low, 0.0), max(high - values[0], 0.0)])
+
+
+def _points(
+    axes: Axes, names: Sequence[str], printed: Sequence[float], here: Sequence[np.ndarray], text: str
+) -> None:  # fmt: skip
+    """Marks without a foot, for the axis does not begin at 0."""
+    place = np.arange(len(names), dtype=float)
+    own, reach = [float(values[0]) for values in here], np.array([_whisker(v) for v in here]).T
+    axes.plot(
+        place - 0.15,
+        printed,
+        "_",
+        color=PRINTED,
+        markersize=14,
+        markeredgewidth=2.5,
+        label="printed in the source",
+    )
+    axes.errorbar(
+        place + 0.15,
+        own,
+        reach,
+        fmt="o",
+        color=HERE,
+        markersize=4,
+        capsize=3,
+        label="here; 90 % of the ensemble",
+    )
+    for x, y in zip(place, own, strict=True):
+        axes.annotate(
+            f"{y:{text}}",
+            (x + 0.15, y),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=6.5,
+        )
     axes.set_xticks(place, names)
+    axes.set_xlim(-0.5, len(names) - 0.2)
 
 
 def _over_damage(axes: Axes) -> None:
@@ -182,14 +135,40 @@ def _over_damage(axes: Axes) -> None:
     plain_ticks(axes.xaxis, FixedLocator(DAMAGES))
 
 
+def _members_front(axes: Axes, table: pd.DataFrame) -> None:
+    """Where the fronts of 90 % of the members lie, over those Q that half of them reach."""
+    grid = np.geomspace(DAMAGES[0], DAMAGES[-1], 120)
+    fronts = []
+    for _, rows in table[(table["part"] == "pareto") & table["member"].notna()].groupby("member"):
+        own = front(rows).sort_values("damage")
+        reach = np.interp(grid, own["damage"], own["distance"], left=np.nan, right=np.nan)
+        fronts.append(reach)
+    if not fronts:
+        return
+    values = np.array(fronts)
+    common = np.isfinite(values).mean(axis=0) >= 0.5
+    low, high = np.nanpercentile(values[:, common], PERCENTILES, axis=0)
+    look: Look = {"color": HERE, "alpha": BAND, "linewidth": 0.0, "label": BAND_WORDS}
+    axes.fill_between(grid[common], low, high, **look)
+
+
+def _band_handle() -> Line2D:
+    return handle(BAND_WORDS, color=HERE, alpha=BAND, linewidth=6)
+
+
 @figure("slide-pareto", "distance against Q over the sensitivity of slide protection, and thresholds",
         study("slide-protection"))  # fmt: skip
 def slide_pareto(table: pd.DataFrame) -> Figure:
-    """Three cars. Small: every sensitivity tried; line: those that none beats in both; large: the three settings."""
+    """Three cars. Small: every sensitivity tried; line: those that none beats in both; large: the three settings.
+
+    Band: where the fronts of 90 % of the ensemble lie.
+    """
+    drawn, axes = new_panels(5.2, 4.0)
+    _members_front(axes, table)
+    table = table[table["member"].isna()]
     every = table[table["part"] == "pareto"]
     own, plain = front(every), table[table["part"] == "threshold"].sort_values("damage")
     settings = table[(table["part"] == "tables") & (table["cars"] == 3)]
-    drawn, axes = new_panels(5.2, 3.8)
     for rows, form, label, look in (
         (every, ".", "fuzzy, by sensitivity", {"color": HERE, "markersize": 3.5}),
         (own, "-", "its front", {"color": HERE, "linewidth": 1.0}),
@@ -212,18 +191,29 @@ def slide_pareto(table: pd.DataFrame) -> Figure:
 @figure("slide-electric", "distance against Q: electric brake by controller beside slide protection",
         study("slide-protection"))  # fmt: skip
 def slide_electric(table: pd.DataFrame) -> Figure:
-    """Three cars; line: fuzzy slide protection over its sensitivity; filled: an inverter per car, hollow: per axle."""
+    """Three cars; line: fuzzy slide protection over its sensitivity; filled: an inverter per car, hollow: per axle.
+
+    Band and crosses: where 90 % of the ensemble lies.
+    """
+    drawn, axes = new_panels(5.2, 4.0)
+    _members_front(axes, table)
+    every = table[table["part"] == PART]
+    table = table[table["member"].isna()]
     own = front(table[table["part"] == "pareto"])
-    electric = table[table["part"] == PART]
-    drawn, axes = new_panels(5.2, 3.8)
     label = "valves, fuzzy, by sensitivity"
     look: Look = {"color": GREY, "markersize": 4, "label": label}
     handles = axes.plot(own["damage"], own["distance"], ".-", **look)
+    handles.append(_band_handle())
     for controller in CONTROLLERS:
         look = controller_look(controller) | {"markersize": 7}
         for group, (fill, _) in FILLS.items():
-            own = electric[(electric["controller"] == controller) & (electric["group"] == group)]
-            axes.plot(own["damage"], own["distance"], fillstyle=fill, **look)
+            rows = every[(every["controller"] == controller) & (every["group"] == group)]
+            rows = rows.sort_values("member", na_position="first")
+            q, metres = rows["damage"].to_numpy(), rows["distance"].to_numpy()
+            across, up = _whisker(q)[:, None], _whisker(metres)[:, None]
+            thin: Look = {"ecolor": look["color"], "elinewidth": 0.7, "alpha": 0.6, "fmt": "none"}
+            axes.errorbar(q[:1], metres[:1], up, across, **thin)
+            axes.plot(q[:1], metres[:1], fillstyle=fill, **look)
         handles.append(handle(controller, **look))
     look = {"linestyle": "none", "marker": "o", "color": DARK}
     handles += [handle(label, fillstyle=fill, **look) for fill, label in FILLS.values()]

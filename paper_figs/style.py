@@ -30,6 +30,8 @@ TRAIN_COLOURS = LinearSegmentedColormap.from_list(
 BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 """Look of the line that a statement is judged by."""
 
+BAND = 0.18
+"""Opacity of what shows an ensemble's range."""
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
 """How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
 

@@ -14,7 +14,8 @@ MOST_ARGUMENTS = 12
 MOST_LINES = 330
 NO_NAMES = {"utils", "helpers", "misc", "common", "tools"}
 SHARED_NAMES = {
-    "__init__", "study", "statements", "events", "measures", "findings", "arms", "calibration",  # of a topic, one each
+    "__init__", "study", "statements", "events", "measures",  # of a topic, one each
+    "findings", "arms", "calibration", "members",
     "registry", "collection", "dispatch", "parameters", "settings", "state",  # of a kind of part, one each
 }  # fmt: skip
 """Names of files that stand in several folders, with one meaning."""

@@ -1,9 +1,10 @@
 """Which values of what the readhesion paper does not print make its controller do what the paper says?
 
 Unknown are mu_inf/mu_max, T_u, T_d, tau and whether a_0 and a_w are km/h/s or m/s2. Sets are drawn by a Latin hypercube
-over wide ranges, then around the best of them, which the simplex method refines at last; the objective is the sum of the
-misfits of `studies.readhesion_paper.findings`. How many sets do as the paper says, and how far apart they lie, tells
-how narrowly the paper determines them.
+over wide ranges, then around the best of them, which the simplex method refines; the objective is the sum of the
+misfits of `studies.readhesion_paper.findings`. What is found so lies in a heap about the best set. Walkers
+(`studies.core.walkers`) then go from there, in each unit, wherever as many findings are met, so that the sets
+cover what the paper leaves open.
 """
 
 import math
@@ -17,6 +18,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm, qmc
 
 from studies.core.cell import Task
+from studies.core.walkers import needed, walk
 from studies.readhesion_paper.findings import (
     CLAIMS,
     Finding,
@@ -26,6 +28,7 @@ from studies.readhesion_paper.findings import (
 )
 from studies.readhesion_paper.paper import (
     ASSUMED,
+    CALIBRATED,
     CASE_A,
     CASE_B,
     RIVAL,
@@ -49,6 +52,12 @@ MARGINS, WIDTHS = (0.0, 0.4, 0.9), (0.2, 0.3, 0.5, 0.6)
 """a_0 and a_w of the grid that a sample is tried on: the ends, and both sides of the a_w from which all fails."""
 DECISIVE = ("slips at the drop", "A readheres", "B first slip", "B diverges")
 """Without these the two cases are not those of the paper: nothing else is asked."""
+MOST_WALKERS = 14
+"""Walkers in each unit."""
+LEAST_MET = 16
+"""Findings that a set of the ensemble meets, of 18; no set meets more."""
+GENERATIONS, WALKING_STEPS = 1, 8
+"""Pieces of work of the walkers in each unit, and their steps in each."""
 NOT_ASKED_OF_ALL = ("half-slip lasts", "half-slip costs")
 """Findings that no set has shown together with all others; `fulfilling` leaves them out."""
 
@@ -134,12 +143,18 @@ def best_of_units(table: pd.DataFrame, number: int) -> pd.DataFrame:
 
 
 def first_cells(seed: int, samples: int, refinements: int = REFINEMENTS) -> list[Task]:
-    """What was assumed before, after trials by hand; the rival in the other unit; and sets over the whole ranges.
+    """What was assumed before, after trials by hand; the rival in the other unit; the set in use; sets over all ranges.
 
-    A search of that unit alone found the rival. Few draws may miss either, so both are samples too.
+    A search of that unit alone found the rival. Few draws may miss either, so both are samples too. The set in use is tried
+    like any other.
     """
+    needed("emcee")  # of the last stage: better said before the first
     wide = draw(math.ceil(WIDE_SHARE * samples), seed)
-    return [*_tried("assumed", [ASSUMED, RIVAL]), *_tried("wide", wide)]
+    return [
+        *_tried("assumed", [ASSUMED, RIVAL]),
+        *_tried("shipped", [CALIBRATED]),
+        *_tried("wide", wide),
+    ]
 
 
 def near_cells(
@@ -162,6 +177,51 @@ def refining_cells(
         )
         for _, row in best_of_units(table, 1).iterrows()
     ]  # fmt: skip
+
+
+def walking_cells(
+    generation: int, seed: int, samples: int, table: pd.DataFrame, refinements: int = REFINEMENTS
+) -> list[Task]:
+    """Walkers in each unit, from the sets that meet enough; none where too few do."""
+    cells = []
+    for k, unit in enumerate(UNITS):
+        latest = members(table, unit).tail(MOST_WALKERS)
+        points = [tuple(to_unit_cube(row).tolist()) for _, row in latest.iterrows()]
+        if len(points) >= 2 * len(RANGES):
+            number = int(np.random.SeedSequence([seed, k, generation]).generate_state(1)[0] // 2)
+            columns = (("stage", "sampled"), ("generation", generation))
+            cells.append(
+                Task(
+                    f"sampled/{unit}/{generation}",
+                    walked_rows,
+                    (tuple(points), unit, number),
+                    columns,
+                )
+            )
+    return cells
+
+
+def walked_rows(points: Sequence[Sequence[float]], unit: str, seed: int) -> list[dict[str, Any]]:
+    """Rows of the sets that meet enough, of those that walkers come to from `points`: all such are equally likely."""
+    rows: dict[bytes, dict[str, Any]] = {}
+
+    def log_posterior(point: NDArray[np.float64]) -> float:
+        if np.any((point < 0.0) | (point > 1.0)):
+            return -np.inf
+        row = row_of(from_unit_cube(point, unit))
+        if row["met"] < LEAST_MET:
+            return -np.inf
+        rows[point.tobytes()] = row
+        return 0.0
+
+    walk(np.array(points), np.zeros(len(points)), log_posterior, seed, WALKING_STEPS)
+    return list(rows.values())
+
+
+def members(table: pd.DataFrame, unit: str) -> pd.DataFrame:
+    """Distinct sets in this unit that meet `LEAST_MET` findings, in the order of the rows."""
+    good = table[(table["unit"] == unit) & (table["met"] >= LEAST_MET)]
+    return good.drop_duplicates(subset=list(RANGES))
 
 
 def _tried(stage: str, sets: Sequence[Unprinted]) -> list[Task]:

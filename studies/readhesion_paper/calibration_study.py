@@ -5,24 +5,32 @@ from typing import Any
 
 import pandas as pd
 
+from studies.core.ensemble_range import RANGE, median_of
 from studies.core.statement import Interval, Statement
 from studies.core.study import Study
 from studies.core.verdict import decide, decided, intervals_of
 from studies.readhesion_paper.calibration import (
     DEFAULT_SAMPLES,
+    GENERATIONS,
+    LEAST_MET,
     NEARNESS,
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
     first_cells,
     fulfilling,
+    members,
     near_cells,
     refining_cells,
+    walking_cells,
 )
 from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.paper import UNITS
 
 NARROW = 2.0
 """A parameter is narrowly determined where the largest value that fulfils all is at most this multiple of the least."""
+LEAST_SETS = 50
+"""Distinct sets in a unit that make an ensemble."""
 NEAR_BEST = 1.5
 """Sets whose objective is at most this multiple of the best one's are as good for all that the paper prints."""
 WORDS = {
@@ -41,6 +49,7 @@ def calibration_statements(table: pd.DataFrame) -> list[Statement]:
     same, other = (near[near["unit"] == chosen["unit"]], near[near["unit"] != chosen["unit"]])
     return [
         _exists(table, good, chosen),
+        _ensemble(table),
         *(_narrow(name, chosen, good, same) for name in RANGES),
         _unit(table, good, chosen, other),
         _all_at_once(table),
@@ -62,6 +71,28 @@ def _exists(table: pd.DataFrame, good: pd.DataFrame, chosen: pd.Series) -> State
         },
         f"Latin hypercube and simplex method; fulfils: all findings but {', '.join(NOT_ASKED_OF_ALL)}",
         partly=len(good) > 0,
+    )  # fmt: skip
+
+
+def _ensemble(table: pd.DataFrame) -> Statement:
+    """How many sets there are in each unit, and how far apart they lie: side by side, since the paper names no unit."""
+    numbers: dict[str, Any] = {
+        "free parameters, beside the unit": len(RANGES),
+        f"findings; a set of the ensemble meets {LEAST_MET}": len(CLAIMS),
+    }
+    counts = {unit: members(table, unit) for unit in UNITS}
+    for unit, rows in counts.items():
+        numbers[f"distinct sets in {unit}"] = len(rows)
+        numbers |= {
+            f"{words}, {unit}: median and range": median_of(rows[name])
+            for name, words in WORDS.items()
+        }
+    return decided(
+        "ensemble",
+        f"in both units of a_0 and a_w at least {LEAST_SETS} sets meet {LEAST_MET} of the paper's {len(CLAIMS)} findings",
+        {f"only {len(rows)} in {unit}": len(rows) >= LEAST_SETS for unit, rows in counts.items()},
+        numbers,
+        f"walkers over all sets that meet as many, all of them equally likely; {RANGE}",
     )  # fmt: skip
 
 
@@ -139,7 +170,11 @@ CALIBRATION = Study(
     default_events=DEFAULT_SAMPLES,  # sets drawn
     step=DEFAULT_SAMPLES,  # a Latin hypercube of more sets has none of these
     cells=first_cells,
-    later=(*(partial(near_cells, k) for k in range(len(NEARNESS))), refining_cells),
+    later=(
+        *(partial(near_cells, k) for k in range(len(NEARNESS))),
+        refining_cells,
+        *(partial(walking_cells, k) for k in range(GENERATIONS)),
+    ),
     finish=lambda table, seed, samples: table.assign(seed=seed, samples=samples),
     judge=calibration_statements,
     whole=True,

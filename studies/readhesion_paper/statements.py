@@ -1,17 +1,22 @@
 """What the sweep `readhesion` says: the paper's findings one by one, and what this plant's reading of them does."""
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import pandas as pd
 
-from studies.core.statement import Statement
+from studies.core.ensemble_range import over_members
+from studies.core.statement import CONDITIONS, HOLDS, Statement
 from studies.core.verdict import decided, over_cases
 from studies.readhesion_paper.findings import CLAIMS, Finding, grid_findings
+from studies.readhesion_paper.paper import CALIBRATED
 
 SETTLED_BELOW = 0.01
 """Largest change of a limit adhesion coefficient that leaves the paper's figures as they are: a step of its grid."""
 EXISTS_FROM = 5.0**2 / (4.0 * 40.0)
 """Least mu_max at which g1 = 5 and C = 40 make a curve: (2) with mu_max, g1^2/(4 C)."""
+UNIT_IN_USE = CALIBRATED.unit
 METHOD = (
     "no randomness: each number is that of one run or of all runs of the grid; bounds in "
     "studies/readhesion_paper/findings.py"
@@ -20,18 +25,57 @@ METHOD = (
 
 def readhesion_statements(table: pd.DataFrame, printed: str, narrow: str) -> list[Statement]:
     """Statements on `CLAIMS`, on the limit adhesion coefficient, and on the parabola (names of both in the table)."""
-    indices, limits = (_by_parabola(table, part) for part in ("indices", "limit"))
+    own = table[table["unit"].isna()]
+    indices, limits = (_by_parabola(own, part) for part in ("indices", "limit"))
     findings = {name: grid_findings(_typed(indices[name])) for name in (printed, narrow)}
     open_part = indices[narrow]["limit"].astype(float) < EXISTS_FROM
     kept_part = indices[printed]["limit"].astype(float) >= EXISTS_FROM
     mixed = pd.concat([indices[printed][kept_part], indices[narrow][open_part]])
     narrow_below = grid_findings(_typed(mixed))
-    cases = _cases(table[table["part"] == "case"])
+    of_sets = {
+        str(unit): [_of_a_set(one) for _, one in rows.groupby("member", sort=True)]
+        for unit, rows in table[table["unit"].notna()].groupby("unit", sort=False)
+    }
     return [
-        *(_statement(name, {**cases, **findings[printed]}[name]) for name in CLAIMS),
+        *(
+            in_both_units(_statement(name, finding), {unit: [one[name] for one in sets] for unit, sets in of_sets.items()})
+            for name, finding in {**_cases(own[own["part"] == "case"]), **findings[printed]}.items()
+        ),
         _limit_exists(limits[printed]),
         _parabola(findings[printed], narrow_below, findings[narrow], limits[printed], limits[narrow]),
     ]  # fmt: skip
+
+
+def _of_a_set(rows: pd.DataFrame) -> dict[str, Statement]:
+    """What is said of every set alike, by the names of the findings."""
+    found = {
+        **_cases(rows[rows["part"] == "case"]),
+        **grid_findings(_typed(rows[rows["part"] == "indices"])),
+    }
+    return {name: _statement(name, finding) for name, finding in found.items()}
+
+
+def in_both_units(own: Statement, members: Mapping[str, Sequence[Statement]]) -> Statement:
+    """A finding of the set in use, with the range of its unit's members, and beside it the same in the other unit.
+
+    The paper does not say which unit is meant, so what holds in one of them alone holds with conditions.
+    """
+    said = over_members(own, members.get(UNIT_IN_USE, []))
+    numbers, conditions = dict(said.numbers), list(said.conditions)
+    for unit, others in members.items():
+        if unit == UNIT_IN_USE:
+            continue
+        first = others[0]
+        for quantity, interval in over_members(first, others).numbers.items():
+            numbers[f"a_0 and a_w in {unit}: {quantity}"] = interval
+        if first.verdict != own.verdict:
+            same = sum(one.verdict == own.verdict for one in others)
+            conditions.append(
+                f"with a_0 and a_w in {unit} it {first.verdict}; of {len(others)} sets there {same} say as here"
+            )
+    changed = len(conditions) > len(said.conditions)
+    verdict = CONDITIONS if changed and said.verdict == HOLDS else said.verdict
+    return replace(said, numbers=numbers, conditions=tuple(conditions), verdict=verdict)
 
 
 def _by_parabola(table: pd.DataFrame, part: str) -> dict[str, pd.DataFrame]:

@@ -97,10 +97,12 @@ def electric_tasks() -> list[tuple[InverterGroup, str]]:
     return list(product(GROUPS, CONTROLLERS))
 
 
-def electric_row(group: InverterGroup, controller: str) -> dict[str, Any]:
+def electric_row(
+    group: InverterGroup, controller: str, undisclosed: Undisclosed = CALIBRATED
+) -> dict[str, Any]:
     """One stop; `distance` [m] includes the rest from 5 km/h, where the electric brake fades, under the shoes' force."""
-    run = simulate(electric_event(CALIBRATED, group), "alone", controller)
-    rest = FADE_SPEED**2 / (2.0 * CALIBRATED.shoe_force_share * GRAVITY)
+    run = simulate(electric_event(undisclosed, group), "alone", controller)
+    rest = FADE_SPEED**2 / (2.0 * undisclosed.shoe_force_share * GRAVITY)
     return {
         "part": PART,
         "cars": 3,
@@ -122,10 +124,13 @@ def electric_statement(table: pd.DataFrame) -> Statement:
     longer = rows["distance"].to_numpy() - reach
     mpc = (rows["controller"] == MPC.name).to_numpy()
     shorter = zip(rows["group"][mpc], longer[mpc] < -DECIDED, strict=True)
-    numbers = {
-        f"{row.group}, {row.controller}: longer than the front by [m], Q [kJ] {row.damage:.0f}": value
-        for row, value in zip(rows.itertuples(), longer.tolist(), strict=True)
-    }
+    numbers: dict[str, float] = {}
+    for (_, row), value in zip(rows.iterrows(), longer.tolist(), strict=True):
+        arm = f"{row['group']}, {row['controller']}"
+        numbers |= {
+            f"{arm}: longer than the front by [m]": value,
+            f"{arm}: Q [kJ]": float(row["damage"]),
+        }
     return over_cases(
         "electric brake",
         "an electric brake whose units hold their slip by the MPC brakes shorter than the front at the same Q",

@@ -122,33 +122,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
 }
 """Least and greatest value of each that counts as plausible."""
 CALIBRATED = Undisclosed()
-"""The set in use, found from an older one of another reference speed. The sets of slip and rate and the pole were
-held; the other parameters were fitted by damped least squares (`studies.slides.calibration.refine`). Then a random search
-nearby chose a set that reaches every target and misses the fewest with noise of 1e-4 on it: such noise still moves Q by
-1 % and more, so that not every draw reaches all. Conditioning ended at its bound, the rear's fall with speed near it."""
-HELD_OUT = Undisclosed(
-    front_adhesion=0.10171,
-    speed_offset=268.02,
-    rear_gain=0.36589,
-    rear_fall=0.1729,
-    rear_axles=6.4514,
-    conditioning=0.047268,
-    conditioning_slip=0.1044,
-    peak_slip_ratio=0.014362,
-    shoe_force_share=0.14155,
-    slip_medium=0.074414,
-    slip_large=0.20867,
-    rate_growing=1.8648,
-    pole=12.733,
-    sensitivity_low=0.88961,
-    sensitivity_high=3.1421,
-)
-"""Fitted without the distance of two cars, which it predicts: with the old reference speed from
-`studies.slides.calibration.BY_HAND`, then from there with the present one and the fuzzy sets held. The fit was ended before
-it converged: three cars come out 0.4 % short, slips slightly out of order."""
-RIVALS: tuple[Undisclosed, ...] = ()
-"""Other sets that reach every target: the tables do not decide between them. With the present reference speed none is
-known."""
+"""The set in use. It was found by damped least squares from a set of an older reference speed, and by a random search nearby
+for one that noise of 1e-4 disturbs least. It is one of `studies.slides.members`: it passes the test that they pass, and
+one of their walkers started there. Conditioning ended at its bound, the rear's fall with speed near it."""
 
 
 def brake_event(

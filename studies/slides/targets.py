@@ -1,7 +1,7 @@
 """What JP4209318 prints of its demonstration, as targets with tolerances, and what counts as plausible."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,17 @@ TABLE_3 = {1: 458.1, 2: 414.0, 3: 385.7}
 TABLE_4 = {"low": (385.4, 1673.0), "medium": (385.7, 1518.0), "high": (392.9, 525.8)}
 """Braking distance [m] and Q [kJ] of three cars by sensitivity."""
 
+PRINTED_NUMBERS = 8
+"""Different numbers in both tables: five distances, three values of Q."""
+
 LEAST_PEAK, GREATEST_PEAK = 0.05, 0.15
 """Plausible adhesion coefficients on wet rail, conditioning included."""
+
+
+def logarithm(cars: float) -> float:
+    """Distance [m] by the curve a + b ln(cars) through one and three cars of Table 3."""
+    slope = (TABLE_3[3] - TABLE_3[1]) / math.log(3.0)
+    return TABLE_3[1] + slope * math.log(cars)
 
 
 class Target(NamedTuple):
@@ -51,33 +60,65 @@ TARGETS: dict[str, Target] = {
 }  # fmt: skip
 """Every target by name. That of "longer low" is reached wherever low does not brake longer."""
 
+OUTCOMES = (*TARGETS, "locked", "time-outs", "slides")
+"""Names of what `outcomes` gives."""
 HOLD_OUT = "distance 2"
 """Left out of a fit to be predicted by it."""
 HOLD_OUT_TOLERANCE = 0.01 * TABLE_3[2]
 
 
+RUNS = ((3, "medium"), (3, "high"), (3, "low"), (1, "medium"), (2, "medium"))
+"""Cars and setting of every stop that the tables have; those that tell a bad set soonest come first."""
+CAP = 15.0
+"""Most tolerances that one deviation counts, so that none hides the others."""
+
+
 def target_numbers(stops: Mapping[tuple[int, str], Mapping[str, float]]) -> dict[str, float]:
-    """The targets' numbers from the `measures` of stops by number of cars and setting."""
-
-    def over_medium(measure: str, setting: str) -> float:
-        return stops[3, setting][measure] / stops[3, "medium"][measure]
-
-    return {
-        **{f"distance {cars}": stops[cars, "medium"]["distance"] for cars in TABLE_3},
-        "Q medium": stops[3, "medium"]["damage"],
-        **{f"Q {setting}": over_medium("damage", setting) for setting in ("low", "high")},
-        **{f"longer {setting}": 100.0 * (over_medium("distance", setting) - 1.0) for setting in ("high", "low")},
-    }  # fmt: skip
+    """The targets' numbers from the `measures` of stops by number of cars and setting; those of stops that are there."""
+    medium = stops.get((3, "medium"), {})
+    found = {
+        f"distance {cars}": stops[cars, "medium"]["distance"]
+        for cars in TABLE_3
+        if (cars, "medium") in stops
+    }
+    if medium:
+        found["Q medium"] = medium["damage"]
+    for name, measure, setting in (
+        ("Q low", "damage", "low"), ("Q high", "damage", "high"),
+        ("longer high", "distance", "high"), ("longer low", "distance", "low"),
+    ):  # fmt: skip
+        if medium and (3, setting) in stops:
+            ratio = stops[3, setting][measure] / medium[measure]
+            found[name] = ratio if measure == "damage" else 100.0 * (ratio - 1.0)
+    return found
 
 
 def outcomes(undisclosed: Undisclosed) -> dict[str, float]:
     """The targets' numbers as this set gives them, and locked time [s] and time-outs of all five runs together."""
-    settings = undisclosed.sensitivities
-    runs = [(1, "medium"), (2, "medium"), *((3, setting) for setting in settings)]
-    stops = {
-        (cars, setting): measures(brake(brake_event(undisclosed, cars, settings[setting])))
-        for cars, setting in runs
-    }
+    return _found({run: _stop(undisclosed, *run) for run in RUNS})
+
+
+def misfit_up_to(
+    undisclosed: Undisclosed, most: float = math.inf, leave_out: str | None = None
+) -> tuple[float, dict[str, float] | None]:
+    """The `misfit` of a set and its outcomes; once the stops run so far miss by more than `most`, by how much, and None."""
+    stops: dict[tuple[int, str], dict[str, float]] = {}
+    for run in RUNS:
+        stops[run] = _stop(undisclosed, *run)
+        known = target_numbers(stops)
+        so_far = _squares([_deviation(name, known[name]) for name in known if name != leave_out])
+        if so_far > most:
+            return so_far, None
+    found = _found(stops)
+    return misfit(undisclosed, found, leave_out), found
+
+
+def _stop(undisclosed: Undisclosed, cars: int, setting: str) -> dict[str, float]:
+    sensitivity = undisclosed.sensitivities[setting]
+    return measures(brake(brake_event(undisclosed, cars, sensitivity)))
+
+
+def _found(stops: Mapping[tuple[int, str], Mapping[str, float]]) -> dict[str, float]:
     return {
         **target_numbers(stops),
         "locked": sum(stop["locked_time"] for stop in stops.values()),
@@ -136,9 +177,23 @@ def residuals(
     undisclosed: Undisclosed, found: Mapping[str, float], leave_out: str | None = None
 ) -> list[float]:
     """Deviations of `found` from the targets, in tolerances, and penalties; 0 is as printed."""
-    deviations = [
-        0.0 if name == leave_out else (found[name] - target.value) / target.tolerance
-        for name, target in TARGETS.items()
-    ]
+    deviations = [0.0 if name == leave_out else _deviation(name, found[name]) for name in TARGETS]
     penalties = [1e3 * implausible(undisclosed), min(found["locked"], 5.0), 10.0 * found["slides"]]
     return [value if math.isfinite(value) else 1e3 for value in (*deviations, *penalties)]
+
+
+def _deviation(name: str, value: float) -> float:
+    target = TARGETS[name]
+    return (value - target.value) / target.tolerance
+
+
+def misfit(
+    undisclosed: Undisclosed, found: Mapping[str, float], leave_out: str | None = None
+) -> float:
+    """Sum of the squared deviations from the targets, each in its tolerance and at most `CAP`."""
+    return _squares(residuals(undisclosed, found, leave_out))
+
+
+def _squares(deviations: Sequence[float]) -> float:
+    known = np.nan_to_num(np.abs(np.array(deviations)), nan=CAP)
+    return float((np.minimum(known, CAP) ** 2).sum())

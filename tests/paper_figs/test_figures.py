@@ -68,9 +68,8 @@ from paper_figs.resistance import (
     tunnel_mouth,
 )
 from paper_figs.sanders import sanders
+from paper_figs.slide_runs import member_runs, slide_adhesion, slide_control
 from paper_figs.slides import (
-    slide_adhesion,
-    slide_control,
     slide_electric,
     slide_pareto,
     slide_tables,
@@ -86,7 +85,7 @@ from studies.lines.line_run import run_line
 from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
-from studies.readhesion_paper.paper import CALIBRATED, run_cases
+from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
 from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.resistance.learners import convergence
 from studies.scenario.loading import load_scenario
@@ -107,6 +106,7 @@ from tests.studies.short_route import short_route
 from tests.studies.slide_tables import slide_table
 from tests.studies.sweep_tables import claim_table, difference_table
 
+OTHER = replace(DEMONSTRATION, front_adhesion=0.1)
 CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 UNIT = re.compile(r"\[(–|%|s|m|km|kg/m|m/s|m/s²|m/s³|km/h|km/h/s|N m|kN|kPa|kJ|‰)\]$")
 COUNTED = {
@@ -131,16 +131,17 @@ def stop():
 
 @pytest.fixture(scope="module")
 def cases():
-    """Cases A and B of the readhesion paper at a tenth of its resolution."""
-    return run_cases(CALIBRATED, tuple(CASES.values()), recovers=True, step=5e-4)
+    """Cases A and B of the readhesion paper in both units at a tenth of its resolution."""
+    return [
+        run_cases(one, tuple(CASES.values()), recovers=True, step=5e-4) for one in SETS.values()
+    ]
 
 
 @pytest.fixture(scope="module")
 def half_slips():
     """The case just below the plan under each set."""
     return [
-        run_cases(unprinted, [HALF_SLIP], recovers=True, step=5e-4)
-        for unprinted, _ in SETS.values()
+        run_cases(unprinted, [HALF_SLIP], recovers=True, step=5e-4) for unprinted in SETS.values()
     ]
 
 
@@ -195,14 +196,20 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "mismatch": mismatch(mismatch_table()),
         "torque-table": torque_table(),
         "adhesion-drop": adhesion_drop(),
-        "readhesion-slip": readhesion_slip(cases),
-        "readhesion-torque": readhesion_torque(cases),
-        "readhesion-factor": readhesion_factor(cases),
-        "readhesion-trajectory": readhesion_trajectory(cases),
+        "readhesion-slip": readhesion_slip(*cases),
+        "readhesion-torque": readhesion_torque(*cases),
+        "readhesion-factor": readhesion_factor(*cases),
+        "readhesion-trajectory": readhesion_trajectory(*cases),
         "margin-sweep": margin_sweep(sweep_table()),
         "width-sweep": width_sweep(sweep_table()),
         "half-slip": half_slip(*half_slips),
-        "limit-cycle": limit_cycle(compare_cycles((0.1, 0.3), (0.13, 0.15)), (0.3, 0.5)),
+        "limit-cycle": limit_cycle(
+            {
+                one.unit: compare_cycles((0.1, 0.3), (0.13, 0.15), 1, one)
+                for one in (CALIBRATED, RIVAL)
+            },
+            (0.3, 0.5),
+        ),
         "calibration": calibration(calibration_table()),
         "real-line": real_line(line_run),
         "measured-log": measured_log(*logged),
@@ -221,8 +228,10 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
             short_route(), late_passages(short_route()), position_table()
         ),
         "resistance-weights": resistance_weights(convergence(short_route(), 1)),
-        "slide-adhesion": slide_adhesion(DEMONSTRATION),
-        "slide-control": slide_control(brake(brake_event(DEMONSTRATION))),
+        "slide-adhesion": slide_adhesion((DEMONSTRATION, OTHER)),
+        "slide-control": slide_control(
+            brake(brake_event(DEMONSTRATION)), member_runs((DEMONSTRATION, OTHER))
+        ),
         "slide-tables": slide_tables(slide_table()),
         "slide-pareto": slide_pareto(slide_table()),
         "slide-electric": slide_electric(slide_table()),

@@ -6,7 +6,7 @@ import pandas as pd
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import NOT_ASKED_OF_ALL, RANGES, draw
 from studies.readhesion_paper.findings import CLAIMS
-from studies.readhesion_paper.paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS
+from studies.readhesion_paper.paper import PAPER_LIMITS, PAPER_MARGINS, PAPER_WIDTHS, UNITS
 from studies.readhesion_paper.sensitivity import grid_tables
 
 
@@ -38,8 +38,11 @@ def index_rows(limit=limit_of, limits=PAPER_LIMITS) -> pd.DataFrame:
 
 
 def sweep_table(narrow_limit=limit_of, monotone: bool = True) -> pd.DataFrame:
-    """A whole table of the sweep `readhesion`; the narrow parabola may have limits of its own."""
-    parts = []
+    """A whole table of the sweep `readhesion`; the narrow parabola may have limits of its own.
+
+    Two members in each unit do as the set in use does.
+    """
+    parts: list[pd.DataFrame] = []
     for name, limit in ((readhesion.PRINTED, limit_of), (readhesion.NARROW, narrow_limit)):
         limits = pd.DataFrame(grid_tables(), columns=["margin", "width"])
         values = [limit(m, w) for m, w in zip(limits["margin"], limits["width"], strict=True)]
@@ -53,6 +56,17 @@ def sweep_table(narrow_limit=limit_of, monotone: bool = True) -> pd.DataFrame:
             {"part": "case", "finding": cases, "met": True, "quantity": "number", "value": 1.0}
         )
     )
+    printed = [
+        part
+        for part in parts
+        if "parabola" not in part or (part["parabola"] == readhesion.PRINTED).all()
+    ]
+    parts += [
+        part.drop(columns="parabola", errors="ignore").assign(unit=unit, member=k)
+        for unit in UNITS
+        for k in range(2)
+        for part in printed
+    ]
     return pd.concat(parts, ignore_index=True)
 
 

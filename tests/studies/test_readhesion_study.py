@@ -28,7 +28,8 @@ def test_every_parabola_meets_every_controller(swept):
     }
     runs = swept[swept["part"] == "indices"]
     assert (runs.groupby(["parabola", "width"]).size() >= 15).all()
-    assert not runs.duplicated(["parabola", "margin", "width", "limit"]).any()
+    assert not runs.duplicated(["parabola", "unit", "margin", "width", "limit"]).any()
+    assert runs.groupby("unit").size().min() >= 30
 
 
 def test_the_limit_separates_what_readheres(swept):
@@ -52,10 +53,12 @@ def test_what_a_folder_holds_is_not_run_again(tmp_path, monkeypatch):
     assert READHESION.held(tmp_path) == 0
     told = []
     whole = READHESION.run(tmp_path, 1, on_row=lambda *row: told.append(row))
-    assert told[1:] == [(PRINTED, 2, 3), (NARROW, 3, 3)]  # the cases know no widths
+    assert told[1:] == [
+        (PRINTED, 2, 5), (NARROW, 3, 5), ("member/km/h/s/0", 4, 5), ("member/m/s2/0", 5, 5),
+    ]  # fmt: skip  # the cases know no widths
     assert READHESION.held(tmp_path) == 1
     pd.testing.assert_frame_equal(READHESION.run(tmp_path, 1), whole)
-    assert len(asked) == 4
+    assert len(asked) == 8
     monkeypatch.setattr("studies.core.cell.code_hash", lambda *_: "other code")
     assert READHESION.held(tmp_path) == 0
 
@@ -99,3 +102,27 @@ def test_a_parabola_that_matters_is_said_to():
     lower = parabola(lambda m, w: limit_of(m, w) if w < 0.59 else 0.148)
     assert lower.verdict == FAILS
     assert "narrow there, changes: wide never" in lower.conditions
+
+
+def test_a_finding_of_one_unit_alone_holds_with_conditions():
+    table = sweep_table()
+    rows = (table["finding"] == "A period") & (table["unit"] == "m/s2")
+    table.loc[rows, "met"] = False
+    table.loc[rows, "value"] = 0.4
+    found = {statement.name: statement for statement in READHESION.statements(table)}["A period"]
+    assert found.verdict == CONDITIONS
+    assert found.conditions == (
+        "with a_0 and a_w in m/s2 it does not hold; of 2 sets there 0 say as here",
+    )
+    assert found.numbers["a_0 and a_w in m/s2: number"].value == 0.4
+    assert found.numbers["number"].value == 1.0
+
+
+def test_numbers_of_both_units_stand_side_by_side():
+    for statement in READHESION.statements(sweep_table()):
+        here = {
+            words for words in statement.numbers if not words.startswith("a_0 and a_w in m/s2: ")
+        }
+        there = {words.partition(": ")[2] for words in set(statement.numbers) - here}
+        if statement.name in CLAIMS:
+            assert here == there

@@ -1,4 +1,4 @@
-"""The calibration of the slide protection's demonstration: its method, its coordinates, its table and its command."""
+"""The calibration of the slide protection's demonstration: its coordinates, its search, its walkers and what they say."""
 
 from dataclasses import asdict, replace
 
@@ -6,145 +6,232 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.slides import calibration as slide_calibration
+from studies.core.collection import find_study
+from studies.core.statement import CONDITIONS, FAILS, HOLDS
+from studies.files.study_error import StudyError
+from studies.slides import ensemble, ensemble_study, members
 from studies.slides.calibration import (
-    BY_HAND,
-    best,
-    calibrate,
+    JITTER,
     draw,
-    equally_good,
     from_unit_cube,
-    jitter,
-    main,
+    jittered,
+    reaches,
+    row_of,
     to_unit_cube,
     undisclosed_of,
 )
-from studies.slides.damped_least_squares import minimise
+from studies.slides.ensemble import KEPT, search
+from studies.slides.ensemble_statements import ensemble_statements
+from studies.slides.ensemble_study import SLIDE_CALIBRATION
 from studies.slides.jp4209318 import BOUNDS, CALIBRATED
-from studies.slides.targets import TARGETS, implausible
+from studies.slides.targets import (
+    HOLD_OUT,
+    TABLE_3,
+    TARGETS,
+    implausible,
+    logarithm,
+    misfit,
+    misfit_up_to,
+    outcomes,
+)
+from tests.studies.slide_tables import AS_PRINTED
 
-WELL = {name: target.value for name, target in TARGETS.items()} | {
-    "locked": 0.0, "time-outs": 0.0, "slides": 0.0,
-}  # fmt: skip
-
-
-def squares(deviations):
-    return float((deviations**2).sum())
-
-
-def valley(point):
-    """Rosenbrock's, as least squares, with its bottom at 0.75 and 0.75."""
-    a, b = 4.0 * point - 2.0
-    return np.array([10.0 * (b - a * a), 1.0 - a])
-
-
-def test_damped_least_squares_find_the_bottom_of_a_bent_valley():
-    point, least = minimise(valley, squares, np.array([0.2, 0.8]), 0.01, 60)
-    assert least < 1e-4
-    np.testing.assert_allclose(point, 0.75, atol=0.01)
-
-
-def test_they_see_through_a_ripple_and_stop_when_it_is_enough():
-    asked = []
-
-    def rippled(point):
-        asked.append(point.copy())
-        return valley(point) + 0.02 * np.sin(4e3 * point)
-
-    _, least = minimise(rippled, squares, np.array([0.6, 0.6]), 0.05, 60, enough=0.01)
-    assert least <= 0.01
-    assert len(asked) < 60 * 5
-
-
-def test_they_keep_to_the_cube():
-    asked = []
-
-    def beyond(point):
-        asked.append(point.copy())
-        return point + 1.0
-
-    point, least = minimise(beyond, squares, np.array([0.3, 0.01]), 0.05, 20)
-    np.testing.assert_allclose(point, 0.0, atol=1e-8)
-    assert least == pytest.approx(2.0)
-    assert np.min(asked) >= 0.0
-    assert np.max(asked) <= 1.0
+AIM = to_unit_cube(CALIBRATED)
+"""Where the stub's outcomes are as printed."""
 
 
 def test_the_cube_is_the_bounds():
     for x, k in ((0.0, 0), (1.0, 1)):
         corner = asdict(from_unit_cube(np.full(len(BOUNDS), x)))
         assert corner == pytest.approx({name: bound[k] for name, bound in BOUNDS.items()})
-    for one in (CALIBRATED, BY_HAND):
-        assert asdict(from_unit_cube(to_unit_cube(one))) == pytest.approx(asdict(one))
+    assert asdict(from_unit_cube(AIM)) == pytest.approx(asdict(CALIBRATED))
 
 
-def test_drawn_sets_are_plausible_and_differ():
+def test_drawn_sets_are_plausible_and_more_of_them_add_to_the_first():
     sets = draw(5, seed=0)
     assert len(set(sets)) == 5
     assert all(implausible(one) == 0.0 for one in sets)
-    assert draw(5, seed=0) == sets
+    assert draw(70, seed=0)[:5] == sets
+    assert draw(5, seed=1) != sets
+
+
+def test_a_misfit_is_a_sum_that_only_grows_so_a_bound_may_end_it_early():
+    value, found = misfit_up_to(CALIBRATED)
+    assert found == outcomes(CALIBRATED)
+    assert value == misfit(CALIBRATED, found)
+    bound, nothing = misfit_up_to(CALIBRATED, 0.5 * value)
+    assert nothing is None
+    assert 0.5 * value < bound <= value
+
+
+def test_jitter_is_small_noise(stub):
+    noise = pd.DataFrame([jittered(CALIBRATED, 0, k) for k in range(20)])
+    assert 0.0 < noise["distance 1"].std() < 0.2
+    wide = pd.DataFrame([jittered(CALIBRATED, 0, k, 100.0 * JITTER) for k in range(20)])
+    assert wide["distance 1"].std() == pytest.approx(100.0 * noise["distance 1"].std(), rel=0.1)
+
+
+def numbers(undisclosed):
+    """Outcomes without a run: every target moves with a parameter of its own, two cars by how far three are off."""
+    off = to_unit_cube(undisclosed) - AIM
+    found = dict(AS_PRINTED)
+    for k, (name, target) in enumerate(TARGETS.items()):
+        found[name] += 30.0 * target.tolerance * float(off[k])
+    return found
 
 
 @pytest.fixture
-def outcomes(monkeypatch):
-    """Outcomes of any set without running it: distance of three cars by the front's adhesion, else as printed."""
+def stub(monkeypatch):
+    """No run is made."""
 
-    def found(undisclosed, step=1e-3):
-        off = undisclosed.front_adhesion - CALIBRATED.front_adhesion
-        return WELL | {"distance 3": WELL["distance 3"] - 5e3 * off}
+    def up_to(undisclosed, most=np.inf, leave_out=None):
+        value = misfit(undisclosed, numbers(undisclosed), leave_out)
+        return value, numbers(undisclosed) if value <= most else None
 
-    monkeypatch.setattr(slide_calibration, "outcomes", found)
-
-
-def test_a_calibration_improves_on_its_start(outcomes):
-    table = calibrate(4, 2, seed=0, jobs=1, iterations=2)
-    assert table["stage"].value_counts().to_dict() == {"wide": 4, "refined": 2, "held out": 2}
-    start = slide_calibration.row_of(BY_HAND, "wide", 0)["misfit"]
-    refined = table[table["stage"] == "refined"].set_index("start")
-    assert refined.loc[0, "misfit"] < start
-    chosen = best(table)
-    assert chosen["misfit"] == refined["misfit"].min()
-    assert undisclosed_of(chosen).front_adhesion == chosen["front_adhesion"]
-    assert set(equally_good(table)["unreached"]) <= {""}
+    monkeypatch.setattr(ensemble, "misfit_up_to", up_to)
+    for module in (ensemble, "studies.slides.calibration"):
+        name = module if isinstance(module, str) else module.__name__
+        monkeypatch.setattr(f"{name}.outcomes", numbers)
 
 
-def test_what_is_not_free_stays_as_it_is(outcomes):
-    start = replace(CALIBRATED, front_adhesion=0.099)
-    row = slide_calibration.refine(start, 0, iterations=2, free=("front_adhesion",))
-    found = undisclosed_of(row)
-    assert row["misfit"] < slide_calibration.row_of(start, "wide", 0)["misfit"]
-    assert found == replace(start, front_adhesion=found.front_adhesion)
+@pytest.mark.parametrize("leave_out", [None, HOLD_OUT])
+def test_a_search_ends_at_a_set_that_reaches_what_is_asked(stub, leave_out):
+    rows = search(draw(1, 3)[0], 5, leave_out, 5000)
+    assert reaches(rows[0], leave_out)
+    assert rows[0]["evaluations"] < 5000
+    assert 1 < len(rows) <= KEPT
+    again = search(draw(1, 3)[0], 5, leave_out, 5000)
+    assert again == rows
 
 
-def test_jitter_is_small_noise(outcomes):
-    noise = jitter(CALIBRATED, seed=0, draws=20)
-    assert len(noise) == 20
-    expected = 5e3 * CALIBRATED.front_adhesion * slide_calibration.JITTER
-    assert noise["distance 3"].std() == pytest.approx(expected, rel=0.5)
-    assert noise["distance 1"].std() == pytest.approx(0.0, abs=1e-9)
+def test_a_search_that_may_run_few_sets_says_what_it_has(stub):
+    rows = search(draw(1, 3)[0], 5, None, 24)
+    assert 24 <= rows[0]["evaluations"] < 40
+    assert not reaches(rows[0])
 
 
-def test_the_command_writes_every_set(outcomes, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(slide_calibration, "ITERATIONS", 1)
-    out = tmp_path / "table.parquet"
-    arguments = ["--samples", "1", "--starts", "1", "--jobs", "1", "--out", str(out)]
-    assert main(arguments) == 0
-    assert len(pd.read_parquet(out)) == 3
-    printed = capsys.readouterr().out
-    assert "front_adhesion" in printed
-    assert "jitter: distance 1 0" in printed
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("ensemble")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--starts", "0"], "--starts 0: must be 1 or greater"),
-        (["--seed", "-1"], "--seed -1: must be 0 or greater"),
-        (["--out", "/proc/none/table.parquet"], "cannot be written"),
-    ],
-)
-def test_impossible_options_are_refused(arguments, words, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(arguments)
-    assert stop.value.code == 2
-    assert words in capsys.readouterr().err
+@pytest.fixture
+def table(stub, folder):
+    return SLIDE_CALIBRATION.run(folder, 2, 4, generations=3)
+
+
+def test_walkers_stay_where_the_posterior_is(table):
+    sampled = table[(table["stage"] == "sampled") & (table["walker"] >= 0)]
+    assert sampled.groupby("generation").size().nunique() == 1
+    last = sampled[sampled["generation"] == 2]
+    assert last["misfit"].median() < 20.0
+    assert 0.0 < last["accepted"].mean() < 1.0
+    assert last.drop_duplicates(list(BOUNDS)).shape[0] > 15
+    for _, row in last.iterrows():
+        assert row["misfit"] == misfit(undisclosed_of(row), numbers(undisclosed_of(row)))
+
+
+def test_sets_on_the_way_that_reach_all_are_kept(table):
+    passed = table[table["walker"] == -1]
+    assert len(passed) > 0
+    assert all(reaches(row) for row in passed.to_dict("records"))
+    assert not table[table["stage"] == "sampled"].duplicated(["generation", *BOUNDS]).any()
+
+
+def test_walkers_do_not_hear_of_fits_without_two_cars(table):
+    assert set(table.loc[table["arm"] == "held out", "stage"]) == {"start"}
+    assert (table.loc[table["stage"] == "near", list(BOUNDS)].std() > 0.0).all()
+
+
+def test_an_interrupted_sweep_goes_on_as_one_that_was_not(stub, table, tmp_path):
+    class Interrupted(Exception):
+        pass
+
+    def told(label, done, cells):
+        if label == "all/generation/1":
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        SLIDE_CALIBRATION.run(tmp_path, 2, 4, on_row=told, generations=3)
+    again = SLIDE_CALIBRATION.run(tmp_path, 2, 4, generations=3)
+    pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
+
+
+def test_chosen_members_reach_and_differ_and_the_shipped_one_comes_first(table):
+    rows = members.chosen(table, "all", None)
+    assert undisclosed_of(rows.iloc[0]) == CALIBRATED
+    assert not rows.duplicated(list(BOUNDS)).any()
+    assert all(reaches(row) for row in rows.to_dict("records"))
+    held = members.chosen(table, "held out", HOLD_OUT)
+    assert all(reaches(row, HOLD_OUT) for row in held.to_dict("records"))
+
+
+def verdicts(rows):
+    return {one.name: one.verdict for one in ensemble_statements(rows)}
+
+
+def ensemble_table(**changed):
+    """A large ensemble, of which the first eight parameters are determined."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for k in range(80):
+        off = np.where(np.arange(len(BOUNDS)) < 8, 0.01, 0.4) * rng.uniform(-1.0, 1.0, len(BOUNDS))
+        one = from_unit_cube(np.clip(AIM + off, 0.0, 1.0))
+        if implausible(one) == 0.0:
+            rows.append(
+                {
+                    "arm": "all",
+                    "stage": "sampled",
+                    "generation": k % 4,
+                    "walker": k // 4,
+                    "accepted": 0.2,
+                    **row_of(one, AS_PRINTED),
+                }
+            )
+    rows.append({"arm": "all", "stage": "shipped", **row_of(CALIBRATED, AS_PRINTED)})
+    for k, metres in enumerate((413.9, 414.2, 414.4)):
+        found = AS_PRINTED | {HOLD_OUT: metres}
+        one = replace(CALIBRATED, pole=6.0 + 0.1 * k)
+        rows.append(
+            {
+                "arm": "held out",
+                "stage": "start",
+                "rank": 0,
+                "evaluations": 900,
+                **row_of(one, found),
+            }
+        )
+    return pd.DataFrame(rows).assign(**changed)
+
+
+def test_statements_follow_the_ensemble():
+    found = verdicts(ensemble_table())
+    assert found["ensemble"] == found["held out"] == found["logarithm"] == HOLDS
+    assert found["determined"] == FAILS  # seven parameters are open
+    assert verdicts(ensemble_table().iloc[40:])["ensemble"] == FAILS
+    off = ensemble_table()
+    off.loc[off["arm"] == "held out", HOLD_OUT] -= 6.0
+    found = verdicts(off)
+    assert found["held out"] == found["logarithm"] == FAILS
+    off.loc[off.index[-1], HOLD_OUT] = 414.0
+    assert verdicts(off)["held out"] == CONDITIONS
+    missed = ensemble_table()
+    missed.loc[missed["stage"] == "shipped", "unreached"] = "Q low"
+    assert verdicts(missed)["set in use"] == FAILS
+
+
+def test_the_logarithm_goes_through_one_and_three_cars():
+    assert [logarithm(cars) for cars in (1, 3)] == pytest.approx([TABLE_3[1], TABLE_3[3]])
+    assert logarithm(2) == pytest.approx(412.42, abs=0.01)
+
+
+def test_the_sweep_is_known_by_name_and_names_a_package_that_is_missing(monkeypatch, tmp_path):
+    assert find_study("slide-calibration") is SLIDE_CALIBRATION
+
+    def missing(package):
+        raise StudyError(f"calibrations need the package {package}")
+
+    monkeypatch.setattr(ensemble_study, "needed", missing)
+    with pytest.raises(StudyError, match="package cma"):
+        SLIDE_CALIBRATION.run(tmp_path / "none", 2)
+    assert not (tmp_path / "none").exists()

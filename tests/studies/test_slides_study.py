@@ -8,7 +8,6 @@ import pytest
 from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, VERDICTS
 from studies.slides import study
-from studies.slides.jp4209318 import RIVALS
 from studies.slides.statements import slide_statements, tables
 from studies.slides.study import SLIDE_PROTECTION
 from studies.slides.targets import TABLE_3, TABLE_4, TARGETS, front
@@ -34,11 +33,38 @@ def test_what_is_as_printed_holds(table):
     for name in ("Table 3", "Table 4", "held out", "first axle", "even axles", "further back",
                  "short trains", "no lock", "step", "jitter", "computing", "electric brake"):  # fmt: skip
         assert found[name] == HOLDS, name
-    assert found["not unique"] == (FAILS if RIVALS else CONDITIONS)
+    assert found["members"] == found["beyond"] == found["logarithm"] == HOLDS
+
+
+def test_numbers_carry_the_range_of_the_ensemble(table):
+    chosen = (table["member"] == 2) & (table["part"] == "tables") & (table["cars"] == 1)
+    table.loc[chosen, "distance"] = 459.3
+    found = {one.name: one for one in slide_statements(table)}
+    (number,) = [n for words, n in found["Table 3"].numbers.items() if "1 cars" in words]
+    assert (number.value, number.count) == (458.1, 3)
+    assert number.low == 458.1 < number.high < 459.3
+    assert found["Table 3"].verdict == HOLDS
+
+
+def test_what_few_members_show_holds_with_conditions(table):
+    table.loc[table["member"].isin([1, 2]) & (table["part"] == "tables"), "slip_3"] = 0.2
+    (statement,) = [one for one in slide_statements(table) if one.name == "first axle"]
+    assert statement.verdict == CONDITIONS
+    assert statement.conditions == (
+        "of the ensemble's 3 members it holds of 1, does not hold of 2",
+    )
+
+
+def test_members_that_disagree_beyond_the_tables_are_said_to(table):
+    rows = (table["member"] == 2) & (table["stop"] == "8 cars")
+    table.loc[rows, "distance"] = 500.0
+    (statement,) = [one for one in slide_statements(table) if one.name == "beyond"]
+    assert statement.verdict == CONDITIONS
+    assert [words[:31] for words in statement.conditions] == ["not about the distance 8 cars: "]
 
 
 def test_the_targets_numbers_are_the_tables(table):
-    found = tables(table)
+    found = tables(table[table["member"].isna()])
     assert {cars: found[f"distance {cars}"] for cars in (1, 2, 3)} == TABLE_3
     assert found["Q high"] == pytest.approx(TABLE_4["high"][1] / TABLE_4["medium"][1])
     assert set(found) == set(TARGETS)
@@ -58,6 +84,8 @@ def _change(table, column, value, **where):
         ("Table 3", CONDITIONS, "distance", 470.0, {"part": "tables", "cars": 1}),
         ("Table 4", CONDITIONS, "damage", 900.0, {"part": "tables", "setting": "high"}),
         ("held out", FAILS, "distance 2", 420.0, {"part": "held out"}),
+        ("logarithm", FAILS, "distance 2", 410.0, {"part": "held out"}),
+        ("members", FAILS, "distance 1", 420.0, {"part": "member", "member": 1}),
         ("held out", CONDITIONS, "distance 3", 399.0, {"part": "held out"}),
         ("first axle", CONDITIONS, "slip_3", 0.2, {"part": "tables", "setting": "high"}),
         ("even axles", FAILS, "slip_2", 0.2, {"part": "tables"}),
@@ -98,9 +126,12 @@ def test_thresholds_are_judged_at_equal_q(table):
 
 def test_a_table_is_made_once_and_an_interrupted_one_goes_on(tmp_path, monkeypatch):
     few = list(islice(study.stops(), 2))
-    monkeypatch.setattr(study, "stops", lambda: iter(few))
+    monkeypatch.setattr(study, "stops", lambda *_: iter(few))
+    monkeypatch.setattr(study, "STOPS", {})
+    monkeypatch.setattr(study, "MEMBERS", study.MEMBERS[:1])
+    monkeypatch.setattr(study, "HELD_OUT", study.HELD_OUT[:1])
     monkeypatch.setattr(study, "electric_tasks", lambda: [("1C4M", "cut-and-ramp")])
-    cells = 5 + len(RIVALS)
+    cells = 6
     seen = []
 
     def told(*row):
@@ -117,8 +148,10 @@ def test_a_table_is_made_once_and_an_interrupted_one_goes_on(tmp_path, monkeypat
     ]  # fmt: skip
     assert [row[1] for row in seen[4:]] == list(range(3, cells + 1))
     assert made["part"].tolist() == [
-        "electric", "tables", "tables", "jitter", *["rival"] * len(RIVALS), "held out",
+        "electric", "tables", "tables", "jitter", "member", "noise", "noise", "tables", "tables", "electric",
+        "held out",
     ]  # fmt: skip
+    assert made["member"].dropna().tolist() == [0] * 6
     again = SLIDE_PROTECTION.run(tmp_path, 1, on_row=told)
     assert seen[-1] == ("", cells, cells)
     assert again.equals(made)
