@@ -1,8 +1,8 @@
 """The demonstration of JP4209318 (Tables 2 to 4, Figs. 2, 3): one to three cars brake from 100 km/h under slide protection.
 
 Table 2 gives train, brakes and control cycle; how adhesion depends on speed, slip and axle position (Fig. 2), how sliding
-wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here, calibrated
-on Tables 3 and 4 by `studies.slides.calibration`.
+wheels condition the rail, the rules and the three sensitivities are not disclosed. They are `Undisclosed` here;
+`studies.slides.ensemble` seeks sets that bring out Tables 3 and 4.
 """
 
 from dataclasses import dataclass, field, fields

@@ -44,7 +44,7 @@ class Fuzzy:
     JP4209318 discloses neither rules nor sets: these are of the set of numbers with which `studies.slides.jp4209318` reaches
     its tables, one of several.
 
-    Source: JP4209318; calibrated in `studies.slides.calibration`.
+    Source: JP4209318; one of the sets of `studies.slides.ensemble`.
     """
 
     sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)
