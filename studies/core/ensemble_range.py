@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from studies.core.statement import CONDITIONS, HOLDS, VERDICTS, Interval, Statement, share_interval
+from studies.core.statement import VERDICTS, Interval, Statement, share_interval
 
 PERCENTILES = (5.0, 95.0)
 """Of the ensemble, between which its range lies."""
@@ -46,12 +46,11 @@ def over_members(own: Statement, others: Sequence[Statement]) -> Statement:
         for quantity, interval in own.numbers.items()
     }  # fmt: skip
     counts = {verdict: sum(one.verdict == verdict for one in others) for verdict in VERDICTS}
-    conditions, verdict = own.conditions, own.verdict
+    said_by_all = own
     if counts[own.verdict] < MOST * len(others):
         said = ", ".join(f"{word} of {count}" for word, count in counts.items() if count)
-        conditions = (*conditions, f"of the ensemble's {len(others)} members it {said}")
-        verdict = CONDITIONS if verdict == HOLDS else verdict
+        said_by_all = own.conditioned(f"of the ensemble's {len(others)} members it {said}")
     same = pd.Series([one.verdict == own.verdict for one in others], dtype=bool)
     ranges["share of the members with the same verdict"] = share_interval(same)
     method = "; ".join(part for part in (own.method, RANGE) if part)
-    return replace(own, numbers=ranges, conditions=conditions, verdict=verdict, method=method)
+    return replace(said_by_all, numbers=ranges, method=method)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,16 @@ class Statement:
     def fragile(self) -> bool:
         """Whether it says more than undecided, and too few resamples say the same."""
         return self.verdict in (HOLDS, CONDITIONS, FAILS) and self.agreement < LEAST_AGREEMENT
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds, if need be with conditions."""
+        return self.verdict in (HOLDS, CONDITIONS)
+
+    def conditioned(self, *conditions: str) -> "Statement":
+        """The statement with more `conditions`, under which alone it then holds."""
+        verdict = CONDITIONS if conditions and self.verdict == HOLDS else self.verdict
+        return replace(self, conditions=(*self.conditions, *conditions), verdict=verdict)
 
     @property
     def in_parts(self) -> bool:

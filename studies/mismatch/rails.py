@@ -15,13 +15,17 @@ from studies.ladder.events import REFERENCE_SPEED
 class ExponentialDifference(ShapedCurve):
     """c exp(-a v) - d exp(-b v) over the slip velocity v [m/s], common in work on locomotives; wet rail by default.
 
-    `a`, `b` [s/m]; `c`, `d` to any scale. Its peak is at 1.2 m/s, beyond the greatest slip that the MPC would hold.
+    Its peak is at 1.2 m/s, beyond the greatest slip that the MPC would hold.
     """
 
     a: float = 0.54
+    """Decay beyond the peak [s/m]."""
     b: float = 1.2
+    """Decay before it [s/m]."""
     c: float = 0.29
+    """Size of the first term, to any scale."""
     d: float = 0.29
+    """Size of the second term."""
 
     def shape(self, slip: Any) -> Any:
         """Coefficient at a slip velocity of 0 or more [m/s], to any scale."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pandas as pd
 
 from studies.core.ensemble_range import over_members
-from studies.core.statement import CONDITIONS, HOLDS, Statement
+from studies.core.statement import Statement
 from studies.core.verdict import decided, over_cases
 from studies.readhesion_paper.findings import CLAIMS, Finding, grid_findings
 from studies.readhesion_paper.paper import CALIBRATED
@@ -61,7 +61,7 @@ def in_both_units(own: Statement, members: Mapping[str, Sequence[Statement]]) ->
     The paper does not say which unit is meant, so what holds in one of them alone holds with conditions.
     """
     said = over_members(own, members.get(UNIT_IN_USE, []))
-    numbers, conditions = dict(said.numbers), list(said.conditions)
+    numbers, conditions = dict(said.numbers), list[str]()
     for unit, others in members.items():
         if unit == UNIT_IN_USE:
             continue
@@ -73,9 +73,7 @@ def in_both_units(own: Statement, members: Mapping[str, Sequence[Statement]]) ->
             conditions.append(
                 f"with a_0 and a_w in {unit} it {first.verdict}; of {len(others)} sets there {same} say as here"
             )
-    changed = len(conditions) > len(said.conditions)
-    verdict = CONDITIONS if changed and said.verdict == HOLDS else said.verdict
-    return replace(said, numbers=numbers, conditions=tuple(conditions), verdict=verdict)
+    return replace(said.conditioned(*conditions), numbers=numbers)
 
 
 def _by_parabola(table: pd.DataFrame, part: str) -> dict[str, pd.DataFrame]:

@@ -6,7 +6,7 @@ from typing import Literal
 import pandas as pd
 
 from studies.core.family import Claim, compared
-from studies.core.statement import CONDITIONS, HOLDS, Statement
+from studies.core.statement import Statement
 from studies.core.threshold import Threshold
 from studies.core.verdict import survives
 from studies.resistance.driven_cases import CARS, FEEDBACK, FRONT, LEARNED, RIGHT, TAUGHT
@@ -130,7 +130,7 @@ def _survivals(found: Sequence[Statement], arms: Sequence[str]) -> list[Statemen
     for row in TABLE:
         clean = by_name.get(_name(row.name, NONE))
         others = {arm: by_name[name] for arm in arms if (name := _name(row.name, arm)) in by_name}
-        if clean is None or clean.verdict not in (HOLDS, CONDITIONS) or not others:
+        if clean is None or not clean.holds or not others:
             continue  # what is not shown to hold without errors has nothing to survive
         told.append(
             survives(
