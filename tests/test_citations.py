@@ -41,5 +41,5 @@ def test_a_name_counts_as_a_whole_word_also_over_two_lines():
 def test_uses_keep_the_order_of_the_publications_and_name_their_users():
     found = uses({"rule b": "Polach", "rule a": "JP5484215, Polach"})
     assert [(one.key, who) for one, who in found.items()] == [
-        ("jp5484215", ["rule a"]), ("polach2005", ["rule b", "rule a"]),
+        ("JP5484215", ["rule a"]), ("polach2005", ["rule b", "rule a"]),
     ]  # fmt: skip

@@ -5,11 +5,12 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from alloc.citations import Citation, cited_in, uses
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import CURVES
+from alloc.plant.train import Train
 from alloc.rules import RULES
 from alloc.sources import path_of
-from studies.citation.documents import Document, named_in
 from studies.scenario.loading import SCENARIOS
 from studies.scenario.scenario import Scenario
 
@@ -34,7 +35,7 @@ NUMBER = re.compile(r"^\s*(\w+)\s*=\s*([-+.\d\[][^#]*?)\s*(?:#\s*(.*?)\s*)?$")
 class Used(NamedTuple):
     """A document, and the parts of the run that name it."""
 
-    document: Document
+    document: Citation
     parts: list[str]
 
 
@@ -49,11 +50,7 @@ class Value(NamedTuple):
 
 def documents_of(scenario: Scenario, rule: str, controller: str) -> list[Used]:
     """Documents that the parts of a run name in their sources."""
-    found: dict[Document, list[str]] = {}
-    for part, text in _texts(scenario, rule, controller).items():
-        for document in named_in(text):
-            found.setdefault(document, []).append(part)
-    return [Used(document, parts) for document, parts in found.items()]
+    return [Used(*one) for one in uses(_texts(scenario, rule, controller)).items()]
 
 
 def _texts(scenario: Scenario, rule: str, controller: str) -> dict[str, str]:
@@ -62,7 +59,7 @@ def _texts(scenario: Scenario, rule: str, controller: str) -> dict[str, str]:
     train = event.model.train
     modules = {
         f"rule {rule}": _with_neighbours(RULES.origin(rule)),
-        f"controller {controller}": _with_neighbours(_module_of(controller)),
+        f"controller {controller}": _with_neighbours(module_of_controller(controller)),
         **EVERY_RUN,
     }
     if any(command.acceleration_kmhs < 0.0 for command in scenario.command):
@@ -74,9 +71,9 @@ def _texts(scenario: Scenario, rule: str, controller: str) -> dict[str, str]:
     kind = scenario.rail.curve.kind
     if kind.startswith("polach"):
         modules["contact"] = ("alloc.plant.contact",)
-    texts = {part: " ".join(_text(one) for one in names) for part, names in modules.items()}
+    texts = {part: " ".join(module_text(one) for one in names) for part, names in modules.items()}
     texts[f"adhesion curve {kind}"] = inspect.getdoc(CURVES.find(kind)) or ""
-    texts[f"train {train.name}"] = " ".join([train.source, *train.sources.values()])
+    texts[f"train {train.name}"] = train_text(train)
     texts[f"scenario {scenario.name}"] = "\n".join(_lines(scenario))
     if scenario.rail.increments.law == "logarithmic":
         texts["growth of adhesion along the train"] = "JP5484215 (15)"
@@ -85,7 +82,12 @@ def _texts(scenario: Scenario, rule: str, controller: str) -> dict[str, str]:
     return texts
 
 
-def _module_of(controller: str) -> str:
+def train_text(train: Train) -> str:
+    """Where the values of a train come from."""
+    return " ".join([train.source, *train.sources.values()])
+
+
+def module_of_controller(controller: str) -> str:
     """Module of a controller: that of its class where it is a built-in one, which all stand in one registry."""
     found = CONTROLLERS.find(controller)
     return found.__module__ if isinstance(found, type) else CONTROLLERS.origin(controller)
@@ -99,11 +101,12 @@ def _with_neighbours(module: str) -> tuple[str, ...]:
         here = one.rpartition(".")[0] == folder and one.rpartition(".")[2] not in COLLECTING
         if one not in found and here:
             found.add(one)
-            waiting += re.findall(r"^\s*(?:from|import) ([\w.]+)", _text(one), re.MULTILINE)
+            waiting += re.findall(r"^\s*(?:from|import) ([\w.]+)", module_text(one), re.MULTILINE)
     return tuple(sorted(found))
 
 
-def _text(module: str) -> str:
+def module_text(module: str) -> str:
+    """What the file of a module says; nothing where there is no file."""
     path = path_of(module)
     return "" if path is None else path.read_text(encoding="utf-8")
 
@@ -129,7 +132,7 @@ def values_of(scenario: Scenario, lines: list[str] | None = None) -> list[Value]
             table = line.strip("[] \n").split("]")[0] + "."
         elif match := NUMBER.match(line):
             why = match[3] or "no source is stated"
-            standing = SOURCED if named_in(why) and "assumed" not in why else ASSUMED
+            standing = SOURCED if cited_in(why) and "assumed" not in why else ASSUMED
             found.append(Value(f"scenario {scenario.name}", f"{table}{match[1]} = {match[2]}", standing, why))  # fmt: skip
     return found
 

@@ -47,7 +47,7 @@ def cite(
     if as_json:
         content = {
             "documents": [
-                {"key": one.document.key, "used_by": one.parts, "bibtex": one.document.bibtex()}
+                {"key": one.document.key, "used_by": one.parts, "bibtex": one.document.bibtex}
                 for one in used
             ],
             "values": [one._asdict() for one in values],
@@ -55,7 +55,7 @@ def cite(
         print(json.dumps(content, indent=2))
         return
     for one in used:
-        print(f"% {', '.join(one.parts)}\n{one.document.bibtex()}\n")
+        print(f"% {', '.join(one.parts)}\n{one.document.bibtex}\n")
     table = Table(title="[bold]values[/bold]", title_justify="left")
     for column in ("of", "value", "", "what is said of it"):
         table.add_column(column, overflow="fold")

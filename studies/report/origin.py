@@ -4,10 +4,9 @@ import hashlib
 import inspect
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,10 +14,10 @@ import pandas as pd
 
 from alloc.citations import Citation, uses
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.recording import provenance
 from alloc.rules import RULES
+from studies.citation.run_parts import module_of_controller, module_text, train_text
 from studies.comparison.grid import Grid
 from studies.core.plugins import plugin_modules
 from studies.scenario.loading import SCENARIOS
@@ -86,45 +85,25 @@ def events(table: pd.DataFrame, scenarios: Sequence[Scenario]) -> list[EventOrig
 
 def cited(grid: Grid) -> dict[Citation, list[str]]:
     """The publications that the parts of a comparison name in their files: publication -> the parts."""
-    texts = {"the plant": " ".join(map(_module_text, PLANT))}
+    texts = {"the plant": " ".join(map(module_text, PLANT))}
     for name in grid.rules:
-        texts[f"rule {name}"] = f"{RULES[name].description} {_module_text(RULES.origin(name))}"
+        texts[f"rule {name}"] = f"{RULES[name].description} {module_text(RULES.origin(name))}"
     for name in dict.fromkeys((*grid.controllers, *grid.once)):
-        texts[f"controller {name}"] = _controller_text(name)
+        texts[f"controller {name}"] = module_text(module_of_controller(name))
     for one in grid.scenarios:
         texts[f"event {one.name}"] = _scenario_text(one)
-        texts[f"train {one.train}"] = _train_text(one)
+        texts[f"train {one.train}"] = train_text(one.event().model.train)
         kind = one.rail.curve.kind
         texts[f"curve {kind}"] = inspect.getdoc(CURVES[kind]) or ""
     for module in sorted({METRICS.origin(name) for name in METRICS}):
-        texts[f"metrics of {module.rpartition('.')[2]}"] = _module_text(module)
+        texts[f"metrics of {module.rpartition('.')[2]}"] = module_text(module)
     return uses(texts)
-
-
-def _module_text(name: str) -> str:
-    """What a module's file says; nothing where there is no file."""
-    file = getattr(import_module(name), "__file__", None) or ""
-    return Path(file).read_text() if file.endswith(".py") else ""
-
-
-def _controller_text(name: str) -> str:
-    """What the file of a controller says, of a built-in one that of its class."""
-    found = CONTROLLERS[name]
-    module = found.__module__ if isinstance(found, type) else CONTROLLERS.origin(name)
-    return _module_text(module)
 
 
 def _scenario_text(one: Scenario) -> str:
     """What a scenario's file says beside its keys."""
     known = SCENARIOS.get(one.name)
     return known.read_text() if isinstance(known, Path) else f"{one.title} {one.description}"
-
-
-def _train_text(one: Scenario) -> str:
-    """Where the values of a train come from."""
-    train = one.event().model.train
-    said: Mapping[str, str] = train.sources
-    return " ".join([train.source, *said.values()])
 
 
 def _processor() -> str:

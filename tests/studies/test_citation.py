@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from alloc.citations import CITATIONS, cited_in
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
-from studies.citation.documents import DOCUMENTS, named_in
 from studies.citation.run_parts import ASSUMED, PARTLY, SOURCED, documents_of, values_of
 from studies.command_line.main import run
 from studies.scenario.loading import load_scenario, shipped_scenarios
@@ -29,13 +29,13 @@ def test_every_numbered_document_that_a_source_names_can_be_cited():
         for path in (ROOT / layer).rglob("*.py"):
             found |= set(NUMBERED.findall(path.read_text(encoding="utf-8")))
     assert len(found) >= 6
-    assert not {one for one in found if not named_in(one)}
+    assert not {one for one in found if not cited_in(one)}
 
 
 def test_keys_are_unique_and_entries_are_closed():
-    assert len({one.key for one in DOCUMENTS}) == len(DOCUMENTS)
-    for one in DOCUMENTS:
-        text = one.bibtex()
+    assert len({one.key for one in CITATIONS}) == len(CITATIONS)
+    for one in CITATIONS:
+        text = one.bibtex
         assert text.startswith(f"@{one.kind}{{{one.key},\n")
         assert text.count("{") == text.count("}")
         assert all(one.fields.values()), one.key

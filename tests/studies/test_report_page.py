@@ -163,7 +163,7 @@ def test_versions_hashes_and_seeds_are_on_the_page(made, html):
 def test_sources_are_those_that_the_parts_name(html):
     sources = html[html.index('id="sources"') :]
     assert "JP 5484215" in sources  # the rule `exact` and the plant
-    assert "@patent{jp4209318," in sources  # metrics
+    assert "@patent{JP4209318," in sources  # metrics
     assert "Zirek" not in sources  # a controller that was not run
 
 
