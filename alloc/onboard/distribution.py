@@ -16,11 +16,6 @@ RISE = 0.01
 """Speed [1/s] at which a mark rises, as a share of the plan: a peak of a few hundredths is tried again after some seconds,
 and adhesion that grows with the cleaned rail is followed."""
 
-FREE_RISE = 0.1
-"""The same [1/s] where the unit was limited without any slip, for rules with own caps: there trying costs nothing, and the
-mark of a unit says nothing of others. Of 0.01, 0.03, 0.1 and 0.3 over forty events with headroom (seed 100, perturb-observe)
-the sharing itself left 0.27, 0.18, 0.17 and 0.14 % of the bound."""
-
 FORGET = 5.0
 """Time constant [s] of a mark that is no longer reached: longer than a cycle of cut and ramp, whose best must count."""
 
@@ -28,8 +23,9 @@ KEPT = 0.995
 """Cap of a limited unit over its mark, for rules that hold it there: at the very mark its wheels creep at the peak."""
 
 PROBE = 1.06
-"""Limit of a limited unit over what it delivers: controllers that search for the peak must limit the torque themselves, and
-what touches its limit again and again learns nothing."""
+"""Limit over what a unit delivers that is, or was, limited without slip: controllers that search for the peak must limit the
+torque themselves. One held at what it delivered on its way to the peak reaches its target, stops to search, and stays there:
+marks alone left the MPC 2.9 % of the effort behind on wide peaks (20 events of the curves, seed 0, `exact`)."""
 
 LEAST = 0.01
 """Least cap of a unit that works."""
@@ -62,7 +58,10 @@ def _caps_at_detection(st, m, time):
 
 @inlined_jit
 def _move_marks(st, m):
-    """What each unit has shown to carry: its best while limited, a little less with time; slowly more once it is not."""
+    """What each unit has shown to carry: its best while limited, a little less with time; slowly more once it is not.
+
+    Without any slip there is room above: trying costs nothing.
+    """
     period = st.telegrams.ticks * st.period
     for j in range(m.cap.size):
         got = m.delivered[j]
@@ -73,9 +72,8 @@ def _move_marks(st, m):
             m.open_to[j] = max(m.shown[j], PROBE * got)
         else:
             slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
-            rise = FREE_RISE if st.rule.own_caps and not slipped else RISE
-            m.shown[j] = max(m.shown[j] + rise * m.train.expected[0] * period, got)
-            m.open_to[j] = m.shown[j]
+            m.shown[j] = max(m.shown[j] + RISE * m.train.expected[0] * period, got)
+            m.open_to[j] = m.shown[j] if slipped else max(m.shown[j], PROBE * got)
 
 
 @inlined_jit

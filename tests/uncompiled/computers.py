@@ -308,11 +308,10 @@ class Computers:
         known = np.where(np.isinf(self.marks), got, self.marks)
         fallen = (1.0 - weight) * known + weight * got
         held = self.slipped_at >= self.limited_at - st.hold_time
-        risen = (
-            self.marks + np.where(held | (not st.rule.own_caps), 0.01, 0.1) * self.expected * period
-        )
+        risen = self.marks + 0.01 * self.expected * period
         self.marks = np.maximum(got, np.where(self.limited, fallen, risen))
-        self.open_to = np.where(self.limited, np.maximum(self.marks, 1.06 * got), self.marks)
+        tried = self.limited | ~held
+        self.open_to = np.where(tried, np.maximum(self.marks, 1.06 * got), self.marks)
         itself = recent & ~self.by_rail
         bound = np.where(itself, np.minimum(self.limit_max, got), self.limit_max)
         spare = bound > self.expected
