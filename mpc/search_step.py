@@ -32,6 +32,9 @@ LOST = 0.5
 RECOVERY = 0.7
 """Relative growth of that share [1/s] where it does not."""
 LEAST_STEP_SHARE = 0.1
+WIDE = 14.0
+"""Steepness from which on no step overshoots. The share is at least the square of the curve's over it: noise turns errors
+too, and a share once lost came back so slowly that slip climbed by a tenth in five seconds on wide peaks."""
 ROUNDING = 1e-12
 """Product of two errors that stands for none: where nothing is told, an error is rounding."""
 FAR_BELOW = 0.25
@@ -79,14 +82,15 @@ def size_swing(search, rough):
 
 
 @inlined
-def step_slip(search, error, rough, lowest):
-    """Move the slip sought along the `error`, elasticity less the one wanted."""
+def step_slip(search, error, rough, lowest, steep):
+    """Move the slip sought along the `error`, elasticity less the one wanted, on a curve of steepness `steep`."""
     pace, state = search.pace, search.state[0]
     if error * state.error < -ROUNDING:
         state.step_share *= 1.0 - LOST * state.told
     state.error = error
     grown = state.step_share * (1.0 + RECOVERY * pace.period * state.told)
-    state.step_share = min(max(grown, LEAST_STEP_SHARE), 1.0)
+    least = max(LEAST_STEP_SHARE, steep / WIDE * steep / WIDE)
+    state.step_share = min(max(grown, least), 1.0)
     rise = pace.rise * (1.0 + EAGER * max(state.elasticity - FAR_BELOW, 0.0))
     rate = min(max(state.step_share * state.told * pace.gain * error, -pace.fall), rise)
     if OVER_NOISE * rough > pace.swing and state.away < SELDOM:

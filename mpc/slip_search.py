@@ -39,7 +39,7 @@ from alloc.named_record import named_record
 from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.arrays import inlined
-from mpc.curve_filter import take_in_elasticity
+from mpc.curve_filter import steepness, take_in_elasticity
 from mpc.search_step import AWAY_TIME, FALLING, SWING_RATE, runs_away, size_swing, step_slip
 from mpc.settings import SlipSearch
 
@@ -206,7 +206,7 @@ def _demodulate(search, axles, felt):
 
 
 @inlined
-def _elasticity(search, i, wanted, rough):
+def _elasticity(search, i, wanted, rough, follows):
     """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says.
 
     `rough`: deviation of a reading of its slip, over the slip.
@@ -218,7 +218,8 @@ def _elasticity(search, i, wanted, rough):
     # what lies across the answer is no answer
     across = z[1] * cosine - z[0] * sine
     noise = z[3] * cosine - z[2] * sine - state.elasticity * across
-    state.noise += pace.noise * (noise * noise - state.noise)
+    if follows or noise * noise < state.noise:
+        state.noise += pace.noise * (noise * noise - state.noise)
     answer = of_slip * of_slip
     doubt = FOLLOWS * pace.heard * rough * rough + state.noise / (PRIOR * PRIOR) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
@@ -250,12 +251,12 @@ def search_slip(search, axles, curve, felt, noise, limited):
     wanted = pace.price * state.slip
     slip = math.exp(search.mean_slip[i])
     rough = noise / slip
-    heard = _elasticity(search, i, wanted, rough)
+    heard = _elasticity(search, i, wanted, rough, slip > AT_LIMIT * state.slip)
     if runs_away(search, axles, noise):
         heard = state.elasticity = FALLING
         state.told = 1.0
     size_swing(search, rough)
     if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
         if pace.seeks:
-            step_slip(search, state.elasticity - wanted, rough, lowest)
+            step_slip(search, state.elasticity - wanted, rough, lowest, steepness(curve))
         take_in_elasticity(curve, slip, heard, state.told)

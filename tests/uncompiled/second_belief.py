@@ -226,7 +226,9 @@ class Unit:
         coefficient = a.of_coefficient * self.answer.conjugate()
         share = 1.0 - math.exp(-PERIOD / slip_search.NOISE_TIME)
         rest = coefficient.imag - self.elasticity * across
-        self.noise += share * (rest**2 - self.noise)
+        follows = slip > slip_search.AT_LIMIT * self.slip
+        if follows or rest**2 < self.noise:
+            self.noise += share * (rest**2 - self.noise)
         # power of white noise at the swing's frequency, through the filter of the pairs and the memory of the answer
         turning = 2.0 * math.pi / s.swing_time
         passed = abs(1.0 / (1.0 + 1j * turning / a.b.pole)) ** 2 * PERIOD * s.memory / 4.0
@@ -243,7 +245,7 @@ class Unit:
         )
         most = max(s.swing, min(search_step.LARGEST_SWING, search_step.OVER_NOISE * noise / slip))
         self.swing = min(max(swing, s.least_swing), most)
-        if self.limited_for > slip_search.SETTLED and slip > slip_search.AT_LIMIT * self.slip:
+        if self.limited_for > slip_search.SETTLED and follows:
             if s.seek:
                 self.move(self.elasticity - wanted, noise / slip, lowest)
                 self.seen.add("moved")
@@ -266,7 +268,8 @@ class Unit:
             self.seen.add("turned")
         self.error = error
         self.step_share *= 1.0 + search_step.RECOVERY * PERIOD * self.told
-        self.step_share = float(np.clip(self.step_share, search_step.LEAST_STEP_SHARE, 1.0))
+        least = max(search_step.LEAST_STEP_SHARE, min((self.curve.n / search_step.WIDE) ** 2, 1.0))
+        self.step_share = float(np.clip(self.step_share, least, 1.0))
         far = max(self.elasticity - search_step.FAR_BELOW, 0.0)
         step = self.step_share * self.told * s.gain * error
         rate = float(
