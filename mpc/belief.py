@@ -153,6 +153,11 @@ class UnitBelief:
         return float(self.record.drag.grade[0])
 
     @property
+    def air_coefficient(self) -> float:
+        """Coefficient of the air brake, in the direction of the demand."""
+        return float(self.record.air.coefficient[0])
+
+    @property
     def slip_limit(self) -> float:
         """Slip [m/s] that no axle should exceed now."""
         return float(slip_limit(self._search))
@@ -207,18 +212,31 @@ class GroupBelief:
         """Believed peak coefficient of each axle, (axles,)."""
         self.slip_limit = np.full(self.unit.size, settings.search.first)
         """Slip [m/s] that each axle should not exceed, (axles,)."""
+        self._radius = np.array([context.radius for context in group])
+        self.air_torque = np.zeros(len(group))
+        """Torque of the air brake at each wheelset of a unit [N m], (units,)."""
+        self._air = np.zeros(len(group))
 
     def forget_forces(self) -> None:
         """Start the observers anew at the next update; the belief about the rail stays."""
         for observer in self.observers:
             observer.forget_forces()
 
-    def update(self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats) -> None:
-        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m]."""
+    def update(
+        self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
+    ) -> None:
+        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m].
+
+        `estimate`: each unit's own of its tangential coefficient, nan: it has none, (units,).
+        """
         felt = np.empty_like(self.peak)
         for j, (observer, part) in enumerate(zip(self.observers, self.parts, strict=True)):
             observer.axle_load[:] = self.load[part]
-            observer.update(float(speed[j]), omega[part], float(torque[j]), float(wanted[j]))
+            observer.update(
+                float(speed[j]), omega[part], float(torque[j]), float(wanted[j]), float(estimate[j])
+            )
+            self._air[j] = observer.air_coefficient
+            self.air_torque[j] = self._air[j] * self._radius[j] * observer.axle_load.mean()
             self.peak[part], self.slip_limit[part] = observer.peak, observer.slip_limit
             felt[part] = observer.coefficient
         force = self._same_car @ (felt * self.load)
@@ -231,6 +249,6 @@ class GroupBelief:
         return mean_curve([observer.curve for observer in self.observers])
 
     def carried_torque(self) -> Floats:
-        """Motor torque of each unit that its weakest axle just carries [N m], (units,)."""
+        """Motor torque of each unit that its weakest axle just carries beside the air brake [N m], (units,)."""
         weakest = np.minimum.reduceat(self.peak * self.load / self._static, self._first)
-        return np.asarray(weakest * self._carried)
+        return np.maximum(weakest - self._air, 0.0) * self._carried

@@ -9,7 +9,7 @@ from alloc.plant.structure import Floats
 from mpc.belief import GroupBelief
 from mpc.control_period import PredictiveController
 from mpc.failed_motors import LostShare, filled_by_air, leading
-from mpc.group_problem import GroupProblem
+from mpc.group_problem import GroupProblem, WheelsAndRail
 from mpc.horizon import HorizonProblem
 from mpc.settings import MpcSettings
 from mpc.unit_model import cars_of
@@ -60,7 +60,7 @@ class GroupController(PredictiveController):
     def _believe(
         self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
     ) -> None:
-        self.belief.update(speed, omega, torque, wanted)
+        self.belief.update(speed, omega, torque, wanted, estimate)
 
     def _problem(
         self, speed: Floats, omega: Floats, torque: Floats, target: Floats, limit: Floats
@@ -69,7 +69,9 @@ class GroupController(PredictiveController):
         # cars on couplers differ in speed: the one body keeps the slip of every axle
         mean = float(group.share @ speed)
         omega = omega + (mean - speed[group.unit]) / group.radius
-        rail = (belief.peak, belief.slip_limit, belief.carried_torque())
+        rail = WheelsAndRail(
+            belief.peak, belief.slip_limit, belief.carried_torque(), belief.air_torque
+        )
         problem = group.problem(
             (mean, omega, torque), rail, belief.curve, target, self._before, limit
         )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,20 @@ from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.stiffness import no_steeper
-from mpc.unit_model import curve_place, parameters, unit_of_axle
+from mpc.unit_model import air_place, curve_place, parameters, unit_of_axle
+
+
+class WheelsAndRail(NamedTuple):
+    """What a group believes of what its wheels meet, in the direction of the demand."""
+
+    peak: Floats
+    """Peak coefficient, (axles,)."""
+    slip_limit: Floats
+    """Slip that should not be exceeded [m/s], (axles,)."""
+    carried: Floats
+    """Motor torque that the weakest axle of each unit carries [N m], (units,)."""
+    air: Floats
+    """Torque of the air brake at each wheelset of a unit [N m], (units,)."""
 
 
 class GroupProblem:
@@ -34,12 +48,12 @@ class GroupProblem:
         self.radius = np.array([context.radius for context in group])[self.unit]
         """Of each axle's wheels [m], (axles,)."""
         self._parameters = parameters(group, settings.belief.initial)
-        self._curve = curve_place(group)
+        self._curve, self._air = curve_place(group), air_place(group)
 
     def problem(
         self,
         state: tuple[float, Floats, Floats],
-        rail: tuple[Floats, Floats, Floats],
+        rail: WheelsAndRail,
         curve: Floats,
         target: Floats,
         before: Floats,
@@ -47,18 +61,18 @@ class GroupProblem:
     ) -> HorizonProblem:
         """The problem from `state` on: speed [m/s], angular speeds (axles,), torques (units,).
 
-        `rail`: believed peaks and slip limits (axles,), torques that it carries (units,). `curve`: peak slip [m/s] and
-        steepness of all, taken less steep where the axles' highest peak would make it too steep to predict with. `target`,
-        torques `before` and motors' `limit` [N m], (units,).
+        `curve`: peak slip [m/s] and steepness of all, taken less steep where the axles' highest peak would make it too
+        steep to predict with. `target`, torques `before` and motors' `limit` [N m], (units,).
         """
         speed, omega, torque = state
-        peak, slip_limit, carried = rail
-        self._parameters[: omega.size] = peak
-        self._parameters[self._curve] = no_steeper(curve[0], curve[1], peak.max())
+        carried = rail.carried
+        self._parameters[: omega.size] = rail.peak
+        self._parameters[self._curve] = no_steeper(curve[0], curve[1], rail.peak.max())
+        self._parameters[self._air] = rail.air
         return HorizonProblem(
             state=np.concatenate([[speed], omega, torque]),
             parameters=self._parameters,
-            slip_limit=slip_limit,
+            slip_limit=rail.slip_limit,
             target=target,
             before=before,
             upper=np.minimum(limit, (1.0 + self._settings.headroom) * carried),

@@ -13,12 +13,12 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.assembly import compiled_group
 from mpc.belief import mean_curve, with_predicted_curve
-from mpc.group_problem import GroupProblem
+from mpc.group_problem import GroupProblem, WheelsAndRail
 from mpc.horizon import HorizonSolution
 from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.telegrams import Report
-from mpc.unit_model import curve_place, parameters, substeps, torque_per_coefficient
+from mpc.unit_model import air_place, curve_place, parameters, substeps, torque_per_coefficient
 
 NO_SLIP_LIMIT = 1e3
 """Slip limit [m/s] of the train's problem: which slip is best every unit searches for itself, and better than a report of
@@ -32,7 +32,7 @@ class UnitForecast:
         alone = replace(with_predicted_curve(context), unloading=())
         self._context, self._period = alone, context.period
         self._model = compiled_group(alone)
-        self._curve = curve_place(alone)
+        self._curve, self._air = curve_place(alone), air_place(alone)
         self._substeps = substeps(alone, context.period)
         self._scratch = np.zeros((3, context.axles + 2))
 
@@ -43,6 +43,7 @@ class UnitForecast:
         if commands.size:
             values = parameters(self._context, report.peak)
             values[self._curve] = report.peak_slip, report.steepness
+            values[self._air] = report.air
             simulate(
                 self._model.slope, commands, self._model.prepared(values),
                 self._period / self._substeps, self._substeps, nodes, self._scratch,
@@ -89,6 +90,7 @@ class JointProblem:
             peak_slip=leader.peak_slip,
             steepness=leader.steepness,
             carried=float(peak[0]) * torque_per_coefficient(one) if works else 0.0,
+            air=0.0,
         )
 
     def solve(
@@ -109,12 +111,15 @@ class JointProblem:
         slip = np.concatenate(
             [r * s[1:-1] - s[0] for r, s in zip(self._radius, states, strict=True)]
         )
-        target, carried, limit = np.array([(r.target, r.carried, r.limit) for r in reports]).T
+        target, carried, limit, air = np.array(
+            [(r.target, r.carried, r.limit, r.air) for r in reports]
+        ).T
         peak = np.concatenate([r.peak for r in reports])
         curve = mean_curve([(r.peak_slip, r.steepness) for r in reports])
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
         free = np.full_like(peak, NO_SLIP_LIMIT)
-        problem = self._group.problem(state, (peak, free, carried), curve, target, before, limit)
+        rail = WheelsAndRail(peak, free, carried, air)
+        problem = self._group.problem(state, rail, curve, target, before, limit)
         solver = self._group.solver
         if self._cold:
             solver.restart(before)

@@ -35,7 +35,9 @@ class Report(NamedTuple):
     """Of the believed curve [m/s], as is `steepness`."""
     steepness: float
     carried: float
-    """Torque that its weakest axle is believed to carry [N m]."""
+    """Torque that its weakest axle is believed to carry beside the air brake [N m]."""
+    air: float
+    """Torque of the air brake at each wheelset [N m]."""
 
 
 class Order(NamedTuple):

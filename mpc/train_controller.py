@@ -137,6 +137,7 @@ class TrainMpc:
                 peak_slip=top,
                 steepness=steepness,
                 carried=float(belief.carried_torque()[k]),
+                air=float(belief.air_torque[k]),
             )
             write_report(report, self.reports.told[j])
             told.append(report)

@@ -10,6 +10,7 @@ from mpc.belief import GroupBelief, UnitBelief
 from mpc.curve_filter import USUAL_STEEPNESS
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
+from mpc.unit_model import torque_per_coefficient
 from tests.mpc.conftest import make_unit
 from tests.mpc.groups import train_of
 from tests.mpc.synthetic_axles import SyntheticUnit
@@ -193,11 +194,23 @@ def test_a_group_of_units_believes_what_they_would_alone():
     for _ in range(150):
         omega = (10.0 + rng.uniform(0.0, 0.1, 12)) / 0.43
         torque = rng.uniform(200.0, 500.0, 3)
-        group.update(np.full(3, 10.0), omega, torque, np.full(3, 900.0))
+        estimate = np.array([0.3, 0.35, math.nan])
+        group.update(np.full(3, 10.0), omega, torque, np.full(3, 900.0), estimate)
         for k, one in enumerate(alone):
-            one.update(10.0, omega[4 * k : 4 * k + 4], torque[k], 900.0)
+            one.update(10.0, omega[4 * k : 4 * k + 4], torque[k], 900.0, estimate[k])
     np.testing.assert_array_equal(group.peak, np.concatenate([one.peak for one in alone]))
     np.testing.assert_array_equal(group.slip_limit, np.repeat([o.slip_limit for o in alone], 4))
+    air = np.array([one.air_coefficient for one in alone])
+    assert air[:2].min() > 0.05
+    assert air[2] == 0.0
+    np.testing.assert_allclose(
+        group.air_torque, [a * u.axle_load * u.radius for a, u in zip(air, units, strict=True)]
+    )
+    per_coefficient = [torque_per_coefficient(u) for u in units]
+    left = [max(one.peak.min() - a, 0.0) for one, a in zip(alone, air, strict=True)]
+    np.testing.assert_allclose(
+        group.carried_torque(), np.multiply(left, per_coefficient), rtol=1e-12
+    )
     mean = np.exp(np.mean([np.log(one.curve) for one in alone], axis=0))
     np.testing.assert_allclose(group.curve, mean, rtol=1e-12)
 

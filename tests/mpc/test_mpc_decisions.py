@@ -15,7 +15,7 @@ from alloc.plant.adhesion import RationalCurve
 from mpc.belief import with_predicted_curve
 from mpc.control_period import PredictiveController
 from mpc.group_controller import CarControllers, GroupController
-from mpc.group_problem import GroupProblem, even_split
+from mpc.group_problem import GroupProblem, WheelsAndRail, even_split
 from mpc.horizon import HorizonSolution, cost_of
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
 from mpc.joint_problem import NO_SLIP_LIMIT, JointProblem
@@ -23,7 +23,7 @@ from mpc.settings import GroupSettings, MpcSettings, PeakBelief
 from mpc.stiffness import STEEPEST_SLOPE
 from mpc.telegrams import Report
 from mpc.train_controller import TrainMpc
-from mpc.unit_model import parameters, torque_per_coefficient
+from mpc.unit_model import air_place, parameters, torque_per_coefficient
 from mpc.unit_step import STATUSES
 from tests.mpc.telegraphy import Telegraphy
 
@@ -239,11 +239,14 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
         np.array([90.0, 190.0]),
         np.array([350.0, 900.0]),
     )
-    rail, curve = (peak, slip_limit, carried), RationalCurve(0.08, 2.2)
+    air = np.array([40.0, 60.0])
+    rail, curve = WheelsAndRail(peak, slip_limit, carried, air), RationalCurve(0.08, 2.2)
     problem = group.problem((9.0, omega, torque), rail, curve.q[:2], target, before, limit)
     assert problem.state.tolist() == [9.0, 20.0, 21.0, 22.0, 100.0, 200.0]
     believed = [replace(one, curve=curve) for one in units]
-    np.testing.assert_array_equal(problem.parameters, parameters(believed, peak))
+    expected = parameters(believed, peak)
+    expected[air_place(believed)] = air
+    np.testing.assert_array_equal(problem.parameters, expected)
     np.testing.assert_array_equal(problem.slip_limit, slip_limit)
     assert (problem.target is target, problem.before is before) == (True, True)
     np.testing.assert_allclose(problem.upper, [350.0, 600.0])
@@ -261,8 +264,9 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
 def test_the_curve_of_a_group_with_load_transfer_is_where_its_model_has_it(make_context, no_solver):
     units = [make_context(axles=2, unloading=(0.1, -0.1)), make_context(axles=1, unloading=(0.2,))]
     one, two = np.ones(2), np.ones(3)
+    rail = WheelsAndRail(0.1 * two, 0.05 * two, one, 0.0 * one)
     problem = GroupProblem(units, SETTINGS).problem(
-        (9.0, 20.0 * two, one), (0.1 * two, 0.05 * two, one), np.array([0.09, 3.0]), one, one, one
+        (9.0, 20.0 * two, one), rail, np.array([0.09, 3.0]), one, one, one
     )
     believed = [replace(unit, curve=RationalCurve(0.09, 3.0)) for unit in units]
     np.testing.assert_array_equal(problem.parameters, parameters(believed, 0.1))
@@ -319,6 +323,7 @@ def _report(time=1.0, axles=2, **values):
     defaults = {
         "speed": 10.0, "omega": np.full(axles, 23.5), "torque": 150.0, "command": 160.0, "target": 500.0,
         "limit": 1000.0, "peak": np.full(axles, 0.1), "peak_slip": 0.1, "steepness": 2.0, "carried": 400.0,
+        "air": 0.0,
     }  # fmt: skip
     return Report(time, **(defaults | values))
 
@@ -418,7 +423,7 @@ class Cars:
         unit = [SimpleNamespace(belief=SimpleNamespace(
             parts=[np.arange(one.axles)], peak=np.full(one.axles, 0.1 + 0.01 * j), slip_limit=np.full(one.axles, 0.02),
             observers=[SimpleNamespace(curve=(0.1 + j, 2.0))],
-            carried_torque=lambda j=j: np.array([400.0 + j]),
+            carried_torque=lambda j=j: np.array([400.0 + j]), air_torque=np.array([30.0 + j]),
         )) for j, one in enumerate(contexts)]  # fmt: skip
         self.controllers = unit
 

@@ -164,7 +164,7 @@ CURVE = (0.08, 2.5)
 def _report(time, command=300.0, carried=800.0):
     peak = np.full(4, 0.15)
     omega = np.array([5.01, 5.02, 5.05, 5.1]) / 0.43
-    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, *CURVE, carried)
+    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, *CURVE, carried, 0.0)
 
 
 def test_the_forecast_over_the_delay_is_the_unit_model():

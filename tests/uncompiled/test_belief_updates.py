@@ -97,7 +97,7 @@ def test_loads_of_a_group_follow_the_forces_of_the_car(make_context):
     unloading = np.concatenate([u.unloading for u in units])
     omega, torque, load = np.full(8, 8.02 / 0.43), np.array([200.0, 300.0, 400.0]), static.copy()
     for _ in range(3):
-        group.update(np.full(3, 8.0), omega, torque, np.full(3, 900.0))
+        group.update(np.full(3, 8.0), omega, torque, np.full(3, 900.0), np.full(3, math.nan))
         felt = np.repeat(torque * 7.07 / 0.43, [2, 2, 4]) / load
         np.testing.assert_allclose(
             np.concatenate([o.coefficient for o in group.observers]), felt, rtol=1e-9
