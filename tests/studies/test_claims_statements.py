@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import bootstrap, ttest_rel
+from scipy.stats import binomtest, bootstrap, ttest_rel
 
 from studies.claims.statements import PARTS
 from studies.claims.study import CLAIMS
@@ -169,6 +169,10 @@ def test_the_interval_of_a_share_is_wilsons():
     found = share_interval(pd.Series([True] * 8 + [False] * 2))
     # Wilson's interval of 8 in 10 at 95 %, as printed in tables
     np.testing.assert_allclose([found.low, found.high], [0.490, 0.943], atol=5e-4)
+    for true, false in ((0, 7), (3, 4), (90, 11), (1, 299), (12, 0)):
+        found = share_interval(pd.Series([True] * true + [False] * false), 0.99)
+        reference = binomtest(true, true + false).proportion_ci(0.99, "wilson")
+        np.testing.assert_allclose([found.low, found.high], reference, atol=1e-12)
     assert share_interval(pd.Series([True] * 10)).high == 1.0
     assert math.isnan(share_interval(pd.Series([], dtype=bool)).value)
 
