@@ -4,13 +4,14 @@ The laws are in `alloc.plant.adhesion_laws`; a curve of one's own is a `ShapedCu
 """
 
 import math
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import PlantError
+from alloc.plant.adhesion_curve import AdhesionCurve
 from alloc.plant.adhesion_laws import (
     CREEPAGE_SPEED_FLOOR,
     GROWTH_END,
@@ -19,71 +20,14 @@ from alloc.plant.adhesion_laws import (
     POLACH_BY_FRICTION,
     RATIONAL,
     SLIP_RATIO,
-    TABULATED,
-    adhesion_limit,
     polach_set,
-    tangential_coefficient,
 )
 from alloc.plant.contact import HALF_AXES_RATIO, RATIOS, creep_stiffness, relative_stiffness
-from alloc.plant.shape_table import KNOTS, shape_table
+from alloc.plant.shaped_curve import ExponentialDifference
+from alloc.plant.shaped_curve import (
+    ShapedCurve as ShapedCurve,  # beside the registry, for curves of plug-ins
+)
 from alloc.registry import Registry
-
-
-@dataclass(frozen=True)
-class AdhesionCurve:
-    """Common part of the curves: `kind` names the law in compiled code, the fields are its parameters."""
-
-    kind: ClassVar[int] = -1
-
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """Parameters as the equations take them, (6,): the fields in their order, then zeros."""
-        return np.append(astuple(self), np.zeros(6))[:6]
-
-    def with_parameters(self, q: NDArray[np.float64]) -> Self:
-        """A curve of this class with the parameters `q` (6,)."""
-        return type(self)(*(float(value) for value in q[: len(fields(self))]))
-
-    def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
-        """Creep stiffness over that in `q` under the wheel load `load` [N], half an axle's, of wheels of `radius` [m].
-
-        1 where it depends on neither.
-        """
-        return np.ones(np.broadcast(load, radius).shape)
-
-    def on(self, load: float, radius: float) -> Self:
-        """This curve under the wheel load `load` [N], half an axle's, of wheels of `radius` [m]."""
-        return self
-
-    def steepest_slope(self, peak: float) -> float:
-        """Upper bound of d mu / d slip velocity over all slip velocities and speeds [s/m], for the stable step.
-
-        For the creep stiffness in `q`.
-        """
-        raise NotImplementedError
-
-    def coefficient(
-        self,
-        slip: ArrayLike,
-        peak: ArrayLike,
-        speed: ArrayLike = 0.0,
-        contact: ArrayLike = 1.0,
-    ) -> NDArray[np.float64]:
-        """Tangential force coefficient; `slip` and car `speed` in m/s; all arguments broadcast.
-
-        `contact`: that of the axle, see there."""
-        slip, peak, speed, contact = (
-            np.asarray(a, dtype=float) for a in (slip, peak, speed, contact)
-        )
-        return tangential_coefficient(self.kind, self.q, slip, speed, speed + slip, peak, contact)
-
-    def limit(
-        self, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Adhesion coefficient and the slip velocity [m/s] of the curve's maximum, driving at `speed` >= 0 [m/s]."""
-        peak, speed, contact = (np.asarray(a, dtype=float) for a in (peak, speed, contact))
-        coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed, contact)
-        return np.asarray(coefficient), np.asarray(slip)
 
 
 @dataclass(frozen=True)
@@ -287,31 +231,6 @@ class RationalCurve(AdhesionCurve):
         return peak / self.peak_slip * (n * (1.0 - x * x) / (below * below))
 
 
-@dataclass(frozen=True)
-class ShapedCurve(AdhesionCurve):
-    """A curve of one's own: a subclass gives its `shape`; level, sign and table follow.
-
-    The adhesion field gives the peak, so only ratios of the shape count. It depends on the slip velocity alone. The plant
-    interpolates it linearly between the knots of `alloc.plant.shape_table`, to about 1e-5 of the peak.
-    """
-
-    kind: ClassVar[int] = TABULATED
-
-    def shape(self, slip: NDArray[np.float64]) -> ArrayLike:
-        """Coefficient at `slip` >= 0 [m/s] to any scale: 0 at 0, one maximum below 20 m/s, finite."""
-        raise NotImplementedError
-
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """Slip velocity of the peak [m/s], then the shape over slip / (slip + that), 0 to 1."""
-        return shape_table(self)
-
-    def steepest_slope(self, peak: float) -> float:
-        """Greatest slope between knots [s/m]."""
-        table = self.q
-        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(table[0] * KNOTS))))
-
-
 # A = mu_inf / mu_0, B [s/m], kA, kS: Polach, Wear 258 (2005), Table 3 (measurements with locomotives).
 POLACH_DRY = DryPolachCurve()
 POLACH_WET = PolachCurve()
@@ -325,3 +244,4 @@ CURVES.register("rational", RationalCurve)
 CURVES.register("polach-wet", PolachCurve)
 CURVES.register("polach-dry", DryPolachCurve)
 CURVES.register("polach-by-friction", PolachByFrictionCurve)
+CURVES.register("exponential-difference", ExponentialDifference)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from studies.command_line.analyse import analyse
 from studies.command_line.cite import cite
@@ -91,6 +91,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except BrokenPipeError:
         return _unread()
+    except UnusedCliTokensError as error:
+        words = ", ".join(map(repr, error.unused_tokens or ()))
+        compares = {"compare", "report"} & set(error.command_chain or ())
+        hint = "events go after --scenario" if compares else "--help has the options"
+        return _refuse(f"{words}: no option takes this; {hint}")
     except (CycloptsError, InputError, StudyError, OSError) as error:
         return _refuse(str(error))
     except KeyboardInterrupt as interrupt:

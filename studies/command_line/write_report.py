@@ -18,7 +18,8 @@ from studies.files.writable import PAGE, check_file, check_place
 
 
 def write_report(
-    *events: str,
+    *,
+    scenario: Names = None,
     rules: Names = None,
     controllers: Names = None,
     seeds: Whole | None = None,
@@ -33,7 +34,7 @@ def write_report(
 
     Parameters
     ----------
-    events
+    scenario
         Names of shipped scenarios or paths of TOML files [default: those of `readhesion compare`].
     rules
         Allocation rules [default: those of `readhesion compare`].
@@ -60,17 +61,18 @@ def write_report(
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_file(out, PAGE)
     check_place(results, "results", "--results")
-    names = split_names(events) if events else None
+    names = split_names(scenario)
     chosen = default_scenarios() if names is None else [load_scenario(name) for name in dict.fromkeys(names)]  # fmt: skip
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
     check_packages()
     parts = {
+        "scenario": scenario,
         "rules": rules,
         "controllers": controllers,
         "seeds": None if seeds is None else [str(seeds)],
     }
     told = [word for name, values in parts.items() if values for word in (f"--{name}", *values)]
-    command = shlex.join(["readhesion", "report", *events, *told])
+    command = shlex.join(["readhesion", "report", *told])
     with workers(count) as others, progress() as on_row:
         material = gather(grid, results, command, others, on_row)
     page = rendered(material)

@@ -1,38 +1,11 @@
 """Rails of five adhesion curves that offer the same peak to the same train."""
 
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from alloc.plant.adhesion import CURVES, POLACH_DRY, POLACH_WET, ShapedCurve
+from alloc.plant.adhesion import POLACH_DRY, POLACH_WET
 from alloc.plant.environment import level_for
 from alloc.plant.train import Train
 from studies.ladder.events import REFERENCE_SPEED
-
-
-@dataclass(frozen=True)
-class ExponentialDifference(ShapedCurve):
-    """c exp(-a v) - d exp(-b v) over the slip velocity v [m/s], common in work on locomotives; wet rail by default.
-
-    Its peak is at 1.2 m/s, beyond the greatest slip that the MPC would hold.
-    """
-
-    a: float = 0.54
-    """Decay beyond the peak [s/m]."""
-    b: float = 1.2
-    """Decay before it [s/m]."""
-    c: float = 0.29
-    """Size of the first term, to any scale."""
-    d: float = 0.29
-    """Size of the second term."""
-
-    def shape(self, slip: Any) -> Any:
-        """Coefficient at a slip velocity of 0 or more [m/s], to any scale."""
-        return self.c * np.exp(-self.a * slip) - self.d * np.exp(-self.b * slip)
-
-
-CURVES.register("exponential-difference", ExponentialDifference)
 
 RAILS: dict[str, dict[str, Any]] = {
     "piecewise": {"kind": "piecewise"},

@@ -104,11 +104,6 @@ class IncrementKeys(Strict):
         return tuple(logarithmic_increments(axles, self.slope, self.offset).tolist())
 
 
-def _of_files() -> list[str]:
-    """Curves that a file may name at any time: a study's own are there only where it was loaded."""
-    return [name for name in CURVES if not CURVES.origin(name).startswith("studies.")]
-
-
 def _curve_schema(name: str) -> Schema:
     """Keys of an adhesion curve: the fields of its class."""
     curve: Any = CURVES[name]
@@ -158,7 +153,7 @@ class CurveKeys(BaseModel):
         schema = handler.resolve_ref_schema(reference)
         schema.clear()
         about = (cls.__doc__ or "").partition(",")[0] + ", with the parameters that differ."
-        schema |= {"description": about, "oneOf": [_curve_schema(name) for name in _of_files()]}
+        schema |= {"description": about, "oneOf": [_curve_schema(name) for name in CURVES]}
         for one in schema["oneOf"]:
             told = one["properties"]["kind"] = {"type": "string"} | one["properties"]["kind"]
             is_default = told["const"] == cls.model_fields["kind"].default

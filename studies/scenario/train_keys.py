@@ -16,9 +16,9 @@ class CouplerKeys(Strict):
     record = Coupler
 
     stiffness_n_per_m: float
-    stiffening_n_per_m3: float = 0.0
-    damping_ns_per_m: float = 0.0
-    slack_mm: float = 0.0
+    stiffening_n_per_m3: float | None = None
+    damping_ns_per_m: float | None = None
+    slack_mm: float | None = None
 
     def coupler(self) -> Coupler:
         """The plant's draft gear."""

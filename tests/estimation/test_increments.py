@@ -84,6 +84,19 @@ def test_line_through_exact_shifts():
     assert fit.offset == pytest.approx(-0.01 * np.log([1, 2, 3, 4]).mean())
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_line_is_that_of_the_library_and_its_error_that_of_the_weighted_sums(seed):
+    rng = np.random.default_rng(seed)
+    root, log = rng.normal(size=(9, 9)), np.log(np.arange(1, 10))
+    shifts = AxleShifts(0.01 * log + 0.01 * rng.normal(size=9), 1e-5 * (root @ root.T + np.eye(9)))
+    fit = fit_increments(shifts)
+    weight = 1.0 / np.sqrt(np.diag(shifts.covariance))
+    assert fit.slope == pytest.approx(np.polyfit(log, shifts.shift, 1, w=weight)[0], rel=1e-9)
+    # the slope is linear in the shifts: its weights are its values at unit shifts
+    gain = [np.polyfit(log, one, 1, w=weight)[0] for one in np.eye(9)]
+    assert fit.slope_deviation == pytest.approx(np.sqrt(gain @ shifts.covariance @ gain), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     "axle_unit",
     [

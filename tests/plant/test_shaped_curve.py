@@ -1,14 +1,22 @@
 """Curves of one's own: any shape over the slip velocity becomes a curve like the others."""
 
+import math
+import pkgutil
 from dataclasses import dataclass
+from importlib import import_module
 
 import numba
 import numpy as np
 import pytest
 
+import studies
 from alloc.errors import PlantError
-from alloc.plant.adhesion import CURVES, ShapedCurve
+from alloc.metrics import METRICS
+from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.plant.adhesion import CURVES, ExponentialDifference, ShapedCurve
 from alloc.plant.adhesion_laws import TABULATED, adhesion_limit, tangential_coefficient
+from alloc.plant.sets import SETS
+from alloc.rules import RULES
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,25 @@ def test_the_shipped_curves_are_known_by_name():
     assert list(CURVES)[:3] == ["piecewise", "polach", "slip-ratio"]
     with pytest.raises(PlantError, match="did you mean 'polach'"):
         CURVES.find("pollach")
+
+
+@pytest.mark.parametrize(
+    "registry", [CURVES, RULES, CONTROLLERS, SETS, METRICS], ids=lambda one: one.kind
+)
+def test_no_part_is_there_only_where_a_study_was_imported(registry):
+    for module in pkgutil.walk_packages(studies.__path__, "studies."):
+        import_module(module.name)
+    assert [name for name in registry if registry.origin(name).startswith("studies.")] == []
+
+
+def test_the_exponential_difference_peaks_where_its_derivative_says():
+    curve = ExponentialDifference()
+    slip = math.log(curve.b * curve.d / (curve.a * curve.c)) / (curve.b - curve.a)
+    assert curve.limit(0.2, 15.0)[1] == pytest.approx(slip, rel=1e-3)
+    assert slip == pytest.approx(1.21, abs=0.01)
+    assert type(curve) is CURVES["exponential-difference"]
+    with pytest.raises(PlantError, match="shape must"):
+        ExponentialDifference(a=1.2).coefficient(0.1, 0.2)
 
 
 def test_the_mpc_cannot_believe_in_it():

@@ -37,7 +37,7 @@ def make(scenario: Scenario, results: Path) -> Made:
         name="milder", title="a </script> of <b>two</b> & more", duration_s=1.5
     )
     grid = make_grid([scenario.changed(duration_s=3.0), milder], RULES, CONTROLLERS, SEEDS)
-    return Made(grid, results, gather(grid, results, "readhesion report short.toml"))
+    return Made(grid, results, gather(grid, results, "readhesion report --scenario short.toml"))
 
 
 def need_packages() -> None:

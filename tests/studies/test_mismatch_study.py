@@ -52,7 +52,7 @@ def test_the_double_exponential_is_that_of_the_example_of_a_plug_in():
     # in a process of its own: to import the example registers it
     source = """
 from docs.plugins.double_exponential import DoubleExponential
-from studies.mismatch.rails import ExponentialDifference
+from alloc.plant.adhesion import ExponentialDifference
 
 assert (ExponentialDifference().q == DoubleExponential().q).all()
 """

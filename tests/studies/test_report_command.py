@@ -27,7 +27,7 @@ def report(call, short_file, tmp_path):
 
     def report(*options: object) -> tuple[int, str, str]:
         return call(
-            "report", short_file, "--rules", "alone,exact", "--controllers", "none", "--seeds", 2, "--jobs", 1,
+            "report", "--scenario", short_file, "--rules", "alone,exact", "--controllers", "none", "--seeds", 2, "--jobs", 1,
             "--results", tmp_path / "results", "--out", tmp_path / "page.html", *options,
         )  # fmt: skip
 
@@ -85,8 +85,8 @@ def test_runs_that_fail_are_shown_with_their_reason(call, short_file, tmp_path):
     plugin.write_text(RAISING)
     page = tmp_path / "page.html"
     code, out, _ = call(
-        "--plugin", plugin, "report", short_file, "--rules", "alone", "--controllers", "none,raising", "--seeds", 1,
-        "--jobs", 1, "--results", tmp_path / "results", "--out", page,
+        "--plugin", plugin, "report", "--scenario", short_file, "--rules", "alone", "--controllers", "none,raising",
+        "--seeds", 1, "--jobs", 1, "--results", tmp_path / "results", "--out", page,
     )  # fmt: skip
     text = page.read_text()
     assert code == 0
@@ -101,7 +101,7 @@ def test_runs_that_fail_are_shown_with_their_reason(call, short_file, tmp_path):
 def test_a_missing_package_is_named_before_anything_is_run(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "plotly", None)
-    code, _, err = call("report", "wet-patch")
+    code, _, err = call("report", "--scenario", "wet-patch")
     assert code == 2
     assert "pip install 'readhesion[report]'" in err
     assert not list(tmp_path.iterdir())

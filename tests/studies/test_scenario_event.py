@@ -10,7 +10,7 @@ from alloc.plant.adhesion import (
     PolachByFrictionCurve,
     PolachCurve,
 )
-from alloc.plant.train import DraftGear
+from alloc.plant.train import Coupler, DraftGear
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.rail_keys import RailKeys
@@ -144,6 +144,7 @@ def test_the_train_is_loaded_and_coupled(event):
     assert [car.load for car in train.cars] == pytest.approx([0.0, 1e4, 2e4, 3e4, 4e4, 0.0])
     assert train.load_transfer
     assert all(c.stiffness == 5e6 and c.slack == pytest.approx(0.012) for c in train.couplers)
+    assert {(c.damping, c.stiffening) for c in train.couplers} == {(Coupler().damping, 0.0)}
     assert event.model.environment.failure_time[1] == 1.5
     assert np.isinf(event.model.environment.failure_time[[0, 2, 3, 4, 5]]).all()
 

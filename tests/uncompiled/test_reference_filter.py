@@ -258,3 +258,18 @@ def test_what_depends_on_the_period_is_the_same_over_a_second():
         assert getattr(slow, name) == pytest.approx(getattr(usual, name) / 4.0)
     long = reference_pace(given, 0.5)
     assert max(long.mean_share, long.bound_share) <= 0.5  # beyond 1 they would overshoot
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_reading_corrects_as_a_library_s_update(seed):
+    filterpy = pytest.importorskip("filterpy.kalman")
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(4, 4))
+    state, covariance, slip = rng.normal(size=4), root @ root.T + 0.1 * np.eye(4), 0.07
+    known = filterpy.KalmanFilter(4, 1)
+    known.x, known.P = state[:, np.newaxis].copy(), covariance.copy()
+    known.update(12.3, R=0.04, H=np.array([[1.0, 0.0, slip, 0.0]]))
+    innovation = 12.3 - (state[0] + slip * state[2])
+    kalman_filter.take_reading(state, covariance, slip, innovation, 0.04)
+    np.testing.assert_allclose(state, known.x[:, 0], atol=1e-10)
+    np.testing.assert_allclose(covariance, known.P, atol=1e-10)
