@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from alloc.metrics.registry import range_of
 from paper_figs.palette import BLUE, GREEN, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
@@ -92,7 +93,7 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
         return
     pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
     axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y), **pale)
-    found = mean_interval(events)
+    found = mean_interval(events, within=range_of(panel.metric))
     if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
         found = replace(found, low=max(found.low, 0.1 * found.value))
     interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.5, "elinewidth": 1.0})
