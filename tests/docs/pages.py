@@ -52,9 +52,9 @@ def sentences(text: str) -> list[str]:
     """Sentences of the running text and of lists; tables, headings and code are left out."""
     lines = [one for one in without_code(text).split("\n") if not one.startswith(("|", "#", "!"))]
     plain = re.sub(r"\]\([^)]*\)", "", "\n".join(lines)).replace("[", "")
-    plain = re.sub(r"`[^`]*`", "name", plain)
+    plain = re.sub(r"`[^`]*`", "Name", plain)
     found = []
     for paragraph in re.split(r"\n\s*\n|\n(?=\s*- )|\n(?=\d+\. )", plain):
-        parts = re.split(r"(?<=[.!?:])\s+(?=[A-Z(\"*])", " ".join(paragraph.split()))
+        parts = re.split(r"(?<=[.!?])\**\s+(?=[A-Z(\"*])", " ".join(paragraph.split()))
         found += [one for one in parts if len(one.split()) > 2]
     return found

@@ -103,7 +103,7 @@ def test_a_blended_stop_uses_what_the_rail_carries():
 
 
 def test_cars_and_trains_know_the_air_brake_as_a_unit_does():
-    """Without it what shoes take of the rail passes for adhesion that is gone: seven points, and a tenth of the effort."""
+    """Without it what shoes take of the rail passes for adhesion that is gone: seven points, and 5 % of the effort."""
     found = {
         name: evaluate(simulate(shipped_scenario("wet-stop").event(3), "alone", name))
         for name in ("mpc", "mpc-car", "mpc-train")
