@@ -4,10 +4,10 @@ Couplers serve as force sensors. Cars count from the front; coupler k joins cars
 tension, accelerations are positive forwards (negative while braking), brake forces positive against the motion. Series run
 along the first axis.
 
-What the force means is decided by `mass`: with the mass that rolls (`rolling_mass`: what the wheelsets add included) it is
-the force at the brakes, of shoes and motors together, as a force at the rim; with the bare mass it is the force that
-the rail receives, which is less by what decelerates the wheelsets. The report does not say which; a locomotive's
-wheelsets and motors add some 6 %.
+The meaning of the force depends on `mass`. With the rolling mass (`rolling_mass`, which includes the wheelsets' inertia) it
+is the force at the brakes, of shoes and motors together, as a force at the rim. With the bare mass it is the force that the
+rail receives, which is less by the force that decelerates the wheelsets. The report does not say which; a locomotive's
+wheelsets and motors add about 6 %.
 """
 
 from typing import NamedTuple

@@ -1,8 +1,9 @@
 """Which car of a commuter train did not deliver the brake force that it was allocated?
 
-Stops of an eight-car train with couplers, measured as in `studies.brake_force.measurement`, in two ways: under the train's
-computers, on rails so slippery that they allocate (a car with its brake cut out, or its motors failed); and dry, with a
-driver who asks every car for its share, where one car's shoes give less than they should by any amount.
+Stops of an eight-car train with couplers are measured as in `studies.brake_force.measurement`. There are two kinds. In the
+first, the rails are so slippery that the train's computers allocate, and a car has its brake cut out or its motors failed.
+In the second, the rails are dry and the driver asks every car for its share. One car's shoes give less than they should, by
+any amount.
 """
 
 from dataclasses import dataclass, replace

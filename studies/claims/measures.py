@@ -32,13 +32,14 @@ def excess_column(k: int) -> str:
 def measure(run: xr.Dataset) -> dict[str, float]:
     """Numbers of one run, from `SETTLING` after the first demand on; coefficients count in the direction of the demand.
 
-    held_effort: rail force of the driven axles over what the plan's coefficient asks of them, 1 without slip.
-    reach_low, reach_high: 5 % and 95 % quantile over time of the adhesion of all units, weighted with load, over the
-    plan's coefficient; front_low: the lower one of the foremost unit. unit_use_low, unit_use_mean: adhesion used by the
-    unit that uses least, and on the mean. over_share: share of units and time with a limit above the true adhesion (mean
-    over the unit's axles). over_time [s]: unit seconds under a limit of the rule that is `SOMEWHAT_TOO_HIGH`; use_over:
-    adhesion used there, and by class of excess. limit_travel: mean over units of the way that the limit goes up and
-    down, over the plan's coefficient.
+    - held_effort: rail force of the driven axles over the force that the plan's coefficient asks of them, 1 without slip.
+    - reach_low, reach_high: 5 % and 95 % quantile over time of the adhesion of all units, weighted with load, over the
+      plan's coefficient; front_low: the lower one of the foremost unit.
+    - unit_use_low, unit_use_mean: adhesion used by the unit that uses least, and the mean over units.
+    - over_share: share of units and time with a limit above the true adhesion (mean over the unit's axles).
+    - over_time [s]: unit seconds under a limit of the rule that is `SOMEWHAT_TOO_HIGH`.
+    - use_over: adhesion used there, and by class of excess.
+    - limit_travel: total movement of the limit, up and down, mean over units, over the plan's coefficient.
     """
     time, command = run["time"].values, run["driver_command"].values
     demand = command != 0.0

@@ -66,9 +66,9 @@ def analyse(
     held, wheels may count pulses. Without it the speed is estimated from speed and force of the axles, of all driven
     ones at least, as on board (docs/reference-speed.md). Gaps and stuck values are reported and cut out.
 
-    Found are: slips and slides; the coefficient of each axle; its value as slips begin, which estimates the adhesion,
-    since the true one is unknown; wheel damage Q (JP4209318) and its error; the share of that adhesion used in slips; and
-    the brake force of each car where coupler forces are there.
+    It finds slips and slides, and the coefficient of each axle. The true adhesion is unknown; the coefficient at the onset
+    of slips estimates it. It also finds wheel damage Q (JP4209318) with its error, and the share of that adhesion used in
+    slips. Where the log has coupler forces, it finds the brake force of each car.
 
     A log that cannot be analysed ends with exit code 2 and the column and row that are to blame. Of several logs the
     others go on, and the exit code is 1 if all failed.

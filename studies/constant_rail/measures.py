@@ -15,12 +15,16 @@ Floats = NDArray[np.float64]
 
 
 def measure(run: xr.Dataset) -> dict[str, float]:
-    """What the torque commands of the units that are limited through the end of a run do there; nan where none is.
+    """Movement of the torque commands of the units that are limited to the end of a run; nan where none is.
 
-    With amplitudes over the mean torque, of the unit where they are greatest: `swinging`, of all about a parabola over time
-    (root of twice the variance, a sine's amplitude); `beside_swing`, of what is left where each phase of the swing has a
-    parabola of its own: without the swing, its harmonics, and their slow changes; `greatest_line`, of the greatest spectral
-    line in that (Hann window). `greatest_slip` [m/s] of the whole run, `limited_units`: number of units.
+    The first three are amplitudes over the mean torque, of the unit where they are greatest.
+
+    - `swinging`: deviation from a parabola over time (root of twice the variance, a sine's amplitude).
+    - `beside_swing`: residual after a parabola is fitted to each phase of the swing. It excludes the swing, its harmonics,
+      and their slow changes.
+    - `greatest_line`: greatest spectral line of that residual (Hann window).
+    - `greatest_slip` [m/s]: of the whole run.
+    - `limited_units`: number of units.
     """
     count = round(SETTLED / record_period(run))
     factor = np.abs(run["torque_factor"].values[-count:])

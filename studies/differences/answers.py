@@ -21,10 +21,13 @@ def problem_rows(seed: int, kind: str, first: int, end: int) -> list[dict[str, o
 def answer_rows(asked: AllocationProblem) -> list[dict[str, object]]:
     """What each rule answers to a problem, all relative to the plan's coefficient.
 
-    case: that of the patent, which counts caps alone. within_reach: whether caps, torque and rate allow the plan, masses
-    counted. effort: mean of what limits and caps allow, weighted with mass. short, over: effort below and above what the
-    bounds allow of the plan. beyond: largest limit above what cap, torque and rate allow. apart: largest distance of a
-    limit from the exact one. unmet: whether the patent's case is B, and the sum of the limits below the plan.
+    - case: that of the patent, which counts caps alone.
+    - within_reach: whether caps, torque and rate allow the plan, with masses counted.
+    - effort: mean of what limits and caps allow, weighted with mass.
+    - short, over: effort below and above what the bounds allow of the plan.
+    - beyond: largest limit above what cap, torque and rate allow.
+    - apart: largest distance of a limit from the exact one.
+    - unmet: whether the patent's case is B, and the sum of the limits below the plan.
     """
     answers = {rule: ALL_RULES[rule](asked) for rule in RULES}
     exact, upper, plan = answers["exact"].limit, asked.box[1], asked.expected

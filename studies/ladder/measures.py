@@ -21,9 +21,12 @@ Floats = NDArray[np.float64]
 def measure(run: xr.Dataset) -> dict[str, float]:
     """Shares of the steps of slip that lead away from the peak, of units that are short of adhesion.
 
-    A step is the change of the unit's largest slip between the means of two intervals; it has a right direction where the
-    first mean lies off the peak by `OFF_PEAK` or more. wrong_steps_still, wrong_steps_changing: share of wrong ones where
-    the adhesion stayed within `CHANGED` and where not; nan where there are none. steps_still, steps_changing: their number.
+    A step is the change of the unit's largest slip between the means of two intervals. It has a right direction where the
+    first mean lies off the peak by `OFF_PEAK` or more.
+
+    - wrong_steps_still, wrong_steps_changing: share of wrong steps where the adhesion stayed within `CHANGED`, and where
+      it did not; nan where there are no steps.
+    - steps_still, steps_changing: number of such steps.
     """
     time = run["time"].values
     ticks = max(1, round(INTERVAL / float(time[1] - time[0])))
