@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit  # scipy.stats takes a second to import
 
 LEAST, MOST = 8, 1000
-"""Events with a bootstrap. Of fewer it is too narrow; of more it differs from Student's t by less than the resamples do."""
+"""Events with a bootstrap. Of fewer it is too narrow. Of 1000 it is hardly another than Student's t: limits move by a tenth
+of the half-width with slip times, by 3 to 7 % with the others above."""
 RESAMPLES = 1999
+"""Another seed moves a limit by 4 % of the half-width."""
 SEED = 0
 """Of the resamples: the same events give the same limits, and all quantities of the same events share their resamples."""
 AT_ONCE = 4_000_000
