@@ -6,6 +6,7 @@ unnoticed, and any comment would cost minutes.
 
 import hashlib
 import inspect
+import logging
 import os
 import shutil
 import sys
@@ -34,21 +35,28 @@ COMPILING = "readhesion: compiling the simulation, about a minute; later runs lo
 
 
 def _someone_waits() -> bool:
-    """Whether a person sees what is written to stderr: at a terminal, or in a notebook."""
-    return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+    """Whether a person sees what is written to stderr: at a terminal, at a Python prompt, or in a notebook."""
+    if "ipykernel" in sys.modules or hasattr(sys, "ps1"):
+        return True
+    return sys.stderr is not None and sys.stderr.isatty()
 
 
 class _Said:
     """Whether this process, or the one that it is a fork of, has said that it compiles."""
 
-    compiling = False
+    compiling = logged = False
 
     @classmethod
     def once(cls) -> None:
-        """Tell the one who waits."""
-        if not cls.compiling and _someone_waits():
+        """Tell the one who waits; where nobody does, the program's log at level INFO."""
+        if cls.compiling:
+            return
+        if _someone_waits():
             cls.compiling = True
             print(COMPILING, file=sys.stderr, flush=True)
+        elif not cls.logged:
+            cls.logged = True
+            logging.getLogger(__name__).info(COMPILING)
 
 
 KEPT_DAYS = 30.0

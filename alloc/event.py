@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from alloc.canonical import canonical
+from alloc.display import displayed
 from alloc.errors import SimulationError
 from alloc.onboard.parameters import Onboard
 from alloc.plant.model import Floats, Model
@@ -16,12 +17,15 @@ STEP, NOISY_STEP = 2e-3, 1e-3
 """Integration steps [s] where an event asks for none, without and with noise on the speed sensors."""
 
 
+@displayed
 @dataclass(frozen=True)
 class DriverCommand:
     """Acceleration [m/s2] asked for on level track, from each of `times` [s] on; before the first: zero."""
 
     times: tuple[float, ...]
+    """Instants, growing [s]."""
     accelerations: tuple[float, ...]
+    """On level track, negative braking [m/s2]."""
 
     def __post_init__(self) -> None:
         if len(self.times) != len(self.accelerations) or not self.times:
@@ -39,6 +43,7 @@ class DriverCommand:
         return np.where(index >= 0, np.asarray(self.accelerations)[np.maximum(index, 0)], 0.0)
 
 
+@displayed
 @dataclass(frozen=True, repr=False)
 class Event:
     """What every rule and controller of a comparison meets alike: train, rail, line, driver, noise."""
@@ -48,11 +53,15 @@ class Event:
     command: DriverCommand
     onboard: Onboard = field(default_factory=Onboard)
     duration: float = 30.0
+    """Length of the run [s]."""
     initial_speed: float = 0.0
+    """[m/s]"""
     initial_position: float = 0.0
+    """Of the train's front [m]."""
     step: float | None = None
     """Longest integration step [s], see `longest_step`."""
     record_period: float = 0.01
+    """Time between two recorded instants [s]."""
     target_speed: float | None = None
     """Speed [m/s] to which time and distance are measured."""
     seed: int = 0
@@ -99,5 +108,5 @@ class Event:
     def __repr__(self) -> str:
         return (
             f"<Event {self.name!r}: {self.duration:g} s from {3.6 * self.initial_speed:g} km/h, "
-            f"seed {self.seed}; {self.model!r}>"
+            f"seed {self.seed}, train {self.model.train.name!r}>"
         )

@@ -14,6 +14,8 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
+from alloc.display import table
+
 Part = TypeVar("Part")
 
 
@@ -42,6 +44,17 @@ class Registry(Mapping[str, Part], Generic[Part]):
         self._filled, self._filling = package is None, False
         self._lock = threading.RLock()
         self._home = str(sys._getframe(1).f_globals.get("__name__", ""))
+
+    def __repr__(self) -> str:
+        return f"<Registry of {len(self)} parts, each a {self.kind}: {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+        meanings = ("description", "meaning")
+        rows = [
+            (name, next((str(getattr(part, one)) for one in meanings if hasattr(part, one)), ""))
+            for name, part in self.items()
+        ]
+        return table(f"{self.kind}: {len(rows)} names", rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process takes its own registry: parts are registered in each."""

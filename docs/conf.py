@@ -24,9 +24,16 @@ html_css_files = ["tables.css"]
 html_show_copyright = False
 html_show_sourcelink = html_copy_source = False
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "cyclopts.ext.sphinx"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "cyclopts.ext.sphinx"]
 exclude_patterns = ["plugins", "results"]
 root_doc = "index"
+
+# Notebooks are run at every build: what they show is what the present code gives.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True  # a cell that fails ends the build
+nb_execution_timeout = 600  # [s] of a cell; the first may compile
+nb_output_stderr = "remove"  # such as the line while kernels compile
+nb_merge_streams = True
 
 myst_heading_anchors = (
     4  # links to a heading of another page, as the plain view of the repository has them

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
+from alloc.display import displayed
 from alloc.errors import InputError
 from alloc.onboard.quantity import quantity
 
@@ -164,6 +165,7 @@ class GroupSettings:
             raise MpcError(f"group: limited = {self.limited!r} must lie in (0, 1]")
 
 
+@displayed
 @dataclass(frozen=True)
 class MpcSettings:
     """Settings of the readhesion MPC.

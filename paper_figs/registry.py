@@ -7,6 +7,7 @@ from typing import Any, Generic, ParamSpec
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from alloc.display import displayed
 from alloc.registry import Registry
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
@@ -15,6 +16,7 @@ from studies.files.study_error import StudyError
 Data = ParamSpec("Data")
 
 
+@displayed
 @dataclass(frozen=True)
 class FigureEntry(Generic[Data]):
     """A figure; called with its data, it is drawn in the project's style."""

@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
+from paper_figs.in_notebook import show_figures
 from paper_figs.palette import DARK
 from studies.core.statement import Interval
+
+show_figures()
 
 Look = dict[str, Any]
 """How something is drawn: matplotlib's properties."""

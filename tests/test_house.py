@@ -71,6 +71,7 @@ def test_plant_knows_nothing_of_what_runs_on_board():
         "alloc.plant",
         "alloc.by_reference",
         "alloc.compilation",
+        "alloc.display",
         "alloc.errors",
         "alloc.registry",
     )

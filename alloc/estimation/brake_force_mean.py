@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.finite_series import finite_series
 
@@ -63,6 +64,7 @@ def braking_window(
     return slice(int(built[0]), end)
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class SeriesMean:
     """Mean of one or several series with its uncertainty; fields are (series,), or scalars in arrays for one."""

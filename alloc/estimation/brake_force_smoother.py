@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.finite_series import finite_series, positive_series
@@ -43,6 +44,7 @@ BAND = 2
 """Samples on either side to which a second difference ties a sample."""
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class SmoothedForces:
     """Brake forces after all measurements."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.brake_force_mean import effective_freedom, stop_mean
 from alloc.estimation.finite_series import finite_series, positive_series
@@ -55,6 +56,7 @@ class CalibrationErrors:
         return np.asarray(np.sqrt(own + ends[..., :-1] + ends[..., 1:]))
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class Shortfalls:
     """By how much each car's brake force fell short of what it was allocated, mean over a stop."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.slide_counts import LEAD_AXLES, SIGMA, SlideCounts
 from alloc.plant.equations import hyperbolic_speed_law
@@ -14,6 +15,7 @@ from alloc.plant.rail import SPEED_LAWS
 Floats = NDArray[np.float64]
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class AxleShifts:
     """k_j sigma of each axle: how much higher its mean coefficient lies than the lead car's, (axles,)."""
@@ -50,6 +52,7 @@ def axle_shifts(counts: SlideCounts) -> AxleShifts:
     return AxleShifts(SIGMA * k, covariance)
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class IncrementFit:
     """slope ln j + offset fitted to the shifts, offset such that the lead car's mean is zero, as (15)."""

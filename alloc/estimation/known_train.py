@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
 
 Floats = NDArray[np.float64]
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredTrain:
     """What must be known of a train to make forces of its series; axles and cars from the front."""

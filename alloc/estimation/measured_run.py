@@ -27,6 +27,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
@@ -50,6 +51,7 @@ SHORTEST_PART = 3
 """Instants of which a part of a log must have more."""
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
     """Series in SI units; nan where a channel has no value that can be used."""
@@ -81,6 +83,7 @@ class MeasuredRun:
     """How late the speed was, which is made up for; None: it cannot be told."""
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class Findings:
     """What a measured run tells; series are nan where it does not tell it."""

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.excitation import Excitation, judge_excitation
 from alloc.estimation.finite_series import finite_series
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 Source = Literal["measured", "commanded"]
 
 
+@displayed
 @dataclass(frozen=True)
 class RunLog:
     """A run as a log has it, all (samples,), evenly spaced: what the learner may know of it.
@@ -30,11 +32,17 @@ class RunLog:
     """
 
     time: Floats
+    """[s]"""
     position: Floats
+    """[m]"""
     speed: Floats
+    """[m/s]"""
     force: Floats
+    """[N]"""
     commanded_speed: Floats | None = None
+    """[m/s]"""
     commanded_acceleration: Floats | None = None
+    """[m/s2]"""
 
     def __post_init__(self) -> None:
         for name, values in vars(self).items():
@@ -75,6 +83,7 @@ class RunLog:
         )  # fmt: skip
 
 
+@displayed
 class Learnt(NamedTuple):
     """What a run has taught."""
 

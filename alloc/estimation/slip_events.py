@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.spans import bridged_spans
 
@@ -26,6 +27,7 @@ BRIDGED = 0.1
 """Time [s] for which a slip may seem to be over without having ended: sensors' noise near the bound."""
 
 
+@displayed
 @dataclass(frozen=True)
 class SlipCriterion:
     """An axle slips where its slip velocity exceeds `velocity` [m/s] and `ratio` times the larger of rim and train speed.
@@ -52,13 +54,16 @@ SMALL = SlipCriterion(0.1, 0.02)
 """Criterion of small slips, where the noise allows: wheels that do not slip creep by less, and radii are wrong by less."""
 
 
+@displayed
 class SlipEvent(NamedTuple):
     """One slip (driving) or slide (braking) of one axle; times in s, slip velocities in m/s, coefficients as magnitudes."""
 
     axle: int
     """0 = foremost."""
     start: float
+    """[s]"""
     end: float
+    """[s]"""
     cut: bool
     """Whether it goes on beyond the part of the log in which it was found."""
     largest_slip: float
@@ -69,6 +74,7 @@ class SlipEvent(NamedTuple):
     """Estimate of the adhesion coefficient: the largest between the start and `ONSET_TIME` after the slip passed its bound.
     nan without forces, and where the slip was there before the part of the log began."""
     onset_time: float
+    """When the coefficient was that of the onset [s]."""
     utilisation: float
     """Mean coefficient during the event over the one at its onset; above 1 where the rail improved. nan without that one."""
     damage: float

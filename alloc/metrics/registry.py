@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.registry import Registry
 
 Found = TypeVar("Found")
@@ -30,6 +31,7 @@ EITHER_WAY = (-1.0, 1.0)
 """Range of a force over the most that there can be, which may point the other way."""
 
 
+@displayed
 class Metric(NamedTuple):
     """A figure of merit."""
 

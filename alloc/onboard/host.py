@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.onboard.attachment import AddedNumbers, Attachment
 from alloc.onboard.equipment import Equipment
 from alloc.onboard.parameters import Onboard, Telegrams
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from alloc.onboard.compiled_controller import CompiledController
 
 
+@displayed
 @dataclass(frozen=True)
 class UnitContext:
     """What a unit's computer knows of its equipment; believed values, SI units."""
@@ -28,6 +30,7 @@ class UnitContext:
     unit: int
     axles: int
     radius: float
+    """Of the wheels [m]."""
     inertia: float
     """Inertia of one wheelset at the wheel [kg m2]."""
     gear_ratio: float
@@ -36,6 +39,7 @@ class UnitContext:
     mass: float
     """Share of the train's mass that the unit moves, rotating parts excluded [kg]."""
     torque_lag: float
+    """Time constant of the motors' torque [s]."""
     curve: AdhesionCurve
     """Believed adhesion curve."""
     period: float
@@ -54,10 +58,12 @@ class UnitContext:
     """The controller's, as the run gives them; None: its own defaults."""
 
 
+@displayed
 class UnitSense(NamedTuple):
     """What a unit's computer reads at a control instant."""
 
     time: float
+    """Since the start of the run [s]."""
     speed: float
     """Reference speed of the car [m/s]."""
     omega: NDArray[np.float64]
@@ -67,7 +73,9 @@ class UnitSense(NamedTuple):
     target: float
     """Torque wanted of each motor: the driver's command under the limit handed down [N m]."""
     drive_limit: float
+    """Most torque of each motor that drives [N m]."""
     brake_limit: float
+    """Most torque of each motor that brakes, a magnitude [N m]."""
     coefficient: float
     """Estimate of the tangential force coefficient by the disturbance observer."""
     slipping: bool
@@ -78,6 +86,7 @@ class UnitSense(NamedTuple):
     """Magnitude of the torque that the driver's command asks of each motor, whatever a rule or the motors allow [N m]."""
 
 
+@displayed
 class TorqueDecision(NamedTuple):
     """What a controller answers."""
 
@@ -133,6 +142,7 @@ TrainControllerFactory = Callable[
 """Makes the controllers of a train when a run starts, of one context per unit, foremost first; as Python or compiled."""
 
 
+@displayed
 @dataclass(frozen=True)
 class HostedController:
     """A readhesion controller that is not built in, as the collection knows it."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
+from alloc.display import displayed
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BuiltInControllers
 from alloc.onboard.increment_learning import IncrementLearning, LearntIncrements
@@ -212,6 +213,7 @@ class Belief:
             )
 
 
+@displayed
 @dataclass(frozen=True)
 class Onboard(BuiltInControllers):
     """Equipment of a train, the readhesion controllers' parameters included; SI units.

@@ -6,9 +6,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.display import displayed
 from alloc.plant.adhesion_laws import adhesion_limit, tangential_coefficient
 
 
+@displayed
 @dataclass(frozen=True)
 class AdhesionCurve:
     """Common part of the curves: `kind` names the law in compiled code, the fields are its parameters."""

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.equations import GRAVITY
 from alloc.plant.sander import Sander
@@ -30,6 +31,7 @@ EFFORT_TABLE_LENGTH = 402
 """Tables reach 401 km/h; beyond, the last value holds."""
 
 
+@displayed
 @dataclass(frozen=True)
 class TorqueLimit:
     """Largest motor torque by rim speed: `peak` [N m] at the shaft, then constant `power` [W] per motor.
@@ -39,8 +41,11 @@ class TorqueLimit:
     """
 
     peak: float
+    """Largest torque at the shaft [N m]."""
     power: float
+    """Of each motor [W]."""
     pull_out_speed: float = math.inf
+    """[m/s]"""
     fade_speed: float = 0.0
     """Speed [m/s] below which the limit fades to zero linearly (electric brakes); 0: no fading."""
     table: tuple[float, ...] | None = None
@@ -66,6 +71,7 @@ class TorqueLimit:
         return np.asarray(limit)
 
 
+@displayed
 @dataclass(frozen=True)
 class Motors:
     """Traction motors of a driven car and the inverters that feed them."""
@@ -83,6 +89,7 @@ class Motors:
             raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
 
 
+@displayed
 @dataclass(frozen=True)
 class AirBrake:
     """Friction brake of a car; one pair of valves per bogie.
@@ -92,10 +99,15 @@ class AirBrake:
     """
 
     maximum_pressure: float
+    """Of the cylinders [Pa]."""
     force_per_pascal: float
+    """Shoe force at the rim of an axle over the pressure [N/Pa]."""
     fill_time: float = 1.2
+    """Time constant of filling [s]."""
     release_time: float = 1.2
+    """Time constant of releasing [s]."""
     dead_time: float = 0.05
+    """Between a command and the valve's answer [s]."""
     friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
     cylinder_volume: float = 4e-3
     """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
@@ -125,6 +137,7 @@ class AirBrake:
             )
 
 
+@displayed
 @dataclass(frozen=True)
 class Car:
     """One car: masses [kg], wheelsets, and what drives and brakes them.
@@ -135,18 +148,25 @@ class Car:
 
     name: str
     length: float
+    """[m]"""
     empty_mass: float
+    """[kg]"""
     load: float
+    """Pay load [kg]."""
     axle_positions: tuple[float, ...]
+    """From the car's front end [m]."""
     bogie_of_axle: tuple[int, ...]
     wheel_radius: float
+    """[m]"""
     wheel_inertia: tuple[float, ...]
     """Inertia of each wheelset with everything geared to it [kg m2], at the wheel."""
     driven: tuple[bool, ...]
     motors: Motors | None = None
     air_brake: AirBrake | None = None
     centre_of_mass_height: float = 1.6
+    """Above the rail [m]."""
     pivot_height: float = 0.5
+    """Above the rail, where bogies pull the body [m]."""
     speed_sensors: bool = True
     """Whether the train's computers know the speed of its axles; those of a freight wagon have no sensors."""
     axle_load_share: tuple[float, ...] | None = None

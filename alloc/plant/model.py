@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.environment import Environment, environment_of
 from alloc.plant.equations import LOCK_TIME
@@ -29,6 +30,7 @@ class Inputs(NamedTuple):
     sand_rate: Floats  # (sanders,) [kg/s per rail]
 
 
+@displayed
 @dataclass(frozen=True, repr=False)
 class Model:
     """A train on a rail and a line; build it with `build`."""
@@ -40,9 +42,10 @@ class Model:
     structure: Structure
     environment: Environment
     span: tuple[float, float]
+    """Stretch of line that is tabulated [m]."""
 
     def __repr__(self) -> str:
-        return f"<Model: {self.train!r} on {self.rail!r}>"
+        return f"<Model: train {self.train.name!r} on {repr(self.rail)[1:-1]}>"
 
     def initial_state(self, speed: float = 0.0, position: float = 0.0) -> Floats:
         """State (rows,) of a train that rolls without slip, brakes and motors off.

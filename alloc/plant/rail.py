@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
@@ -39,6 +40,7 @@ Between two independent knots the smooth step w mixes them and the variance fall
 """
 
 
+@displayed
 @dataclass(frozen=True)
 class Patch:
     """A stretch of rail that, for a time, multiplies the coefficient by a factor; smooth edges.
@@ -85,6 +87,7 @@ def logarithmic_increments(
     return slope * np.log(np.arange(1, axle_count + 1)) + offset
 
 
+@displayed
 @dataclass(frozen=True, repr=False)
 class Rail:
     """Adhesion field.
@@ -206,6 +209,7 @@ class Rail:
         return np.asarray(self.scatter * KNOT_SCATTER * draws)
 
 
+@displayed
 @dataclass(frozen=True)
 class Line:
     """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
@@ -281,6 +285,7 @@ class Line:
         return origin, np.stack([grade, np.where(inside, self.tunnel_factor, 1.0), curving])
 
 
+@displayed
 @dataclass(frozen=True)
 class Receptivity:
     """Share of the electric brake that the line takes up: mean + amplitude sin(2 pi t / period + phase), in [0, 1].

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.car import (
     EFFORT_SPEED_STEP,
@@ -19,6 +20,7 @@ MOST_AXLES = 2000
 """The longest trains have some 1500."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Coupler:
     """Linear draft gear between two cars, with slack.
@@ -41,6 +43,7 @@ class Coupler:
         )
 
 
+@displayed
 @dataclass(frozen=True)
 class DraftGear:
     """Friction draft gears between two cars, one at either car's end, with a slack between them.
@@ -115,6 +118,7 @@ class DraftGear:
         )  # fmt: skip
 
 
+@displayed
 @dataclass(frozen=True, repr=False)
 class Train:
     """A train in its running order, foremost car first.

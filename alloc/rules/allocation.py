@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from alloc.display import displayed
 from alloc.rules.problem import AllocationProblem, Floats
 from alloc.rules.reach import ROUNDING
 
@@ -12,6 +13,7 @@ CASES = ("none", "A", "B")
 """Name of each case by its number: no slip; the plan out of reach; within reach."""
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class Allocation:
     """Limits of the tangential force coefficients, one per unit, and how the rule came to them."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alloc.compilation import jit
+from alloc.display import displayed
 from alloc.rules.allocation import Allocation
 from alloc.rules.exact import box_limits
 from alloc.rules.problem import AllocationProblem, Floats
@@ -39,6 +40,7 @@ def certified(lower, upper, mass, expected, limit, level):
     return holds and below <= 0.0 <= above
 
 
+@displayed
 @dataclass(frozen=True)
 class Optimality:
     """Residuals as coefficients, all >= 0 and zero for the optimum; `gap` is what the rule gives away."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.display import displayed
 from alloc.errors import AllocationError
 from alloc.rules.reach import ROUNDING
 
@@ -25,6 +26,7 @@ _ADVICE = {
 }
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class AllocationProblem:
     """Caps, plan and further bounds of n traction units, unit 1 foremost in the running direction.

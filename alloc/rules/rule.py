@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from alloc.display import displayed
 from alloc.errors import AllocationError
 from alloc.registry import Registry
 from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE, Allocation, allocation
@@ -28,6 +29,7 @@ class Units(NamedTuple):
     """What the driver asks of every unit; the rule may be asked for more, to make up for others."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Rule:
     """An allocation rule: call it with an `AllocationProblem` to get an `Allocation`.

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 
+from alloc.display import displayed
 from studies.core.job import Job
 from studies.files.study_error import StudyError
 from studies.scenario.scenario import Scenario
 
 
+@displayed
 @dataclass(frozen=True)
 class Grid:
     """What a comparison consists of: the product of its parts over `seeds`, and slow controllers on the first of them."""

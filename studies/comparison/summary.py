@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.metrics import METRICS
 from alloc.metrics.registry import NEVER_NEGATIVE, UNLIMITED, range_of
 from studies.core.mean_limits import mean_limits
@@ -28,6 +29,7 @@ REFERENCE = "alone"
 """Rule from which the differences of the others are counted, seed by seed."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Line:
     """One scenario under one rule and one controller, over all its seeds."""

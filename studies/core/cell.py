@@ -75,7 +75,7 @@ class Key(NamedTuple):
 def key_of(cell: Cell) -> Key:
     """Identity of `cell` under the present code."""
     code = code_hash(*cell.sources)
-    text = json.dumps([dict(cell.identity), code], sort_keys=True, default=repr)
+    text = json.dumps([dict(cell.identity), code], sort_keys=True, default=canonical)
     return Key(cell.label, hashlib.sha256(text.encode()).hexdigest()[:16], code)
 
 

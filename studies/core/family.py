@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.metrics.registry import UNLIMITED
 from studies.core.resampling import resampled
 from studies.core.statement import CONFIDENCE, Interval, Statement, Tested, mean_interval
@@ -50,6 +51,7 @@ class Test(NamedTuple):
         return Bound("", values, most=self.threshold)
 
 
+@displayed
 @dataclass(frozen=True)
 class Claim:
     """A claim over events, as data."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import xarray as xr
 
+from alloc.display import displayed
 from alloc.metrics import METRICS, evaluate
 from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS, Event, simulate
@@ -18,6 +19,7 @@ Measure = Callable[[xr.Dataset], dict[str, float]]
 """What a study reads from a recorded run beside the metrics: column -> number. A function of a module."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Job:
     """An event under a rule and a controller; its row holds every metric, and what `measure` adds."""

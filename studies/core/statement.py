@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtri  # scipy.stats, which calls it, takes a second to import
 
+from alloc.display import cut, displayed
 from alloc.metrics.registry import UNLIMITED, range_of
 from studies.core.mean_limits import mean_limits
 
@@ -28,14 +29,23 @@ LEAST_AGREEMENT = 0.95
 """Share of bootstrap resamples that must give a verdict again; one with less is fragile."""
 
 
-@dataclass(frozen=True)
+@displayed
+@dataclass(frozen=True, repr=False)
 class Interval:
     """A mean or a share with the limits of its confidence interval (nan where there is none) and its events."""
 
     value: float
+    """The mean, or the share."""
     low: float
+    """Lower limit of the interval."""
     high: float
+    """Upper limit of the interval."""
     count: int
+    """Events that bear on it."""
+
+    def __repr__(self) -> str:
+        limits = f" [{self.low:.4g}, {self.high:.4g}]" if self.low == self.low else ""
+        return f"<Interval {self.value:.4g}{limits}, events: {self.count}>"
 
     def cut(self, within: tuple[float, float]) -> "Interval":
         """The interval without what lies beyond the least and the greatest value that its quantity can have."""
@@ -45,6 +55,7 @@ class Interval:
         return Interval(self.value, low, high, self.count)
 
 
+@displayed
 @dataclass(frozen=True)
 class Tested:
     """The mean that decides a statement, against its threshold."""
@@ -64,7 +75,8 @@ class Tested:
     """The same adjusted after Holm over the claims of the study: below 1 - `CONFIDENCE` it is decided."""
 
 
-@dataclass(frozen=True)
+@displayed
+@dataclass(frozen=True, repr=False)
 class Statement:
     """What a sweep says about one claim."""
 
@@ -83,6 +95,9 @@ class Statement:
     """Of a claim about one mean."""
     agreement: float = math.nan
     """Share of bootstrap resamples of the events that give this verdict; nan where it does not rest on means."""
+
+    def __repr__(self) -> str:
+        return f"<Statement {self.name!r}: {self.verdict}: {cut(self.claim)}>"
 
     @property
     def fragile(self) -> bool:

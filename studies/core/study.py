@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from alloc.display import displayed
 from studies.core.cell import Cell, OnRow, key_of
 from studies.core.runner import run_cells
 from studies.core.shard import ALL, Shard
@@ -26,6 +27,7 @@ Stage = Callable[..., Sequence[Cell]]
 """Cells that depend on what came before: called as `Cells`, with the rows so far as third argument."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Study:
     """One question over many events: what is met, what is measured, what is said."""

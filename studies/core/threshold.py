@@ -7,12 +7,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from alloc.display import displayed
 from alloc.whole_file import write_whole
 
 FOLDER = "thresholds"
 """Where a study's folder of results keeps them."""
 
 
+@displayed
 class Threshold(NamedTuple):
     """A threshold on a metric: of the rule under test, or of another one, or the difference of two."""
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from alloc.display import displayed
 from studies.files.study_error import StudyError, unknown
 from studies.files.units import is_number
 from studies.lines.speed_profile import SpeedProfile
@@ -18,6 +19,7 @@ SLOWEST_COASTING = 0.7
 """Share of the speed at which coasting began down to which it goes on; a train that a climb slows more pulls again."""
 
 
+@displayed
 @dataclass(frozen=True)
 class DrivingStyle:
     """`effort`: share of the tractive effort that is used at most.
@@ -64,6 +66,7 @@ class Coasting:
         return self._slowest is not None and not self._over
 
 
+@displayed
 @dataclass(frozen=True)
 class Leg:
     """A run from stop to stop: its profile, and where it ends; the train stands there for the point's dwell."""

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.display import displayed
 from alloc.driving import drive
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
@@ -35,25 +36,33 @@ PAD_WEAR = 0.3e-6
 size that workshops know; ratios between runs do not depend on it."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Passing:
     """When [s] and how fast [m/s] a point of interest is passed; None if the train stops short of it."""
 
     point: PointOfInterest
     time: float | None
+    """[s]"""
     speed: float | None
+    """[m/s]"""
 
 
+@displayed
 @dataclass(frozen=True)
 class Stop:
     """A stop as it came out: arrival and departure [s], and how far beyond its place the train stood [m]."""
 
     point: PointOfInterest
     arrival: float
+    """[s]"""
     departure: float
+    """[s]"""
     error: float
+    """How far beyond its place the train stood [m]."""
 
 
+@displayed
 @dataclass(frozen=True)
 class LineRun:
     """A run over a line, and its inputs."""

@@ -23,6 +23,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from alloc.display import displayed
 from alloc.estimation.known_train import MeasuredTrain
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError, nearest
@@ -55,6 +56,7 @@ class MappedTime(Strict):
     period_s: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
 
 
+@displayed
 class Mapping(Strict):
     """The file."""
 

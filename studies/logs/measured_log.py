@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from alloc.display import displayed
 from alloc.estimation.common_instants import Instants, common_instants, longest, resample
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import MeasuredRun, SpeedSource
@@ -30,6 +31,7 @@ SLOW = 1.5
 """Periods of the wheels from which on forces are slower than they."""
 
 
+@displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredLog:
     """A log that can be analysed, and the remarks on it."""

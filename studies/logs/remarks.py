@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from alloc.display import displayed
 from studies.files.study_error import StudyError
 
 MOST = 10
@@ -28,6 +29,7 @@ KINDS = {
 """Kinds of remarks in the order in which they are shown, and their heading."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Remark:
     """Something to know of a log that does not prevent its analysis; times in s, rows from 1 below the header."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
+from alloc.display import displayed
 from alloc.plant.rail import Line
 from alloc.plant.train import Train
 
@@ -14,30 +15,39 @@ SHARE_BEHIND: dict[Measure, float] = {"front": 0.0, "middle": 0.5, "rear": 1.0}
 """How far behind the front each point of the train is, as a share of its length."""
 
 
+@displayed
 @dataclass(frozen=True)
 class Section:
     """A stretch of line of one gradient and one speed limit: start, end [m], grade as rise per run, limit [m/s]."""
 
     start: float
+    """[m]"""
     end: float
+    """[m]"""
     grade: float
+    """Rise per run, positive uphill."""
     speed_limit: float = math.inf
+    """[m/s]"""
 
 
+@displayed
 @dataclass(frozen=True)
 class PointOfInterest:
     """A point of the line [m] that the train's front, middle or rear is to pass; with a dwell [s] the front stops there."""
 
     station: float
+    """Its place on the line [m]."""
     name: str
     measure: Measure = "front"
     dwell: float | None = None
+    """Time for which the front stops there [s]; None: the train passes."""
 
     def front_position(self, length: float) -> float:
         """Where the front of a train of this `length` [m] is when it passes."""
         return self.station + SHARE_BEHIND[self.measure] * length
 
 
+@displayed
 @dataclass(frozen=True)
 class RunningPath:
     """A line, run from its start to its end."""
@@ -82,6 +92,7 @@ def sections(rows: Sequence[tuple[float, float, float]]) -> tuple[Section, ...]:
     )
 
 
+@displayed
 @dataclass(frozen=True)
 class RollingStock:
     """A train that can run a line by itself: with its load, its brake and what it is allowed."""

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from alloc.errors import number_fault
+from alloc.field_meaning import Meaning, meanings, meant
 from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import (
     CURVE_LAWS,
@@ -19,7 +20,6 @@ from alloc.plant.rail import (
     logarithmic_increments,
 )
 from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
-from studies.files.key_meaning import Meaning, meanings, meant
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
 from studies.files.units import range_fault, si, unit_of

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
+from alloc.display import displayed
 from alloc.errors import OnboardError, PlantError
 from alloc.onboard.equipment import equipment
 from alloc.plant.adhesion import CURVES
@@ -60,6 +61,7 @@ def _named_by_file(schema: dict[str, Any]) -> None:
     schema["required"].remove("name")
 
 
+@displayed
 class Scenario(Strict):
     """A slip event as its file describes it; `event` gives what the simulation runs. Source: this project."""
 

@@ -5,9 +5,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
+
+
+def _without_settings(text: str) -> str:
+    """The text without the settings that a notebook begins with."""
+    return re.sub(r"\A---\n.*?^---\n", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
 PAGES = {
-    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
-    for path in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+    path.relative_to(ROOT).as_posix(): _without_settings(path.read_text(encoding="utf-8"))
+    for path in [
+        *sorted(ROOT.glob("*.md")),
+        *sorted((ROOT / "docs").glob("*.md")),
+        *sorted((ROOT / "docs/notebooks").glob("*.md")),
+    ]
 }
 """Path -> text of README, changelog and pages."""
 

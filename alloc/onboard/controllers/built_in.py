@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from alloc.compilation import equation
+from alloc.display import displayed
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
@@ -16,6 +17,7 @@ Remembered = Mapping[str, Any]
 """What a law keeps of every unit, and its value at the start of a run: a number, or nested tuples of them."""
 
 
+@displayed
 class BuiltInController:
     """A readhesion controller; a subclass is a frozen dataclass of its parameters.
 

@@ -1,4 +1,4 @@
-"""What a key means, from one place: the docstring that follows its field, in a record of parameters or in a class of keys.
+"""What a field or a key means, from one place: the docstring below it, in a record or in a class of keys.
 
 Such a docstring says the meaning. Where it helps, "Left out:" says what holds without the key, and "Source:" says where
 meaning and value come from; both end it. A unit in brackets is that of the field, which a key may give in another.
@@ -11,7 +11,7 @@ from functools import cache
 
 from docstring_parser.attrdoc import AttributeDocstrings
 
-UNIT = re.compile(r" \[((?:[A-Za-z(]|1/)[^\]]*)\]")
+UNIT = re.compile(r"(?:^| )\[((?:[A-Za-z(]|1/)[^\]]*)\]")
 NAME = re.compile(r"`(\w+)`")
 PARTS = re.compile(r"(?:^|(?<=\s))(Left out|Source): ")
 
