@@ -15,7 +15,7 @@ from alloc.spans import spans
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, recorded
-from paper_figs.style import along_train, new_panels, rule_colour, train_bar
+from paper_figs.style import COLUMN, PAGE, along_train, new_panels, rule_colour, train_bar
 from studies.scenario.loading import load_scenario
 
 CONTROLLER = "cut-and-ramp"
@@ -31,7 +31,7 @@ BLENDED = 30.0
         recorded("wet-patch", "alone", CONTROLLER), recorded("wet-patch", "exact", CONTROLLER))  # fmt: skip
 def slip_event(*runs: xr.Dataset) -> Figure:
     """One column per run, all of the same train; rows: speeds, slip velocity, torque, limit."""
-    width = 7.1 if len(runs) > 1 else 5.0
+    width = PAGE if len(runs) > 1 else COLUMN
     shape = {"sharex": True, "sharey": "row", "squeeze": False}
     drawn, axes = new_panels(width, 7.2, 4, len(runs), **shape)
     units = runs[0].sizes["unit"]
@@ -84,7 +84,7 @@ def _worst_axles(run: xr.Dataset, name: str) -> NDArray[np.float64]:
 def sharing_wanders(*runs: xr.Dataset) -> Figure:
     """One column per run; rows: limits, torque, jerk of the worst car."""
     shape = {"sharex": True, "sharey": "row", "squeeze": False}
-    drawn, axes = new_panels(7.1, 5.4, 3, len(runs), **shape)
+    drawn, axes = new_panels(PAGE, 5.4, 3, len(runs), **shape)
     for (limits, torques, jerks), run in zip(axes.T, runs, strict=True):
         time, colour = run["time"].values, rule_colour(attributes_of(run)["rule"])
         _of_units(limits, time, run["limit"].values)
@@ -125,7 +125,7 @@ def slip_detection(run: xr.Dataset, detector: Detector, unit: int = UNIT) -> Fig
     computed = run["computed_acceleration"].values[shown, unit]
     slip = run["slip_velocity"].values[:, run["axle_unit"].values == unit].max(axis=1)[shown]
     heights = (3.0, 2.0, 0.9)
-    drawn, axes = new_panels(5.6, 4.8, 3, sharex=True, height_ratios=heights)
+    drawn, axes = new_panels(PAGE, 4.8, 3, sharex=True, height_ratios=heights)
     upper, middle, lower = axes
     _thresholds(upper, time, computed, on, detector.on, detector.off, "m/s²")
     upper.set_ylabel("axle acceleration,\nunit's mean [m/s²]")
@@ -163,7 +163,7 @@ def _thresholds(
 def blended_braking(run: xr.Dataset) -> Figure:
     """Rows: forces of the foremost unit, forces of the rearmost, cylinder pressures."""
     run = run.sel(time=slice(0.0, BLENDED))
-    drawn, axes = new_panels(5.6, 6.0, 3, sharex=True)
+    drawn, axes = new_panels(PAGE, 6.0, 3, sharex=True)
     _forces(axes[0], run, 0, "foremost motor car")
     _forces(axes[1], run, run.sizes["unit"] - 1, "rearmost motor car")
     axes[1].sharey(axes[0])
