@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from alloc.plant.rail import logarithmic_increments
 from alloc.rules import RULES, Allocation, AllocationProblem, find_rule
 from paper_figs.registry import figure
-from paper_figs.style import handle, new_panels, rule_colour
+from paper_figs.style import NOTE, PAGE, handle, new_panels, rule_colour
 
 UNITS = 8
 AXLES_PER_UNIT = 4
@@ -55,14 +55,14 @@ def allocation_bars(rules: Sequence[str] = SHOWN) -> Figure:
 
     Noted in each: mean limit ("told") and mean of what limit and adhesion together allow ("used"), as a share of the plan.
     """
-    drawn, axes = new_panels(7.1, 3.9, 2, len(rules), sharex=True, sharey=True, squeeze=False)
+    drawn, axes = new_panels(PAGE, 3.9, 2, len(rules), sharex=True, sharey=True, squeeze=False)
     for row, coefficient in enumerate((HIGH, LOW)):
         for column, rule in enumerate(rules):
             _bars(axes[row, column], rule, coefficient)
     axes[0, 0].set_ylim(top=axes[0, 0].get_ylim()[1] + NOTES)
     for (upper, lower), rule in zip(axes.T, rules, strict=True):
         upper.set_title(
-            rule, color=rule_colour(rule), fontweight="bold", loc="center", fontsize=6.3
+            rule, color=rule_colour(rule), fontweight="bold", loc="center", fontsize=NOTE
         )
         lower.set_xlabel("unit")
     axes[0, 0].set_ylabel("(a) high adhesion, case B\ncoefficient [–]")
@@ -86,7 +86,7 @@ def _bars(axes: Axes, rule: str, coefficient: float) -> None:
     told, used = (100.0 * x / EXPECTED for x in (answer.effort(asked), answer.usable(asked)))
     note = axes.text(
         0.04, 0.995, f"told {told:.1f} %\nused {used:.1f} %",
-        transform=axes.transAxes, va="top", fontsize=5.0,
+        transform=axes.transAxes, va="top", fontsize=NOTE,
     )  # fmt: skip
     note.set_in_layout(False)
     axes.set(ylim=(BOTTOM, None), xlim=(0.3, UNITS + 0.7))

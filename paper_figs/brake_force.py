@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from paper_figs.palette import BLACK, BLUE, GREEN, PINK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
-from paper_figs.style import new_panels
+from paper_figs.style import COLUMN, PAGE, new_panels
 from studies.brake_force.accusations import driven_rows
 from studies.brake_force.faulty_car import Fault, Stop, allocated_stops
 from studies.brake_force.findings import running_test_row
@@ -47,7 +47,7 @@ def _test(result: TestResult) -> Figure:
     m, found, true = result.measured, estimate(result), result.true_force / 1e3
     time = m.time - BRAKED_AT
     heights = (0.8, 1.0, 1.0, 1.3)
-    drawn, axes = new_panels(5.6, 6.6, 4, sharex=True, height_ratios=heights)
+    drawn, axes = new_panels(PAGE, 6.6, 4, sharex=True, height_ratios=heights)
     speed, acceleration, coupler, force = axes
     speed.plot(time, 3.6 * m.speed, color="black")
     speed.set(ylabel="speed [km/h]", ylim=(0.0, None))
@@ -57,7 +57,7 @@ def _test(result: TestResult) -> Figure:
     acceleration.set_ylabel("acceleration [m/s²]")
     coupler.plot(time, m.coupler_force[:, 0] / 1e3, color="black", linewidth=0.9)
     coupler.set_ylabel("coupler force [kN]")
-    coupler.set_title("between locomotive and wagon 1, tension positive", fontsize=7.5)
+    coupler.set_title("between locomotive and wagon 1, tension positive")
     for values, dashes, colour, label in (
         (found.wagons / 1e3, "-", WAGONS, "all wagons"),
         (found.locomotive / 1e3, "-", LOCOMOTIVE, "locomotive"),
@@ -93,7 +93,7 @@ def brake_cut_out(table: pd.DataFrame) -> Figure:
     aside = 0.3 * (of_day - (of_day.max() + 1.0) / 2.0) / max(float(of_day.max()) - 1.0, 1.0)
     means = mean.groupby(count).mean()
     slope, intercept = np.polyfit(means.index.to_numpy(dtype=float), means.to_numpy(), 1)
-    drawn, axes = new_panels(4.2, 3.4)
+    drawn, axes = new_panels(COLUMN, 3.4)
     axes.errorbar(
         count + aside, mean, 1.96 * deviation, fmt="o", color=WAGONS, markersize=2.5,
         elinewidth=0.6, alpha=0.7, label="a day's test, 95 %",
@@ -117,7 +117,7 @@ def brake_emergency(result: TestResult) -> Figure:
     found, smoothed = estimate(result), smooth(result)
     time, wagons = result.measured.time - BRAKED_AT, result.test.wagons
     total, deviation = smoothed.total(slice(1, None))
-    drawn, axes = new_panels(7.1, 4.6, 2, 2, sharex=True, sharey="row")
+    drawn, axes = new_panels(PAGE, 4.6, 2, 2, sharex=True, sharey="row")
     for (left, right), plain, own, force, band, scale, title in (
         (axes[0], found.wagons, found.wagons_own, total, deviation, wagons, f"(a) {wagons} wagons"),
         (axes[1], found.wagon, found.wagon, smoothed.force[:, 1], smoothed.deviation[:, 1], 1, "(b) wagon 1"),
@@ -148,7 +148,7 @@ def brake_emergency(result: TestResult) -> Figure:
         made(allocated_stops, FAULT, DAY), study("brake-force", 1, lambda: pd.DataFrame(driven_rows(DAY))))  # fmt: skip
 def faulty_car(stops: Sequence[Stop], table: pd.DataFrame) -> Figure:
     """Left: allocated and estimated force of each car, one bogie cut out; right: shares found over the shortfall."""
-    drawn, (bars, shares) = new_panels(7.1, 3.1, 1, 2, width_ratios=(1.5, 1.0))
+    drawn, (bars, shares) = new_panels(PAGE, 3.1, 1, 2, width_ratios=(1.5, 1.0))
     _stop(bars, stops[0])
     _shares(shares, table[table["part"] == "driven"])
     return drawn

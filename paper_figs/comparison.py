@@ -14,6 +14,7 @@ from paper_figs.registry import figure
 from paper_figs.source import comparison
 from paper_figs.style import (
     CONTROLLER_FILL,
+    PAGE,
     Look,
     Panel,
     bare_rows,
@@ -44,7 +45,7 @@ def rule_comparison(table: pd.DataFrame) -> Figure:
     lines = summarise(table)
     scenarios = list(dict.fromkeys(line.scenario for line in lines))
     rules = list(dict.fromkeys(line.rule for line in lines))
-    drawn, axes = new_panels(7.1, 1.3 + 0.62 * len(scenarios), 1, len(PANELS), sharey=True)
+    drawn, axes = new_panels(PAGE, 1.3 + 0.62 * len(scenarios), 1, len(PANELS), sharey=True)
     for panel, one in zip(PANELS, axes, strict=True):
         _metric(one, panel, lines, scenarios, rules)
     name_rows(axes[0], scenarios)
@@ -92,7 +93,7 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
     lines = summarise(table)
     scenarios = list(dict.fromkeys(line.scenario for line in lines))
     rows = math.ceil(len(scenarios) / COLUMNS)
-    drawn, axes = new_panels(7.1, 0.9 + 1.75 * rows, rows, COLUMNS, squeeze=False)
+    drawn, axes = new_panels(PAGE, 0.9 + 1.75 * rows, rows, COLUMNS, squeeze=False)
     # rules that agree lie on one point: the later ones are smaller, so that all can be seen
     rules = list(dict.fromkeys(line.rule for line in lines))
     sizes = dict(zip(rules, np.linspace(LARGEST, SMALLEST, len(rules)), strict=True))

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
+    PAGE,
     Panel,
     bare_rows,
     interval_mark,
@@ -39,7 +40,7 @@ def differences(table: pd.DataFrame) -> Figure:
     within = problems[problems["within_reach"].astype(bool)]
     kinds = list(dict.fromkeys(problems["kind"]))
     widths = (1.6, 1, 1, 1)
-    drawn, axes = new_panels(7.1, 3.4, 1, 1 + len(PANELS), sharey=True, width_ratios=widths)
+    drawn, axes = new_panels(PAGE, 3.4, 1, 1 + len(PANELS), sharey=True, width_ratios=widths)
     for rule, shift in zip(SHOWN, (-0.15, 0.15), strict=True):
         for y, kind in enumerate(kinds):
             rows = within[(within["kind"] == kind) & (within["rule"] == rule)]

@@ -18,8 +18,6 @@ GAPS = (2.0, 6.0)
 """Distances of a name from its own line [points] that are tried, at the place that it belongs to."""
 ENOUGH = 10.0
 """Distance to the others [points] beyond which a place is as good as any."""
-APART = 0.1
-"""Weight of the distance of a name's line from the others there."""
 HALO = [withStroke(linewidth=1.5, foreground="white")]
 """What keeps a name legible where it must cross a line."""
 
@@ -108,7 +106,8 @@ def _best(
         # its own line passes at the first gap; nearer, it would cross the name
         score = min(_distance(box, rest), ENOUGH, (ENOUGH / GAPS[0]) * _distance(box, own))
         # where lines lie on each other, a name would be of either
-        score += APART * min(_distance(np.tile(place, 2), rest), 3.0 * ENOUGH)
+        apart = min(_distance(np.tile(place, 2), rest) / ENOUGH, 1.0)
+        score = apart * (score + 1.0)
         if score > best + 1e-6:
             best, choice = score, box
     return choice

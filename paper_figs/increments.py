@@ -19,7 +19,7 @@ from alloc.plant.rail import logarithmic_increments
 from paper_figs.palette import BLACK, BLUE, GREY, ORANGE, PINK, PURPLE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
-from paper_figs.style import legend_below, new_panels
+from paper_figs.style import PAGE, legend_below, new_panels
 from studies.core.statement import CONFIDENCE
 from studies.learning.series import SERIES, TOLERANCE
 
@@ -58,7 +58,7 @@ def axle_shifts(counts: SlideCounts) -> Figure:
 
     A table whose source says SYNTHETIC is labelled so across both.
     """
-    drawn, (left, right) = new_panels(7.1, 3.4, 1, 2, width_ratios=(2.0, 3.0))
+    drawn, (left, right) = new_panels(PAGE, 3.4, 1, 2, width_ratios=(2.0, 3.0))
     axle = np.arange(1, counts.axle_count + 1)
     left.bar(axle, counts.slides, width=1.0, color=GREY, alpha=0.75)
     mean = f"mean of axles 1 to {LEAD_AXLES}"
@@ -69,9 +69,7 @@ def axle_shifts(counts: SlideCounts) -> Figure:
     for axes in (left, right):
         axes.set(xlim=(0.0, counts.axle_count + 1.0), xlabel=AXLE)
     if counts.source.startswith("SYNTHETIC"):
-        drawn.suptitle(
-            "SYNTHETIC counts, drawn from JP5484215 (14) and (15): not measured", fontsize=8.5
-        )
+        drawn.suptitle("SYNTHETIC counts, drawn from JP5484215 (14) and (15): not measured")
     return drawn
 
 
@@ -100,7 +98,7 @@ def _shifts(axes: Axes, counts: SlideCounts, axle: NDArray[np.int64]) -> None:
 @figure("unit-increments", "increments per unit by drive and line (JP5484215 Fig. 13)")
 def unit_increments() -> Figure:
     """Left: one line per unit over the axles that it drives, by drive. Right: 1C4M on conventional lines, by speed."""
-    drawn, (left, right) = new_panels(7.1, 3.0, 1, 2, gridspec_kw={"wspace": 0.08})
+    drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2, gridspec_kw={"wspace": 0.08})
     per_axle = logarithmic_increments(AXLES)
     for name, (axles, colour, dashes) in DRIVES.items():
         _units(left, per_axle, axles, color=colour, linestyle=dashes, label=name)
@@ -138,7 +136,7 @@ def learning(table: pd.DataFrame) -> Figure:
     table = table[table["case"] == "sound"]
     rails, stored = list(table["rail"].unique()), list(table["stored"].unique())
     shape = {"sharex": True, "sharey": True, "squeeze": False}
-    drawn, axes = new_panels(7.1, 4.8, len(rails), len(stored), **shape)
+    drawn, axes = new_panels(PAGE, 4.8, len(rails), len(stored), **shape)
     for rail, row in zip(rails, axes, strict=True):
         for kind, one in zip(stored, row, strict=True):
             chosen = table[(table["rail"] == rail) & (table["stored"] == kind)]
@@ -153,7 +151,7 @@ def learning(table: pd.DataFrame) -> Figure:
     first = axes[0, 0]
     first.text(
         0.99, TOLERANCE, f"{TOLERANCE:g}", transform=first.get_yaxis_transform(),
-        ha="right", va="bottom", fontsize=7,
+        ha="right", va="bottom",
     )  # fmt: skip
     legend_below(drawn, len(ARM_STYLES), first)
     return drawn

@@ -13,6 +13,7 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
+    PAGE,
     Look,
     Panel,
     bare_rows,
@@ -62,7 +63,7 @@ def ladder(table: pd.DataFrame) -> Figure:
     """A panel per metric: means with their intervals by controller, filled with a free axle, open for the locomotive."""
     good = complete(table)
     free = good["train"] != LOCOMOTIVE
-    drawn, axes = new_panels(7.1, 4.6, 2, len(PANELS) // 2, sharey=True)
+    drawn, axes = new_panels(PAGE, 4.6, 2, len(PANELS) // 2, sharey=True)
     for panel, one in zip(PANELS, axes.flat, strict=True):
         for y, controller in enumerate(LADDER):
             own = good["controller"] == controller
@@ -81,7 +82,6 @@ def ladder(table: pd.DataFrame) -> Figure:
     counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
     drawn.suptitle(
         f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events)",
-        fontsize=8,
     )
     return drawn
 
@@ -103,7 +103,7 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
 def curves(table: pd.DataFrame) -> Figure:
     """A row per pair, a panel per metric, each with a scale of its own: mean paired difference and interval by curve."""
     good = table[table["status"] == "ok"]
-    drawn, axes = new_panels(7.1, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
+    drawn, axes = new_panels(PAGE, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
     for pair, row in zip(PAIRS, axes, strict=True):
         for panel, one in zip(CURVE_PANELS, row, strict=True):
             for y, curve in enumerate(CURVES):

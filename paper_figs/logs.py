@@ -11,7 +11,7 @@ from alloc.spans import spans
 from paper_figs.palette import VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source
-from paper_figs.style import along_train, new_panels, train_bar
+from paper_figs.style import PAGE, along_train, new_panels, train_bar
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.scenario.loading import load_scenario
@@ -41,7 +41,7 @@ def measured_log(log: MeasuredLog, found: Findings | None = None) -> Figure:
     shown = np.flatnonzero(np.isfinite(found.slip_velocity).any(axis=0))
     has_force, axle_count = bool(found.covered.any()), log.train.radius.size
     rows = 2 + 2 * has_force + (found.car_force is not None)
-    drawn, panels = new_panels(7.1, 0.9 + 1.75 * rows, rows, sharex=True)
+    drawn, panels = new_panels(PAGE, 0.9 + 1.75 * rows, rows, sharex=True)
     axes = list(panels)
     _axles(axes[0], log, 3.6 * log.run.rim_speed, shown)
     axes[0].plot([], [], color=along_train(axle_count)[0], linewidth=0.8, label="wheels")

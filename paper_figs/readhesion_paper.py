@@ -12,7 +12,7 @@ from alloc.plant.sets.one_axle import PATCH_FADE
 from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import legend_below, new_panels
+from paper_figs.style import PAGE, legend_below, new_panels
 from studies.readhesion_paper.findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
 from studies.readhesion_paper.lanes import TableRuns
 from studies.readhesion_paper.paper import (
@@ -102,7 +102,7 @@ def _by_set(
         "torque factor over the deviation of acceleration (readhesion paper Fig. 5), in both units")  # fmt: skip
 def torque_table() -> Figure:
     """The table of both cases, read in each unit, on one scale; margin and width of case B are marked."""
-    drawn, panels = new_panels(7.1, 2.7, 1, len(SETS), sharey=True)
+    drawn, panels = new_panels(PAGE, 2.7, 1, len(SETS), sharey=True)
     deviation = np.linspace(-0.3, 4.8, 600)
     for axes, letter, one in zip(panels, "ab", SETS.values(), strict=True):
         scale = 3.6 * UNITS[one.unit]  # km/h/s
@@ -129,7 +129,7 @@ def torque_table() -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_slip(*runs: TableRuns) -> Figure:
     """Rows: case A, case B on the same scale, case B as a whole; a column per unit."""
-    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharex=True, sharey="row")
+    drawn, panels = new_panels(PAGE, 5.6, 3, len(SETS), sharex=True, sharey="row")
     rows = (("A", 0, PEAK_SLIP), ("B", 1, PEAK_SLIP), ("B", 1, None))
     labels = ("slip velocity", "at the curve's peak: micro slip below, macro above")
 
@@ -137,7 +137,7 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
         for axes, (name, lane, top) in zip(column, rows, strict=True):
             values = one.slip[:, lane], one.peak_slip[:, lane]
             _pair(axes, one.time, values, labels, COLOURS[name], (None, 0.9))
-            axes.set_title(_heading(name, unit) + ("" if top else ", whole"), fontsize=7.5)
+            axes.set_title(_heading(name, unit) + ("" if top else ", whole"))
 
     _by_set(draw, panels, runs)
     for axes, (_, _, top) in zip(panels[:, 0], rows, strict=True):
@@ -151,14 +151,14 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_torque(*runs: TableRuns) -> Figure:
     """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
-    drawn, panels = new_panels(7.1, 4.4, 2, len(SETS), sharex=True, sharey=True)
+    drawn, panels = new_panels(PAGE, 4.4, 2, len(SETS), sharex=True, sharey=True)
     labels = (r"motor torque $\times\ R_g/(Wgr)\ M/(M + J/r^2)$", FORCE)
 
     def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
         for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
             values = on_coefficient_scale(one, lane), one.coefficient[:, lane]
             _pair(axes, one.time, values, labels, COLOURS[name])
-            axes.set_title(_heading(name, unit), fontsize=7.5)
+            axes.set_title(_heading(name, unit))
 
     _by_set(draw, panels, runs)
     for axes in panels[:, 0]:
@@ -171,7 +171,7 @@ def readhesion_torque(*runs: TableRuns) -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_factor(*runs: TableRuns) -> Figure:
     """Rows: case A, two seconds of it, case B; a column per unit. The factor, and the filtered command over the plan."""
-    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharey=True)
+    drawn, panels = new_panels(PAGE, 5.6, 3, len(SETS), sharey=True)
     close = f", {CLOSE[0]:g} to {CLOSE[1]:g} s"
     rows = (("A", 0, (FROM, UNTIL), ""), ("A", 0, CLOSE, close), ("B", 1, (FROM, UNTIL), ""))
     labels = ("torque factor of the table", "torque command after its filter, over the plan")
@@ -180,7 +180,7 @@ def readhesion_factor(*runs: TableRuns) -> Figure:
         for axes, (name, lane, shown, part) in zip(column, rows, strict=True):
             values = one.factor[:, lane], one.command[:, lane] / one.plan
             _pair(axes, one.time, values, labels, COLOURS[name], (1.0, 1.0), shown)
-            axes.set_title(_heading(name, unit) + part, fontsize=7.5)
+            axes.set_title(_heading(name, unit) + part)
 
     _by_set(draw, panels, runs)
     for axes in panels[:, 0]:
@@ -193,12 +193,12 @@ def readhesion_factor(*runs: TableRuns) -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_trajectory(*runs: TableRuns) -> Figure:
     """A row per case, a column per unit, from the drop to the recovery. Torque on the scale of the coefficient."""
-    drawn, panels = new_panels(7.1, 5.4, 2, len(SETS), sharey=True)
+    drawn, panels = new_panels(PAGE, 5.4, 2, len(SETS), sharey=True)
 
     def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
         for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
             _loci(axes, one, lane, COLOURS[name])
-            axes.set_title(_heading(name, unit), fontsize=7.5)
+            axes.set_title(_heading(name, unit))
             axes.set(xlim=(0.0, None), xlabel="slip velocity [m/s]")
 
     _by_set(draw, panels, runs)
@@ -228,7 +228,7 @@ def half_slip(*runs: TableRuns) -> Figure:
 
     Under the calibrated set the wheel readheres as ever; under the rival in m/s2 it half-slips on, as the paper has it.
     """
-    drawn, panels = new_panels(7.1, 4.2, 2, len(SETS), sharex=True, squeeze=False)
+    drawn, panels = new_panels(PAGE, 4.2, 2, len(SETS), sharex=True, squeeze=False)
     case, units = HALF_SLIP, ("motor torque, as a coefficient", FORCE)
     for (slip, torque), one, letter, name in zip(panels.T, runs, "ab", SETS, strict=True):
         unprinted, colour = SETS[name], SET_COLOURS[name]

@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, MultipleLocator
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source, study
-from paper_figs.style import Look, legend_below, new_panels, plain_ticks
+from paper_figs.style import PAGE, Look, legend_below, new_panels, plain_ticks
 from studies.core.ensemble_range import PERCENTILES
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import LEAST_MET, RANGES, best, members
@@ -68,7 +68,7 @@ def _sweep(table: pd.DataFrame, over: str, other: str) -> Figure:
     table = table[np.isclose(table[other].astype(float), held)]
     members = table[table["unit"].notna()]
     in_use = table[table["unit"].isna() & (table["parabola"] == readhesion.PRINTED)]
-    drawn, panels = new_panels(7.1, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
+    drawn, panels = new_panels(PAGE, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
     for (possible, used, share), unit, letters in zip(
         panels.T, UNIT_LOOKS, ("ace", "bdf"), strict=True
     ):
@@ -163,14 +163,14 @@ def limit_cycle(
 
     Simulated cycles are drawn where the wheel readheres.
     """
-    drawn, panels = new_panels(7.1, 5.2, len(cycles), 3, squeeze=False)
+    drawn, panels = new_panels(PAGE, 5.2, len(cycles), 3, squeeze=False)
     sets: dict[str, Unprinted] = {one.unit: one for one in (CALIBRATED, RIVAL)}
     for row, letters, (unit, table) in zip(panels, ("abc", "def"), cycles.items(), strict=False):
         _cycle_panels(row[0], row[1], table)
         _growth_panel(row[2], growth_widths, sets[unit])
         words = ("period", "swing of slip", "growth of swings")
         for axes, letter, word in zip(row, letters, words, strict=True):
-            axes.set_title(f"({letter}) {word}, {unit.replace('s2', 's²')}", fontsize=7.5)
+            axes.set_title(f"({letter}) {word}, {unit.replace('s2', 's²')}")
     legend_below(drawn, 2, panels[0, 0])
     return drawn
 
@@ -205,7 +205,7 @@ def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None
     if critical <= max(widths):
         growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
     words = f"factor rests\nfrom {critical:.2f} on"
-    growth.text(0.96, 0.94, words, transform=growth.transAxes, ha="right", va="top", fontsize=7)
+    growth.text(0.96, 0.94, words, transform=growth.transAxes, ha="right", va="top")
     growth.set(xlabel=f"$a_w$ [{one.unit.replace('s2', 's²')}]", ylabel="growth per swing [–]")
 
 
@@ -220,7 +220,7 @@ def calibration(table: pd.DataFrame) -> Figure:
     good = pd.concat([members(table, unit) for unit in UNIT_LOOKS])
     top = float(table["objective"].min()) + HEADROOM
     others = table[table["objective"] <= top].drop(good.index, errors="ignore")
-    drawn, panels = new_panels(7.1, 4.8, 2, 2, sharey=True)
+    drawn, panels = new_panels(PAGE, 4.8, 2, 2, sharey=True)
     for axes, (name, (low, high, logarithmic)) in zip(panels.flat, RANGES.items(), strict=True):
         for unit, (marker, colour) in UNIT_LOOKS.items():
             look = {"color": colour, "markersize": 3.6, "markeredgewidth": 0.7}

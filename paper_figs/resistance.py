@@ -12,7 +12,7 @@ from alloc.plant.equations import GRAVITY, running_resistance
 from paper_figs.palette import BLUE, GREEN, GREY, OLIVE, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import legend_below, new_panels
+from paper_figs.style import PAGE, legend_below, new_panels
 from studies.resistance.driven_cases import (
     CARS,
     CASES,
@@ -64,7 +64,7 @@ def air_resistance(of: Route) -> Figure:
     a, b, c = of.train.resistance
     factor, mouth = of.line.tunnel_factor, of.line.tunnels[0][0]
     cruise = of.command.speeds[0]
-    drawn, (left, right) = new_panels(7.1, 3.1, 1, 2)
+    drawn, (left, right) = new_panels(PAGE, 3.1, 1, 2)
     x = np.linspace(mouth - MARGIN, mouth + MARGIN, 1201)
     for reading, colour, dashes, label in READINGS:
         coefficient = c * (1.0 + (factor - 1.0) * of.memory(reading).read(x)[0])
@@ -124,7 +124,7 @@ def _passage(of: Route, runs: Runs, place: tuple[float, float], tunnel: bool) ->
     """
     controls = list(dict.fromkeys(control for control, _ in runs))
     shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": (1.0, 1.0, 0.6)}
-    drawn, panels = new_panels(7.1, 5.4, 3, len(controls), **shape)
+    drawn, panels = new_panels(PAGE, 5.4, 3, len(controls), **shape)
     for column, control in zip(panels.T, controls, strict=True):
         own = {case: done for (held, case), done in runs.items() if held == control}
         for case, done in own.items():
@@ -176,7 +176,7 @@ def _change(axes: Axes, of: Route, done: CaseRun, place: tuple[float, float], tu
         made(lambda: convergence(route("commuter", load_share=0.5).square_only(), PASSES)))  # fmt: skip
 def resistance_weights(errors: pd.DataFrame) -> Figure:
     """A panel per weight: size of its error relative to the plant's, over time."""
-    drawn, panels = new_panels(7.1, 3.0, 1, len(WEIGHTS), sharex=True, sharey=True)
+    drawn, panels = new_panels(PAGE, 3.0, 1, len(WEIGHTS), sharex=True, sharey=True)
     for axes, weight in zip(panels, WEIGHTS, strict=True):
         for learner, (colour, dashes) in LEARNER_LOOKS.items():
             own = errors[errors["learner"] == learner]

@@ -1,6 +1,7 @@
 """One look for all figures: the style file, the looks of rules and controllers, and what panels share."""
 
 from collections.abc import Iterable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.palette import DARK
 from studies.core.statement import Interval
+from studies.files.study_error import StudyError
 
 Look = dict[str, Any]
 """How something is drawn: matplotlib's properties."""
@@ -45,15 +47,33 @@ class Panel(NamedTuple):
     logarithmic: bool = False
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size [inches], outside of pyplot's memory."""
-    return Figure(figsize=(width, height), layout="constrained")
+class Width(Enum):
+    """Widths of a figure [inches]: nothing else fits the page without being scaled, which would change the type's size."""
+
+    COLUMN = 3.5
+    """A column of a page of two."""
+    PAGE = 7.16
+    """Both columns."""
+
+
+COLUMN, PAGE = Width.COLUMN, Width.PAGE
+NOTE = 6.0
+"""Size of type inside a panel [points], where the style's 7 points have no room; nothing is smaller."""
+
+
+def new_figure(width: Width, height: float) -> Figure:
+    """An empty figure of this width and height [inches], outside of pyplot's memory."""
+    if not isinstance(width, Width):
+        raise StudyError(
+            f"a figure of width {width}: take COLUMN (3.5 inches) or PAGE (7.16) of paper_figs.style"
+        )
+    return Figure(figsize=(width.value, height), layout="constrained")
 
 
 def new_panels(
-    width: float, height: float, rows: int = 1, columns: int = 1, **layout: Any
+    width: Width, height: float, rows: int = 1, columns: int = 1, **layout: Any
 ) -> tuple[Figure, Any]:
-    """A figure of this size [inches] and its panels, as `Figure.subplots` gives them."""
+    """A figure of this width and height [inches] and its panels, as `Figure.subplots` gives them."""
     drawn = new_figure(width, height)
     return drawn, drawn.subplots(rows, columns, **layout)
 
