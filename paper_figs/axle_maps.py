@@ -31,19 +31,23 @@ def axle_map(
     norm: Normalize,
     gather: np.ufunc = np.fmax,
 ) -> AxesImage:
-    """Draw `values` (time, axle), the foremost axle at the top; where time has no room, `gather` chooses among neighbours.
+    """Draw `values` (time, axle), the foremost axle at the top; several instants that share a column are gathered.
 
-    `np.fmax` keeps peaks, `np.fmin` keeps dips.
+    `np.fmax` keeps peaks, `np.fmin` keeps dips. Where `time` has a gap, nothing is known.
     """
-    every = -(-time.size // MOST_COLUMNS)
-    kept = gather.reduceat(values, np.arange(0, time.size, every), axis=0)
-    period = float(np.median(np.diff(time))) * every if time.size > 1 else 1.0
-    begin, count = float(time[0]), values.shape[1]
+    span, count = float(time[-1] - time[0]), values.shape[1]
+    period = float(np.median(np.diff(time))) if time.size > 1 else 1.0
+    width = max(span / MOST_COLUMNS, period)
+    column = np.floor((time - time[0]) / width + 1e-6).astype(int)
+    first = np.flatnonzero(np.diff(column, prepend=-1))
+    kept = np.full((int(column[-1]) + 1, count), np.nan)
+    kept[column[first]] = gather.reduceat(values, first, axis=0)
+    begin, end = float(time[0]), float(time[0]) + width * len(kept)
     colours = shades.copy()
     colours.set_bad(UNKNOWN)
     image = axes.imshow(
         np.ma.masked_invalid(kept.T), cmap=colours, norm=norm, aspect="auto", interpolation="nearest",
-        extent=(begin, begin + period * kept.shape[0], count + 0.5, 0.5),
+        extent=(begin, end, count + 0.5, 0.5),
     )  # fmt: skip
     axes.grid(visible=False)
     step = max(1, -(-count // 4))
