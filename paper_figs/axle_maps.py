@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 ADHESION_SHADES = LinearSegmentedColormap.from_list("adhesion", ["#08306b", "#6baed6", "#f4f9fd"])
 """From a slippery rail (dark) to a good one (nearly white)."""
-SLIP_SHADES = LinearSegmentedColormap.from_list("slip", ["#ffffff", "#fdae61", "#a63603", "#4d1a00"])
+SLIP_SHADES = LinearSegmentedColormap.from_list(
+    "slip", ["#ffffff", "#fdae61", "#a63603", "#4d1a00"]
+)
 """From a wheel that rolls (white) to one that spins or slides (dark)."""
-COEFFICIENT_SHADES = LinearSegmentedColormap.from_list("coefficient", ["#ffffff", "#74c0a8", "#00441b"])
+COEFFICIENT_SHADES = LinearSegmentedColormap.from_list(
+    "coefficient", ["#ffffff", "#74c0a8", "#00441b"]
+)
 """From no force (white) to much (dark)."""
 AXLE = "axle from the front"
 UNKNOWN = "#dcdcdc"

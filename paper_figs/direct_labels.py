@@ -32,6 +32,7 @@ def label_lines(axes: Axes, lines: Sequence[Line2D] | None = None, size: float =
     every = [line for line in axes.get_lines() if np.size(line.get_xdata()) > 1]
     if lines is None:
         lines = [line for line in every if not str(line.get_label()).startswith("_")]
+    axes.autoscale_view()  # limits that nothing has asked for yet
     points = 72.0 / axes.get_figure(root=True).dpi  # type: ignore[union-attr]
     drawn = {line: _on_page(axes, line, points) for line in every}
     frame = np.asarray(axes.bbox.extents) * points
@@ -42,9 +43,7 @@ def label_lines(axes: Axes, lines: Sequence[Line2D] | None = None, size: float =
         others = [where for one, where in drawn.items() if one is not line]
         box = _best(drawn[line], others, taken, (extent.width, size), frame)
         x, y = axes.transData.inverted().transform(box[:2] / points)
-        axes.text(
-            x, y, name, color=line.get_color(), fontsize=size, va="bottom", path_effects=HALO
-        )
+        axes.text(x, y, name, color=line.get_color(), fontsize=size, va="bottom", path_effects=HALO)
         taken.append(box)
 
 

@@ -48,8 +48,8 @@ BLENDED = 30.0
 def slip_event(*runs: xr.Dataset) -> Figure:
     """One column per run, all of the same train.
 
-    Rows: adhesion at every axle, so that a slippery place is seen to pass below the train; slip of every axle; what units and
-    train have, use and may use.
+    Rows: adhesion at every axle, so that a slippery place is seen to pass below the train; slip of every axle; what
+    units and train have, use and may use.
     """
     units = shown_units(runs[0])
     width = PAGE if len(runs) > 1 else COLUMN
@@ -97,7 +97,11 @@ def _run_title(run: xr.Dataset) -> str:
     """Rule, controller, and the adhesion used of what could be, where that is known."""
     attributes, use = attributes_of(run), evaluate(run)["bound_use"]
     name = f"{attributes['rule']}, {attributes['controller']}"
-    return name if np.isnan(use) else f"{name}:\n{100.0 * use:.1f} % of what rail and motors allow is used"
+    return (
+        name
+        if np.isnan(use)
+        else f"{name}:\n{100.0 * use:.1f} % of what rail and motors allow is used"
+    )
 
 
 def _use_strips(panels: Sequence[Axes], run: xr.Dataset, units: list[int]) -> None:
@@ -128,7 +132,9 @@ def sharing_wanders(*runs: xr.Dataset) -> Figure:
         _use_strips(column[:-1], run, units)
         values, rms = jerk(run), evaluate(run)["jerk_rms"]
         worst = int(np.argmax((values**2).mean(axis=0)))
-        column[-1].plot(run["time"].values, values[:, worst], color=rule_colour(rule), linewidth=0.9)
+        column[-1].plot(
+            run["time"].values, values[:, worst], color=rule_colour(rule), linewidth=0.9
+        )
         column[-1].set_title(f"jerk of the worst car; of the train {rms:.2f} m/s³ rms")
         _time_axis(column[-1], run)
         column[0].set_title(rule, color=rule_colour(rule))
@@ -243,4 +249,5 @@ def _pressures(axes: Axes, run: xr.Dataset, last: int) -> None:
     }
     for name, (own, colour) in places.items():
         axes.plot(time, pressure[:, own], color=colour, label=name)
-    axes.set(ylabel="pressure [kPa]", title="(c) brake cylinders of the lead trailer and of these motor cars", ylim=(0.0, None))
+    axes.set(ylabel="pressure [kPa]", ylim=(0.0, None))
+    axes.set_title("(c) brake cylinders of the lead trailer and of these motor cars")

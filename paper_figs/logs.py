@@ -124,7 +124,10 @@ def _slips(drawn: Figure, axes: Axes, log: MeasuredLog, found: Findings) -> None
         worst = inside[int(np.nanargmax(slip[inside, event.axle]))]
         marks.append((time[worst], event.axle + 1))
     _mark(axes, marks, "o")
-    axes.set(ylabel=AXLE, title=f"slip of every axle; rings: {len(marks)} slips and slides found, at their largest")
+    axes.set(
+        ylabel=AXLE,
+        title=f"slip of every axle; rings: {len(marks)} slips and slides found, at their largest",
+    )
     shade_bar(drawn, image, [axes], "slip [m/s]")
 
 
@@ -134,7 +137,10 @@ def _coefficients(drawn: Figure, axes: Axes, log: MeasuredLog, found: Findings) 
     image = axle_map(axes, log.run.time, values, COEFFICIENT_SHADES, Normalize(0.0, _top(values)))
     known = [one for one in found.events if np.isfinite(one.onset_coefficient)]
     _mark(axes, [(one.onset_time, one.axle + 1) for one in known], "D")
-    axes.set(ylabel=AXLE, title="coefficient of every axle; diamonds: onset of a slip, where the adhesion shows")
+    axes.set(
+        ylabel=AXLE,
+        title="coefficient of every axle; diamonds: onset of a slip, where the adhesion shows",
+    )
     shade_bar(drawn, image, [axes], "coefficient [–]")
 
 
