@@ -14,7 +14,7 @@ PLACES = 80
 """Places along a line that are tried."""
 FINE = 400
 """Points of a line that a name keeps away from."""
-GAPS = (2.0, 6.0)
+GAPS = (3.0, 6.0)
 """Distances of a name from its own line [points] that are tried, at the place that it belongs to."""
 ENOUGH = 10.0
 """Distance to the others [points] beyond which a place is as good as any."""

@@ -148,4 +148,6 @@ def _change(axes: Axes, of: Route, done: CaseRun, place: Place, tunnel: bool) ->
     axes.set_ylabel("air factor [–]" if tunnel else "gradient [%]")
     axes.set_xlabel("time since the front arrives [s]")
     middle = float(time[factor > 1.0 if tunnel else grade > 0.0].mean())
-    axes.legend(loc="center", bbox_to_anchor=(middle, 0.4), bbox_transform=axes.get_xaxis_transform())
+    axes.legend(
+        loc="center", bbox_to_anchor=(middle, 0.4), bbox_transform=axes.get_xaxis_transform()
+    )
