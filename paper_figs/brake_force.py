@@ -147,8 +147,8 @@ def brake_emergency(result: TestResult) -> Figure:
     for column in axes.T:
         column[3].set_ylim(column[2].get_ylim())
         column[-1].set(xlabel="time [s]", xlim=(-BEFORE, float(time[result.window.stop])))
-        label_lines(column[0])
     drawn.align_ylabels(axes.ravel().tolist())
+    label_lines(*axes[0])
     return drawn
 
 
@@ -167,6 +167,7 @@ def faulty_car(stops: Sequence[Stop], table: pd.DataFrame) -> Figure:
     drawn, (bars, shares) = new_panels(PAGE, 2.8, 1, 2, width_ratios=(1.4, 1.0))
     _stop(bars, stops[0])
     _shares(shares, table[table["part"] == "driven"])
+    label_lines(shares)
     return drawn
 
 
@@ -212,4 +213,3 @@ def _shares(axes: Axes, dry: pd.DataFrame) -> None:
         xlabel="brake force missing on one car [%]",
     )
     axes.set(ylabel="share of stops [%]", ylim=(-4.0, 104.0))
-    label_lines(axes)

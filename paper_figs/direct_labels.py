@@ -1,6 +1,7 @@
 """Names beside lines instead of a legend, each where it is farthest from every other line."""
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,12 +11,18 @@ from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 
-PLACES = 80
+PLACES = 60
 """Places along a line that are tried."""
 FINE = 400
 """Points of a line that a name keeps away from."""
 GAPS = (3.0, 6.0)
 """Distances of a name from its own line [points] that are tried, at the place that it belongs to."""
+SIZE = 7.0
+"""Of type [points]."""
+ASIDE = (0.5, 0.0, 1.0)
+"""Shares of a name that stand left of its place."""
+MARGIN = 3.0
+"""Distance of a name from the frame [points]."""
 ENOUGH = 10.0
 """Distance to the others [points] beyond which a place is as good as any."""
 HALO = [withStroke(linewidth=1.5, foreground="white")]
@@ -24,26 +31,32 @@ HALO = [withStroke(linewidth=1.5, foreground="white")]
 Floats = NDArray[np.float64]
 
 
-def label_lines(axes: Axes, lines: Sequence[Line2D] | None = None, size: float = 7.0) -> None:
-    """Write each line's label above or below it, in its colour; call it when lines, limits and scales are set.
+def label_lines(*panels: Axes) -> None:
+    """Write each line's label above or below it, in its colour; call it when the rest of the figure is complete.
 
-    `lines`: those that are named [default: all that have a label]; names keep away from all lines of the panel.
+    Lines without a label, or with one that begins with an underscore, are not named. Names keep away from
+    all lines and texts.
     """
+    figure = panels[0].get_figure(root=True)
+    figure.draw_without_rendering()  # panels get the place that they have on the page  # type: ignore[union-attr]
+    for axes in panels:
+        _label_panel(axes)
+
+
+def _label_panel(axes: Axes) -> None:
     every = [line for line in axes.get_lines() if np.size(line.get_xdata()) > 1]
-    if lines is None:
-        lines = [line for line in every if not str(line.get_label()).startswith("_")]
-    axes.autoscale_view()  # limits that nothing has asked for yet
+    lines = [line for line in every if not str(line.get_label()).startswith("_")]
     points = 72.0 / axes.get_figure(root=True).dpi  # type: ignore[union-attr]
     drawn = {line: _on_page(axes, line, points) for line in every}
-    frame = np.asarray(axes.bbox.extents) * points
-    taken: list[Floats] = []
+    frame = np.asarray(axes.bbox.extents) * points + MARGIN * np.array([1.0, 1.0, -1.0, -1.0])
+    taken = [points * np.asarray(text.get_window_extent().extents) for text in axes.texts]
     for line in lines:
         name = str(line.get_label())
-        extent = TextPath((0.0, 0.0), name, size=size, prop=FontProperties()).get_extents()
+        extent = TextPath((0.0, 0.0), name, size=SIZE, prop=FontProperties()).get_extents()
         others = [where for one, where in drawn.items() if one is not line]
-        box = _best(drawn[line], others, taken, (extent.width, size), frame)
+        box = _best(drawn[line], others, taken, (extent.width, SIZE), frame)
         x, y = axes.transData.inverted().transform(box[:2] / points)
-        axes.text(x, y, name, color=line.get_color(), fontsize=size, va="bottom", path_effects=HALO)
+        axes.text(x, y, name, color=line.get_color(), fontsize=SIZE, va="bottom", path_effects=HALO)
         taken.append(box)
 
 
@@ -82,8 +95,9 @@ def _places(
     """Places along a line, each with a box (left, bottom, right, top) above or below it that is within the panel."""
     width, height = size
     for place in own[np.linspace(0, len(own) - 1, PLACES).astype(int)]:
-        left = float(np.clip(place[0] - 0.5 * width, frame[0], max(frame[2] - width, frame[0])))
-        for gap in GAPS:
+        for aside, gap in product(ASIDE, GAPS):
+            left = place[0] - aside * width
+            left = float(np.clip(left, frame[0], max(frame[2] - width, frame[0])))
             for bottom in (place[1] + gap, place[1] - gap - height):
                 if bottom >= frame[1] and bottom + height <= frame[3]:
                     yield place, np.array([left, bottom, left + width, bottom + height])

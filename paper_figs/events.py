@@ -209,9 +209,9 @@ def blended_braking(run: xr.Dataset) -> Figure:
     _pressures(axes[2], run, last)
     _time_axis(axes[2], run)
     drawn.align_ylabels(axes.tolist())
-    label_lines(axes[2])
     handles = axes[0].get_legend_handles_labels()[0]
     drawn.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    label_lines(axes[2])
     return drawn
 
 

@@ -48,7 +48,6 @@ from paper_figs.readhesion_paper import (
     readhesion_factor,
     readhesion_slip,
     readhesion_torque,
-    readhesion_trajectory,
     torque_table,
 )
 from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
@@ -66,6 +65,7 @@ from paper_figs.slides import (
     slide_tables,
 )
 from paper_figs.source import Source
+from paper_figs.trajectories import readhesion_trajectory
 from paper_figs.wsp_acceptance import wsp_acceptance
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
