@@ -128,7 +128,7 @@ def claim_b(table: pd.DataFrame) -> Figure:
         left.plot(x + offset, known, markersize=2.0, alpha=0.5, **rule_look(rule))
         if known.size:
             left.plot([x - 0.35, x + 0.35], 2 * [np.median(known)], color="black", linewidth=1.2)
-    left.set_xticks(range(len(rules)), rules, rotation=35, ha="right")
+    left.set_xticks(range(len(rules)), [rule.replace("-", "-\n") for rule in rules])
     left.grid(visible=False, axis="x")
     left.axhline(100 * THRESHOLDS["b"].value, **BOUND)
     left.set_ylabel("adhesion used by the unit that uses least [%]")
