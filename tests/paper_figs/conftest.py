@@ -40,6 +40,7 @@ from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
 from paper_figs.mismatch import mismatch
 from paper_figs.open_rails import open_rails
+from paper_figs.passages import gradient_change, tunnel_mouth
 from paper_figs.readhesion_paper import (
     CASES,
     HALF_SLIP,
@@ -51,12 +52,7 @@ from paper_figs.readhesion_paper import (
     torque_table,
 )
 from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
-from paper_figs.resistance import (
-    air_resistance,
-    gradient_change,
-    resistance_weights,
-    tunnel_mouth,
-)
+from paper_figs.resistance import air_resistance, resistance_weights
 from paper_figs.sanders import sanders
 from paper_figs.slide_runs import member_runs, slide_adhesion, slide_control
 from paper_figs.slides import (

@@ -107,10 +107,8 @@ def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
     for rule, axes in zip(SHOWN, columns, strict=True):
         assert axes.get_title() == rule
         assert to_hex(axes.patches[0].get_facecolor()) == rule_colour(rule)
-    titles = drawn["slip-event"].axes[:2]
-    assert [to_hex(axes.title.get_color()) for axes in titles] == ["#000000", "#000000"]
-    left = [axes._left_title for axes in titles]
-    assert [to_hex(t.get_color()) for t in left] == [rule_colour("alone"), rule_colour("exact")]
+    titles = [axes._left_title for axes in drawn["slip-event"].axes[:2]]
+    assert [to_hex(t.get_color()) for t in titles] == [rule_colour("alone"), rule_colour("exact")]
 
 
 def test_the_curve_drawn_is_the_plants(drawn):
@@ -137,11 +135,17 @@ def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
     train = next(line for line in axes[0].get_lines() if line.get_label() == "train")
     assert np.isnan(train.get_ydata()).sum() == 1
     np.testing.assert_allclose(train.get_ydata()[:60], 3.6 * log.run.speed[:60])
-    (slips,) = (line for line in axes[1].get_lines() if line.get_marker() == "o")
-    largest = [abs(event.largest_slip) for event in found.events]
-    np.testing.assert_allclose(np.abs(slips.get_ydata()), largest, atol=1e-9)
-    forces = {line.get_label(): line for line in axes[4].get_lines()}
-    np.testing.assert_allclose(forces["car 2"].get_ydata()[:60], 1e-3 * found.car_force[:60, 1])
+    slips, coefficients, forces = (one for one in axes if one.get_images())
+    shown = slips.get_images()[0].get_array()  # (axle, column)
+    assert np.ma.is_masked(shown)  # in the gap
+    assert shown.max() == pytest.approx(np.nanmax(np.abs(found.slip_velocity)))
+    (rings,) = (line for line in slips.get_lines() if line.get_marker() == "o")
+    assert sorted(rings.get_ydata()) == sorted(event.axle + 1 for event in found.events)
+    assert coefficients.get_images()[0].get_array().shape[0] == log.train.radius.size
+    force = forces.get_images()[0].get_array()
+    assert force.max() == pytest.approx(1e-3 * np.nanmax(found.car_force))
+    bars = next(one for one in axes if one.get_xlabel() == "Q [kJ]").containers[0]
+    np.testing.assert_allclose([bar.get_width() for bar in bars], 1e-3 * found.axle_damage)
 
 
 def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
@@ -149,13 +153,22 @@ def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
     assert allocate("exact", LOW).case == "A"
 
 
-def test_the_event_shows_the_recorded_run(drawn, runs):
-    axes = np.array(drawn["slip-event"].axes[:8]).reshape(4, 2)
-    for column, run in enumerate(runs):
-        for unit, line in enumerate(lines_of(axes[2, column])):
-            np.testing.assert_array_equal(line.get_ydata(), run["motor_torque"].values[:, unit])
-        train = next(line for line in lines_of(axes[0, column]) if line.get_label() == "train")
-        np.testing.assert_allclose(train.get_ydata(), 3.6 * run["speed"].values)
+def test_the_event_shows_what_units_have_and_use(drawn, runs):
+    rows = 2 + runs[0].sizes["unit"] + 1
+    axes = np.reshape(drawn["slip-event"].axes[: 2 * rows], (rows, 2))
+    for column, run in zip(axes.T, runs, strict=True):
+        rail, slip = (one.get_images()[0].get_array() for one in column[:2])
+        assert rail.min() == pytest.approx(run["adhesion_limit"].values.min())
+        assert slip.max() == pytest.approx(np.abs(run["slip_velocity"].values).max())
+        for unit, one in enumerate(column[2:-1]):
+            own = run["axle_unit"].values == unit
+            load = run["axle_load"].values[:, own].sum(axis=1)
+            used = np.abs(run["rail_force"].values[:, own].sum(axis=1)) / load
+            lines = {line.get_label(): np.asarray(line.get_ydata()) for line in one.get_lines()}
+            np.testing.assert_allclose(lines["used"], used)
+            np.testing.assert_allclose(lines["limit"], run["limit"].values[:, unit])
+            (there,) = (one.get_paths()[0].vertices[:, 1].max() for one in one.collections)
+            assert there >= used.max() - 1e-9  # nobody uses more than there is
 
 
 def test_the_line_shows_the_run_below_what_is_permitted(drawn, line_run):
