@@ -47,15 +47,13 @@ def axle_map(
     kept = np.full((int(column[-1]) + 1, count), np.nan)
     kept[column[first]] = gather.reduceat(values, first, axis=0)
     begin, end = float(time[0]), float(time[0]) + width * len(kept)
-    colours = shades.copy()
-    colours.set_bad(UNKNOWN)
     image = axes.imshow(
-        np.ma.masked_invalid(kept.T), cmap=colours, norm=norm, aspect="auto", interpolation="nearest",
+        np.ma.masked_invalid(kept.T), cmap=shades.with_extremes(bad=UNKNOWN), norm=norm, aspect="auto", interpolation="nearest",
         extent=(begin, end, count + 0.5, 0.5),
     )  # fmt: skip
     axes.grid(visible=False)
     step = max(1, -(-count // 4))
-    axes.yaxis.set_major_locator(FixedLocator([1, *range(step, count + 1, step)]))
+    axes.yaxis.set_major_locator(FixedLocator(sorted({1, *range(step, count + 1, step)})))
     return image
 
 
