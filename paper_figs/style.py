@@ -93,14 +93,16 @@ def rule_marker(rule: str) -> str:
 
 
 def rule_look(rule: str) -> Look:
-    """Colour and marker of a rule, without a line."""
-    return {"color": rule_colour(rule), "marker": rule_marker(rule), "linestyle": "none"}
+    """Colour and marker of a rule, without a line; the `gid` names it in the data beside the figure."""
+    shown = {"color": rule_colour(rule), "marker": rule_marker(rule)}
+    return {**shown, "linestyle": "none", "gid": rule}
 
 
 def controller_look(controller: str) -> Look:
     """Colour and marker of a controller, without a line."""
     found = CONTROLLERS[controller]
-    return {"color": found.colour, "marker": found.marker, "linestyle": "none"}
+    shown = {"color": found.colour, "marker": found.marker}
+    return {**shown, "linestyle": "none", "gid": controller}
 
 
 def handle(label: str, **look: Any) -> Line2D:

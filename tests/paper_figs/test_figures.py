@@ -77,11 +77,13 @@ def test_nothing_is_cut_off(drawn, name):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_pdf_and_png_are_written_and_equal_figures_are_equal_files(drawn, name, tmp_path):
-    pdf, png = save_figure(drawn[name], tmp_path / name)
+    pdf, png, *beside = save_figure(drawn[name], tmp_path / name)
     assert pdf.read_bytes().startswith(b"%PDF")
     assert png.read_bytes().startswith(b"\x89PNG")
     again = save_figure(drawn[name], tmp_path / "again" / name)
-    assert pdf.read_bytes() == again[0].read_bytes()
+    assert [pdf.read_bytes(), *(path.read_bytes() for path in beside)] == [
+        path.read_bytes() for path in (again[0], *again[2:])
+    ]
 
 
 def test_every_rule_and_controller_has_a_look_of_its_own():

@@ -65,8 +65,10 @@ def test_a_plugin_file_registers_a_figure(installed, tmp_path, monkeypatch):
     file.write_text(PLUGIN)
     use_plugins([file])
     assert gallery().descriptions()["plugged"] == "squares of the first numbers"
-    files = gallery().draw_figures(["plugged"], tmp_path / "out", tmp_path / "results")
-    assert [path.name for path in files] == ["plugged.pdf", "plugged.png"]
+    (saved,) = gallery().draw_figures(["plugged"], tmp_path / "out", tmp_path / "results")
+    assert [path.suffix for path in saved.files] == [".pdf", ".png", ".txt", ".csv"]
+    assert saved.files[3].read_text().splitlines()[-1] == "1,line,,,,,3,9"
+    assert saved.draft == ""
     gallery().draw_one("plugged", tmp_path / "own.png", [1, 2])
     assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG")
 
