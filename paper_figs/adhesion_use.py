@@ -16,6 +16,8 @@ AVAILABLE = "#c6dcef"
 """Fill of the adhesion that there is."""
 LIMIT: Look = {"color": BLACK, "linewidth": 0.7, "linestyle": (0, (2.5, 1.5))}
 USED_WIDTH = 0.9
+MOST_INSTANTS = 750
+"""Of a strip: more than a page can print."""
 SHOWN_UNITS = 4
 """Most units that get a strip of their own."""
 ROOM = 1.3
@@ -56,9 +58,12 @@ def shown_units(run: xr.Dataset) -> list[int]:
 
 def draw_use(axes: Axes, use: AdhesionUse, colour: str) -> None:
     """A strip: filled what there is, a line what is used, dashed what is allowed."""
-    axes.fill_between(use.time, 0.0, use.available, color=AVAILABLE, linewidth=0.0)
-    axes.plot(use.time, use.limit, label="limit", **LIMIT)
-    axes.plot(use.time, use.used, color=colour, linewidth=USED_WIDTH, label="used")
+    shown = AdhesionUse(*(values[:: -(-use.time.size // MOST_INSTANTS)] for values in use))
+    axes.fill_between(
+        shown.time, 0.0, shown.available, color=AVAILABLE, linewidth=0.0, label="available"
+    )
+    axes.plot(shown.time, shown.limit, label="limit", **LIMIT)
+    axes.plot(shown.time, shown.used, color=colour, linewidth=USED_WIDTH, label="used")
 
 
 def use_handles() -> list[Patch | Line2D]:

@@ -23,7 +23,7 @@ COEFFICIENT_SHADES = LinearSegmentedColormap.from_list(
 AXLE = "axle from the front"
 UNKNOWN = "#dcdcdc"
 """Where nothing is known."""
-MOST_COLUMNS = 600
+MOST_COLUMNS = 360
 """Instants of a picture: what a page can print."""
 
 
@@ -48,8 +48,8 @@ def axle_map(
     kept[column[first]] = gather.reduceat(values, first, axis=0)
     begin, end = float(time[0]), float(time[0]) + width * len(kept)
     image = axes.imshow(
-        np.ma.masked_invalid(kept.T), cmap=shades.with_extremes(bad=UNKNOWN), norm=norm, aspect="auto", interpolation="nearest",
-        extent=(begin, end, count + 0.5, 0.5),
+        np.ma.masked_invalid(kept.T), cmap=shades.with_extremes(bad=UNKNOWN), norm=norm, aspect="auto",
+        interpolation="nearest", extent=(begin, end, count + 0.5, 0.5),
     )  # fmt: skip
     axes.grid(visible=False)
     step = max(1, -(-count // 4))
@@ -71,6 +71,6 @@ def name_units(axes: Axes, axle_unit: NDArray[np.int64], units: Sequence[int]) -
     places = [float(np.flatnonzero(axle_unit == unit).mean()) + 1.0 for unit in units]
     axes.yaxis.set_major_locator(FixedLocator(places))
     axes.yaxis.set_major_formatter(FixedFormatter([f"unit {unit + 1}" for unit in units]))
-    axes.yaxis.set_minor_locator(FixedLocator(edges))
+    axes.yaxis.set_minor_locator(FixedLocator(edges.tolist()))
     axes.tick_params(axis="y", which="major", length=0)
     axes.tick_params(axis="y", which="minor", length=4)

@@ -191,8 +191,9 @@ def _stop(axes: Axes, stop: Stop) -> None:
     known = np.flatnonzero(np.isfinite(threshold) & ~accused)
     if known.size:
         place = (float(car[known[-1]]) + 0.42, float(np.nanmax(threshold)))
-        above = {"xytext": (0.0, 2.0), "textcoords": "offset points", "ha": "right", "va": "bottom"}
-        axes.annotate("accused beyond this", place, **above)
+        axes.annotate(
+            "accused beyond this", place, (0.0, 2.0), textcoords="offset points", ha="right", va="bottom"
+        )
     axes.set_title(f"(a) a stop with one bogie of car {FAULT.car + 1} cut out")
     axes.set(xlabel="car (1 = foremost)", ylabel="shortfall of brake force [kN]")
     axes.set(xticks=car, ylim=(min(0.0, 1.2 * float(np.nanmin(lacks))), 1.3 * top))

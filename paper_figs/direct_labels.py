@@ -38,7 +38,8 @@ def label_lines(*panels: Axes) -> None:
     all lines and texts.
     """
     figure = panels[0].get_figure(root=True)
-    figure.draw_without_rendering()  # panels get the place that they have on the page  # type: ignore[union-attr]
+    if figure is not None:
+        figure.draw_without_rendering()  # panels get the place that they have on the page
     for axes in panels:
         _label_panel(axes)
 

@@ -83,9 +83,7 @@ def _marks(axes: Axes) -> Rows:
             for value, low, high in zip(values, edges[:-1], edges[1:], strict=True):
                 yield {"kind": "step", "series": _series(artist), "x_low": low, "x_high": high, "y": value}  # fmt: skip
         elif isinstance(artist, AxesImage | QuadMesh):
-            cells = np.ma.filled(np.ma.asarray(artist.get_array(), dtype=np.float64), np.nan)
-            for (y, x), value in np.ndenumerate(np.atleast_2d(cells)):
-                yield {"kind": "cell", "series": "", "x": x, "y": y, "value": value}
+            yield from _cells(artist)
         elif isinstance(artist, Rectangle) and artist is not axes.patch:
             if artist.get_transform().contains_branch(axes.transData):
                 yield _rectangle(_series(artist), artist)
@@ -127,6 +125,20 @@ def _line(axes: Axes, line: Line2D) -> Rows:
     kind = "point" if line.get_linestyle() == "None" else "line"
     for one, other in zip(x, y, strict=True):
         yield {"kind": kind, "series": name, "x": one, "y": other}
+
+
+def _cells(image: AxesImage | QuadMesh) -> Rows:
+    """Cells with their middle: in the units of the axes where an image has an extent, else their numbers."""
+    cells = np.ma.filled(np.ma.asarray(image.get_array(), dtype=np.float64), np.nan)
+    cells = np.atleast_2d(cells)
+    up, across = (np.arange(count, dtype=np.float64) for count in cells.shape)
+    if isinstance(image, AxesImage):
+        left, right, bottom, top = image.get_extent()
+        first, last = (bottom, top) if image.origin == "lower" else (top, bottom)
+        across = left + (across + 0.5) * (right - left) / cells.shape[1]
+        up = first + (up + 0.5) * (last - first) / cells.shape[0]
+    for (row, column), value in np.ndenumerate(cells):
+        yield {"kind": "cell", "series": "", "x": across[column], "y": up[row], "value": value}
 
 
 def _area(area: FillBetweenPolyCollection) -> Rows:

@@ -44,7 +44,7 @@ BLENDED = 30.0
 
 
 @figure("slip-event", "one slip event: adhesion at every axle, slip, and what each unit uses of it under its limit",
-        recorded("wet-patch", "alone", CONTROLLER), recorded("wet-patch", "exact", CONTROLLER))  # fmt: skip
+        recorded("wet-patch", "alone", CONTROLLER), recorded("wet-patch", "cooperative", CONTROLLER))  # fmt: skip
 def slip_event(*runs: xr.Dataset) -> Figure:
     """One column per run, all of the same train.
 
@@ -94,21 +94,23 @@ def _norm(runs: Sequence[xr.Dataset], name: str) -> Normalize:
 
 
 def _run_title(run: xr.Dataset) -> str:
-    """Rule, controller, and the adhesion used of what could be, where that is known."""
-    attributes, use = attributes_of(run), evaluate(run)["bound_use"]
-    name = f"{attributes['rule']}, {attributes['controller']}"
-    return (
-        name
-        if np.isnan(use)
-        else f"{name}:\n{100.0 * use:.1f} % of what rail and motors allow is used"
-    )
+    """Rule and controller."""
+    attributes = attributes_of(run)
+    return f"{attributes['rule']}, {attributes['controller']}"
+
+
+def _whole_train(run: xr.Dataset) -> str:
+    """Name of the strip of all units, with the share used of what could be, where that is known."""
+    use = evaluate(run)["bound_use"]
+    known = "" if np.isnan(use) else f": {100.0 * use:.1f} % of what rail and motors allow is used"
+    return f"all units{known}"
 
 
 def _use_strips(panels: Sequence[Axes], run: xr.Dataset, units: list[int]) -> None:
     """A strip for each of `units`, and one more for all units of the train if there is a panel left."""
     colour = rule_colour(attributes_of(run)["rule"])
     everyone = list(range(run.sizes["unit"]))
-    groups = {f"unit {unit + 1}": [unit] for unit in units} | {"all units": everyone}
+    groups = {f"unit {unit + 1}": [unit] for unit in units} | {_whole_train(run): everyone}
     top = ROOM * float(max(np.nanmax(run["limit"].values), np.nanmax(run["expected"].values)))
     for axes, (name, group) in zip(panels, groups.items(), strict=False):
         draw_use(axes, use_of_units(run, group), colour)

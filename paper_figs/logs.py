@@ -1,5 +1,7 @@
 """What the log of a train tells: speeds, slips found, coefficients, wheel damage, brake force per car."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -159,7 +161,7 @@ def _per_axle(axes: Axes, values: NDArray[np.float64], label: str) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def _mark(axes: Axes, points: list[tuple[float, float]], marker: str) -> None:
+def _mark(axes: Axes, points: Sequence[tuple[float, float]], marker: str) -> None:
     if points:
         x, y = zip(*points, strict=True)
         axes.plot(

@@ -75,7 +75,7 @@ def resistance_weights(errors: pd.DataFrame) -> Figure:
         for (learner, (colour, marker)), offset in zip(LEARNER_LOOKS.items(), aside, strict=True):
             own = errors[errors["learner"] == learner]
             sizes = 100.0 * own[weight].abs().clip(lower=LEAST / 100.0)
-            found = sizes.groupby(own["run"]).quantile([0.1, 0.5, 0.9]).unstack()
+            found = sizes.groupby(own["run"]).quantile(np.array([0.1, 0.5, 0.9])).unstack()
             sides = np.abs(found[[0.1, 0.9]].to_numpy() - found[[0.5]].to_numpy()).T
             axes.errorbar(
                 found.index + 1 + offset, found[0.5], sides, color=colour, marker=marker, linestyle="none",

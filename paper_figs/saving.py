@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from alloc.recording import provenance
 from alloc.whole_file import write_whole
 from paper_figs.drawn_data import drawn_data
+from paper_figs.moving import MovingFigure
 from paper_figs.origin import Origin
 from paper_figs.style import STYLE_FILE
 from studies.files.study_error import StudyError
@@ -57,6 +58,8 @@ class Legend:
 def save_figure(drawn: Figure, path: Path, legend: Legend | None = None) -> list[Path]:
     """Write a figure as `path`.pdf and `path`.png, its caption as `path`.txt and its numbers as `path`.csv.
 
+    One that moves is written as `path`.gif too.
+
     No file has the date, so equal figures are equal files.
     """
     said = Legend(path.name, path.name) if legend is None else legend
@@ -71,6 +74,10 @@ def save_figure(drawn: Figure, path: Path, legend: Legend | None = None) -> list
                 save_image(drawn, image, said, data)
         write_whole(files[2], lambda file: file.write_text(said.text(data), encoding="utf-8"))
         write_whole(files[3], lambda file: file.write_bytes(data))
+        if isinstance(drawn, MovingFigure):
+            files.append(path.with_name(f"{path.name}.gif"))
+            with mpl.rc_context(fname=STYLE_FILE):
+                write_whole(files[-1], drawn.save_motion)
     except OSError as error:
         raise StudyError(
             f"figure folder {str(path.parent)!r} cannot be written: {error.strerror}; choose another with --out"

@@ -39,6 +39,7 @@ from paper_figs.line_position import late_passages, line_position
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
 from paper_figs.mismatch import mismatch
+from paper_figs.moving import MovingFigure
 from paper_figs.open_rails import open_rails
 from paper_figs.passages import gradient_change, tunnel_mouth
 from paper_figs.readhesion_paper import (
@@ -52,6 +53,7 @@ from paper_figs.readhesion_paper import (
     torque_table,
 )
 from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
+from paper_figs.replay import slip_replay
 from paper_figs.resistance import air_resistance, resistance_weights
 from paper_figs.sanders import sanders
 from paper_figs.slide_runs import member_runs, slide_adhesion, slide_control
@@ -74,6 +76,7 @@ from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
+from studies.report.replay import drawing
 from studies.resistance.driven_cases import CONTROLS, FEEDBACK, RIGHT, drive_case
 from studies.resistance.learners import convergence
 from studies.scenario.loading import load_scenario
@@ -162,6 +165,17 @@ def passages():
     }
 
 
+def a_train():
+    """What the train of `runs` is drawn from."""
+    return drawing(load_scenario("very-low-adhesion").event().model)
+
+
+def few_instants(moving: MovingFigure) -> MovingFigure:
+    """The same with fewer instants, so that it is sooner written."""
+    moving.motion = moving.motion._replace(instants=3)
+    return moving
+
+
 @pytest.fixture(scope="session")
 def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> dict[str, Figure]:
     """Every figure, from small runs."""
@@ -169,6 +183,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "adhesion-curve": adhesion_curve(),
         "allocation-bars": allocation_bars(SHOWN),
         "slip-event": slip_event(*runs),
+        "slip-replay": few_instants(slip_replay(a_train(), runs[1])),
         "rule-comparison": rule_comparison(source.table),
         "utilisation-damage": utilisation_damage(source.table),
         **{f"claim-{claim}": draw(claim_table(60)) for claim, draw in CLAIMS.items()},
