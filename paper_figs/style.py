@@ -78,7 +78,7 @@ def new_panels(
     return drawn, drawn.subplots(rows, columns, **layout)
 
 
-OTHER_COLOUR = "#882255"
+OTHER_COLOUR = "#402020"
 """Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
 
 
