@@ -20,6 +20,7 @@ from paper_figs.style import (
     new_panels,
     rule_handles,
     rule_look,
+    sides_of,
 )
 from paper_figs.verdicts import Strip, verdict_strips
 from studies.claims.measures import EXCESS_EDGES, excess_column
@@ -71,7 +72,7 @@ WIDTHS = {"width_ratios": (1.0, 0.8)}
 @figure("claim-verdicts", "claims (a) to (e) of JP5484215 under cut-and-ramp: each verdict over its threshold",
         CLAIM_TABLE)  # fmt: skip
 def claim_verdicts(table: pd.DataFrame) -> Figure:
-    """One panel per claim: the mean that decides, with intervals by Student's t, after Holm, and from resamples."""
+    """One panel per claim: the mean that decides, with its interval and that after Holm."""
     return _verdicts(table, COMPARED[0])
 
 
@@ -152,7 +153,7 @@ def claim_c(table: pd.DataFrame) -> Figure:
             left.plot([centre] * len(values), values, **{**look, "marker": "_"}, alpha=0.15)
             mean = mean_interval(values)
             if mean.count >= LEAST_EVENTS:
-                error = mean.high - mean.value
+                error = sides_of(mean, 1.0)
                 left.errorbar(centre, mean.value, error, markersize=5.0, elinewidth=1.2, **look)
     left.axhline(100 * SHARE_95, color="black", linewidth=0.8, zorder=0)
     left.axhline(100 * THRESHOLDS["c"].value, **BOUND)

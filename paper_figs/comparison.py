@@ -24,6 +24,7 @@ from paper_figs.style import (
     plain_ticks,
     rule_handles,
     rule_look,
+    sides_of,
 )
 from studies.comparison.summary import Line, summarise
 
@@ -62,9 +63,8 @@ def _metric(
         if mean is None or not np.isfinite(mean.value):
             continue
         y = scenarios.index(line.scenario) + offsets[rules.index(line.rule)]
-        error = panel.factor * mean.half_width if np.isfinite(mean.half_width) else None
         look = _look(line, markersize=4.5, elinewidth=0.9)
-        axes.errorbar(panel.factor * mean.value, y, xerr=error, **look)
+        axes.errorbar(panel.factor * mean.value, y, xerr=sides_of(mean, panel.factor), **look)
     for k in range(1, len(scenarios), 2):
         axes.axhspan(k - 0.5, k + 0.5, color="#f4f4f4", zorder=-2, linewidth=0)
     axes.set_xlabel(panel.label)
@@ -102,8 +102,7 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
             damage, used = line.metrics["damage"], line.metrics["utilisation"]
             one.errorbar(
                 damage.value, 100.0 * used.value,
-                xerr=damage.half_width if math.isfinite(damage.half_width) else None,
-                yerr=100.0 * used.half_width if math.isfinite(used.half_width) else None,
+                xerr=sides_of(damage, 1.0), yerr=sides_of(used, 100.0),
                 **_look(line, markersize=sizes[line.rule], elinewidth=0.7),
             )  # fmt: skip
         one.set_title(scenario)

@@ -20,6 +20,7 @@ from paper_figs.style import (
     new_figure,
     rule_handles,
     rule_look,
+    sides_of,
 )
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
@@ -83,9 +84,13 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
             found = mean_interval(100 * gain(chosen, rule))
             centres.append(100 * float(chosen["headroom"].mean()) + shift)
             means.append(found.value)
-            sides = [[found.value - found.low], [found.high - found.value]]
             axes.errorbar(
-                centres[-1], found.value, sides, **rule_look(rule), markersize=4.0, elinewidth=0.9
+                centres[-1],
+                found.value,
+                sides_of(found, 1.0),
+                **rule_look(rule),
+                markersize=4.0,
+                elinewidth=0.9,
             )
         axes.plot(centres, means, color=rule_look(rule)["color"], linewidth=0.8, zorder=1)
     axes.locator_params(axis="x", nbins=8, steps=[1, 2, 5, 10])

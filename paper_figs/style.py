@@ -78,7 +78,7 @@ def new_panels(
     return drawn, drawn.subplots(rows, columns, **layout)
 
 
-OTHER_COLOUR = "#882255"
+OTHER_COLOUR = "#402020"
 """Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
 
 
@@ -148,8 +148,14 @@ def plain_ticks(axis: Axis, locator: Locator) -> None:
 
 def interval_mark(axes: Axes, found: Interval, y: float, factor: float, look: Look) -> None:
     """A mean with its interval as a horizontal error bar; one event alone has no interval."""
-    sides = [[factor * (found.value - found.low)], [factor * (found.high - found.value)]]
-    axes.errorbar(factor * found.value, y, xerr=None if found.count < 2 else sides, **look)
+    axes.errorbar(factor * found.value, y, xerr=sides_of(found, factor), **look)
+
+
+def sides_of(found: Interval, factor: float) -> list[list[float]] | None:
+    """How far an interval reaches below and above its mean, as error bars want it; None of one event alone."""
+    if found.count < 2:
+        return None
+    return [[factor * (found.value - found.low)], [factor * (found.high - found.value)]]
 
 
 def along_train(count: int) -> NDArray[np.float64]:

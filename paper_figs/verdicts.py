@@ -36,8 +36,6 @@ LOOKS: Mapping[str, Look] = {
     TOO_FEW: {"color": GREY, "marker": "."},
 }
 """Colour and marker of a verdict; rules have the same colours in other figures, but none here."""
-BOOTSTRAP_BELOW = 0.22
-"""Distance of the bootstrap's interval from that by Student's t, in rows."""
 ROW, BETWEEN = 0.23, 0.5
 """Heights [inches] of a row, and of title and label of a panel."""
 CLAIMED = "#eeeeee"
@@ -55,7 +53,7 @@ class Strip(NamedTuple):
 
 
 def verdict_strips(strips: Iterable[Strip]) -> Figure:
-    """One panel per threshold: each mean with its intervals by Student's t and from resamples, coloured by its verdict."""
+    """One panel per threshold: each mean with its interval, and that after Holm, coloured by its verdict."""
     shown = list(strips)
     rows = [ROW * max(len(strip.rows), 1.5) for strip in shown]
     height = BETWEEN * (1 + len(rows)) + sum(rows)
@@ -65,9 +63,8 @@ def verdict_strips(strips: Iterable[Strip]) -> Figure:
     seen = {s.verdict for strip in shown for s in strip.rows.values()}
     handles = [handle(v, linestyle="none", **look) for v, look in LOOKS.items() if v in seen]
     handles += [
-        handle("95 %, Student's t", color=DARK, linewidth=2.2),
-        handle("the same after Holm", color=DARK, linewidth=0.7),
-        handle("95 %, bootstrap", color=DARK, linewidth=1.0, linestyle=":"),
+        handle("95 %, bootstrap", color=DARK, linewidth=2.2),
+        handle("Student's t after Holm", color=DARK, linewidth=0.7),
         handle("threshold, claimed side shaded", **BOUND),
     ]
     drawn.legend(handles=handles, loc="outside lower center", ncols=4)
@@ -102,9 +99,6 @@ def _intervals(axes: Axes, test: Tested, y: float, factor: float, look: Look) ->
     plain = {"color": look["color"], "marker": "", "linestyle": "none"}
     interval_mark(axes, test.adjusted, y, factor, plain | {"elinewidth": 0.7, "capsize": 2.0})
     interval_mark(axes, test.estimate, y, factor, look | {"elinewidth": 2.2, "markersize": 5.5})
-    below = y + BOOTSTRAP_BELOW
-    ends = [factor * test.bootstrap.low, factor * test.bootstrap.high]
-    axes.plot(ends, [below, below], color=look["color"], linewidth=1.0, linestyle=":")
 
 
 def _words(statement: Statement, test: Tested) -> str:

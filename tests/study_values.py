@@ -16,7 +16,7 @@ from studies.comparison.grid import Grid
 from studies.comparison.summary import summarise, to_json
 from studies.core.collection import find_study, study_folder
 from studies.core.runner import run_cells
-from studies.core.statement import mean_interval
+from studies.core.statement import column_interval
 from studies.core.store import Store
 from studies.scenario.loading import default_scenarios, load_scenario
 from tests.numbers import OVER_ROWS, Source
@@ -56,11 +56,11 @@ class StudyValues:
         last, _, factor = rest[0 if name in OVER_ROWS else -1].partition(" * ")
         times = float(factor or 1.0)
         if name in OVER_ROWS:
-            column = times * self._rows(rest[1:])[last].astype(float)
+            chosen = self._rows(rest[1:]).astype({last: float})
             if name == "interval":
-                found = mean_interval(column)
+                found = column_interval(chosen, last, times)
                 return [_kept(one, cell) for one in (found.value, found.low, found.high)]
-            return [_kept(float(column.agg(name)), cell)]
+            return [_kept(float((times * chosen[last]).agg(name)), cell)]
         try:
             number = reduce(operator.getitem, rest[:-1], self.named[name])
             found = [number[part] for part in last.split(", ")]

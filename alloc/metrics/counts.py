@@ -1,12 +1,14 @@
 """What the computers counted during a run."""
 
-from alloc.metrics.registry import METRICS, Metric
+from alloc.metrics.registry import METRICS, NEVER_NEGATIVE, Metric
 
 
 def _attribute(
     name: str, unit: str, description: str, key: str, better: int = 0, scale: float = 1.0
 ) -> None:
-    count = Metric(name, unit, description, lambda run: scale * float(run.attrs[key]), better)
+    count = Metric(
+        name, unit, description, lambda run: scale * float(run.attrs[key]), better, NEVER_NEGATIVE
+    )
     METRICS.register(name, count)
 
 

@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import (
+    NEVER_NEGATIVE,
     SLIP_FACTOR,
     mean_or_nan,
     metric,
@@ -88,7 +89,11 @@ def _delays(run: xr.Dataset) -> list[float]:
 
 
 @metric(
-    "detection_delay", "s", "mean time from an axle passing the curve's peak to the detection", -1
+    "detection_delay",
+    "s",
+    "mean time from an axle passing the curve's peak to the detection",
+    -1,
+    NEVER_NEGATIVE,
 )
 def detection_delay(run: xr.Dataset) -> float:
     """Mean over the slips that were detected [s]; nan where there were none."""
@@ -96,13 +101,19 @@ def detection_delay(run: xr.Dataset) -> float:
     return mean_or_nan(delays[np.isfinite(delays)])
 
 
-@metric("missed_slips", "1", "slips that were not detected", -1)
+@metric("missed_slips", "1", "slips that were not detected", -1, NEVER_NEGATIVE)
 def missed_slips(run: xr.Dataset) -> float:
     """Number of slips without a detection."""
     return float(np.isnan(_delays(run)).sum())
 
 
-@metric("false_alarms", "1", "detections while no axle of the unit was past the curve's peak", -1)
+@metric(
+    "false_alarms",
+    "1",
+    "detections while no axle of the unit was past the curve's peak",
+    -1,
+    NEVER_NEGATIVE,
+)
 def false_alarms(run: xr.Dataset) -> float:
     """Number of detections that belong to no axle past the peak."""
     period = record_period(run)

@@ -7,6 +7,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import (
+    EITHER_WAY,
+    NEVER_NEGATIVE,
     SLIP_FACTOR,
     acting_axles,
     adhesion_used,
@@ -62,14 +64,24 @@ def effort_ratio(run: xr.Dataset) -> float:
 
 
 @metric(
-    "utilisation", "1", "adhesion used: rail force over the force available to acting axles", +1
+    "utilisation",
+    "1",
+    "adhesion used: rail force over the force available to acting axles",
+    +1,
+    EITHER_WAY,
 )
 def utilisation(run: xr.Dataset) -> float:
     """Sum of the acting axles' rail force over the sum of their available force, under demand."""
     return adhesion_used(run, acting_axles(run) & under_demand(run)[:, None])
 
 
-@metric("utilisation_slipping", "1", "adhesion used by units while their detector signals slip", +1)
+@metric(
+    "utilisation_slipping",
+    "1",
+    "adhesion used by units while their detector signals slip",
+    +1,
+    EITHER_WAY,
+)
 def utilisation_slipping(run: xr.Dataset) -> float:
     """Utilisation over the instants and units in which the unit's detector signals slip; nan where none does."""
     unit = series(run, "axle_unit")
@@ -79,7 +91,7 @@ def utilisation_slipping(run: xr.Dataset) -> float:
     return adhesion_used(run, slipping & under_demand(run)[:, None])
 
 
-@metric("slip_time", "s", "time spent slipping, summed over axles", -1)
+@metric("slip_time", "s", "time spent slipping, summed over axles", -1, NEVER_NEGATIVE)
 def slip_time(run: xr.Dataset) -> float:
     """Axle-seconds beyond `SLIP_FACTOR` times the slip velocity of the curve's peak."""
     slip = np.abs(series(run, "slip_velocity"))
@@ -87,20 +99,22 @@ def slip_time(run: xr.Dataset) -> float:
     return float(slipping.sum() * record_period(run))
 
 
-@metric("slip_peak", "m/s", "largest slip velocity of any axle", -1)
+@metric("slip_peak", "m/s", "largest slip velocity of any axle", -1, NEVER_NEGATIVE)
 def slip_peak(run: xr.Dataset) -> float:
     """Largest magnitude of the slip velocity [m/s]."""
     return float(np.abs(series(run, "slip_velocity")).max())
 
 
-@metric("damage", "kJ", "wheel damage Q: work dissipated between wheels and rail", -1)
+@metric(
+    "damage", "kJ", "wheel damage Q: work dissipated between wheels and rail", -1, NEVER_NEGATIVE
+)
 def damage(run: xr.Dataset) -> float:
     """Wheel damage Q of JP4209318 (28), for driving too [kJ]; integrated with the plant's own step."""
     work = series(run, "friction_work")
     return float((work[-1] - work[0]).sum() / 1e3)
 
 
-@metric("distance", "m", "distance run until the end, or until the target speed", 0)
+@metric("distance", "m", "distance run until the end, or until the target speed", 0, NEVER_NEGATIVE)
 def distance(run: xr.Dataset) -> float:
     """Distance [m] until the target speed is reached; until the end of the run where there is none.
 
@@ -113,7 +127,7 @@ def distance(run: xr.Dataset) -> float:
     return float(position[end] - position[0])
 
 
-@metric("time_to_speed", "s", "time from the first demand to the target speed", -1)
+@metric("time_to_speed", "s", "time from the first demand to the target speed", -1, NEVER_NEGATIVE)
 def time_to_speed(run: xr.Dataset) -> float:
     """Time [s] from the first demand to the target speed; nan if it is not reached, or there is no target or demand."""
     demand, end = under_demand(run), _target_index(run)
@@ -156,21 +170,23 @@ def jerk(run: xr.Dataset) -> NDArray[np.float64]:
     return np.asarray(np.gradient(values, period, axis=0))
 
 
-@metric("jerk_rms", "m/s3", "jerk of the worst car, root mean square under demand", -1)
+@metric(
+    "jerk_rms", "m/s3", "jerk of the worst car, root mean square under demand", -1, NEVER_NEGATIVE
+)
 def jerk_rms(run: xr.Dataset) -> float:
     """Root mean square jerk of the car that has it worst [m/s3]."""
     values = jerk(run)[under_demand(run)]
     return float(np.sqrt((values**2).mean(axis=0)).max()) if values.size else float("nan")
 
 
-@metric("jerk_peak", "m/s3", "largest jerk of any car under demand", -1)
+@metric("jerk_peak", "m/s3", "largest jerk of any car under demand", -1, NEVER_NEGATIVE)
 def jerk_peak(run: xr.Dataset) -> float:
     """Largest magnitude of the jerk of any car [m/s3]."""
     values = jerk(run)[under_demand(run)]
     return float(np.abs(values).max()) if values.size else float("nan")
 
 
-@metric("coupler_peak", "kN", "largest coupler force", -1)
+@metric("coupler_peak", "kN", "largest coupler force", -1, NEVER_NEGATIVE)
 def coupler_peak(run: xr.Dataset) -> float:
     """Largest magnitude of any coupler force [kN]; nan for a rigid train."""
     force = series(run, "coupler_force")

@@ -4,6 +4,7 @@
 apply to the run (no coupler, target speed not reached).
 """
 
+import math
 import threading
 from collections.abc import Callable
 from functools import wraps
@@ -21,6 +22,14 @@ SLIP_FACTOR = 2.0
 """An axle counts as slipping where its slip velocity exceeds this multiple of the curve's peak slip velocity."""
 
 
+UNLIMITED = (-math.inf, math.inf)
+"""Range of a quantity without bounds."""
+NEVER_NEGATIVE = (0.0, math.inf)
+SHARE = (0.0, 1.0)
+EITHER_WAY = (-1.0, 1.0)
+"""Range of a force over the most that there can be, which may point the other way."""
+
+
 class Metric(NamedTuple):
     """A figure of merit."""
 
@@ -30,6 +39,8 @@ class Metric(NamedTuple):
     function: Callable[[xr.Dataset], float]
     better: int = 0
     """-1: less is better, +1: more is better, 0: neither."""
+    within: tuple[float, float] = UNLIMITED
+    """Least and greatest value that it can have; intervals of its mean end there."""
 
 
 METRICS: Registry[Metric] = Registry("metric", "readhesion.metrics", package="alloc.metrics")
@@ -37,16 +48,25 @@ METRICS: Registry[Metric] = Registry("metric", "readhesion.metrics", package="al
 
 
 def metric(
-    name: str, unit: str, description: str, better: int = 0
+    name: str,
+    unit: str,
+    description: str,
+    better: int = 0,
+    within: tuple[float, float] = UNLIMITED,
 ) -> Callable[[Callable[[xr.Dataset], float]], Callable[[xr.Dataset], float]]:
-    """Decorator that registers a function of a run as a metric: name, unit, meaning, and which way is better."""
+    """Decorator that registers a function of a run as a metric: name, unit, meaning, which way is better, and its range."""
 
     def register(function: Callable[[xr.Dataset], float]) -> Callable[[xr.Dataset], float]:
-        made = Metric(name, unit, description, function, better)
+        made = Metric(name, unit, description, function, better, within)
         METRICS.register(name, made, function.__module__)
         return function
 
     return register
+
+
+def range_of(name: str) -> tuple[float, float]:
+    """Least and greatest value that the metric of this name can have; no bounds where there is none of this name."""
+    return METRICS[name].within if name in METRICS else UNLIMITED
 
 
 class _Known(threading.local):

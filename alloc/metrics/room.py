@@ -11,6 +11,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import (
+    EITHER_WAY,
+    NEVER_NEGATIVE,
+    SHARE,
     direction,
     force_along,
     force_available,
@@ -121,7 +124,13 @@ def _share(part: Floats, whole: Floats) -> float:
     return float(part.sum() / whole.sum()) if whole.sum() else float("nan")
 
 
-@metric("bound_use", "1", "effort, at most the plan, over the most that rail and motors allow", +1)
+@metric(
+    "bound_use",
+    "1",
+    "effort, at most the plan, over the most that rail and motors allow",
+    +1,
+    EITHER_WAY,
+)
 def bound_use(run: xr.Dataset) -> float:
     """Effort, instant by instant the plan at most, over the true bound of the run; nan without demand."""
     found = room(run)
@@ -133,6 +142,7 @@ def bound_use(run: xr.Dataset) -> float:
     "1",
     "share of the bound that readhesion controllers lose at the units they limit",
     -1,
+    SHARE,
 )
 def held_back(run: xr.Dataset) -> float:
     """What is missing from the bound and lies at units whose own controllers limit them, over the bound.
@@ -143,14 +153,14 @@ def held_back(run: xr.Dataset) -> float:
     return _share(found.held_back, found.bound)
 
 
-@metric("headroom", "1", "share of the plan that only sharing between units can reach", 0)
+@metric("headroom", "1", "share of the plan that only sharing between units can reach", 0, SHARE)
 def headroom(run: xr.Dataset) -> float:
     """Bound of the train less the sum of what each unit can deliver of its own part of the plan, over the plan."""
     found = room(run)
     return _share(found.bound - found.apart, found.plan)
 
 
-@metric("over_delivery", "1", "effort beyond the plan, relative to it", -1)
+@metric("over_delivery", "1", "effort beyond the plan, relative to it", -1, NEVER_NEGATIVE)
 def over_delivery(run: xr.Dataset) -> float:
     """Effort beyond the plan, instant by instant, over the plan; `bound_use` does not count it."""
     found = room(run)

@@ -14,6 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import (
+    EITHER_WAY,
+    NEVER_NEGATIVE,
+    SHARE,
     adhesion_used,
     direction,
     force_along,
@@ -123,7 +126,13 @@ def searches(run: xr.Dataset) -> list[Search]:
     return found
 
 
-@metric("search_time", "s", "mean time from a loss of adhesion until 90 % of it is used again", -1)
+@metric(
+    "search_time",
+    "s",
+    "mean time from a loss of adhesion until 90 % of it is used again",
+    -1,
+    NEVER_NEGATIVE,
+)
 def search_time(run: xr.Dataset) -> float:
     """Mean over the episodes of shortage [s]; nan where there are none.
 
@@ -136,7 +145,11 @@ def search_time(run: xr.Dataset) -> float:
 
 
 @metric(
-    "unfinished_searches", "1", "share of the searches for adhesion that found none in time", -1
+    "unfinished_searches",
+    "1",
+    "share of the searches for adhesion that found none in time",
+    -1,
+    SHARE,
 )
 def unfinished_searches(run: xr.Dataset) -> float:
     """Share of the episodes of shortage in which adhesion was lost and not found again."""
@@ -144,7 +157,13 @@ def unfinished_searches(run: xr.Dataset) -> float:
     return float(np.mean(unfinished)) if unfinished else float("nan")
 
 
-@metric("utilisation_short", "1", "adhesion used by units whose target asks for more of it", +1)
+@metric(
+    "utilisation_short",
+    "1",
+    "adhesion used by units whose target asks for more of it",
+    +1,
+    EITHER_WAY,
+)
 def utilisation_short(run: xr.Dataset) -> float:
     """Rail force over what all axles of the short units could carry, summed over time; nan without shortage."""
     unit = series(run, "axle_unit")
@@ -154,7 +173,11 @@ def utilisation_short(run: xr.Dataset) -> float:
 
 
 @metric(
-    "torque_fluctuation", "1", "rms of torque commands about their 1 s mean, over the plan's", -1
+    "torque_fluctuation",
+    "1",
+    "rms of torque commands about their 1 s mean, over the plan's",
+    -1,
+    NEVER_NEGATIVE,
 )
 def torque_fluctuation(run: xr.Dataset) -> float:
     """Root mean square, over units and time under demand, of a command less its centred moving mean over `MEAN_TIME`.

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from alloc.metrics.registry import metric, record_period, series
+from alloc.metrics.registry import NEVER_NEGATIVE, metric, record_period, series
 
 LOCK_SPEED = 5.0 / 3.6
 """Train speed [m/s] above which a standing wheel counts as locked; slide protection rests below it."""
@@ -15,7 +15,9 @@ ATMOSPHERE = 101325.0
 """Pressure [Pa] of a normal litre."""
 
 
-@metric("locked_time", "s", "time that wheels stood above 5 km/h, summed over axles", -1)
+@metric(
+    "locked_time", "s", "time that wheels stood above 5 km/h, summed over axles", -1, NEVER_NEGATIVE
+)
 def locked_time(run: xr.Dataset) -> float:
     """Axle-seconds in which a wheel stands while its train runs faster than `LOCK_SPEED`."""
     standing = np.abs(series(run, "rim_speed")) < STANDING_SPEED
@@ -23,7 +25,13 @@ def locked_time(run: xr.Dataset) -> float:
     return float((standing & running[:, None]).sum() * record_period(run))
 
 
-@metric("air_consumption", "l", "air let into the brake cylinders, at atmospheric pressure", -1)
+@metric(
+    "air_consumption",
+    "l",
+    "air let into the brake cylinders, at atmospheric pressure",
+    -1,
+    NEVER_NEGATIVE,
+)
 def air_consumption(run: xr.Dataset) -> float:
     """Volume of the brake cylinders times all rises of their pressure over the atmosphere's [normal litres].
 

@@ -6,6 +6,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from alloc.metrics.registry import EITHER_WAY
+
 SETTLING = 2.0
 """Time after the first demand [s] that is left out: torque rises in 1 s, and the first slip needs to be detected."""
 
@@ -13,6 +15,11 @@ EXCESS_EDGES = (0.0, 0.05, 0.10, 0.15, 0.30)
 """Bounds of the classes of a limit's excess over the true adhesion, as a share of the latter."""
 SOMEWHAT_TOO_HIGH = 0.15
 """Excess up to which a limit counts as somewhat too high; the train's sigma of 0.012 is 8 % of 0.15."""
+
+RANGES = dict.fromkeys(
+    ("effort_up_to_plan", "unit_use_low", "unit_use_mean", "use_over"), EITHER_WAY
+)
+"""Least and greatest value of measures that have bounds."""
 
 Floats = NDArray[np.float64]
 

@@ -6,13 +6,14 @@ from itertools import pairwise
 
 import pandas as pd
 
+from alloc.metrics.registry import EITHER_WAY
 from studies.claims.measures import EXCESS_EDGES, excess_column
 from studies.claims.quantities import BELIEVED_SLOPE, QUANTITIES
 from studies.claims.thresholds import POPULATIONS, REACHED, THRESHOLDS, bears, threshold_test
 from studies.core.arms import COMPARED, Arm
 from studies.core.drawn_events import paired
 from studies.core.family import Claim, Part, compared
-from studies.core.statement import Interval, Statement, in_words
+from studies.core.statement import INTERVALS_OF_MEANS, Interval, Statement, in_words, mean_interval
 from studies.core.verdict import Numbers
 
 LAYERS = ("greedy-literal", "greedy-tuned", "greedy", "cooperative")
@@ -22,7 +23,7 @@ ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""
 
 INTERVALS = (
-    "means and paired differences: Student's t; shares: Wilson; the whole after Holm over the claims, Bonferroni among its "
+    f"{INTERVALS_OF_MEANS}; shares: Wilson; the whole after Holm over the claims, Bonferroni among its "
     "parts"
 )
 EFFORT, JERK, SLIP = "effort over plan", "jerk rms [m/s3]", "slip [axle s]"
@@ -119,6 +120,11 @@ def _less(events: pd.DataFrame, rule: str, other: str, **words: str) -> Numbers:
     }
 
 
+def used(values: "pd.Series[float]") -> Interval:
+    """Mean of what is used of something: 1 at most."""
+    return mean_interval(values, within=EITHER_WAY)
+
+
 def _share(name: str) -> str:
     return f"{THRESHOLDS[name].value:.0%}"
 
@@ -134,10 +140,10 @@ def _reaches(events: pd.DataFrame, rule: str) -> Claim:
         "a", "redistribution reaches the planned effort where adhesion on the whole allows it and alone does not",
         events, rule,
         {
-            at_most: effort,
+            at_most: used(effort),
             **_less(events, rule, "alone", held_effort=EFFORT),
             **_less(events, "exact", "alone", held_effort=EFFORT),
-            f"{at_most}, where the oracle reaches it": effort[reached["oracle"]],
+            f"{at_most}, where the oracle reaches it": used(effort[reached["oracle"]]),
             **{f"share of events that reach the plan, {one}": met for one, met in reached.items()},
         },
         f"events whose whole adhesion is at or above the plan 95 % of the time, and alone below "
@@ -151,10 +157,10 @@ def _at_bound(events: pd.DataFrame, rule: str) -> Claim:
     return _claim(
         "b", "in case A every unit works at about its bound", events, rule,
         {
-            f"{least}, {rule}": use,
-            f"adhesion used, mean of the units, {rule}": events[f"unit_use_mean@{rule}"],
+            f"{least}, {rule}": used(use),
+            f"adhesion used, mean of the units, {rule}": used(events[f"unit_use_mean@{rule}"]),
             **_less(events, rule, "alone", unit_use_low=least),
-            f"{least}, oracle": events["unit_use_low@oracle"],
+            f"{least}, oracle": used(events["unit_use_low@oracle"]),
             f"share of events with every unit above {_share('b')}": use >= THRESHOLDS["b"].value,
         },
         "events whose whole adhesion is below the plan 95 % of the time; holds if the unit that uses least uses "
@@ -167,8 +173,8 @@ def _about_95(events: pd.DataFrame, rule: str) -> Claim:
         "c", "about 95 % of the adhesion is used under readhesion control when a cap is somewhat too high",
         events, rule,
         {
-            "adhesion used, limit up to 15 % too high": events[f"use_over@{rule}"],
-            **{f"adhesion used, limit {low:.0%} to {high:.0%} too high": events[f"{excess_column(k)}@{rule}"]
+            "adhesion used, limit up to 15 % too high": used(events[f"use_over@{rule}"]),
+            **{f"adhesion used, limit {low:.0%} to {high:.0%} too high": used(events[f"{excess_column(k)}@{rule}"])
                for k, (low, high) in enumerate(pairwise(EXCESS_EDGES))},
         },
         f"events with {THRESHOLDS['c over'].value:g} unit second or more under a limit of {rule} above the true adhesion; "

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from alloc.metrics.registry import UNLIMITED, range_of
+from studies.claims.measures import RANGES
 from studies.core.family import Test
 from studies.core.threshold import Threshold
 
@@ -69,6 +71,7 @@ def threshold_test(name: str, rule: str) -> Test:
         lambda events: quantity(row, rule, events),
         row.value,
         1 if row.direction == "at least" else -1,
+        UNLIMITED if row.less else RANGES.get(row.metric, range_of(row.metric)),
     )
 
 

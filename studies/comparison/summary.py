@@ -11,8 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.metrics import METRICS
+from alloc.metrics.registry import NEVER_NEGATIVE, UNLIMITED, range_of
+from studies.core.mean_limits import mean_limits
 from studies.core.run_status import DEGRADED
-from studies.core.statement import CONFIDENCE, half_width
+from studies.core.statement import CONFIDENCE, Interval
 
 Floats = NDArray[np.float64]
 
@@ -27,15 +29,6 @@ REFERENCE = "alone"
 
 
 @dataclass(frozen=True)
-class Mean:
-    """Mean over seeds and half-width of its confidence interval (nan for one seed)."""
-
-    value: float
-    half_width: float
-    count: int
-
-
-@dataclass(frozen=True)
 class Line:
     """One scenario under one rule and one controller, over all its seeds."""
 
@@ -47,9 +40,9 @@ class Line:
     degraded: int
     """Runs in which rule or controller failed too often to count (`studies.core.run_status`)."""
     reasons: tuple[str, ...]
-    metrics: dict[str, Mean]
+    metrics: dict[str, Interval]
     """Of the runs that are ok."""
-    differences: dict[str, Mean]
+    differences: dict[str, Interval]
     """Metric of this rule less that of `REFERENCE` under the same controller, paired by seed; empty without pairs."""
 
     @property
@@ -58,24 +51,43 @@ class Line:
         return self.failed + self.degraded
 
 
-def means_of(values: Floats) -> list[Mean]:
-    """Means of the columns of `values` (runs, metrics) with their confidence intervals by Student's t.
+NO_MEAN = Interval(math.nan, math.nan, math.nan, 0)
+"""What there is where no run has a number."""
 
-    Runs where a metric does not apply (nan) are left out. All at once: a comparison has thousands of such columns.
+
+def means_of(values: Floats, within: Sequence[tuple[float, float]]) -> list[Interval]:
+    """Means of the columns of `values` (runs, metrics) with their confidence intervals; `within`: the columns' ranges.
+
+    Runs where a metric does not apply (nan) are left out. Columns known in the same runs are done together, and share their
+    resamples.
     """
-    columns = np.ascontiguousarray(values.T)
-    known = ~np.isnan(columns)
-    return [_mean(column[some]) for column, some in zip(columns, known, strict=True)]
+    known = ~np.isnan(values)
+    found = [NO_MEAN] * values.shape[1]
+    groups: dict[bytes, list[int]] = {}
+    for k, some in enumerate(known.T):
+        groups.setdefault(some.tobytes(), []).append(k)
+    for mine in groups.values():
+        some = known[:, mine[0]]
+        if not some.any():
+            continue
+        columns = np.ascontiguousarray(values[np.ix_(some, np.array(mine))].T)
+        for k, value, low, high in zip(mine, *mean_limits(columns, CONFIDENCE), strict=True):
+            one = Interval(float(value), float(low), float(high), columns.shape[1])
+            found[k] = one.cut(within[k])
+    return found
 
 
-def _mean(known: Floats) -> Mean:
-    n = known.size
-    if n < 2:
-        return Mean(float(known[0]) if n else math.nan, math.nan, n)
-    mean = float(known.sum()) / n
-    rest = known - mean
-    half = half_width(math.sqrt(float((rest * rest).sum()) / (n - 1)), n)
-    return Mean(mean, 0.5 * ((mean + half) - (mean - half)), n)
+def plus_minus(mean: Interval, factor: float, digits: int) -> str:
+    """The interval as text beside its mean: " ±1.2", or " +0.3/-1.2" where its sides differ.
+
+    Empty for one seed, or where the event leaves nothing to chance.
+    """
+    if not mean.high > mean.low:
+        return ""
+    above, below = (
+        f"{factor * side:.{digits}f}" for side in (mean.high - mean.value, mean.value - mean.low)
+    )
+    return f" ±{above}" if above == below else f" +{above}/-{below}"
 
 
 def summarise(table: pd.DataFrame) -> list[Line]:
@@ -107,16 +119,26 @@ def summarise(table: pd.DataFrame) -> list[Line]:
                 len(bad) - degraded,
                 degraded,
                 tuple(dict.fromkeys(table["reason"].iloc[bad])),
-                dict(zip(names, means_of(numbers[good[cell]]), strict=True)),
+                _means(names, numbers[good[cell]], [_range(name) for name in names]),
                 {} if rule == REFERENCE or not pairs else _differences(names, np.array(pairs)),
             )
         )
     return lines
 
 
-def _differences(names: Sequence[str], pairs: Floats) -> dict[str, Mean]:
+def _means(
+    names: Sequence[str], values: Floats, within: Sequence[tuple[float, float]]
+) -> dict[str, Interval]:
+    return dict(zip(names, means_of(values, within), strict=True))
+
+
+def _range(name: str) -> tuple[float, float]:
+    return NEVER_NEGATIVE if name == RULE_CALL_TIME else range_of(name)
+
+
+def _differences(names: Sequence[str], pairs: Floats) -> dict[str, Interval]:
     """Means of what a rule has more than the reference, by metric; the time of a call is no metric."""
-    found = dict(zip(names, means_of(pairs), strict=True))
+    found = _means(names, pairs, [UNLIMITED] * len(names))
     found.pop(RULE_CALL_TIME, None)
     return found
 
@@ -149,9 +171,9 @@ def to_json(lines: list[Line], about: dict[str, Any]) -> str:
     return json.dumps(content, indent=2, allow_nan=False)
 
 
-def _numbers(means: dict[str, Mean]) -> dict[str, dict[str, float | None]]:
+def _numbers(means: dict[str, Interval]) -> dict[str, dict[str, float | None]]:
     return {
-        name: {"mean": _number(m.value), "half_width": _number(m.half_width)}
+        name: {"mean": _number(m.value), "low": _number(m.low), "high": _number(m.high)}
         for name, m in means.items()
     }
 

@@ -1,6 +1,5 @@
 """The printed tables of a comparison: one per scenario, as many columns as the terminal is wide."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +8,7 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from studies.comparison.summary import REFERENCE, RULE_CALL_TIME, Line, Mean
+from studies.comparison.summary import NO_MEAN, REFERENCE, RULE_CALL_TIME, Line, plus_minus
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,6 @@ GAP = 2
 EDGES = 2
 """Spaces at the table's ends."""
 
-_NOTHING = Mean(math.nan, math.nan, 0)
-
 
 def tables(lines: Sequence[Line], titles: dict[str, str], width: int) -> list[Group]:
     """Title, rich table and notes, one group per scenario, at most `width` characters wide where that can be had.
@@ -102,13 +99,11 @@ def _differences(lines: list[Line], width: int) -> Group:
 
 
 def _signed(line: Line, column: Column) -> str:
-    mean = line.differences.get(column.metric, _NOTHING)
+    mean = line.differences.get(column.metric, NO_MEAN)
     if mean.count == 0:
         return "–"
     text = f"{column.factor * mean.value:+.{column.digits}f}"
-    if math.isfinite(mean.half_width):
-        text += f" ±{column.factor * mean.half_width:.{column.digits}f}"
-    return text
+    return text + plus_minus(mean, column.factor, column.digits)
 
 
 def _table(lines: list[Line], title: str, width: int) -> Group:
@@ -149,7 +144,7 @@ def _names(lines: list[Line]) -> list[tuple[str, str]]:
 
 def applies(line: Line, column: Column) -> bool:
     """Whether a line has a number for a column."""
-    mean = line.metrics.get(column.metric, _NOTHING)
+    mean = line.metrics.get(column.metric, NO_MEAN)
     # a built-in controller solves nothing: zero time says that there is nothing to say
     return mean.count > 0 and not (column.metric == "controller_median" and mean.value == 0.0)
 
@@ -168,14 +163,12 @@ def _cell(line: Line, column: Column) -> str:
         return "–"
     mean = line.metrics[column.metric]
     text = f"{column.factor * mean.value:.{column.digits}f}"
-    if mean.half_width > 0.0:  # nan for one seed, 0 where the event leaves nothing to chance
-        text += f" ±{column.factor * mean.half_width:.{column.digits}f}"
-    return text
+    return text + plus_minus(mean, column.factor, column.digits)
 
 
 def _failures(line: Line) -> str:
     names = ("rule_failures", "controller_failures")
-    values = [line.metrics.get(name, _NOTHING).value for name in names]
+    values = [line.metrics.get(name, NO_MEAN).value for name in names]
     return "–" if line.left_out == line.seeds else f"{sum(v for v in values if v == v):.0f}"
 
 

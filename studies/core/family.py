@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from alloc.metrics.registry import UNLIMITED
 from studies.core.resampling import resampled
 from studies.core.statement import CONFIDENCE, Interval, Statement, Tested, mean_interval
 from studies.core.verdict import (
@@ -34,10 +35,12 @@ class Test(NamedTuple):
     threshold: float = 0.0
     wanted: Literal[-1, 1] = 1
     """Side of the threshold on which the claim says that the mean lies."""
+    within: tuple[float, float] = UNLIMITED
+    """Least and greatest value that the quantity can have."""
 
     def interval(self, events: pd.DataFrame, confidence: float = CONFIDENCE) -> Interval:
         """The mean over these events."""
-        return mean_interval(self.quantity(events), confidence)
+        return mean_interval(self.quantity(events), confidence, self.within)
 
     def bound(self, events: pd.DataFrame) -> Bound:
         """The mean over these events, and where it is wanted."""
@@ -107,13 +110,14 @@ def compared(claims: Sequence[Claim]) -> list[Statement]:
             Interval(float(means.mean[0, j]), float(low[0, j]), float(high[0, j]), int(means.count[0, j]))
             for j in range(own.start, own.stop)
         ]  # fmt: skip
+        own_tests = [claim.test] * (1 + len(claim.parts)) + [test for _, test in claim.others]
+        intervals = [i.cut(one.within) for i, one in zip(intervals, own_tests, strict=True)]
         tested = Tested(
             "at least" if claim.test.wanted > 0 else "at most",
             claim.test.threshold,
-            means.interval(own.start),
+            claim.test.interval(claim.events),
             intervals[0],
             1.0 - float(level[0, k]),
-            means.percentiles(own.start),
             float(p[0, own.start]),
             float(p_holm[0, k]),
         )

@@ -1,4 +1,8 @@
-"""Means over events with their intervals: of the events as drawn, and of bootstrap resamples of them."""
+"""Means over events with what decides on them: of the events as drawn, and of bootstrap resamples of them.
+
+These intervals are Student's t. Each must contain its threshold exactly where the p-value after Holm says so, and each of
+the resamples needs one. Those beside printed means are `studies.core.mean_limits`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from studies.core.statement import CONFIDENCE, Interval, half_width, share_limits
+from studies.core.mean_limits import half_width
+from studies.core.statement import share_limits
 
 RESAMPLES = 1000
 """Shares of them, as 0.95, are known to 0.007."""
@@ -48,23 +53,6 @@ class Means:
             t = (self.mean - threshold) / (self.deviation / np.sqrt(self.count))
             p: Floats = 2.0 * stdtr(self.count - 1.0, -np.abs(t))
         return np.where((self.deviation == 0.0) & (self.mean == threshold), 1.0, p)
-
-    def interval(self, quantity: int, level: float = 1.0 - CONFIDENCE) -> Interval:
-        """The interval of a quantity over the events as drawn."""
-        found = Means(self.mean[:1], self.deviation[:1], self.count[:1], self.share)
-        low, high = found.limits(level)
-        return self._interval(quantity, low[0, quantity], high[0, quantity])
-
-    def percentiles(self, quantity: int) -> Interval:
-        """The mean over the events as drawn with the interval that holds `CONFIDENCE` of the resamples' means."""
-        known = self.mean[1:, quantity][np.isfinite(self.mean[1:, quantity])]
-        tail = 0.5 - 0.5 * CONFIDENCE
-        ends = np.quantile(known, [tail, 1.0 - tail]) if known.size else (np.nan, np.nan)
-        return self._interval(quantity, *ends)
-
-    def _interval(self, quantity: int, low: float, high: float) -> Interval:
-        count = int(self.count[0, quantity])
-        return Interval(float(self.mean[0, quantity]), float(low), float(high), count)
 
 
 def resampled(quantities: Sequence["pd.Series[Any]"]) -> Means:

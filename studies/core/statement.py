@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtri, stdtrit  # scipy.stats, which calls them, takes a second to import
+from scipy.special import ndtri  # scipy.stats, which calls it, takes a second to import
+
+from alloc.metrics.registry import UNLIMITED, range_of
+from studies.core.mean_limits import mean_limits
 
 HOLDS = "holds"
 CONDITIONS = "holds with conditions"
@@ -19,6 +22,8 @@ VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
 
 CONFIDENCE = 0.95
 """Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.family`)."""
+INTERVALS_OF_MEANS = "means with a bootstrap of the events, verdicts by Student's t"
+"""How intervals of means are made, as methods of statements say it."""
 LEAST_AGREEMENT = 0.95
 """Share of bootstrap resamples that must give a verdict again; one with less is fragile."""
 
@@ -32,6 +37,13 @@ class Interval:
     high: float
     count: int
 
+    def cut(self, within: tuple[float, float]) -> "Interval":
+        """The interval without what lies beyond the least and the greatest value that its quantity can have."""
+        least, most = within
+        low = min(max(self.low, least), self.value) if self.low < least else self.low
+        high = max(min(self.high, most), self.value) if self.high > most else self.high
+        return Interval(self.value, low, high, self.count)
+
 
 @dataclass(frozen=True)
 class Tested:
@@ -41,13 +53,11 @@ class Tested:
     """Side of the threshold that is claimed: "at least" or "at most"."""
     threshold: float
     estimate: Interval
-    """Mean with its interval by Student's t at `CONFIDENCE`."""
+    """Mean with its interval at `CONFIDENCE`, as `mean_interval` has it."""
     adjusted: Interval
-    """The same at the level that Holm's procedure gives it among the claims of the study; it decides."""
+    """The same by Student's t, at the level that Holm's procedure gives it among the claims of the study; it decides."""
     level: float
     """Confidence of `adjusted`."""
-    bootstrap: Interval
-    """The same from bootstrap resamples of the events, percentiles at `CONFIDENCE`."""
     p: float
     """Two-sided p-value by Student's t, paired where the claim compares."""
     p_holm: float
@@ -126,25 +136,26 @@ def in_words(form: str, scale: float = 1.0) -> Callable[[Interval], str]:
     return lambda i: form.format(scale * i.value, scale * i.low, scale * i.high, i.count)
 
 
-def mean_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:
-    """Mean of a series of events with its interval by Student's t; nan entries do not bear on it and are left out.
+def mean_interval(
+    values: Any, confidence: float = CONFIDENCE, within: tuple[float, float] = UNLIMITED
+) -> Interval:
+    """Mean of a series of events with its interval by `mean_limits`; nan entries do not bear on it and are left out.
 
-    Of paired differences it is the interval of paired comparison.
+    Of paired differences it is the interval of paired comparison. `within`: least and greatest value that the quantity can
+    have. The true mean lies there, so limits beyond it are cut.
     """
     known = values.dropna().astype(float)
     n = len(known)
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0)
-    mean = float(known.mean())
-    if n == 1:
-        return Interval(mean, math.nan, math.nan, 1)
-    half = float(half_width(float(known.std(ddof=1)), n, confidence))
-    return Interval(mean, mean - half, mean + half, n)
+    (mean,), (low,), (high,) = mean_limits(known.to_numpy()[np.newaxis], confidence)
+    return Interval(float(mean), float(low), float(high), n).cut(within)
 
 
-def half_width(deviation: Any, count: Any, confidence: Any = CONFIDENCE) -> Any:
-    """Half-width of the interval of a mean by Student's t, from the standard deviation of `count` > 1 events."""
-    return stdtrit(count - 1, 0.5 + 0.5 * confidence) * deviation / np.sqrt(count)
+def column_interval(events: pd.DataFrame, column: str, scale: float = 1.0) -> Interval:
+    """Mean of the column ``metric@arm`` of paired events times `scale`; its interval ends where the metric's range does."""
+    least, most = range_of(column.partition("@")[0])
+    return mean_interval(scale * events[column], within=(scale * least, scale * most))
 
 
 def share_interval(values: Any, confidence: float = CONFIDENCE) -> Interval:

@@ -108,10 +108,10 @@ def _verdict(statement: Statement) -> str:
 
 def _tested(test: Tested) -> str:
     """The mean that decides, against its threshold."""
-    limits = {"t": test.estimate, f"t at {test.level:.1%} (Holm)": test.adjusted, "bootstrap": test.bootstrap}  # fmt: skip
-    words = ", ".join(f"[{i.low:.4g}, {i.high:.4g}] {name}" for name, i in limits.items())
+    now, wide = test.estimate, test.adjusted
     return (
-        f"{test.estimate.value:.4g} {words}; claimed {test.direction} {test.threshold:g}, "
+        f"{now.value:.4g} [{now.low:.4g}, {now.high:.4g}], "
+        f"[{wide.low:.4g}, {wide.high:.4g}] at {test.level:.1%} (Holm); claimed {test.direction} {test.threshold:g}, "
         f"p {test.p:.3g}, after Holm {test.p_holm:.3g}"
     )
 

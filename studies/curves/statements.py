@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
-from studies.core.statement import CONFIDENCE, Statement
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.verdict import Bound, agreement, decide, intervals_of, sides_of
 
 CURVES: dict[str, dict[str, Any]] = {
@@ -81,6 +81,6 @@ def _statement(table: pd.DataFrame, pair: Pair, metric: str) -> Statement:
             for curve, s in signs.items() if s != base
         ),
         "mean of paired differences; holds if its sign is that of the piecewise curve under all, does not where one is "
-        f"opposite, undecided where that has none; Student's t, {CONFIDENCE:.0%}",
+        f"opposite, undecided where that has none; {INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}",
         agreement=agreement(rows, verdict),
     )  # fmt: skip

@@ -65,7 +65,7 @@ def _kind(kind: str, problems: pd.DataFrame, events: pd.DataFrame) -> Statement:
                for name, text in METRICS.items()},
         },
         f"problems within reach of all bounds; holds if differences of {MATTERS:.0%} of the plan are rarer than "
-        f"{RARE:.0%}, with conditions if greedy only exceeds; Wilson, Student's t on pairs, 95 %",
+        f"{RARE:.0%}, with conditions if greedy only exceeds; Wilson, bootstrap of pairs, 95 %",
         {said: Bound("", over, most=RARE)},
     )  # fmt: skip
 

@@ -5,9 +5,16 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from alloc.metrics.registry import range_of
 from studies.core.drawn_events import paired
 from studies.core.family import Claim, Part, Test, compared
-from studies.core.statement import CONFIDENCE, Statement, in_words
+from studies.core.statement import (
+    CONFIDENCE,
+    INTERVALS_OF_MEANS,
+    Statement,
+    column_interval,
+    in_words,
+)
 from studies.core.verdict import Numbers
 from studies.headroom.what_makes_room import TRAINS
 
@@ -42,7 +49,7 @@ COSTS = {
 }
 """Metric -> what a statement calls it."""
 METHOD = (
-    f"paired by event; means: Student's t; share of headroom: ratio of means, linearised; {CONFIDENCE:.0%}, "
+    f"paired by event; {INTERVALS_OF_MEANS}; share of headroom: ratio of means, linearised; {CONFIDENCE:.0%}, "
     "parts after Bonferroni; headroom as under the oracle with the same controller"
 )
 POINTS = in_words("{:+.2f} [{:+.2f}, {:+.2f}] points, n = {}", 100)
@@ -111,14 +118,17 @@ def headroom_statements(table: pd.DataFrame) -> list[Statement]:
 def _numbers(events: pd.DataFrame, rule: str) -> Numbers:
     strata = {name: events[in_stratum(events, name)] for name in STRATA}
     return {
-        "bound used": events[f"bound_use@{rule}"],
-        **{f"bound used, {name}": own[f"bound_use@{rule}"] for name, own in strata.items()},
-        "bound used, alone": events[f"bound_use@{BASE}"],
-        "lost by controllers at the units they limit": events[f"held_back@{rule}"],
+        "bound used": column_interval(events, f"bound_use@{rule}"),
+        **{
+            f"bound used, {name}": column_interval(own, f"bound_use@{rule}")
+            for name, own in strata.items()
+        },
+        "bound used, alone": column_interval(events, f"bound_use@{BASE}"),
+        "lost by controllers at the units they limit": column_interval(events, f"held_back@{rule}"),
         "left by the sharing": 1.0 - events[f"bound_use@{rule}"] - events[f"held_back@{rule}"],
         f"share of headroom gained, above {100 * WORTH_SHARING:g} point": gained(events, rule),
         **{f"gain over plan, {name}": gain(own, rule) for name, own in strata.items()},
-        "delivered beyond the plan": events[f"over_delivery@{rule}"],
+        "delivered beyond the plan": column_interval(events, f"over_delivery@{rule}"),
         **{f"{text}, less alone": gain(events, rule, metric) for metric, text in COSTS.items()},
     }
 
@@ -136,11 +146,14 @@ def _cost(metric: str) -> Test:
 
 def _goal_of_bound(events: pd.DataFrame, controller: str) -> Claim:
     costs = [(f"{COSTS[metric]}, less alone", _cost(metric)) for metric in ("slip_time", "damage")]
-    excess = Test(lambda e: e[f"over_delivery@{OWN}"], GOAL_OF_EXCESS, -1)
+    use = Test(lambda e: e[f"bound_use@{OWN}"], GOAL_OF_BOUND, within=range_of("bound_use"))
+    excess = Test(
+        lambda e: e[f"over_delivery@{OWN}"], GOAL_OF_EXCESS, -1, range_of("over_delivery")
+    )
     return Claim(
         f"bound, {controller}",
         f"{OWN} uses {GOAL_OF_BOUND:.1%} of the bound under {controller}, at no more slip and wheel damage than alone",
-        events, Test(lambda e: e[f"bound_use@{OWN}"], GOAL_OF_BOUND), PARTS, PERCENT, _numbers(events, OWN), METHOD,
+        events, use, PARTS, PERCENT, _numbers(events, OWN), METHOD,
         [*costs, ("delivery beyond the plan", excess)],
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from studies.core.arms import Arm, arm_difference
-from studies.core.statement import CONFIDENCE, Statement
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.verdict import Bound, decided
 from studies.curves.statements import METRICS
 
@@ -37,5 +37,5 @@ def _statement(table: pd.DataFrame, arm: Arm) -> Statement:
         f"{arm.rule} under {arm.controller}", "reaches the effort of the joint optimum to within a point",
         {"": Bound("", effort, least=-NEAR)}, found,
         f"mean of paired differences; holds if its interval lies above -{NEAR:g}, does not if below, else undecided; "
-        f"Student's t, {CONFIDENCE:.0%}",
+        f"{INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}",
     )  # fmt: skip

@@ -5,9 +5,16 @@ from itertools import pairwise
 
 import pandas as pd
 
+from alloc.metrics.registry import range_of
 from studies.core.drawn_events import paired
 from studies.core.family import Claim, Part, Test, compared
-from studies.core.statement import CONFIDENCE, Statement, in_words
+from studies.core.statement import (
+    CONFIDENCE,
+    INTERVALS_OF_MEANS,
+    Statement,
+    column_interval,
+    in_words,
+)
 from studies.core.verdict import Numbers
 
 LADDER = (
@@ -24,7 +31,7 @@ YARDSTICKS = {
 """Share of adhesion used, and whose it is."""
 NOTICED = 0.01
 """Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
-STUDENT = f"Student's t, {CONFIDENCE:.0%}, after Holm over all claims"
+STUDENT = f"{INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}, after Holm over all claims"
 PERCENT = in_words("{:.1f} % [{:.1f}, {:.1f}] (n = {})", 100)
 SECONDS = in_words("{:.2f} s [{:.2f}, {:.2f}] (n = {})")
 
@@ -86,8 +93,8 @@ def yardstick(
     """The claim that `name` uses more than `bar` of the adhesion where a unit is short of it."""
     return Claim(
         f"{bar:.0%}: {name}", f"{name} uses {bar:.0%} of the adhesion where a unit is short of it ({YARDSTICKS[bar]})",
-        events, Test(lambda e: e[f"utilisation_short@{name}"], bar), parts, PERCENT,
-        {text: events[f"{metric}@{name}"] for metric, text in METRICS.items()},
+        events, Test(lambda e: e[f"utilisation_short@{name}"], bar, within=range_of("utilisation_short")), parts, PERCENT,
+        {text: column_interval(events, f"{metric}@{name}") for metric, text in METRICS.items()},
         f"mean over events above {bar:.0%}; {STUDENT}, parts after Bonferroni",
     )  # fmt: skip
 

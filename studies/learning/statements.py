@@ -6,7 +6,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from studies.core.family import Claim, Test, compared
-from studies.core.statement import Interval, Statement, in_words, mean_interval
+from studies.core.statement import INTERVALS_OF_MEANS, Interval, Statement, in_words, mean_interval
 from studies.core.verdict import LEAST_EVENTS, Bound, Numbers, over_cases
 from studies.learning.arms import EXACT
 from studies.learning.series import COARSE, PARTS, TOLERANCE, per_series
@@ -20,8 +20,8 @@ KILOJOULES = in_words("{:+.1f} kJ ({:+.1f} to {:+.1f})")
 SHARE = in_words("{:.1%} ({:.1%} to {:.1%})")
 """What puts intervals into words."""
 METHOD = (
-    "one event = one train in one running direction, all its stations; 95 % intervals by Student's t over the paired "
-    "differences of the series; verdicts after Holm over all claims of this kind, parts after Bonferroni"
+    "one event = one train in one running direction, all its stations; 95 % intervals over the paired "
+    f"differences of the series: {INTERVALS_OF_MEANS}; after Holm over all claims of this kind, parts after Bonferroni"
 )
 LATE = f"second half of the stations; {METHOD}"
 

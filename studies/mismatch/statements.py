@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 import pandas as pd
 
-from studies.core.statement import CONFIDENCE, Statement
+from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.verdict import Bound, Item, decided
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
@@ -29,8 +29,8 @@ METRICS = {
 }
 """Metric -> what a statement calls it."""
 METHOD = (
-    f"means of paired differences of the adhesion used where short above -{LOSS:g} in every cell; Student's t, "
-    f"{CONFIDENCE:.0%} each"
+    f"means of paired differences of the adhesion used where short above -{LOSS:g} in every cell; "
+    f"{INTERVALS_OF_MEANS}, {CONFIDENCE:.0%} each"
 )
 
 

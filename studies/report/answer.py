@@ -50,11 +50,9 @@ def sign_of(line: Line, metric: str, fixed: Collection[str]) -> int | None:
     way = 0 if abs(mean.value) <= EQUAL else int(math.copysign(1, mean.value))
     if line.scenario in fixed:
         return way
-    if not math.isfinite(mean.half_width):
-        return None
-    if way == 0 and mean.half_width <= EQUAL:
+    if mean.low >= -EQUAL and mean.high <= EQUAL:
         return 0
-    return way if abs(mean.value) > mean.half_width else None
+    return way if mean.low > 0.0 or mean.high < 0.0 else None
 
 
 def standings(lines: Sequence[Line], fixed: Collection[str]) -> list[Standing]:

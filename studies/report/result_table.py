@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from alloc.metrics import METRICS
-from studies.comparison.summary import RULE_CALL_TIME, Line, Mean
+from studies.comparison.summary import NO_MEAN, RULE_CALL_TIME, Line, plus_minus
 from studies.comparison.table import COLUMNS, Column, applies, tells
+from studies.core.statement import Interval
 
 ALWAYS = 1
 """Columns that a narrow terminal does without sooner than this are shown on demand."""
@@ -50,7 +51,6 @@ class TableRow:
 
 
 NO_CELL = TableCell(None, "–")
-_NO_MEAN = Mean(math.nan, math.nan, 0)
 
 
 def shown_columns(lines: Sequence[Line]) -> list[Column]:
@@ -96,27 +96,21 @@ def _value(line: Line, column: Column) -> TableCell:
         return NO_CELL
     mean = line.metrics[column.metric]
     text = f"{round(column.factor * mean.value, column.digits) + 0.0:.{column.digits}f}"
-    return TableCell(mean.value, text + _plus_minus(mean, column))
+    return TableCell(mean.value, text + plus_minus(mean, column.factor, column.digits))
 
 
 def _difference(line: Line, column: Column) -> TableCell:
-    mean = line.differences.get(column.metric, _NO_MEAN)
+    mean = line.differences.get(column.metric, NO_MEAN)
     if mean.count == 0 or not math.isfinite(mean.value):
         return NO_CELL
     digits = column.digits + (column.factor != 1.0)  # points of a per cent are worth a digit more
     text = f"{round(column.factor * mean.value, digits) + 0.0:+.{digits}f}"  # no minus zero
-    if mean.half_width > 0.0:
-        text += f" ±{column.factor * mean.half_width:.{digits}f}"
+    text += plus_minus(mean, column.factor, digits)
     return TableCell(mean.value, text, _tint(column.metric, mean))
 
 
-def _plus_minus(mean: Mean, column: Column) -> str:
-    """Half-width of the interval; nothing for one seed, or where the event leaves nothing to chance."""
-    return f" ±{column.factor * mean.half_width:.{column.digits}f}" if mean.half_width > 0.0 else ""
-
-
-def _tint(metric: str, mean: Mean) -> str:
-    if not (math.isfinite(mean.half_width) and abs(mean.value) > mean.half_width):
+def _tint(metric: str, mean: Interval) -> str:
+    if not (mean.low > 0.0 or mean.high < 0.0):
         return ""
     way = METRICS[metric].better * math.copysign(1, mean.value)
     return {1: "better", -1: "worse"}.get(int(way), "other")

@@ -6,7 +6,7 @@ from typing import Literal
 import pandas as pd
 
 from studies.core.family import Claim, compared
-from studies.core.statement import Statement
+from studies.core.statement import INTERVALS_OF_MEANS, Statement
 from studies.core.threshold import Threshold
 from studies.core.verdict import survives
 from studies.resistance.driven_cases import CARS, FEEDBACK, FRONT, LEARNED, RIGHT, TAUGHT
@@ -21,8 +21,8 @@ CONCERNED = {AIR: (MOUTH,), GRADIENTS: (SLOPE,)}
 """Places where an error of the map shows; learning must mend it there. Others show at all of them."""
 METHOD = (
     "one run of each case per drawn route (studies/resistance/position_events.py), with the same noise for each error; "
-    "disturbances are means over tunnel mouths and over gradient changes, and then over both; means with Student's t, "
-    "95 %; verdicts after Holm over all claims"
+    "disturbances are means over tunnel mouths and over gradient changes, and then over both; "
+    f"{INTERVALS_OF_MEANS}, 95 %; after Holm over all claims"
 )
 
 

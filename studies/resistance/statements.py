@@ -7,7 +7,7 @@ import pandas as pd
 
 from alloc.estimation.excitation import LARGEST_DEVIATION
 from studies.core.family import Claim, Part, Test, compared
-from studies.core.statement import Statement, in_words
+from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
 from studies.resistance.driven_cases import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY
 from studies.resistance.events import FALSE_BY, ONE_CAR, column
 from studies.resistance.learners import GRADIENT, NORMALISED, PRINTED, SQUARES
@@ -22,8 +22,8 @@ AS_GOOD = 1.25
 DRIFT = 1.0
 """Error of the speed [m/s] from which on nothing holds the speed."""
 METHOD = (
-    "one random run of each case per event (studies/resistance/events.py), common random numbers; means with "
-    "Student's t, shares after Wilson, 95 %; verdicts after Holm over all claims"
+    "one random run of each case per event (studies/resistance/events.py), common random numbers; "
+    f"{INTERVALS_OF_MEANS}; shares after Wilson, 95 %; after Holm over all claims"
 )
 PARTS: dict[str, Part] = {
     "the commuter train": lambda e: e["route"] == "commuter",

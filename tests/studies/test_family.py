@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import bootstrap, ttest_1samp
+from scipy.stats import ttest_1samp
 
 from studies.core.family import Claim, compared, holm
 from studies.core.family import Test as Criterion  # a name that pytest does not take for a test
@@ -15,7 +15,6 @@ from studies.core.statement import (
     TOO_FEW,
     UNDECIDED,
     Statement,
-    mean_interval,
     share_interval,
 )
 from studies.core.verdict import side
@@ -51,27 +50,14 @@ def test_means_of_the_events_as_drawn_are_those_of_the_table():
     values = pd.Series(normal(1, 30)).where(lambda x: x > -1.0)
     truths = values.dropna() > 0.0
     found = resampled([values, truths])
-    for k, (series, interval) in enumerate(((values, mean_interval), (truths, share_interval))):
-        expected = interval(series)
-        got = found.interval(k)
-        np.testing.assert_allclose(
-            [got.value, got.low, got.high, got.count],
-            [expected.value, expected.low, expected.high, expected.count],
-            rtol=1e-12,
-        )
-    test = ttest_1samp(values.dropna(), 0.3)
+    test, share = ttest_1samp(values.dropna(), 0.3), share_interval(truths)
+    low, high = found.limits(0.05)
+    np.testing.assert_allclose(found.mean[0], [values.mean(), share.value], rtol=1e-12)
+    assert found.count[0].tolist() == [values.count(), share.count]
+    students = test.confidence_interval(0.95)
+    np.testing.assert_allclose(low[0], [students.low, share.low], rtol=1e-12)
+    np.testing.assert_allclose(high[0], [students.high, share.high], rtol=1e-12)
     assert found.p_value(np.array([0.3, 0.3]))[0, 0] == pytest.approx(test.pvalue, rel=1e-10)
-
-
-def test_percentiles_are_those_of_the_library():
-    values = normal(2, 60) ** 2  # skewed
-    found = resampled([pd.Series(values)]).percentiles(0)
-    draw = {"n_resamples": 20_000, "method": "percentile", "rng": np.random.default_rng(0)}
-    library = bootstrap((values,), np.mean, **draw)
-    error = library.standard_error
-    assert found.low == pytest.approx(library.confidence_interval.low, abs=0.2 * error)
-    assert found.high == pytest.approx(library.confidence_interval.high, abs=0.2 * error)
-    assert found == resampled([pd.Series(values)]).percentiles(0)
 
 
 def test_an_event_is_drawn_with_all_its_quantities():
@@ -84,16 +70,6 @@ def test_an_event_is_drawn_with_all_its_quantities():
     assert (found.count[:, 0] == 40).all()
     assert np.ptp(found.count[1:, 2]) > 0
     assert found.mean.shape == (1 + RESAMPLES, 3)
-
-
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    draws = normal(4, 4000, 20)
-    found = [mean_interval(pd.Series(x)) for x in draws[:400]]
-    t = np.mean([i.low < 0.0 < i.high for i in found])
-    assert t == pytest.approx(0.95, abs=0.035)
-    skewed = draws[:200] ** 2  # percentiles of 20 skewed events cover less, but not much
-    percentiles = [resampled([pd.Series(x)]).percentiles(0) for x in skewed]
-    assert 0.85 < np.mean([i.low < 1.0 < i.high for i in percentiles]) < 0.97
 
 
 # Holm
@@ -274,7 +250,7 @@ def test_parts_share_the_level_of_their_claim():
     others = [claim(normal((17, k), 60), name=str(k)) for k in range(3)]
     (found, *_) = compared([one, *others])
     # four claims, of which this has the smallest p; five parts
-    expected = mean_interval(pd.Series(values[part]), 1.0 - 0.05 / 4 / 5)
+    expected = ttest_1samp(values[part], 0.0).confidence_interval(1.0 - 0.05 / 4 / 5)
     assert shown[20].low == pytest.approx(expected.low)
     assert shown[20].high == pytest.approx(expected.high)
     assert (found.verdict, found.conditions) == (CONDITIONS, ("with these: ",))

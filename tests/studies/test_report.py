@@ -10,8 +10,10 @@ import pytest
 from rich.console import Console
 
 from alloc.metrics import METRICS
+from alloc.metrics.registry import UNLIMITED
 from studies.comparison.summary import RULE_CALL_TIME, means_of, summarise, to_json
 from studies.comparison.table import tables
+from studies.core.statement import mean_interval
 
 FAULT_HEADINGS = {"fallbacks": "backs", "blinded": "blinded", "telegrams_lost": "telegr."}
 """Counts of faults, and a word of the heading of each."""
@@ -37,16 +39,41 @@ def render(table: pd.DataFrame, width: int) -> str:
     return screen.file.getvalue()
 
 
-def mean_of(values):
-    (mean,) = means_of(np.array(values)[:, None])
+STUDENTS = 4.303 / math.sqrt(3)
+"""Half-width of the interval of the mean of 1, 2, 3: s = 1, and t(0.975, 2) = 4.303 from tables."""
+
+
+def mean_of(values, within=UNLIMITED):
+    (mean,) = means_of(np.array(values)[:, None], [within])
     return mean
 
 
-def test_the_interval_of_a_mean_is_students():
-    # three values 1, 2, 3: s = 1, t(0.975, 2) = 4.303 from tables
+def test_the_interval_of_a_mean_of_few_seeds_is_students():
     mean = mean_of([1.0, 2.0, 3.0])
     assert (mean.value, mean.count) == (2.0, 3)
-    assert mean.half_width == pytest.approx(4.303 / math.sqrt(3), rel=1e-3)
+    assert [2.0 - mean.low, mean.high - 2.0] == pytest.approx([STUDENTS, STUDENTS], rel=1e-3)
+
+
+def test_an_interval_ends_where_the_range_of_its_metric_does():
+    values = [0.92, 0.99, 0.995]
+    assert mean_of(values).high > 1.0
+    assert mean_of(values, METRICS["bound_use"].within).high == 1.0
+    assert mean_of(values, METRICS["bound_use"].within).low == mean_of(values).low
+    (line,) = summarise(pd.DataFrame(rows(utilisation=values, damage=[0.0, 1.0, 9.0])))
+    assert line.metrics["utilisation"].high == 1.0
+    assert line.metrics["damage"].low == 0.0
+    for name, mean in line.metrics.items():
+        least, most = METRICS[name].within if name in METRICS else UNLIMITED
+        assert mean.count == 0 or least <= mean.low <= mean.high <= most
+
+
+def test_all_means_at_once_are_those_one_by_one():
+    values = np.random.default_rng(0).random((12, 5)) ** 3
+    values[3, 1] = values[:2, 4] = np.nan
+    for one, column in zip(means_of(values, [UNLIMITED] * 5), values.T, strict=True):
+        alone = mean_interval(pd.Series(column))
+        assert (one.count, one.low) == (alone.count, pytest.approx(alone.low, rel=1e-12))
+        assert one.high == pytest.approx(alone.high, rel=1e-12)
 
 
 def test_runs_to_which_a_metric_does_not_apply_are_left_out():
@@ -56,7 +83,7 @@ def test_runs_to_which_a_metric_does_not_apply_are_left_out():
 
 
 def test_one_seed_has_no_interval():
-    assert math.isnan(mean_of([1.0]).half_width)
+    assert math.isnan(mean_of([1.0]).low)
 
 
 def test_failed_runs_count_but_do_not_enter_the_mean():
@@ -82,8 +109,12 @@ def test_json_holds_every_metric_of_every_line_and_no_nan():
     assert set(METRICS) <= set(content["metrics"])
     for row in content["rows"]:
         assert set(METRICS) <= set(row["metrics"])
-    assert content["rows"][0]["metrics"]["coupler_peak"] == {"mean": None, "half_width": None}
-    assert content["rows"][1]["metrics"]["damage"] == {"mean": 0.5, "half_width": None}
+    assert content["rows"][0]["metrics"]["coupler_peak"] == dict.fromkeys(("mean", "low", "high"))
+    assert content["rows"][1]["metrics"]["damage"] == {
+        "mean": 0.5,
+        "low": None,
+        "high": None,
+    }
     assert content["metrics"]["damage"]["unit"] == "kJ"
 
 
@@ -109,7 +140,7 @@ def test_differences_fit_a_narrow_terminal():
         rows(rule="alone") + rows(rule="greedy-claim", **names) + rows(rule="alone", **names)
     )
     (_, _, below) = render(table, 95).partition("less alone")
-    assert "+0.00 ±0.00" in below
+    assert "+0.00" in below
     assert all(len(line.rstrip()) <= 95 for line in below.splitlines())
     assert "…" not in below
 
@@ -143,9 +174,9 @@ def test_differences_are_paired_by_seed_under_the_same_controller():
     lines = {(line.rule, line.controller): line for line in summarise(table)}
     found = lines["exact", "none"].differences["damage"]
     assert (found.value, found.count) == (2.0, 3)
-    assert found.half_width == pytest.approx(4.303 / math.sqrt(3), rel=1e-3)
+    assert found.high - 2.0 == pytest.approx(STUDENTS, rel=1e-3)
     assert lines["qp", "mpc"].differences["damage"].value == -10.0
-    assert math.isnan(lines["qp", "mpc"].differences["damage"].half_width)
+    assert math.isnan(lines["qp", "mpc"].differences["damage"].low)
     assert lines["alone", "none"].differences == lines["exact", "table"].differences == {}
 
 
@@ -165,10 +196,8 @@ def test_differences_are_printed_beside_the_table_and_in_the_json():
     assert content["reference"] == "alone"
     assert by_rule["alone"] == {}
     assert by_rule["exact"]["damage"]["mean"] == 6.0
-    assert by_rule["exact"]["damage"]["half_width"] == pytest.approx(
-        4.303 * 3.0 / math.sqrt(3), rel=1e-3
-    )
-    assert by_rule["qp"]["damage"] == {"mean": -0.5, "half_width": None}
+    assert by_rule["exact"]["damage"]["high"] == pytest.approx(6.0 + 3.0 * STUDENTS, rel=1e-3)
+    assert by_rule["qp"]["damage"] == {"mean": -0.5, "low": None, "high": None}
 
 
 def test_degraded_runs_are_counted_apart_and_enter_no_mean():

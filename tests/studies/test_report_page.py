@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from alloc.metrics.room import headroom
-from studies.comparison.summary import REFERENCE, Line, Mean
+from studies.comparison.summary import REFERENCE, Line
 from studies.comparison.table import COLUMNS
 from studies.core.collection import study_folder
 from studies.core.job import simulate_job
+from studies.core.statement import Interval
 from studies.files.study_error import StudyError
 from studies.headroom.measures import measure
 from studies.headroom.study import HEADROOM
@@ -176,12 +177,19 @@ def test_a_page_that_would_be_too_large_leaves_replays_out_and_says_so(made, htm
         page.rendered(made.material, 1_000_000)
 
 
+def evenly(value, half_width, count=3):
+    """A mean with an interval that reaches as far up as down."""
+    return Interval(value, value - half_width, value + half_width, count)
+
+
 def line(rule, gain, half_width=math.nan, scenario="one", controller="none"):
     """A line whose only metrics are the effort's and, by none, the headroom."""
-    metrics = {GAIN: Mean(0.8, math.nan, 1), "headroom": Mean(0.02, math.nan, 1)}
-    differences = {} if rule == REFERENCE else {GAIN: Mean(gain, half_width, 1)}
+    metrics = {GAIN: evenly(0.8, math.nan, 1), "headroom": evenly(0.02, math.nan, 1)}
+    differences = {} if rule == REFERENCE else {GAIN: evenly(gain, half_width, 1)}
     differences |= (
-        dict.fromkeys(("slip_time", "damage", "jerk_rms"), Mean(1.0, 0.1, 1)) if differences else {}
+        dict.fromkeys(("slip_time", "damage", "jerk_rms"), evenly(1.0, 0.1, 1))
+        if differences
+        else {}
     )
     return Line(scenario, rule, controller, 1, 0, 0, (), metrics, differences)
 
@@ -249,7 +257,7 @@ def test_a_difference_is_tinted_by_the_side_that_is_better():
     columns = [one for one in COLUMNS if one.metric in ("effort_ratio", "slip_time", "headroom")]
 
     def tints(value, half_width):
-        mean = Mean(value, half_width, 3)
+        mean = evenly(value, half_width)
         metrics = {one.metric: mean for one in columns}
         (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), metrics, metrics)], columns)
         return {one.metric: cell.tint for one, cell in zip(columns, row.differences, strict=True)}
@@ -263,10 +271,11 @@ def test_a_difference_is_tinted_by_the_side_that_is_better():
 def test_texts_of_cells_have_the_heading_s_unit_and_no_minus_zero():
     (column,) = (one for one in COLUMNS if one.metric == "effort_ratio")
 
-    def texts(value, half_width):
-        mean = {column.metric: Mean(value, half_width, 3)}
+    def texts(value, low, high):
+        mean = {column.metric: Interval(value, low, high, 3)}
         (row,) = table_rows([Line("one", "exact", "none", 3, 0, 0, (), mean, mean)], [column])
         return row.values[0].text, row.differences[0].text
 
-    assert texts(0.9123, 0.0123) == ("91.2 ±1.2", "+91.23 ±1.23")
-    assert texts(-0.00001, math.nan) == ("0.0", "+0.00")
+    assert texts(0.9123, 0.9, 0.9246) == ("91.2 ±1.2", "+91.23 ±1.23")
+    assert texts(0.98, 0.9, 1.0) == ("98.0 +2.0/-8.0", "+98.00 +2.00/-8.00")
+    assert texts(-0.00001, math.nan, math.nan) == ("0.0", "+0.00")
