@@ -41,7 +41,7 @@ def axle_map(
     """
     span, count = float(time[-1] - time[0]), values.shape[1]
     period = float(np.median(np.diff(time))) if time.size > 1 else 1.0
-    width = max(span / MOST_COLUMNS, period)
+    width = max((span + period) / MOST_COLUMNS, period)
     column = np.floor((time - time[0]) / width + 1e-6).astype(int)
     first = np.flatnonzero(np.diff(column, prepend=-1))
     kept = np.full((int(column[-1]) + 1, count), np.nan)

@@ -192,7 +192,12 @@ def _stop(axes: Axes, stop: Stop) -> None:
     if known.size:
         place = (float(car[known[-1]]) + 0.42, float(np.nanmax(threshold)))
         axes.annotate(
-            "accused beyond this", place, (0.0, 2.0), textcoords="offset points", ha="right", va="bottom"
+            "accused beyond this",
+            place,
+            (0.0, 2.0),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
         )
     axes.set_title(f"(a) a stop with one bogie of car {FAULT.car + 1} cut out")
     axes.set(xlabel="car (1 = foremost)", ylabel="shortfall of brake force [kN]")

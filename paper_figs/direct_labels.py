@@ -5,17 +5,15 @@ from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 
 PLACES = 60
 """Places along a line that are tried."""
 FINE = 400
 """Points of a line that a name keeps away from."""
-GAPS = (3.0, 6.0)
+GAPS = (2.5, 5.5, 9.0)
 """Distances of a name from its own line [points] that are tried, at the place that it belongs to."""
 SIZE = 7.0
 """Of type [points]."""
@@ -45,19 +43,25 @@ def label_lines(*panels: Axes) -> None:
 
 
 def _label_panel(axes: Axes) -> None:
-    every = [line for line in axes.get_lines() if np.size(line.get_xdata()) > 1]
+    every = axes.get_lines()
     lines = [line for line in every if not str(line.get_label()).startswith("_")]
     points = 72.0 / axes.get_figure(root=True).dpi  # type: ignore[union-attr]
     drawn = {line: _on_page(axes, line, points) for line in every}
     frame = np.asarray(axes.bbox.extents) * points + MARGIN * np.array([1.0, 1.0, -1.0, -1.0])
     taken = [points * np.asarray(text.get_window_extent().extents) for text in axes.texts]
     for line in lines:
-        name = str(line.get_label())
-        extent = TextPath((0.0, 0.0), name, size=SIZE, prop=FontProperties()).get_extents()
+        own = drawn[line]
+        if not len(own):
+            continue
+        words = axes.text(
+            0.0, 0.0, str(line.get_label()), color=line.get_color(), fontsize=SIZE, va="bottom", path_effects=HALO,
+        )  # fmt: skip
+        extent = words.get_window_extent()
+        size = extent.width * points, extent.height * points
         others = [where for one, where in drawn.items() if one is not line]
-        box = _best(drawn[line], others, taken, (extent.width, SIZE), frame)
+        box = _best(own, others, taken, size, frame)
         x, y = axes.transData.inverted().transform(box[:2] / points)
-        axes.text(x, y, name, color=line.get_color(), fontsize=SIZE, va="bottom", path_effects=HALO)
+        words.set_position((float(x), float(y)))
         taken.append(box)
 
 

@@ -86,7 +86,8 @@ def slip_replay(train: Train, run: xr.Dataset) -> MovingFigure:
         for move in movers:
             move(k)
         line.set_title(
-            f"{rule}, {attributes_of(run)['controller']}:  {event.time[k]:4.1f} s, {3.6 * event.speed[k]:2.0f} km/h"
+            f"{rule}, {attributes_of(run)['controller']}:  {event.time[k]:4.1f} s, {3.6 * event.speed[k]:2.0f} km/h",
+            loc="left",
         )
 
     drawn.motion = Motion(show, chosen.size, RATE, round(STILL * (chosen.size - 1)))

@@ -104,6 +104,11 @@ def _name_loci(axes: Axes) -> None:
         ahead = min(int(np.searchsorted(length, length[k] + ARROW_LENGTH)), len(path) - 1)
         look = {"arrowstyle": "-|>", "color": torque.get_color(), "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", tuple(path[ahead]), tuple(path[k]), arrowprops=look)
-    side: Look = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top", "color": DARK}
+    side: Look = {
+        "xycoords": "axes fraction",
+        "textcoords": "offset points",
+        "va": "top",
+        "color": DARK,
+    }
     axes.annotate("macro slip", (1.0, 1.0), (-3.0, -2.0), ha="right", **side)
     axes.annotate("micro slip", (0.0, 1.0), (3.0, -2.0), ha="left", **side)
