@@ -1,7 +1,5 @@
 """Readhesion controllers over random events, from none to MPC, and what several adhesion curves make of differences."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -93,8 +91,6 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
     pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
     axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y), **pale)
     found = mean_interval(events)
-    if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
-        found = replace(found, low=max(found.low, 0.1 * found.value))
     interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.5, "elinewidth": 1.0})
 
 

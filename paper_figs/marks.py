@@ -48,5 +48,5 @@ def say_where_nothing_is_drawn(drawn: Figure) -> None:
 
 
 def _empty(axes: Axes) -> bool:
-    """Whether a panel shows no number but that of a bound."""
-    return all(row["kind"] == "bound" for row in rows_of(axes))
+    """Whether a panel shows no number but that of a bound, and no words either."""
+    return not axes.texts and all(row["kind"] == "bound" for row in rows_of(axes))
