@@ -49,7 +49,7 @@ def slip_event(*runs: xr.Dataset) -> Figure:
     """One column per run, all of the same train.
 
     Rows: adhesion at every axle, so that a slippery place is seen to pass below the train; slip of every axle; what
-    units and train have, use and may use.
+    units and train have, use and may use. Possible is what rail and motors allow.
     """
     units = shown_units(runs[0])
     width = PAGE if len(runs) > 1 else COLUMN
@@ -102,7 +102,7 @@ def _run_title(run: xr.Dataset) -> str:
 def _whole_train(run: xr.Dataset) -> str:
     """Name of the strip of all units, with the share used of what could be, where that is known."""
     use = evaluate(run)["bound_use"]
-    known = "" if np.isnan(use) else f": {100.0 * use:.1f} % of what rail and motors allow is used"
+    known = "" if np.isnan(use) else f": {100.0 * use:.1f} % of the possible is used"
     return f"all units{known}"
 
 
