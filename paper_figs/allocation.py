@@ -83,7 +83,13 @@ def _limits(axes: Axes, rule: str, coefficient: float) -> None:
     axes.axhline(EXPECTED, color="black", linestyle="--", linewidth=0.8, zorder=1)
     axes.stairs(cap, np.arange(0.5, UNITS + 1.0), color="black", linewidth=0.8, baseline=None)
     axes.vlines(units, cap, answer.limit, color=colour, linewidth=0.9)
-    look: Look = {"marker": "o", "markersize": SIZE, "linestyle": "none", "color": colour, "zorder": 3}
+    look: Look = {
+        "marker": "o",
+        "markersize": SIZE,
+        "linestyle": "none",
+        "color": colour,
+        "zorder": 3,
+    }
     axes.plot(units, answer.limit, **look, gid=f"limit of {rule}")
     above = answer.limit > cap + 1e-9
     axes.plot(

@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter
 
 from alloc.metrics import METRICS
 from paper_figs.apart import Mark, marks_apart
-from paper_figs.palette import BAND_GREY, BETTER, ZERO
+from paper_figs.palette import BAND_GREY, ZERO
 from paper_figs.registry import figure
 from paper_figs.source import comparison
 from paper_figs.style import (
@@ -26,6 +26,7 @@ from paper_figs.style import (
     rule_handles,
     rule_look,
     sides_of,
+    tint_better,
 )
 from studies.comparison.summary import REFERENCE, Line, summarise
 
@@ -164,10 +165,7 @@ def _scale(axes: Axes, change: Change, limits: tuple[float, float]) -> None:
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_locator(FixedLocator([tick for tick in ticks if tick not in last]))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    better = METRICS[change.metric].better
-    if better:
-        side = (0.0, limits[1]) if better > 0 else (limits[0], 0.0)
-        axes.axvspan(*side, color=BETTER, linewidth=0.0, zorder=-2)
+    tint_better(axes, METRICS[change.metric].better)
 
 
 @figure("utilisation-damage", "adhesion used against wheel damage, event by event", comparison)

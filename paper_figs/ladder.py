@@ -38,6 +38,8 @@ PANELS = (
     Panel("damage", "wheel damage Q\n[kJ]", 1.0, True),
     Panel("jerk_rms", "jerk rms\n[m/s³]"),
 )
+BELOW = 0.17
+"""Distance of the single events from their mean, in rows: no mark stands on another."""
 FEW_OF_CURVES = 4
 """Events that are run for the figure where the results hold fewer."""
 CURVE_LOOKS: dict[str, Look] = {
@@ -61,12 +63,12 @@ def ladder(table: pd.DataFrame) -> Figure:
     """A panel per metric: means with their intervals by controller, filled with a free axle, open for the locomotive."""
     good = complete(table)
     free = good["train"] != LOCOMOTIVE
-    drawn, axes = new_panels(PAGE, 4.6, 2, len(PANELS) // 2, sharey=True)
+    drawn, axes = new_panels(PAGE, 6.0, 2, len(PANELS) // 2, sharey=True)
     for panel, one in zip(PANELS, axes.flat, strict=True):
         for y, controller in enumerate(LADDER):
             own = good["controller"] == controller
             look = controller_look(controller)
-            for chosen, shift, face in ((free, -0.16, look["color"]), (~free, 0.16, "white")):
+            for chosen, shift, face in ((free, -0.28, look["color"]), (~free, 0.16, "white")):
                 values = good.loc[own & chosen, panel.metric].dropna().astype(float)
                 _mark(one, values, panel, y + shift, look | {"markerfacecolor": face})
         one.set_xlabel(panel.label)
@@ -89,9 +91,9 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
     if events.empty:
         return
     pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
-    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y), **pale)
+    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y + BELOW), **pale)
     found = mean_interval(events)
-    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.5, "elinewidth": 1.0})
+    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.0, "elinewidth": 1.0})
 
 
 @figure("curves", "differences of rules and controllers under several adhesion curves (sweep curves)",

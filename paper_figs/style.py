@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
-from paper_figs.palette import DARK
+from paper_figs.palette import BETTER, DARK
 from studies.core.statement import Interval
 from studies.files.study_error import StudyError
 
@@ -137,6 +137,14 @@ def bare_rows(axes: Axes) -> None:
     """Take grid and ticks from rows that only have names."""
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def tint_better(axes: Axes, better: int) -> None:
+    """Tint the side of zero that is better: +1 right, -1 left, 0 neither; limits stay as the data made them."""
+    low, high = axes.get_xlim()
+    if better:
+        axes.axvspan(*((0.0, high) if better > 0 else (low, 0.0)), color=BETTER, linewidth=0.0, zorder=-2)  # fmt: skip
+    axes.set_xlim(low, high)
 
 
 def plain_ticks(axis: Axis, locator: Locator) -> None:

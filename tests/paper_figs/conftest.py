@@ -29,7 +29,11 @@ from paper_figs.claims import (
     claim_verdicts,
     claim_verdicts_search,
 )
-from paper_figs.comparison import rule_comparison, utilisation_damage
+from paper_figs.comparison import (
+    rule_comparison,
+    rule_comparison_ride,
+    utilisation_damage,
+)
 from paper_figs.differences import differences
 from paper_figs.events import blended_braking, sharing_wanders, slip_detection, slip_event
 from paper_figs.headroom import headroom
@@ -185,6 +189,7 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slip-event": slip_event(*runs),
         "slip-replay": few_instants(slip_replay(a_train(), runs[1])),
         "rule-comparison": rule_comparison(source.table),
+        "rule-comparison-ride": rule_comparison_ride(source.table),
         "utilisation-damage": utilisation_damage(source.table),
         **{f"claim-{claim}": draw(claim_table(60)) for claim, draw in CLAIMS.items()},
         "claim-verdicts": claim_verdicts(claim_table(60)),
