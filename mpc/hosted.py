@@ -26,13 +26,13 @@ def _hosted(name: str, meaning: str, colour: str, marker: str) -> HostedControll
     return HostedController(name, meaning, build, colour, marker, MpcSettings)
 
 
-MPC = _hosted("mpc", "model predictive control of each unit (CasADi)", "#0072b2", "P")
+MPC = _hosted("mpc", "model predictive control of each unit (CasADi)", "#aa39ff", "P")
 MPC_CAR = _hosted(
-    "mpc-car", "MPC, the units of a car as one problem with load transfer", "#7b3294", "<"
+    "mpc-car", "MPC, the units of a car as one problem with load transfer", "#713971", "<"
 )
 MPC_TRAIN = _hosted(
-    "mpc-train", "MPC, allocation and readhesion as one problem over all units, by telegrams", "#cc79a7", ">"
+    "mpc-train", "MPC, allocation and readhesion as one problem over all units, by telegrams", "#8e8ee3", ">"
 )  # fmt: skip
 MPC_TRAIN_IDEAL = _hosted(
-    "mpc-train-ideal", "as mpc-train every control period and without delay: what no train has", "#000000", "*"
+    "mpc-train-ideal", "as mpc-train every control period and without delay: what no train has", "#c6aae3", "*"
 )  # fmt: skip

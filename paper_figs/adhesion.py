@@ -16,7 +16,7 @@ from alloc.plant.equations import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
-from paper_figs.style import new_panels
+from paper_figs.style import PAGE, new_panels
 from studies.readhesion_paper.paper import CALIBRATED, CASE_A, Unprinted
 
 PEAK = 0.18
@@ -43,7 +43,7 @@ SLIP, FORCE = "slip velocity [m/s]", "tangential force coefficient [–]"
         "adhesion curves with regions and peak (JP5484215 Fig. 17, readhesion paper Fig. 1)")  # fmt: skip
 def adhesion_curve(peak: float = PEAK) -> Figure:
     """Left: parts and regions of the piecewise curve for a `peak`. Right: the plant's curves at equal peak."""
-    drawn, (left, right) = new_panels(7.1, 3.1, 1, 2)
+    drawn, (left, right) = new_panels(PAGE, 3.1, 1, 2)
     _parts(left, PiecewiseCurve(), peak)
     _curves(right, peak)
     for axes in (left, right):
@@ -104,7 +104,7 @@ def _curves(axes: Axes, peak: float) -> None:
 def adhesion_drop(unprinted: Unprinted = CALIBRATED, low: float = CASE_A.limit) -> Figure:
     """Both curves with their peaks; left the peaks, right as far as slip goes in case B."""
     curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
-    drawn, panels = new_panels(7.1, 2.9, 1, 2, sharey=True)
+    drawn, panels = new_panels(PAGE, 2.9, 1, 2, sharey=True)
     for axes, end in zip(panels, (0.2, 4.0), strict=True):
         slip = np.linspace(0.0, end, 1500)
         for peak, dashes, colour in ((PEAK, "-", BLUE), (low, "--", VERMILION)):
@@ -125,7 +125,7 @@ def adhesion_drop(unprinted: Unprinted = CALIBRATED, low: float = CASE_A.limit) 
 @figure("planned-curves", "planned coefficients over speed (JP5484215 Fig. 10)")
 def planned_curves() -> Figure:
     """Left: the curves. Right: ratio by which increments of the Shinkansen are corrected for conventional lines."""
-    drawn, (left, right) = new_panels(7.1, 2.9, 1, 2, gridspec_kw={"wspace": 0.08})
+    drawn, (left, right) = new_panels(PAGE, 2.9, 1, 2, gridspec_kw={"wspace": 0.08})
     for name, (label, end, colour, dashes) in PLANNED.items():
         speed = np.linspace(0.0, end, 300)
         left.plot(speed, planned(name, speed), color=colour, linestyle=dashes, label=label)

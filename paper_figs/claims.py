@@ -12,6 +12,8 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
+    NOTE,
+    PAGE,
     bare_rows,
     interval_mark,
     name_rows,
@@ -98,7 +100,7 @@ def claim_a(table: pd.DataFrame) -> Figure:
     rules = (RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "a")
     reach = pairs[bears("a within reach", RULE, pairs)]
-    drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
+    drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
     alone = 100 * reach["held_effort@alone"]
     for rule in rules:
         _points(left, alone, 100 * reach[f"held_effort@{rule}"], **rule_look(rule))
@@ -119,7 +121,7 @@ def claim_b(table: pd.DataFrame) -> Figure:
     """Left: adhesion used by the unit that uses least, every event of case A a mark. Right: its mean by part."""
     rules = ("alone", "preset", "sharing", RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "b")
-    drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
+    drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
     spread = np.random.default_rng(0)
     for x, rule in enumerate(rules):
         known = 100.0 * events[f"unit_use_low@{rule}"].dropna().to_numpy(dtype=float)
@@ -127,7 +129,7 @@ def claim_b(table: pd.DataFrame) -> Figure:
         left.plot(x + offset, known, markersize=2.0, alpha=0.5, **rule_look(rule))
         if known.size:
             left.plot([x - 0.35, x + 0.35], 2 * [np.median(known)], color="black", linewidth=1.2)
-    left.set_xticks(range(len(rules)), rules, rotation=35, ha="right")
+    left.set_xticks(range(len(rules)), [rule.replace("-", "-\n") for rule in rules])
     left.grid(visible=False, axis="x")
     left.axhline(100 * THRESHOLDS["b"].value, **BOUND)
     left.set_ylabel("adhesion used by the unit that uses least [%]")
@@ -142,7 +144,7 @@ def claim_c(table: pd.DataFrame) -> Figure:
     """Left: adhesion used by how much too high a limit is, every event a mark. Right: its mean by part."""
     rules = {RULE: -0.7, "exact": 0.7}
     pairs, events = _bearing_on(table, "c")
-    drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
+    drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
     for rule, shift in rules.items():
         look = rule_look(rule)
         for k in range(len(EXCESS_EDGES) - 1):
@@ -169,7 +171,7 @@ def claim_c(table: pd.DataFrame) -> Figure:
 def claim_d(table: pd.DataFrame) -> Figure:
     """Left: jerk under sharing against jerk under the patent's rule, one mark per event. Right: difference by part."""
     pairs, events = _bearing_on(table, "d")
-    drawn, (left, right) = new_panels(7.1, 3.7, 1, 2, **WIDTHS)
+    drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
     _by_season(left, events, events["jerk_rms@sharing"], events[f"jerk_rms@{RULE}"])
     _diagonal(left)
     left.set(xlabel="jerk rms, sharing [m/s³]", ylabel=f"jerk rms, {RULE} [m/s³]")
@@ -187,7 +189,7 @@ def claim_e(table: pd.DataFrame) -> Figure:
     parts = {**PARTS, **REACH_PARTS}
     effort = threshold_test("e", RULE)
     slip = threshold_test("e besides", RULE)
-    drawn, (left, middle, right) = new_panels(7.1, 3.7, 1, 3, width_ratios=(1.0, 0.55, 0.55))
+    drawn, (left, middle, right) = new_panels(PAGE, 3.7, 1, 3, width_ratios=(1.0, 0.55, 0.55))
     _by_season(left, events, 100 * events["reach_low@oracle"], 100 * effort.quantity(events))
     left.axhline(0.0, **BOUND)
     left.axvline(100.0, color=DARK, linewidth=0.8, zorder=0)
@@ -254,7 +256,7 @@ def _forest(
     axes.axvline(factor * test.threshold, **BOUND)
     axes.axhline(0.5, color="#bbbbbb", linewidth=0.6)
     bare_rows(axes)
-    axes.tick_params(axis="y", labelsize=6.5)
+    axes.tick_params(axis="y", labelsize=NOTE)
     axes.margins(x=0.08)
     axes.locator_params(axis="x", nbins=5)
     axes.set_xlabel(label)

@@ -7,13 +7,13 @@ from typing import Any
 import matplotlib as mpl
 import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 
-from alloc.whole_file import write_whole
-from paper_figs.registry import FIGURES, figure
+from paper_figs.registry import FIGURES, FigureEntry, figure
+from paper_figs.saving import data_of, save_figure, save_image
 from paper_figs.source import Source
 from paper_figs.style import STYLE_FILE
 from studies.core.cell import OnRow
+from studies.core.gallery import Saved
 from studies.core.store import Store
 from studies.files.study_error import StudyError
 
@@ -29,18 +29,14 @@ def draw_figures(
     results: str | Path,
     jobs: int = 1,
     on_row: OnRow | None = None,
-) -> list[Path]:
-    """Draw figures by name, or all without names, into `out` as PDF and PNG; returns the files.
+) -> list[Saved]:
+    """Draw figures by name, or all without names, into `out`, each with its caption and its data.
 
     What `results` lacks is run first, in `jobs` processes. Raises `StudyError` for a name that does not exist.
     """
-    chosen = {name: FIGURES.find(name) for name in names or FIGURES}
+    chosen = [FIGURES.find(name) for name in names or FIGURES]
     source = Source.of_folder(results, jobs, on_row)
-    return [
-        path
-        for name, entry in chosen.items()
-        for path in save_figure(entry.make(source), Path(out) / name)
-    ]
+    return [_saved(entry, source, Path(out)) for entry in chosen]
 
 
 def draw_comparison(table: pd.DataFrame, store: Store, out: str | Path) -> list[str]:
@@ -49,17 +45,26 @@ def draw_comparison(table: pd.DataFrame, store: Store, out: str | Path) -> list[
     if source.table.empty:
         return []
     chosen = {name: entry for name, entry in FIGURES.items() if entry.of_comparison}
-    for name, entry in chosen.items():
-        save_figure(entry.make(source), Path(out) / name)
+    for entry in chosen.values():
+        _saved(entry, source, Path(out))
     return list(chosen)
 
 
+def _saved(entry: FigureEntry[Any], source: Source, out: Path) -> Saved:
+    drawn, legend = entry.drawn(source)
+    return Saved(entry.name, tuple(save_figure(drawn, out / entry.name, legend)), legend.draft)
+
+
 def draw_one(name: str, path: str | Path, *data: Any) -> None:
-    """Draw a figure from `data` into a file; its ending (pdf, png, svg) gives the format."""
-    drawn = FIGURES[name](*data)
+    """Draw a figure from `data` into one file; its ending (pdf, png, svg) gives the format.
+
+    Nothing is written beside it: a log that is drawn may well be NAME.csv itself.
+    """
+    entry = FIGURES[name]
+    drawn = entry(*data)
     try:
         with mpl.rc_context(fname=STYLE_FILE):
-            write_whole(Path(path), drawn.savefig)
+            save_image(drawn, Path(path), entry.legend, data_of(drawn))
     except ValueError as error:
         raise StudyError(f"figure {str(path)!r}: {error}") from None
 
@@ -67,23 +72,6 @@ def draw_one(name: str, path: str | Path, *data: Any) -> None:
 def draw_run(run: xr.Dataset, path: str | Path) -> None:
     """Draw a recorded run over time as `draw_one` does; of a train without motors, what its slide protection does."""
     draw_one("slip-event" if run.sizes["unit"] else "slide-control", path, run)
-
-
-def save_figure(drawn: Figure, path: Path) -> list[Path]:
-    """Write a figure as `path`.pdf and `path`.png, without the date so that equal figures are equal files."""
-    files = [path.with_name(path.name + ending) for ending in (".pdf", ".png")]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with mpl.rc_context(fname=STYLE_FILE):
-            drawn.draw_without_rendering()
-            drawn.set_layout_engine("none")  # laid out once: both files are the same to the point
-            write_whole(files[0], lambda path: drawn.savefig(path, metadata={"CreationDate": None}))
-            write_whole(files[1], drawn.savefig)
-    except OSError as error:
-        raise StudyError(
-            f"figure folder {str(path.parent)!r} cannot be written: {error.strerror}; choose another with --out"
-        ) from None
-    return files
 
 
 __all__ = [

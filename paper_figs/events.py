@@ -1,10 +1,13 @@
 """Recorded slip events over time: speeds, limits, torque, detection (JP5484215 Figs. 5 and 16)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from alloc.metrics import evaluate
@@ -12,10 +15,21 @@ from alloc.metrics.motion import jerk
 from alloc.onboard.parameters import Detector
 from alloc.run_attributes import attributes_of
 from alloc.spans import spans
+from paper_figs.adhesion_use import (
+    AVAILABLE,
+    LIMIT,
+    ROOM,
+    draw_use,
+    shown_units,
+    use_handles,
+    use_of_units,
+)
+from paper_figs.axle_maps import ADHESION_SHADES, AXLE, SLIP_SHADES, axle_map, name_units, shade_bar
+from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, recorded
-from paper_figs.style import along_train, new_panels, rule_colour, train_bar
+from paper_figs.style import COLUMN, PAGE, new_panels, rule_colour
 from studies.scenario.loading import load_scenario
 
 CONTROLLER = "cut-and-ramp"
@@ -23,85 +37,111 @@ UNIT = 0
 """The unit whose detection is shown."""
 BEFORE, AFTER = 0.5, 0.8
 """Time shown around the onset of its longest signal [s]."""
+MAP_HEIGHTS, STRIP_HEIGHT = (1.05, 1.05), 0.66
+"""Of pictures of all axles, and of a unit's strip [inches]."""
 BLENDED = 30.0
 """Time of blended braking shown [s]: until the last limits have been lifted."""
 
 
-@figure("slip-event", "one slip event over time: speeds, slip, torque and limit per car",
-        recorded("wet-patch", "alone", CONTROLLER), recorded("wet-patch", "exact", CONTROLLER))  # fmt: skip
+@figure("slip-event", "one slip event: adhesion at every axle, slip, and what each unit uses of it under its limit",
+        recorded("wet-patch", "alone", CONTROLLER), recorded("wet-patch", "cooperative", CONTROLLER))  # fmt: skip
 def slip_event(*runs: xr.Dataset) -> Figure:
-    """One column per run, all of the same train; rows: speeds, slip velocity, torque, limit."""
-    width = 7.1 if len(runs) > 1 else 5.0
-    shape = {"sharex": True, "sharey": "row", "squeeze": False}
-    drawn, axes = new_panels(width, 7.2, 4, len(runs), **shape)
-    units = runs[0].sizes["unit"]
-    for (speeds, slips, torques, limits), run in zip(axes.T, runs, strict=True):
+    """One column per run, all of the same train.
+
+    Rows: adhesion at every axle, so that a slippery place is seen to pass below the train; slip of every axle; what
+    units and train have, use and may use. Possible is what rail and motors allow.
+    """
+    units = shown_units(runs[0])
+    width = PAGE if len(runs) > 1 else COLUMN
+    heights = (*MAP_HEIGHTS, *(len(units) + 1) * [STRIP_HEIGHT])
+    shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": heights}
+    drawn, axes = new_panels(width, 0.9 + sum(heights), len(heights), len(runs), **shape)
+    adhesion, slip = (_norm(runs, name) for name in ("adhesion_limit", "slip_velocity"))
+    for column, run in zip(axes.T, runs, strict=True):
         time = run["time"].values
-        _of_units(speeds, time, 3.6 * _worst_axles(run, "rim_speed"))
-        speeds.plot(time, 3.6 * run["speed"].values, color="black", linestyle="--", label="train")
-        speeds.plot([], [], color=along_train(units)[0], label="rim, fastest axle of a unit")
-        _of_units(slips, time, _worst_axles(run, "slip_velocity"))
-        _of_units(torques, time, run["motor_torque"].values)
-        _of_units(limits, time, run["limit"].values)
-        limits.plot(time, run["expected"].values, color="black", linestyle="--", label="plan")
-        rule = attributes_of(run)["rule"]
-        speeds.set_title(
-            f"rule {rule}, controller {attributes_of(run)['controller']}", color=rule_colour(rule)
+        rail = axle_map(
+            column[0], time, run["adhesion_limit"].values, ADHESION_SHADES, adhesion, np.fmin
         )
-        limits.set(xlabel="time [s]", xlim=(0.0, float(time[-1])))
-    first = axes[:, 0]
-    first[0].legend(loc="best")
-    first[3].legend(loc="best")
-    first[3].xaxis.set_major_locator(MultipleLocator(5.0))
-    labels = ("speed [km/h]", "slip velocity [m/s]", "motor torque [N m]", "limit [–]")
-    for one, label in zip(first, labels, strict=True):
-        one.set_ylabel(label)
-    drawn.align_ylabels(first.tolist())
-    if units > 1:
-        train_bar(drawn, axes[:, -1], units, "traction unit (1 = foremost)")
+        slips = axle_map(column[1], time, np.abs(run["slip_velocity"].values), SLIP_SHADES, slip)
+        _use_strips(column[2:], run, units)
+        for one in column[:2]:
+            name_units(one, run["axle_unit"].values, units)
+        column[0].set_title(_run_title(run), color=rule_colour(attributes_of(run)["rule"]))
+        _time_axis(column[-1], run)
+    axes[0, 0].set_ylabel(AXLE)
+    axes[1, 0].set_ylabel(AXLE)
+    shade_bar(drawn, rail, axes[0], "adhesion [–]")
+    shade_bar(drawn, slips, axes[1], "slip [m/s]")
+    _explain_strips(drawn, axes[2:, 0])
+    drawn.align_ylabels(axes[:, 0].tolist())
     return drawn
 
 
-def _of_units(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """A line per unit, `values` (time, unit)."""
-    for own, colour in zip(values.T, along_train(values.shape[1]), strict=True):
-        axes.plot(time, own, color=colour, linewidth=0.9)
+def _time_axis(axes: Axes, run: xr.Dataset) -> None:
+    axes.set(xlabel="time [s]", xlim=run["time"].values[[0, -1]])
+    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
 
 
-def _worst_axles(run: xr.Dataset, name: str) -> NDArray[np.float64]:
-    """Of each unit the axle that has it worst, (time, unit)."""
-    unit, values = run["axle_unit"].values, run[name].values
-    columns = []
-    for j in range(run.sizes["unit"]):
-        own = values[:, unit == j]
-        columns.append(own[np.arange(own.shape[0]), np.abs(own).argmax(axis=1)])
-    return np.stack(columns, axis=1)
+def _explain_strips(drawn: Figure, strips: Sequence[Axes]) -> None:
+    """What the strips of the left column share: their quantity, named once, and what is drawn in them."""
+    strips[len(strips) // 2].set_ylabel("coefficient [–]")
+    drawn.legend(handles=use_handles(), loc="outside lower center", ncols=3)
+
+
+def _norm(runs: Sequence[xr.Dataset], name: str) -> Normalize:
+    """A scale from 0 to the largest magnitude in any run."""
+    return Normalize(0.0, max(float(np.abs(run[name].values).max()) for run in runs))
+
+
+def _run_title(run: xr.Dataset) -> str:
+    """Rule and controller."""
+    attributes = attributes_of(run)
+    return f"{attributes['rule']}, {attributes['controller']}"
+
+
+def _whole_train(run: xr.Dataset) -> str:
+    """Name of the strip of all units, with the share used of what could be, where that is known."""
+    use = evaluate(run)["bound_use"]
+    known = "" if np.isnan(use) else f": {100.0 * use:.1f} % of the possible is used"
+    return f"all units{known}"
+
+
+def _use_strips(panels: Sequence[Axes], run: xr.Dataset, units: list[int]) -> None:
+    """A strip for each of `units`, and one more for all units of the train if there is a panel left."""
+    colour = rule_colour(attributes_of(run)["rule"])
+    everyone = list(range(run.sizes["unit"]))
+    groups = {f"unit {unit + 1}": [unit] for unit in units} | {_whole_train(run): everyone}
+    top = ROOM * float(max(np.nanmax(run["limit"].values), np.nanmax(run["expected"].values)))
+    for axes, (name, group) in zip(panels, groups.items(), strict=False):
+        draw_use(axes, use_of_units(run, group), colour)
+        axes.set_ylim(0.0, top)
+        axes.annotate(
+            name, (0.0, 0.0), (3.0, 3.0), "axes fraction", "offset points", fontweight="bold"
+        )
 
 
 @figure("sharing-wanders", "limits, torque and jerk of dynamic sharing beside the reference rule",
         recorded("very-low-adhesion", "sharing", CONTROLLER),
         recorded("very-low-adhesion", "greedy", CONTROLLER))  # fmt: skip
 def sharing_wanders(*runs: xr.Dataset) -> Figure:
-    """One column per run; rows: limits, torque, jerk of the worst car."""
-    shape = {"sharex": True, "sharey": "row", "squeeze": False}
-    drawn, axes = new_panels(7.1, 5.4, 3, len(runs), **shape)
-    for (limits, torques, jerks), run in zip(axes.T, runs, strict=True):
-        time, colour = run["time"].values, rule_colour(attributes_of(run)["rule"])
-        _of_units(limits, time, run["limit"].values)
-        _of_units(torques, time, run["motor_torque"].values)
-        values = jerk(run)
+    """One column per run. Rows: what each unit has, uses and may use; jerk of the worst car."""
+    units = shown_units(runs[0])
+    heights = (*len(units) * [STRIP_HEIGHT], 1.1)
+    shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": heights}
+    drawn, axes = new_panels(PAGE, 0.9 + sum(heights), len(heights), len(runs), **shape)
+    for column, run in zip(axes.T, runs, strict=True):
+        rule = attributes_of(run)["rule"]
+        _use_strips(column[:-1], run, units)
+        values, rms = jerk(run), evaluate(run)["jerk_rms"]
         worst = int(np.argmax((values**2).mean(axis=0)))
-        jerks.plot(time, values[:, worst], color=colour)
-        rms = evaluate(run)["jerk_rms"]
-        limits.set_title(f"{attributes_of(run)['rule']}: jerk {rms:.2f} m/s³ rms", color=colour)
-        jerks.set_xlabel("time [s]")
-    for one, label in zip(
-        axes[:, 0], ("limit [–]", "motor torque [N m]", "jerk [m/s³]"), strict=True
-    ):
-        one.set_ylabel(label)
-    lines = axes[0, 1].get_lines()
-    names = [f"unit {j + 1}" for j in range(len(lines))]
-    axes[0, 1].legend(lines, names, loc="upper right", ncols=2)
+        column[-1].plot(
+            run["time"].values, values[:, worst], color=rule_colour(rule), linewidth=0.9
+        )
+        column[-1].set_title(f"jerk of the worst car; of the train {rms:.2f} m/s³ rms")
+        _time_axis(column[-1], run)
+        column[0].set_title(rule, color=rule_colour(rule))
+    axes[-1, 0].set_ylabel("jerk [m/s³]")
+    _explain_strips(drawn, axes[:-1, 0])
     drawn.align_ylabels(axes[:, 0].tolist())
     return drawn
 
@@ -125,7 +165,7 @@ def slip_detection(run: xr.Dataset, detector: Detector, unit: int = UNIT) -> Fig
     computed = run["computed_acceleration"].values[shown, unit]
     slip = run["slip_velocity"].values[:, run["axle_unit"].values == unit].max(axis=1)[shown]
     heights = (3.0, 2.0, 0.9)
-    drawn, axes = new_panels(5.6, 4.8, 3, sharex=True, height_ratios=heights)
+    drawn, axes = new_panels(PAGE, 4.8, 3, sharex=True, height_ratios=heights)
     upper, middle, lower = axes
     _thresholds(upper, time, computed, on, detector.on, detector.off, "m/s²")
     upper.set_ylabel("axle acceleration,\nunit's mean [m/s²]")
@@ -161,41 +201,55 @@ def _thresholds(
 @figure("blended-braking", "electric and air brake under limits (JP5484215 Fig. 16)",
         recorded("wet-stop", "greedy", CONTROLLER))  # fmt: skip
 def blended_braking(run: xr.Dataset) -> Figure:
-    """Rows: forces of the foremost unit, forces of the rearmost, cylinder pressures."""
+    """Rows: what foremost and rearmost unit have, use by each brake and may use; cylinder pressures."""
     run = run.sel(time=slice(0.0, BLENDED))
-    drawn, axes = new_panels(5.6, 6.0, 3, sharex=True)
-    _forces(axes[0], run, 0, "foremost motor car")
-    _forces(axes[1], run, run.sizes["unit"] - 1, "rearmost motor car")
+    drawn, axes = new_panels(PAGE, 4.6, 3, sharex=True)
+    last = run.sizes["unit"] - 1
+    _forces(axes[0], run, 0, "(a) foremost motor car")
+    _forces(axes[1], run, last, "(b) rearmost motor car")
     axes[1].sharey(axes[0])
-    _pressures(axes[2], run)
-    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
-    axes[2].set(xlabel="time [s]", xlim=(0.0, BLENDED))
+    _pressures(axes[2], run, last)
+    _time_axis(axes[2], run)
     drawn.align_ylabels(axes.tolist())
+    handles = axes[0].get_legend_handles_labels()[0]
+    drawn.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    label_lines(axes[2])
     return drawn
 
 
 def _forces(axes: Axes, run: xr.Dataset, unit: int, title: str) -> None:
-    time = run["time"].values
-    to_rim = float(run["unit_gear"][unit] / run["unit_radius"][unit]) / 1e3
+    """Force per axle at the rail, parted between the brakes as their forces at the rim are.
+
+    At the rim the brakes give more, by what stops the wheelsets' own rotation; limit and adhesion hold at the rail.
+    """
+    own = run["axle_unit"].values == unit
+    to_rim = float(run["unit_gear"][unit] / run["unit_radius"][unit])
     electric = np.maximum(-run["motor_torque"].values[:, unit], 0.0) * to_rim
-    air = run["brake_force"].values[:, run["axle_unit"].values == unit].mean(axis=1) / 1e3
-    load = float(run["unit_static_load"][unit]) / int((run["axle_unit"] == unit).sum()) / 1e3
-    axes.stackplot(
-        time, electric, air, colors=(BLUE, ORANGE), alpha=0.75,
-        labels=("electric brake", "air brake"),
+    air = run["brake_force"].values[:, own].mean(axis=1)
+    part = electric / np.maximum(electric + air, 1.0)
+    use, load = use_of_units(run, [unit]), run["axle_load"].values[:, own].mean(axis=1) / 1e3
+    used = use.used * load
+    axes.fill_between(
+        use.time, 0.0, use.available * load, color=AVAILABLE, linewidth=0.0, label="adhesion available"
     )  # fmt: skip
-    limit, plan = run["limit"].values[:, unit] * load, run["expected"].values * load
-    axes.plot(time, limit, color="black", label="limit, at the rail")
-    axes.plot(time, plan, color="black", linestyle="--", linewidth=0.9, label="plan")
-    axes.set(ylabel="force per axle [kN]", title=title)
+    axes.stackplot(
+        use.time, used * part, used * (1.0 - part), colors=(BLUE, ORANGE), linewidth=0.0,
+        labels=("used by the electric brake", "used by the air brake"),
+    )  # fmt: skip
+    axes.plot(use.time, use.limit * load, **(LIMIT | {"label": "limit by the rule"}))
+    # above limits and commands nothing is at stake
+    axes.set(ylim=(0.0, ROOM * float((use.limit * load).max())), ylabel="force per axle [kN]")
+    axes.set_title(title)
 
 
-def _pressures(axes: Axes, run: xr.Dataset) -> None:
+def _pressures(axes: Axes, run: xr.Dataset, last: int) -> None:
     time, pressure = run["time"].values, run["cylinder_pressure"].values / 1e3
-    cars, units = run["axle_car"].values, run["axle_unit"].values
-    first, last = (int(cars[units == j][0]) for j in (0, run.sizes["unit"] - 1))
-    axes.plot(time, pressure[:, 0], color=GREEN, label="lead trailer")
-    axes.plot(time, pressure[:, 2 * first], color=BLUE, label="foremost motor car")
-    axes.plot(time, pressure[:, 2 * last], color=ORANGE, label="rearmost motor car")
-    axes.set_ylabel("cylinder pressure [kPa]")
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    group, units = run["axle_group"].values, run["axle_unit"].values
+    places = {"lead trailer": (0, GREEN)} | {
+        place: (int(group[units == unit][0]), colour)
+        for place, unit, colour in (("foremost", 0, BLUE), ("rearmost", last, VERMILION))
+    }
+    for name, (own, colour) in places.items():
+        axes.plot(time, pressure[:, own], color=colour, label=name)
+    axes.set(ylabel="pressure [kPa]", ylim=(0.0, None))
+    axes.set_title("(c) brake cylinders of the lead trailer and of these motor cars")

@@ -10,6 +10,7 @@ from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
     CONTROLLER_FILL,
+    PAGE,
     Panel,
     bare_rows,
     controller_handles,
@@ -43,7 +44,7 @@ def headroom(table: pd.DataFrame) -> Figure:
     good = complete(table)
     controllers = list(dict.fromkeys(good["controller"]))
     pairs = {controller: pairs_of(good, controller) for controller in controllers}
-    drawn = new_figure(7.1, 5.4)
+    drawn = new_figure(PAGE, 5.4)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.35, 1.0])).tolist()
     gains = above.subplots(1, len(controllers), sharey=True, squeeze=False)[0]
     for axes, (controller, events) in zip(gains, pairs.items(), strict=True):

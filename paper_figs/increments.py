@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 from scipy.stats import norm
-from scipy.stats import t as student
 
 from alloc.estimation import increments as shifting
 from alloc.estimation.slide_counts import (
@@ -16,10 +16,11 @@ from alloc.estimation.slide_counts import (
     read_slide_counts,
 )
 from alloc.plant.rail import logarithmic_increments
+from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLACK, BLUE, GREY, ORANGE, PINK, PURPLE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
-from paper_figs.style import legend_below, new_panels
+from paper_figs.style import PAGE, new_panels
 from studies.core.statement import CONFIDENCE
 from studies.learning.series import SERIES, TOLERANCE
 
@@ -38,14 +39,13 @@ LINES: dict[str, tuple[float | None, str, str]] = {
     "conventional, 130 km/h": (130.0, PINK, ":"),
 }
 """Speed [km/h] at which the increments are corrected by the planned curves, None: not at all; colour, dashes."""
-ARM_STYLES: dict[str, tuple[str, str]] = {
-    "no learning": (GREY, ":"),
-    "running mean": (VERMILION, "-"),
-    "running mean, held": (ORANGE, "--"),
-    "Gaussian": (BLUE, "-"),
-    "Gaussian, robust": (PURPLE, "--"),
+LEARNERS = {
+    "running mean": VERMILION,
+    "running mean, held": ORANGE,
+    "Gaussian": BLUE,
+    "Gaussian, robust": PURPLE,
 }
-"""Colour and dashes of each arm."""
+"""Arms that learn, and the colour of each."""
 FEW_EVENTS = 12
 """Station starts that are run for the figure where the results hold none: six in each direction."""
 AXLE = "axle from the front"
@@ -58,7 +58,7 @@ def axle_shifts(counts: SlideCounts) -> Figure:
 
     A table whose source says SYNTHETIC is labelled so across both.
     """
-    drawn, (left, right) = new_panels(7.1, 3.4, 1, 2, width_ratios=(2.0, 3.0))
+    drawn, (left, right) = new_panels(PAGE, 3.4, 1, 2, width_ratios=(2.0, 3.0))
     axle = np.arange(1, counts.axle_count + 1)
     left.bar(axle, counts.slides, width=1.0, color=GREY, alpha=0.75)
     mean = f"mean of axles 1 to {LEAD_AXLES}"
@@ -69,9 +69,7 @@ def axle_shifts(counts: SlideCounts) -> Figure:
     for axes in (left, right):
         axes.set(xlim=(0.0, counts.axle_count + 1.0), xlabel=AXLE)
     if counts.source.startswith("SYNTHETIC"):
-        drawn.suptitle(
-            "SYNTHETIC counts, drawn from JP5484215 (14) and (15): not measured", fontsize=8.5
-        )
+        drawn.suptitle("SYNTHETIC counts, drawn from JP5484215 (14) and (15): not measured")
     return drawn
 
 
@@ -100,7 +98,7 @@ def _shifts(axes: Axes, counts: SlideCounts, axle: NDArray[np.int64]) -> None:
 @figure("unit-increments", "increments per unit by drive and line (JP5484215 Fig. 13)")
 def unit_increments() -> Figure:
     """Left: one line per unit over the axles that it drives, by drive. Right: 1C4M on conventional lines, by speed."""
-    drawn, (left, right) = new_panels(7.1, 3.0, 1, 2, gridspec_kw={"wspace": 0.08})
+    drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2, gridspec_kw={"wspace": 0.08})
     per_axle = logarithmic_increments(AXLES)
     for name, (axles, colour, dashes) in DRIVES.items():
         _units(left, per_axle, axles, color=colour, linestyle=dashes, label=name)
@@ -134,37 +132,57 @@ def _units(axes: Axes, per_axle: NDArray[np.float64], axles: int, **look: str) -
 @figure("learning", "error of the increments against stations, by learner (sweep learning)",
         study("learning", FEW_EVENTS))  # fmt: skip
 def learning(table: pd.DataFrame) -> Figure:
-    """One panel per kind of rail and kind of stored values: largest error of any unit, mean of the trains that are sound."""
+    """Largest error of any unit's increment, a panel per learner and kind of rail and stored values; trains that are sound.
+
+    Thin: each train in each running direction; thick: their mean; dashed: without learning. Noted: how many ended within the
+    tolerance, the dotted line.
+    """
     table = table[table["case"] == "sound"]
-    rails, stored = list(table["rail"].unique()), list(table["stored"].unique())
+    kinds = table[["rail", "stored"]].drop_duplicates().itertuples(index=False, name=None)
+    groups = {
+        kind: table[(table["rail"] == kind[0]) & (table["stored"] == kind[1])] for kind in kinds
+    }
     shape = {"sharex": True, "sharey": True, "squeeze": False}
-    drawn, axes = new_panels(7.1, 4.8, len(rails), len(stored), **shape)
-    for rail, row in zip(rails, axes, strict=True):
-        for kind, one in zip(stored, row, strict=True):
-            chosen = table[(table["rail"] == rail) & (table["stored"] == kind)]
-            for arm in ARM_STYLES:
-                _arm(one, chosen[chosen["arm"] == arm], arm)
-            one.axhline(TOLERANCE, color="black", linewidth=0.9, linestyle=(0, (1, 2)))
-            one.set_title(f"{rail} rail, stored values {kind}")
-            one.set(xlim=(table["station"].min(), table["station"].max()), ylim=(0.0, None))
-        row[0].set_ylabel("largest error of any unit [–]")
+    drawn, axes = new_panels(PAGE, 0.8 + 1.15 * len(groups), len(groups), len(LEARNERS), **shape)
+    for ((rail, stored), rows), line in zip(groups.items(), axes, strict=True):
+        for one, (arm, colour) in zip(line, LEARNERS.items(), strict=True):
+            _learner(one, rows, arm, colour)
+        line[0].set_title(f"{rail} rail, stored values {stored}", fontweight="bold")
+    for one, (arm, colour) in zip(axes[0], LEARNERS.items(), strict=True):
+        one.annotate(arm, (0.0, 1.0), (0.0, 13.0), "axes fraction", "offset points", color=colour)
     for one in axes[-1]:
         one.set_xlabel("stations")
-    first = axes[0, 0]
-    first.text(
-        0.99, TOLERANCE, f"{TOLERANCE:g}", transform=first.get_yaxis_transform(),
-        ha="right", va="bottom", fontsize=7,
-    )  # fmt: skip
-    legend_below(drawn, len(ARM_STYLES), first)
+    axes[0, 0].set(yscale="log", xlim=(table["station"].min(), table["station"].max()))
+    axes[0, 0].yaxis.set_major_formatter("{x:g}")
+    axes[0, 0].yaxis.set_minor_formatter(NullFormatter())
+    low, high = axes[0, 0].get_ylim()
+    axes[0, 0].set_ylim(min(low, 0.5 * TOLERANCE), 1.2 * high)
+    axes[len(axes) // 2, 0].set_ylabel("largest error of any unit [–]")
+    label_lines(axes[0, 0])
     return drawn
 
 
-def _arm(axes: Axes, rows: pd.DataFrame, arm: str) -> None:
-    series = rows.pivot(index="station", columns=SERIES, values="error")
-    mean, n = series.mean(axis=1), series.shape[1]
-    colour, dashes = ARM_STYLES[arm]
-    axes.plot(series.index, mean, color=colour, linestyle=dashes, label=arm)
-    if n > 1 and arm != "no learning":
-        half = float(student.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * series.std(axis=1) / np.sqrt(n)
-        low, high = mean - half, mean + half
-        axes.fill_between(series.index, low, high, color=colour, alpha=0.15, linewidth=0)
+def _learner(axes: Axes, rows: pd.DataFrame, arm: str, colour: str) -> None:
+    series = _series(rows, arm)
+    for name in series:
+        axes.plot(
+            series.index, series[name], color=colour, linewidth=0.5, alpha=0.5, label="_train"
+        )
+    axes.plot(series.index, series.mean(axis=1), color=colour, linewidth=1.8, label="_mean")
+    without = _series(rows, "no learning").mean(axis=1)
+    axes.plot(without.index, without, color=GREY, linestyle="--", label="no learning")
+    axes.plot(series.index, np.full(len(series), TOLERANCE), ":", color=BLACK, label="tolerance")
+    within = int((series.iloc[-1] <= TOLERANCE).sum())
+    axes.annotate(
+        f"{within} of {series.shape[1]} within",
+        (0.0, 0.0),
+        (2.0, 1.0),
+        "axes fraction",
+        "offset points",
+    )
+
+
+def _series(rows: pd.DataFrame, arm: str) -> pd.DataFrame:
+    """Errors of an arm, (stations, trains and directions)."""
+    own = rows[rows["arm"] == arm]
+    return own.pivot(index="station", columns=SERIES, values="error")

@@ -14,6 +14,7 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
+    PAGE,
     Look,
     Panel,
     bare_rows,
@@ -40,6 +41,8 @@ PANELS = (
     Panel("damage", "wheel damage Q\n[kJ]", 1.0, True),
     Panel("jerk_rms", "jerk rms\n[m/s³]"),
 )
+BELOW = 0.17
+"""Distance of the single events from their mean, in rows: no mark stands on another."""
 FEW_OF_CURVES = 4
 """Events that are run for the figure where the results hold fewer."""
 CURVE_LOOKS: dict[str, Look] = {
@@ -63,12 +66,12 @@ def ladder(table: pd.DataFrame) -> Figure:
     """A panel per metric: means with their intervals by controller, filled with a free axle, open for the locomotive."""
     good = complete(table)
     free = good["train"] != LOCOMOTIVE
-    drawn, axes = new_panels(7.1, 4.6, 2, len(PANELS) // 2, sharey=True)
+    drawn, axes = new_panels(PAGE, 6.0, 2, len(PANELS) // 2, sharey=True)
     for panel, one in zip(PANELS, axes.flat, strict=True):
         for y, controller in enumerate(LADDER):
             own = good["controller"] == controller
             look = controller_look(controller)
-            for chosen, shift, face in ((free, -0.16, look["color"]), (~free, 0.16, "white")):
+            for chosen, shift, face in ((free, -0.28, look["color"]), (~free, 0.16, "white")):
                 values = good.loc[own & chosen, panel.metric].dropna().astype(float)
                 _mark(one, values, panel, y + shift, look | {"markerfacecolor": face})
         one.set_xlabel(panel.label)
@@ -82,7 +85,6 @@ def ladder(table: pd.DataFrame) -> Figure:
     counts = [good["scenario"][kind].nunique() for kind in (free, ~free)]
     drawn.suptitle(
         f"filled: multiple units ({counts[0]} events); open: locomotive, no free axle ({counts[1]} events)",
-        fontsize=8,
     )
     return drawn
 
@@ -92,11 +94,11 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
     if events.empty:
         return
     pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
-    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y), **pale)
+    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y + BELOW), **pale)
     found = mean_interval(events, within=range_of(panel.metric))
     if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
         found = replace(found, low=max(found.low, 0.1 * found.value))
-    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.5, "elinewidth": 1.0})
+    interval_mark(axes, found, y, panel.factor, look | {"markersize": 4.0, "elinewidth": 1.0})
 
 
 @figure("curves", "differences of rules and controllers under several adhesion curves (sweep curves)",
@@ -104,7 +106,7 @@ def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: 
 def curves(table: pd.DataFrame) -> Figure:
     """A row per pair, a panel per metric, each with a scale of its own: mean paired difference and interval by curve."""
     good = table[table["status"] == "ok"]
-    drawn, axes = new_panels(7.1, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
+    drawn, axes = new_panels(PAGE, 5.6, len(PAIRS), len(CURVE_PANELS), sharey=True)
     for pair, row in zip(PAIRS, axes, strict=True):
         for panel, one in zip(CURVE_PANELS, row, strict=True):
             for y, curve in enumerate(CURVES):

@@ -11,7 +11,17 @@ from alloc.onboard.speed_control.position_detector import Odometer, PositionDete
 from paper_figs.palette import BLUE, GREEN, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
-from paper_figs.style import BOUND, Look, bare_rows, handle, interval_mark, name_rows, new_figure
+from paper_figs.style import (
+    BOUND,
+    NOTE,
+    PAGE,
+    Look,
+    bare_rows,
+    handle,
+    interval_mark,
+    name_rows,
+    new_figure,
+)
 from studies.core.statement import mean_interval
 from studies.resistance.drawn_routes import RANGES
 from studies.resistance.driven_cases import CARS, FEEDBACK, RIGHT, TAUGHT, CaseRun, drive_case
@@ -55,7 +65,7 @@ def late_passages(of: Route) -> Passages:
         made(lambda: late_passages(route("high-speed", load_share=0.5))), study("line-position", FEW_EVENTS))  # fmt: skip
 def line_position(of: Route, passages: Passages, table: pd.DataFrame) -> Figure:
     """(a) A tunnel with a position that is behind. (b) Benefit over the odometer's error. (c) The same with each error."""
-    drawn = new_figure(7.1, 5.6)
+    drawn = new_figure(PAGE, 5.6)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.0, 1.15])).tolist()
     passage, benefit = above.subplots(1, 2)
     _passage(passage, of, passages)
@@ -105,7 +115,7 @@ def _benefit(axes: Axes, table: pd.DataFrame) -> None:
     axes.axhline(1.0, **BOUND)
     axes.set(xlabel="bound of the odometer's error [%]", ylabel=f"{label}, over feedback alone [–]")
     axes.set(title="(b) odometer alone", ylim=(0.0, 1.7))
-    axes.legend(loc="upper left", fontsize=6.0)
+    axes.legend(loc="upper left", fontsize=NOTE)
 
 
 def _arms(axes: Axes, table: pd.DataFrame, arms: list[str], quantity: str) -> None:

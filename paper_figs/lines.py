@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from paper_figs.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import new_panels
+from paper_figs.style import NOTE, PAGE, new_panels
 from studies.lines.line_run import LineRun, run_line
 from studies.lines.named_files import find_line, find_stock
 
@@ -19,7 +19,7 @@ NAME_WIDTH = 0.02
         made(lambda: run_line(find_line("dresden-goerlitz"), find_stock("br-642"))))  # fmt: skip
 def real_line(found: LineRun) -> Figure:
     """Above: limits, permitted speed and the train's speed. Below: gradient, of the section."""
-    drawn, (upper, lower) = new_panels(7.1, 4.0, 2, sharex=True, height_ratios=(3.0, 1.0))
+    drawn, (upper, lower) = new_panels(PAGE, 4.0, 2, sharex=True, height_ratios=(3.0, 1.0))
     sections = found.path.sections
     edges = 1e-3 * np.array([section.start for section in sections] + [found.path.span[1]])
     _draw_speed(upper, found, edges)
@@ -69,7 +69,7 @@ def _name_points(axes: Axes, found: LineRun) -> None:
         axes.annotate(
             point.name, (1e-3 * point.station, 0.02), xycoords=("data", "axes fraction"),
             xytext=(-1.5 if left else 1.5, 0.0), textcoords="offset points", rotation=90,
-            ha="right" if left else "left", va="bottom", fontsize=6.5, color=DARK,
+            ha="right" if left else "left", va="bottom", fontsize=NOTE, color=DARK,
         )  # fmt: skip
 
 

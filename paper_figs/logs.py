@@ -1,23 +1,30 @@
 """What the log of a train tells: speeds, slips found, coefficients, wheel damage, brake force per car."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
-from alloc.spans import spans
-from paper_figs.palette import VERMILION
+from paper_figs.axle_maps import AXLE, COEFFICIENT_SHADES, SLIP_SHADES, axle_map, shade_bar
+from paper_figs.direct_labels import label_lines
+from paper_figs.palette import BLACK, BLUE, GREY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source
-from paper_figs.style import along_train, new_panels, train_bar
+from paper_figs.style import PAGE, new_figure
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 
+MAP_HEIGHT = 1.35
+"""Of a picture of all axles [inches]."""
 DEVIATIONS = 2
 """Standard deviations that are drawn of an estimated speed."""
 
@@ -32,52 +39,52 @@ def example_log(source: Source) -> MeasuredLog:
 @figure("measured-log", "what a train's log tells: slips found, coefficients, Q, brake force per car",
         example_log)  # fmt: skip
 def measured_log(log: MeasuredLog, found: Findings | None = None) -> Figure:
-    """Rows over time: speeds, slip velocity with slips found, coefficient, wheel damage, and brake forces if measured.
+    """Over time: speeds; slip, coefficient and brake force, a row per axle or car. At the right what it comes to per axle.
 
     `found` is what the log's analysis found, by default under the default criterion of slips.
     """
     if found is None:
         found = analyse_run(log.run, log.train)
-    shown = np.flatnonzero(np.isfinite(found.slip_velocity).any(axis=0))
-    has_force, axle_count = bool(found.covered.any()), log.train.radius.size
-    rows = 2 + 2 * has_force + (found.car_force is not None)
-    drawn, panels = new_panels(7.1, 0.9 + 1.75 * rows, rows, sharex=True)
-    axes = list(panels)
-    _axles(axes[0], log, 3.6 * log.run.rim_speed, shown)
-    axes[0].plot([], [], color=along_train(axle_count)[0], linewidth=0.8, label="wheels")
-    speed = _broken(log, 3.6 * log.run.speed)
-    measured = log.run.speed_source == "measured"
-    deviation = None if measured else log.run.speed_deviation
-    source = "train" if measured else f"train, {log.run.speed_source}"
-    axes[0].plot(*speed, color="black", linestyle="--", label=source)
-    axes[0].set(ylabel="speed [km/h]", ylim=(0.0, None))
-    axes[0].legend(loc="best")
-    _axles(axes[1], log, found.slip_velocity, shown)
-    if deviation is not None:
-        time, error = _broken(log, DEVIATIONS * deviation)
-        label = f"stated error of the train's speed, {DEVIATIONS} deviations"
-        axes[1].fill_between(time, -error, error, color="0.75", linewidth=0.0, label=label)
-        axes[1].legend(loc="best")
-    _slips(axes[1], log, found)
+    has_force, cars = bool(found.covered.any()), found.car_force is not None
+    heights = (0.9, MAP_HEIGHT, *has_force * (MAP_HEIGHT,), *cars * (MAP_HEIGHT,))
+    drawn = new_figure(PAGE, 0.8 + sum(heights))
+    grid = drawn.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(4.0, 1.0))
+    speeds = drawn.add_subplot(grid[0, 0])
+    rows = [drawn.add_subplot(grid[k, 0], sharex=speeds) for k in range(1, len(heights))]
+    sides = [drawn.add_subplot(grid[k, 1]) for k in range(1, 2 + has_force)]
+    _speeds(speeds, log)
+    _slips(drawn, rows[0], log, found)
     if has_force:
-        _axles(axes[2], log, found.coefficient, shown)
-        onsets = [
-            (event.onset_time, (1.0 if event.kind == "slip" else -1.0) * event.onset_coefficient)
-            for event in found.events
-        ]
-        _mark(axes[2], onsets, "D", "as a slip begins: adhesion estimated")
-        axes[2].set_ylabel("coefficient [–]")
-        _axles(axes[3], log, 1e-3 * found.damage, shown)
-        axes[3].set_ylabel("wheel damage Q\nper axle [kJ]")
-        axes[3].set_title(f"all axles: {1e-3 * found.total_damage:.4g} kJ")
+        _coefficients(drawn, rows[1], log, found)
+        _onsets(sides[1], found)
+        _per_axle(sides[0], 1e-3 * found.axle_damage, "Q [kJ]")
+        sides[0].set_title(f"Q, all: {1e-3 * found.total_damage:.3g} kJ")
+    else:
+        _per_axle(sides[0], found.slipping_time, "time [s]")
+        sides[0].set_title("time in slips")
     if found.car_force is not None:
-        _car_forces(axes[-1], log, found.car_force)
-    axes[-1].set(xlabel="time [s]", xlim=(log.run.time[0], log.run.time[-1]))
-    drawn.align_ylabels(axes)
-    if axle_count > 1:
-        of_axles = axes[: rows - (found.car_force is not None)]
-        train_bar(drawn, of_axles, axle_count, "axle from the front")
+        force = axle_map(
+            rows[-1], log.run.time, 1e-3 * found.car_force, COEFFICIENT_SHADES,
+            Normalize(0.0, _top(1e-3 * found.car_force)),
+        )  # fmt: skip
+        rows[-1].set(title="brake force of each car", ylabel="car (1 = foremost)")
+        shade_bar(drawn, force, [rows[-1]], "force [kN]")
+    for own, side in zip(rows, sides, strict=False):
+        side.set_ylim(own.get_ylim())
+        side.tick_params(axis="y", labelleft=False)
+    for one in (speeds, *rows[:-1]):
+        one.tick_params(axis="x", labelbottom=False)
+    rows[-1].set(xlabel="time [s]", xlim=(log.run.time[0], log.run.time[-1]))
+    rows[-1].xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
+    drawn.align_ylabels([speeds, *rows])
+    label_lines(speeds)
     return drawn
+
+
+def _top(values: NDArray[np.float64]) -> float:
+    """Largest of what is known; 1 where nothing is."""
+    largest = float(np.nanmax(values, initial=0.0))
+    return largest if largest > 0.0 else 1.0
 
 
 def _broken(log: MeasuredLog, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -86,46 +93,78 @@ def _broken(log: MeasuredLog, values: NDArray[np.float64]) -> tuple[NDArray[np.f
     return np.insert(log.run.time, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
-def _axles(
-    axes: Axes, log: MeasuredLog, values: NDArray[np.float64], shown: NDArray[np.int64]
-) -> None:
-    """A line per axle, `values` (time, axle)."""
-    colours = along_train(values.shape[1])
-    for i in shown:
-        axes.plot(*_broken(log, values[:, i]), color=colours[i], linewidth=0.8)
+def _speeds(axes: Axes, log: MeasuredLog) -> None:
+    """The train's speed, and the fastest and slowest wheel beside it."""
+    rims = np.ma.masked_invalid(3.6 * log.run.rim_speed)
+    for name, colour, values in (
+        ("fastest wheel", VERMILION, rims.max(axis=1)),
+        ("slowest wheel", BLUE, rims.min(axis=1)),
+    ):
+        axes.plot(*_broken(log, values.filled(np.nan)), color=colour, linewidth=0.8, label=name)
+    source = log.run.speed_source
+    name = "train" if source == "measured" else f"train, {source}"
+    axes.plot(*_broken(log, 3.6 * log.run.speed), color=BLACK, linestyle="--", label=name)
+    axes.set(ylabel="speed [km/h]", ylim=(0.0, None), title=_error(log))
 
 
-def _slips(axes: Axes, log: MeasuredLog, found: Findings) -> None:
-    """Shade the slips found and mark each at its largest."""
-    time = log.run.time
-    slipping = np.zeros(time.size, dtype=bool)
+def _error(log: MeasuredLog) -> str:
+    """What is stated of the error of a speed that is no channel of its own."""
+    deviation = log.run.speed_deviation
+    if log.run.speed_source == "measured" or deviation is None:
+        return ""
+    error = DEVIATIONS * float(np.nanmedian(deviation))
+    return f"stated error of the train's speed: ± {error:.2g} m/s ({DEVIATIONS} deviations, median)"
+
+
+def _slips(drawn: Figure, axes: Axes, log: MeasuredLog, found: Findings) -> None:
+    """Slip of every axle, and a ring where each slip found is largest."""
+    time, slip = log.run.time, np.abs(found.slip_velocity)
+    image = axle_map(axes, time, slip, SLIP_SHADES, Normalize(0.0, _top(slip)))
     marks = []
     for event in found.events:
-        inside = (time >= event.start) & (time <= event.end)
-        slipping |= inside
-        slip = found.slip_velocity[inside, event.axle]
-        worst = int(np.nanargmax(np.abs(slip)))
-        marks.append((time[inside][worst], slip[worst]))
-    for begin, end in spans(slipping).tolist():  # once, however many axles slip
-        axes.axvspan(time[begin], time[end - 1], color=VERMILION, alpha=0.12, linewidth=0.0)
-    _mark(axes, marks, "o", "slip or slide found, at its largest")
-    axes.set_ylabel("slip velocity [m/s]")
+        inside = np.flatnonzero((time >= event.start) & (time <= event.end))
+        worst = inside[int(np.nanargmax(slip[inside, event.axle]))]
+        marks.append((time[worst], event.axle + 1))
+    _mark(axes, marks, "o")
+    axes.set(
+        ylabel=AXLE,
+        title=f"slip of every axle; rings: {len(marks)} slips and slides found, at their largest",
+    )
+    shade_bar(drawn, image, [axes], "slip [m/s]")
 
 
-def _mark(axes: Axes, points: list[tuple[float, float]], marker: str, label: str) -> None:
+def _coefficients(drawn: Figure, axes: Axes, log: MeasuredLog, found: Findings) -> None:
+    """Tangential force over load of every axle, and a diamond where a slip begins."""
+    values = np.abs(found.coefficient)
+    image = axle_map(axes, log.run.time, values, COEFFICIENT_SHADES, Normalize(0.0, _top(values)))
+    known = [one for one in found.events if np.isfinite(one.onset_coefficient)]
+    _mark(axes, [(one.onset_time, one.axle + 1) for one in known], "D")
+    axes.set(
+        ylabel=AXLE,
+        title="coefficient of every axle; diamonds: onset of a slip, where the adhesion shows",
+    )
+    shade_bar(drawn, image, [axes], "coefficient [–]")
+
+
+def _onsets(axes: Axes, found: Findings) -> None:
+    """Adhesion as it shows at the onset of each slip, by axle."""
+    known = [one for one in found.events if np.isfinite(one.onset_coefficient)]
+    places = [(one.onset_coefficient, one.axle + 1) for one in known]
+    _mark(axes, places, "D")
+    axes.set(title="adhesion at onset", xlabel="coefficient [–]")
+    axes.set_xlim(0.0, 1.15 * max((place[0] for place in places), default=1.0))
+
+
+def _per_axle(axes: Axes, values: NDArray[np.float64], label: str) -> None:
+    axes.barh(np.arange(values.size) + 1, np.nan_to_num(values), height=0.8, color=GREY)
+    axes.set(xlabel=label, xlim=(0.0, 1.1 * _top(values)))
+    axes.grid(visible=False, axis="y")
+
+
+def _mark(axes: Axes, points: Sequence[tuple[float, float]], marker: str) -> None:
     if points:
         x, y = zip(*points, strict=True)
         axes.plot(
-            x, y, linestyle="none", marker=marker, markersize=4, color=VERMILION,
-            markerfacecolor="none", label=label,
+            x, y, linestyle="none", marker=marker, markersize=4.5, color=BLUE,
+            markerfacecolor="none", markeredgewidth=0.9,
         )  # fmt: skip
-        axes.legend(loc="best")
-
-
-def _car_forces(axes: Axes, log: MeasuredLog, force: NDArray[np.float64]) -> None:
-    cars = force.shape[1]
-    for car, colour in enumerate(along_train(cars)):
-        own = _broken(log, 1e-3 * force[:, car])
-        axes.plot(*own, color=colour, linewidth=0.8, label=f"car {car + 1}")
-    axes.set_ylabel("brake force\nper car [kN]")
-    axes.legend(loc="best", ncols=min(cars, 6))

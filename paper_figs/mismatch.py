@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from paper_figs.palette import BLACK, BLUE, DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
-from paper_figs.style import new_panels
+from paper_figs.style import NOTE, PAGE, new_panels
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import DELAYED, GIVEN, MIDDLE, NOISES, REFERENCE, SEARCHER, SOUGHT
 from studies.mismatch.statements import difference
@@ -71,17 +71,18 @@ GROUPS: dict[str, Sequence[Column]] = {
 def mismatch(table: pd.DataFrame) -> Figure:
     """A panel per metric: means over events; blue is better and red worse than cut-and-ramp with the same noise."""
     good = table[table["status"] == "ok"]
-    drawn, axes = new_panels(7.1, 6.4, len(PANELS), 1, sharex=True)
+    drawn, axes = new_panels(PAGE, 6.4, len(PANELS), 1, sharex=True)
     for panel, one in zip(PANELS, axes, strict=True):
         _panel(one, panel, good)
     columns = [column for group in GROUPS.values() for column in group]
-    axes[-1].set_xticks(_places(), [column.name for column in columns], fontsize=6)
+    axes[-1].set_xticks(_places(), [column.name for column in columns], fontsize=NOTE)
     axes[-1].set_xlabel(f"noise of measured speeds, at given slips {MIDDLE:g} [km/h]")
     for title, own in _grouped().items():
-        axes[0].text(np.mean(own), -0.62, title, ha="center", va="bottom", fontsize=6.5, color=DARK)
+        axes[0].text(
+            np.mean(own), -0.62, title, ha="center", va="bottom", fontsize=NOTE, color=DARK
+        )
     drawn.suptitle(
         f"means of {good['event'].nunique()} events; blue: better than cut-and-ramp with the same noise, red: worse",
-        fontsize=8,
     )
     return drawn
 
@@ -117,7 +118,7 @@ def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
             )
             axes.text(
                 x, y, panel.form.format(panel.factor * mean[own]), ha="center", va="center",
-                fontsize=6, color="white" if abs(worth - 0.5) > 0.35 else BLACK,
+                fontsize=NOTE, color="white" if abs(worth - 0.5) > 0.35 else BLACK,
             )  # fmt: skip
     axes.set_yticks(range(len(RAILS)), list(RAILS))
     axes.set_ylim(len(RAILS) - 0.5, -0.5)

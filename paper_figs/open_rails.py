@@ -14,7 +14,7 @@ from alloc.plant.contact import (
 )
 from paper_figs.palette import BLACK, BLUE, GREY, VERMILION
 from paper_figs.registry import figure
-from paper_figs.style import new_panels
+from paper_figs.style import PAGE, new_panels
 
 FRICTION, SPEED, LOAD, RADIUS = 0.30, 20.0, 1e5, 0.5
 """Friction coefficient at rest, speed [m/s], wheel load [N] and radius [m] of the comparison."""
@@ -47,7 +47,7 @@ def open_rails_coefficient(slip: NDArray[np.float64], coded: bool) -> NDArray[np
 @figure("open-rails", "Polach's law in Open Rails, as coded and corrected, and in this plant")
 def open_rails() -> Figure:
     """Left: coefficients over the slip velocity on wet rail. Right: creep stiffness over the wheel load."""
-    drawn, (left, right) = new_panels(7.1, 3.0, 1, 2)
+    drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2)
     slip = np.geomspace(1e-3, SPEED, 1000)
     curve = PolachByFrictionCurve()
     plant = -curve.coefficient(-slip, FRICTION, SPEED, curve.contact(LOAD, RADIUS))

@@ -1,4 +1,4 @@
-"""Runs of the readhesion paper's torque table: its Figs. 5, 7 to 15, 22 and 23."""
+"""Runs of the readhesion paper's torque table: its Figs. 5, 7 to 13, 22 and 23."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -8,11 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.onboard.controllers.torque_table import torque_factor
-from alloc.plant.sets.one_axle import PATCH_FADE
-from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION
+from paper_figs.palette import BLACK, BLUE, GREEN, PURPLE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import legend_below, new_panels
+from paper_figs.style import PAGE, legend_below, new_panels
 from studies.readhesion_paper.findings import HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS
 from studies.readhesion_paper.lanes import TableRuns
 from studies.readhesion_paper.paper import (
@@ -41,8 +40,6 @@ CLOSE = (9.0, 11.0)
 """Times [s] of the close view of case A."""
 PEAK_SLIP = 0.3
 """Largest slip velocity [m/s] of the panels that show the peak."""
-LAST = 2.0
-"""Time [s] before the recovery in which the loci are drawn heavily: the limit cycle, if there is one."""
 FORCE = "tangential force coefficient"
 
 
@@ -71,7 +68,8 @@ def _shown(unit: str) -> str:
     return unit.replace("s2", "s²")
 
 
-def _heading(name: str, unit: str) -> str:
+def heading(name: str, unit: str) -> str:
+    """Title of a case's panel, its parameters read in `unit`."""
     case = CASES[name]
     return rf"{name}: $a_w$ {case.width:g}, $a_0$ {case.margin:g} {_shown(unit)}, $\mu_\mathrm{{lim}}$ {case.limit:g}"
 
@@ -87,7 +85,7 @@ def _pair(
     axes.set_xlim(shown)
 
 
-def _by_set(
+def by_set(
     draw: Callable[[TableRuns, Sequence[Axes], str], None],
     panels: np.ndarray,
     runs: Sequence[TableRuns],
@@ -102,7 +100,7 @@ def _by_set(
         "torque factor over the deviation of acceleration (readhesion paper Fig. 5), in both units")  # fmt: skip
 def torque_table() -> Figure:
     """The table of both cases, read in each unit, on one scale; margin and width of case B are marked."""
-    drawn, panels = new_panels(7.1, 2.7, 1, len(SETS), sharey=True)
+    drawn, panels = new_panels(PAGE, 2.7, 1, len(SETS), sharey=True)
     deviation = np.linspace(-0.3, 4.8, 600)
     for axes, letter, one in zip(panels, "ab", SETS.values(), strict=True):
         scale = 3.6 * UNITS[one.unit]  # km/h/s
@@ -129,7 +127,7 @@ def torque_table() -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_slip(*runs: TableRuns) -> Figure:
     """Rows: case A, case B on the same scale, case B as a whole; a column per unit."""
-    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharex=True, sharey="row")
+    drawn, panels = new_panels(PAGE, 5.6, 3, len(SETS), sharex=True, sharey="row")
     rows = (("A", 0, PEAK_SLIP), ("B", 1, PEAK_SLIP), ("B", 1, None))
     labels = ("slip velocity", "at the curve's peak: micro slip below, macro above")
 
@@ -137,9 +135,9 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
         for axes, (name, lane, top) in zip(column, rows, strict=True):
             values = one.slip[:, lane], one.peak_slip[:, lane]
             _pair(axes, one.time, values, labels, COLOURS[name], (None, 0.9))
-            axes.set_title(_heading(name, unit) + ("" if top else ", whole"), fontsize=7.5)
+            axes.set_title(heading(name, unit) + ("" if top else ", whole"))
 
-    _by_set(draw, panels, runs)
+    by_set(draw, panels, runs)
     for axes, (_, _, top) in zip(panels[:, 0], rows, strict=True):
         axes.set(ylim=(0.0, top), ylabel="slip velocity [m/s]")
     legend_below(drawn, 2, panels[0, 0])
@@ -151,16 +149,16 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_torque(*runs: TableRuns) -> Figure:
     """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
-    drawn, panels = new_panels(7.1, 4.4, 2, len(SETS), sharex=True, sharey=True)
+    drawn, panels = new_panels(PAGE, 4.4, 2, len(SETS), sharex=True, sharey=True)
     labels = (r"motor torque $\times\ R_g/(Wgr)\ M/(M + J/r^2)$", FORCE)
 
     def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
         for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
             values = on_coefficient_scale(one, lane), one.coefficient[:, lane]
             _pair(axes, one.time, values, labels, COLOURS[name])
-            axes.set_title(_heading(name, unit), fontsize=7.5)
+            axes.set_title(heading(name, unit))
 
-    _by_set(draw, panels, runs)
+    by_set(draw, panels, runs)
     for axes in panels[:, 0]:
         axes.set(ylim=(0.04, 0.19), ylabel="coefficient [–]")
     legend_below(drawn, 2, panels[0, 0])
@@ -171,7 +169,7 @@ def readhesion_torque(*runs: TableRuns) -> Figure:
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_factor(*runs: TableRuns) -> Figure:
     """Rows: case A, two seconds of it, case B; a column per unit. The factor, and the filtered command over the plan."""
-    drawn, panels = new_panels(7.1, 5.6, 3, len(SETS), sharey=True)
+    drawn, panels = new_panels(PAGE, 5.6, 3, len(SETS), sharey=True)
     close = f", {CLOSE[0]:g} to {CLOSE[1]:g} s"
     rows = (("A", 0, (FROM, UNTIL), ""), ("A", 0, CLOSE, close), ("B", 1, (FROM, UNTIL), ""))
     labels = ("torque factor of the table", "torque command after its filter, over the plan")
@@ -180,45 +178,13 @@ def readhesion_factor(*runs: TableRuns) -> Figure:
         for axes, (name, lane, shown, part) in zip(column, rows, strict=True):
             values = one.factor[:, lane], one.command[:, lane] / one.plan
             _pair(axes, one.time, values, labels, COLOURS[name], (1.0, 1.0), shown)
-            axes.set_title(_heading(name, unit) + part, fontsize=7.5)
+            axes.set_title(heading(name, unit) + part)
 
-    _by_set(draw, panels, runs)
+    by_set(draw, panels, runs)
     for axes in panels[:, 0]:
         axes.set(ylim=(-0.05, 1.1), yticks=(0.0, 0.5, 1.0), ylabel="factor [–]")
     legend_below(drawn, 2, panels[0, 0])
     return drawn
-
-
-@figure("readhesion-trajectory", "torque and coefficient over slip (readhesion paper Figs. 14, 15), in both units",
-        *IN_BOTH_UNITS)  # fmt: skip
-def readhesion_trajectory(*runs: TableRuns) -> Figure:
-    """A row per case, a column per unit, from the drop to the recovery. Torque on the scale of the coefficient."""
-    drawn, panels = new_panels(7.1, 5.4, 2, len(SETS), sharey=True)
-
-    def draw(one: TableRuns, column: Sequence[Axes], unit: str) -> None:
-        for lane, (axes, name) in enumerate(zip(column, CASES, strict=True)):
-            _loci(axes, one, lane, COLOURS[name])
-            axes.set_title(_heading(name, unit), fontsize=7.5)
-            axes.set(xlim=(0.0, None), xlabel="slip velocity [m/s]")
-
-    _by_set(draw, panels, runs)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("coefficient [–]")
-    legend_below(drawn, 3, panels[0, 0])
-    return drawn
-
-
-def _loci(axes: Axes, runs: TableRuns, lane: int, colour: str) -> None:
-    low = (runs.time >= DROP) & (runs.time < RECOVERY - PATCH_FADE)
-    last = low & (runs.time >= RECOVERY - LAST)
-    torque, slip = on_coefficient_scale(runs, lane), runs.slip[:, lane]
-    axes.plot(slip[low], torque[low], color=colour, linewidth=0.7, alpha=0.7, label="motor torque")
-    heavy = f"motor torque, last {LAST:g} s before the recovery"
-    axes.plot(slip[last], torque[last], color=ORANGE, linewidth=1.8, label=heavy)
-    settled = low & (runs.time >= DROP + PATCH_FADE)  # the curve, without the edge of the drop
-    order = np.argsort(slip[settled])
-    coefficient = runs.coefficient[settled, lane][order]
-    axes.plot(slip[settled][order], coefficient, "--", color=BLACK, linewidth=1.0, label=FORCE)
 
 
 @figure("half-slip", "slip and torque on a rail just below the plan (readhesion paper Figs. 22, 23)",
@@ -228,7 +194,7 @@ def half_slip(*runs: TableRuns) -> Figure:
 
     Under the calibrated set the wheel readheres as ever; under the rival in m/s2 it half-slips on, as the paper has it.
     """
-    drawn, panels = new_panels(7.1, 4.2, 2, len(SETS), sharex=True, squeeze=False)
+    drawn, panels = new_panels(PAGE, 4.2, 2, len(SETS), sharex=True, squeeze=False)
     case, units = HALF_SLIP, ("motor torque, as a coefficient", FORCE)
     for (slip, torque), one, letter, name in zip(panels.T, runs, "ab", SETS, strict=True):
         unprinted, colour = SETS[name], SET_COLOURS[name]

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MultipleLocator
 
-from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
+from paper_figs.direct_labels import label_lines
+from paper_figs.palette import BLACK, BLUE, DARK, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source, study
-from paper_figs.style import Look, legend_below, new_panels, plain_ticks
+from paper_figs.style import PAGE, Look, handle, legend_below, new_panels, plain_ticks
 from studies.core.ensemble_range import PERCENTILES
 from studies.readhesion_paper import study as readhesion
 from studies.readhesion_paper.calibration import LEAST_MET, RANGES, best, members
@@ -42,6 +43,8 @@ PARAMETERS = {
 }
 UNIT_LOOKS = {"km/h/s": ("o", BLUE), "m/s2": ("^", ORANGE)}
 """Marker and colour of each unit that a_0 and a_w may be meant in."""
+RING: Look = {"marker": "o", "markersize": 3.5, "markerfacecolor": "none"}
+"""Mark of what was simulated."""
 TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """Ticks of logarithmic axes."""
 HEADROOM = 12.0
@@ -68,7 +71,7 @@ def _sweep(table: pd.DataFrame, over: str, other: str) -> Figure:
     table = table[np.isclose(table[other].astype(float), held)]
     members = table[table["unit"].notna()]
     in_use = table[table["unit"].isna() & (table["parabola"] == readhesion.PRINTED)]
-    drawn, panels = new_panels(7.1, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
+    drawn, panels = new_panels(PAGE, 7.4, 3, len(UNIT_LOOKS), sharex=True, sharey="row")
     for (possible, used, share), unit, letters in zip(
         panels.T, UNIT_LOOKS, ("ace", "bdf"), strict=True
     ):
@@ -161,51 +164,79 @@ def limit_cycle(
 ) -> Figure:
     """A row per unit: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w.
 
-    Simulated cycles are drawn where the wheel readheres.
+    Simulated cycles are drawn where the wheel readheres. Noted: by how much predictions are off the simulations.
     """
-    drawn, panels = new_panels(7.1, 5.2, len(cycles), 3, squeeze=False)
+    drawn, panels = new_panels(PAGE, 4.6, len(cycles), 3, squeeze=False)
     sets: dict[str, Unprinted] = {one.unit: one for one in (CALIBRATED, RIVAL)}
     for row, letters, (unit, table) in zip(panels, ("abc", "def"), cycles.items(), strict=False):
-        _cycle_panels(row[0], row[1], table)
+        words = []
+        for axes, quantity, name in zip(
+            row, ("period", "slip_swing"), ("period", "swing"), strict=False
+        ):
+            _cycle_panel(axes, table, quantity)
+            words.append(f"{name}, {_off(table, quantity)}")
+        row[0].set_ylabel("period [s]")
+        row[1].set_ylabel("swing of slip velocity [m/s]")
         _growth_panel(row[2], growth_widths, sets[unit])
-        words = ("period", "swing of slip", "growth of swings")
-        for axes, letter, word in zip(row, letters, words, strict=True):
-            axes.set_title(f"({letter}) {word}, {unit.replace('s2', 's²')}", fontsize=7.5)
-    legend_below(drawn, 2, panels[0, 0])
+        for axes, letter, word in zip(row, letters, (*words, "growth of swings"), strict=True):
+            axes.set_title(f"({letter}) {unit.replace('s2', 's²')}: {word}")
+    look = {"color": DARK, "linestyle": "none", **RING}
+    shown = [handle("predicted", color=DARK), handle("simulated", **look)]
+    drawn.legend(handles=shown, loc="outside lower center", ncols=2)
+    label_lines(*panels[:, :2].flat)
     return drawn
 
 
-def _cycle_panels(period: Axes, slip: Axes, cycles: pd.DataFrame) -> None:
+def _off(cycles: pd.DataFrame, quantity: str) -> str:
+    """Between which shares predictions are off what was simulated, where the wheel readheres."""
+    back = cycles[cycles["possible"]]
+    off = 100.0 * (back[f"predicted_{quantity}"] / back[quantity] - 1.0).dropna()
+    words = f"predicted {off.min():+.0f} to {off.max():+.0f} %" if len(off) else "none simulated"
+    return words.replace("-", "−")
+
+
+def _cycle_panel(axes: Axes, cycles: pd.DataFrame, quantity: str) -> None:
     for colour, (width, rows) in zip((BLUE, VERMILION), cycles.groupby("width"), strict=True):
         back = rows[rows["possible"]]  # wheels that run away swing as well, elsewhere
-        circle: Look = {
-            "marker": "o",
-            "markersize": 3.5,
-            "markerfacecolor": "none",
-            "linestyle": "none",
-        }
-        of_width = f"$a_w$ = {width:g}"
-        for panel, quantity in ((period, "period"), (slip, "slip_swing")):
-            predicted = rows[f"predicted_{quantity}"]
-            panel.plot(rows["limit"], predicted, color=colour, label=f"predicted, {of_width}")
-            label = f"simulated, {of_width}"
-            panel.plot(back["limit"], back[quantity], color=colour, label=label, **circle)
-    period.set_ylabel("period [s]")
-    slip.set_ylabel("slip velocity [m/s]")
-    for panel in (period, slip):
-        panel.set_xlabel(LIMIT)
-        panel.set_ylim(bottom=0.0)
+        axes.plot(
+            rows["limit"], rows[f"predicted_{quantity}"], color=colour, label=f"$a_w$ = {width:g}"
+        )
+        axes.plot(
+            back["limit"],
+            back[quantity],
+            linestyle="none",
+            color=colour,
+            label="_simulated",
+            **RING,
+        )
+    axes.set_xlabel(LIMIT)
+    axes.margins(y=0.12)
 
 
 def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None:
+    """Above 1 swings grow into a limit cycle, below they die out: the factor comes to rest."""
     sizes = growth_over_widths(widths, one)
-    growth.plot(widths, sizes, ".-", color=GREEN)
     critical = critical_width(paper_model(unprinted=one)) / UNITS[one.unit]
-    growth.axhline(1.0, linestyle=":", color="black", linewidth=0.9)
+    growth.plot(widths, sizes, ".-", color=GREEN)
+    low, high = growth.get_ylim()
+    growth.axhspan(1.0, max(high, 1.0), color=VERMILION, alpha=0.12, linewidth=0.0)
+    growth.axhspan(min(low, 1.0), 1.0, color=BLUE, alpha=0.12, linewidth=0.0)
+    growth.set_ylim(min(low, 0.9), max(high, 1.1))
+    growth.annotate(
+        "swings grow:\nlimit cycle", (1.0, 1.0), (-3.0, -3.0), "axes fraction", "offset points",
+        ha="right", va="top",
+    )  # fmt: skip
+    growth.annotate(
+        "swings die out:\nthe factor rests",
+        (0.0, 0.0),
+        (3.0, 3.0),
+        "axes fraction",
+        "offset points",
+    )
     if critical <= max(widths):
-        growth.axvline(critical, linestyle="--", color="black", linewidth=0.9)
-    words = f"factor rests\nfrom {critical:.2f} on"
-    growth.text(0.96, 0.94, words, transform=growth.transAxes, ha="right", va="top", fontsize=7)
+        growth.plot([critical], [1.0], "o", color=BLACK)
+        at = (critical, 1.0), (4.0, 3.0)
+        growth.annotate(f"at {critical:.2f}", *at, textcoords="offset points")
     growth.set(xlabel=f"$a_w$ [{one.unit.replace('s2', 's²')}]", ylabel="growth per swing [–]")
 
 
@@ -220,7 +251,7 @@ def calibration(table: pd.DataFrame) -> Figure:
     good = pd.concat([members(table, unit) for unit in UNIT_LOOKS])
     top = float(table["objective"].min()) + HEADROOM
     others = table[table["objective"] <= top].drop(good.index, errors="ignore")
-    drawn, panels = new_panels(7.1, 4.8, 2, 2, sharey=True)
+    drawn, panels = new_panels(PAGE, 4.8, 2, 2, sharey=True)
     for axes, (name, (low, high, logarithmic)) in zip(panels.flat, RANGES.items(), strict=True):
         for unit, (marker, colour) in UNIT_LOOKS.items():
             look = {"color": colour, "markersize": 3.6, "markeredgewidth": 0.7}

@@ -1,14 +1,17 @@
 """Figures by name: each registers where it is written, with a sentence and the data that it needs."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Generic, ParamSpec
+from dataclasses import dataclass, replace
+from inspect import getdoc
+from typing import Any, Generic, NamedTuple, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from alloc.display import displayed
 from alloc.registry import Registry
+from paper_figs.marks import mark_as_draft, say_where_nothing_is_drawn
+from paper_figs.saving import Legend
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
 from studies.files.study_error import StudyError
@@ -16,11 +19,19 @@ from studies.files.study_error import StudyError
 Data = ParamSpec("Data")
 
 
+class Drawn(NamedTuple):
+    """A figure and what is said of it."""
+
+    figure: Figure
+    legend: Legend
+
+
 @displayed
 @dataclass(frozen=True)
 class FigureEntry(Generic[Data]):
     """A figure; called with its data, it is drawn in the project's style."""
 
+    name: str
     function: Callable[Data, Figure]
     description: str
     """What it shows, in one line."""
@@ -30,16 +41,33 @@ class FigureEntry(Generic[Data]):
     def __call__(self, *data: Data.args, **named: Data.kwargs) -> Figure:
         """The figure of these data."""
         with mpl.rc_context(fname=STYLE_FILE):
-            return self.function(*data, **named)
+            drawn = self.function(*data, **named)
+            say_where_nothing_is_drawn(drawn)
+            return drawn
 
     @property
     def of_comparison(self) -> bool:
         """Whether it shows the rows of a comparison, and is drawn with one."""
         return comparison in self.needs
 
+    @property
+    def legend(self) -> Legend:
+        """What is said of the figure wherever its data come from: its line and its function's docstring."""
+        return Legend(self.name, self.description, " ".join((getdoc(self.function) or "").split()))
+
     def make(self, source: Source) -> Figure:
-        """The figure of what `source` has."""
-        return self(*(need(source) for need in self.needs))  # type: ignore[call-arg]
+        """The figure of what `source` has, marked as a draft where that is less than the whole."""
+        return self.drawn(source).figure
+
+    def drawn(self, source: Source) -> Drawn:
+        """The same with what is said of it."""
+        source.origins.clear()
+        drawn = self(*(need(source) for need in self.needs))  # type: ignore[call-arg]
+        legend = replace(self.legend, origins=tuple(source.origins))
+        if legend.draft:
+            with mpl.rc_context(fname=STYLE_FILE):
+                mark_as_draft(drawn, legend.draft)
+        return Drawn(drawn, legend)
 
 
 FIGURES: Registry[FigureEntry[Any]] = Registry(
@@ -54,7 +82,7 @@ def figure(
     """Register a function as the figure `name`; it takes what each of `needs` gives."""
 
     def register(function: Callable[Data, Figure]) -> FigureEntry[Data]:
-        entry = FigureEntry(function, description, needs)
+        entry = FigureEntry(name, function, description, needs)
         FIGURES.register(name, entry, origin=function.__module__)
         return entry
 

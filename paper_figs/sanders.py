@@ -12,6 +12,8 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
+    NOTE,
+    PAGE,
     Look,
     bare_rows,
     handle,
@@ -49,7 +51,7 @@ BLANK: Look = {"linestyle": "none", "markersize": 4.5}
         study("sanders"))  # fmt: skip
 def sanders(table: pd.DataFrame) -> Figure:
     """Left: stopping distances of the trial. Middle: half of the sand at each of two cars. Right: placement and sharing."""
-    drawn = new_figure(7.1, 3.4)
+    drawn = new_figure(PAGE, 3.4)
     trial, pairs, places = drawn.subplots(1, 3, width_ratios=[1.0, 1.05, 1.1])
     ok = table[table["status"] == "ok"]
     _draw_trial(ok[ok["part"] == "trial"], trial)
@@ -100,8 +102,8 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
     inside = axes.inset_axes((0.5, 0.88, 0.45, 0.05))
     bar = drawn.colorbar(image, cax=inside, orientation="horizontal")
     plain_ticks(bar.ax.xaxis, FixedLocator([400, 600, 900]))
-    bar.ax.tick_params(labelsize="small")
-    bar.set_label("stopping\ndistance [m]", fontsize="small")
+    bar.ax.tick_params(labelsize=NOTE)
+    bar.set_label("stopping\ndistance [m]", fontsize=NOTE)
     bar.outline.set_visible(False)
 
 

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from paper_figs.palette import BLUE, DARK, GREEN, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import BAND, Look, handle, new_panels
+from paper_figs.style import BAND, PAGE, Look, handle, new_panels
 from studies.core.ensemble_range import PERCENTILES
 from studies.slides.jp4209318 import CALIBRATED, Undisclosed, brake, brake_event
 from studies.slides.members import MEMBERS
@@ -33,7 +33,7 @@ ACTIONS = {1: ("hold", 0.35), 2: ("release", 1.0)}
         made(lambda: MEMBERS))  # fmt: skip
 def slide_adhesion(members: Sequence[Undisclosed]) -> Figure:
     """Lines: the set in use, the first; bands: 90 % of the ensemble. Over slip ratio, over speed, along the train."""
-    drawn, (by_slip, by_speed, by_axle) = new_panels(7.1, 3.2, 1, 3, sharey=True)
+    drawn, (by_slip, by_speed, by_axle) = new_panels(PAGE, 3.2, 1, 3, sharey=True)
     ratio, speeds = np.linspace(0.0, 0.12, 121), np.linspace(0.0, 100.0, 51)
     axles = np.arange(1, 13)
     for kmh, colour in SPEEDS.items():
@@ -107,7 +107,7 @@ def slide_control(run: xr.Dataset, members: MemberRuns | None = None) -> Figure:
         run = run.sel(time=slice(None, run["time"].values[moving[-1]] + 1.0))
     cars = run.sizes["car"]
     shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": [5, 3, 1.2]}
-    drawn, panels = new_panels(max(7.1, 2.0 * cars), 4.6, 3, cars, **shape)
+    drawn, panels = new_panels(PAGE, 4.6, 3, cars, **shape)
     for car, column in enumerate(panels.T):
         _draw_car(run, car, column)
         if members is not None:

@@ -15,6 +15,8 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BAND,
+    NOTE,
+    PAGE,
     Look,
     controller_look,
     handle,
@@ -47,7 +49,7 @@ def slide_tables(table: pd.DataFrame) -> Figure:
 
     Whiskers: 90 % of the ensemble.
     """
-    drawn, (length, distance, damage) = new_panels(7.1, 3.3, 1, 3)
+    drawn, (length, distance, damage) = new_panels(PAGE, 3.3, 1, 3)
     here = [_of_sets(table, "distance", cars, "medium") for cars in TABLE_3]
     _points(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), here, ".1f")
     predicted = table.loc[table["part"] == "held out", HOLD_OUT].to_numpy(dtype=float)
@@ -124,7 +126,7 @@ def _points(
             xytext=(6, 0),
             textcoords="offset points",
             va="center",
-            fontsize=6.5,
+            fontsize=NOTE,
         )
     axes.set_xticks(place, names)
     axes.set_xlim(-0.5, len(names) - 0.2)
@@ -163,7 +165,7 @@ def slide_pareto(table: pd.DataFrame) -> Figure:
 
     Band: where the fronts of 90 % of the ensemble lie.
     """
-    drawn, axes = new_panels(5.2, 4.0)
+    drawn, axes = new_panels(PAGE, 4.0)
     _members_front(axes, table)
     table = table[table["member"].isna()]
     every = table[table["part"] == "pareto"]
@@ -184,7 +186,7 @@ def slide_pareto(table: pd.DataFrame) -> Figure:
         label = f"source, {setting}"
         axes.plot([damage], [distance], marker, color="none", label=label, **look)
     _over_damage(axes)
-    axes.legend(loc="upper right", fontsize=7)
+    axes.legend(loc="upper right")
     return drawn
 
 
@@ -195,7 +197,7 @@ def slide_electric(table: pd.DataFrame) -> Figure:
 
     Band and crosses: where 90 % of the ensemble lies.
     """
-    drawn, axes = new_panels(5.2, 4.0)
+    drawn, axes = new_panels(PAGE, 4.0)
     _members_front(axes, table)
     every = table[table["part"] == PART]
     table = table[table["member"].isna()]
@@ -218,5 +220,5 @@ def slide_electric(table: pd.DataFrame) -> Figure:
     look = {"linestyle": "none", "marker": "o", "color": DARK}
     handles += [handle(label, fillstyle=fill, **look) for fill, label in FILLS.values()]
     _over_damage(axes)
-    axes.legend(handles=handles, loc="best", fontsize=7)
+    axes.legend(handles=handles, loc="best")
     return drawn

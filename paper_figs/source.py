@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from alloc.recording import load
+from paper_figs.origin import Origin, of_comparison, of_run, of_study
 from studies.comparison.defaults import KEPT_RUNS, default_grid
 from studies.core.cell import OnRow, key_of
 from studies.core.collection import find_study, study_folder
@@ -32,6 +33,8 @@ class Source:
         self.jobs = jobs
         self.on_row = on_row
         self._table = table
+        self.origins: list[Origin] = []
+        """Of the data that were given since it was emptied."""
 
     @classmethod
     def of_folder(cls, folder: str | Path, jobs: int = 1, on_row: OnRow | None = None) -> "Source":
@@ -49,6 +52,7 @@ class Source:
 
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
+        self.origins.append(of_run(scenario, rule, controller, seed))
         job = Job(load_scenario(scenario), rule, controller, seed)
         path = self.store.run_path(key_of(job))
         return simulate_job(job) if path is None else load(path)
@@ -63,8 +67,10 @@ class Source:
         study, folder = find_study(name), study_folder(self.store.folder, name)
         held = study.held(folder)
         if not held and instead is not None:
+            self.origins.append(of_study(study, None))
             return instead()
         events = max(held, study.default_events if least is None else least)
+        self.origins.append(of_study(study, events))
         return study.run(folder, events, 0, self.jobs, self.on_row)
 
 
@@ -74,6 +80,8 @@ Need = Callable[[Source], Any]
 
 def comparison(source: Source) -> pd.DataFrame:
     """Need: the rows of the comparison."""
+    if not source.table.empty:
+        source.origins.append(of_comparison(source.table))
     return source.table
 
 

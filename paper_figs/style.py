@@ -1,6 +1,7 @@
 """One look for all figures: the style file, the looks of rules and controllers, and what panels share."""
 
 from collections.abc import Iterable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.in_notebook import show_figures
-from paper_figs.palette import DARK
+from paper_figs.palette import BETTER, DARK
 from studies.core.statement import Interval
+from studies.files.study_error import StudyError
 
 show_figures()
 
@@ -48,20 +50,38 @@ class Panel(NamedTuple):
     logarithmic: bool = False
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size [inches], outside of pyplot's memory."""
-    return Figure(figsize=(width, height), layout="constrained")
+class Width(Enum):
+    """Widths of a figure [inches]: nothing else fits the page without being scaled, which would change the type's size."""
+
+    COLUMN = 3.5
+    """A column of a page of two."""
+    PAGE = 7.16
+    """Both columns."""
+
+
+COLUMN, PAGE = Width.COLUMN, Width.PAGE
+NOTE = 6.0
+"""Size of type inside a panel [points], where the style's 7 points have no room; nothing is smaller."""
+
+
+def new_figure(width: Width, height: float) -> Figure:
+    """An empty figure of this width and height [inches], outside of pyplot's memory."""
+    if not isinstance(width, Width):
+        raise StudyError(
+            f"a figure of width {width}: take COLUMN (3.5 inches) or PAGE (7.16) of paper_figs.style"
+        )
+    return Figure(figsize=(width.value, height), layout="constrained")
 
 
 def new_panels(
-    width: float, height: float, rows: int = 1, columns: int = 1, **layout: Any
+    width: Width, height: float, rows: int = 1, columns: int = 1, **layout: Any
 ) -> tuple[Figure, Any]:
-    """A figure of this size [inches] and its panels, as `Figure.subplots` gives them."""
+    """A figure of this width and height [inches] and its panels, as `Figure.subplots` gives them."""
     drawn = new_figure(width, height)
     return drawn, drawn.subplots(rows, columns, **layout)
 
 
-OTHER_COLOUR = "#882255"
+OTHER_COLOUR = "#402020"
 """Of a rule that is not there: a plug-in's, in a stored comparison drawn without it."""
 
 
@@ -76,14 +96,16 @@ def rule_marker(rule: str) -> str:
 
 
 def rule_look(rule: str) -> Look:
-    """Colour and marker of a rule, without a line."""
-    return {"color": rule_colour(rule), "marker": rule_marker(rule), "linestyle": "none"}
+    """Colour and marker of a rule, without a line; the `gid` names it in the data beside the figure."""
+    shown = {"color": rule_colour(rule), "marker": rule_marker(rule)}
+    return {**shown, "linestyle": "none", "gid": rule}
 
 
 def controller_look(controller: str) -> Look:
     """Colour and marker of a controller, without a line."""
     found = CONTROLLERS[controller]
-    return {"color": found.colour, "marker": found.marker, "linestyle": "none"}
+    shown = {"color": found.colour, "marker": found.marker}
+    return {**shown, "linestyle": "none", "gid": controller}
 
 
 def handle(label: str, **look: Any) -> Line2D:
@@ -118,6 +140,14 @@ def bare_rows(axes: Axes) -> None:
     """Take grid and ticks from rows that only have names."""
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def tint_better(axes: Axes, better: int) -> None:
+    """Tint the side of zero that is better: +1 right, -1 left, 0 neither; limits stay as the data made them."""
+    low, high = axes.get_xlim()
+    if better:
+        axes.axvspan(*((0.0, high) if better > 0 else (low, 0.0)), color=BETTER, linewidth=0.0, zorder=-2)  # fmt: skip
+    axes.set_xlim(low, high)
 
 
 def plain_ticks(axis: Axis, locator: Locator) -> None:

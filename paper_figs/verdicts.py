@@ -7,7 +7,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from paper_figs.palette import BLUE, DARK, GREEN, GREY, ORANGE, VERMILION
-from paper_figs.style import BOUND, Look, bare_rows, handle, interval_mark, name_rows, new_panels
+from paper_figs.style import (
+    BOUND,
+    NOTE,
+    PAGE,
+    Look,
+    bare_rows,
+    handle,
+    interval_mark,
+    name_rows,
+    new_panels,
+)
 from studies.core.statement import (
     CONDITIONS,
     FAILS,
@@ -47,7 +57,7 @@ def verdict_strips(strips: Iterable[Strip]) -> Figure:
     shown = list(strips)
     rows = [ROW * max(len(strip.rows), 1.5) for strip in shown]
     height = BETWEEN * (1 + len(rows)) + sum(rows)
-    drawn, panels = new_panels(7.1, height, len(rows), 1, squeeze=False, height_ratios=rows)
+    drawn, panels = new_panels(PAGE, height, len(rows), 1, squeeze=False, height_ratios=rows)
     for axes, strip in zip(panels[:, 0], shown, strict=True):
         _draw(axes, strip)
     seen = {s.verdict for strip in shown for s in strip.rows.values()}
@@ -69,7 +79,7 @@ def _draw(axes: Axes, strip: Strip) -> None:
         if statement.verdict != TOO_FEW:
             _intervals(axes, test, y, strip.factor, look)
         axes.text(1.015, y, _words(statement, test), transform=axes.get_yaxis_transform(),
-                  color=DARK, fontsize=6.0, va="center")  # fmt: skip
+                  color=DARK, fontsize=NOTE, va="center")  # fmt: skip
     test = next(s.test for s in strip.rows.values() if s.test)
     threshold = strip.factor * test.threshold
     axes.axvline(threshold, **BOUND)

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from paper_figs.palette import DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
-from paper_figs.style import bare_rows, name_rows, new_panels
+from paper_figs.style import PAGE, bare_rows, name_rows, new_panels
 from studies.wsp_acceptance.events import CURVES
 from studies.wsp_acceptance.statements import LEAST_USED, MOST_DAMAGE, POINTS, THREE
 from studies.wsp_acceptance.stop_cases import (
@@ -118,7 +118,7 @@ def wsp_acceptance(table: pd.DataFrame) -> Figure:
     three = table[(table["part"] == UNIFORM) & (table["train"] == THREE)]
     levels = sorted(set(three["adhesion"]))
     drawn, panels = new_panels(
-        7.1, 7.2, 2, 3, sharey="row", height_ratios=[1.6 * len(levels), 1.2 * len(AROUND)]
+        PAGE, 7.2, 2, 3, sharey="row", height_ratios=[1.6 * len(levels), 1.2 * len(AROUND)]
     )
     by_level = {f"{level:g}": three[three["adhesion"] == level] for level in levels}
     around = {name: table[rows(table)] for name, rows in AROUND.items()}
@@ -129,7 +129,7 @@ def wsp_acceptance(table: pd.DataFrame) -> Figure:
     panels[0, 0].set_ylabel("adhesion, three cars [–]")
     panels[1, 0].set_ylabel("kind of stop, the worst of each")
     panels[1, 1].set_xlabel("adhesion curve")
-    drawn.supxlabel("framed, with bold numbers: an aim is missed", fontsize=8)
+    drawn.supxlabel("framed, with bold numbers: an aim is missed")
     return drawn
 
 
@@ -156,5 +156,5 @@ def _cell(axes: Axes, x: int, y: int, quantity: Quantity, stops: pd.DataFrame) -
     axes.add_patch(Rectangle((x - 0.46, y - 0.42), 0.92, 0.84, facecolor=SHADES(share), **frame))
     weight = "bold" if missed else "normal"
     axes.text(
-        x, y, quantity.text(stops), ha="center", va="center", fontsize=7.5, color=DARK, weight=weight
+        x, y, quantity.text(stops), ha="center", va="center", color=DARK, weight=weight
     )  # fmt: skip

@@ -151,7 +151,7 @@ class HostedController:
     meaning: str
     """One line."""
     factory: TrainControllerFactory
-    colour: str = "#882255"
+    colour: str = "#402020"
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""

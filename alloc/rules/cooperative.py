@@ -33,6 +33,6 @@ def cooperative_law(units, expected, limit_out):
 
 COOPERATIVE = Rule(
     "cooperative", "limited units keep what they find, the others make up for it", answer_exact,
-    cooperative_law, own_caps=True, colour="#00a0b0", marker="p",
+    cooperative_law, own_caps=True, colour="#8e0055", marker="p",
 )  # fmt: skip
 RULES.register("cooperative", COOPERATIVE)

@@ -61,7 +61,7 @@ GREEDY = Rule(
 RULES.register("greedy", GREEDY)
 
 GREEDY_LITERAL = replace(
-    GREEDY, name="greedy-literal", on_slip=True, colour="#8c564b", marker="d",
+    GREEDY, name="greedy-literal", on_slip=True, colour="#551c8e", marker="d",
     description="greedy asked as JP5484215 is printed: at the foremost unit's slip, held, lifted at once",
 )  # fmt: skip
 RULES.register("greedy-literal", GREEDY_LITERAL)
@@ -75,7 +75,7 @@ SLIP_ON = 0.3
 """Slip [m/s] from which a unit counts as slipping whatever its acceleration; the detector's own is 0.6."""
 
 GREEDY_TUNED = replace(
-    GREEDY_LITERAL, name="greedy-tuned", own_slips=True, colour="#f0027f", marker="h",
+    GREEDY_LITERAL, name="greedy-tuned", own_slips=True, colour="#aa71ff", marker="h",
     onboard={"hold_time": HOLD_TIME, "detector.pole": DIFFERENTIATOR_POLE, "detector.speed_on": SLIP_ON},
     description="greedy at its best within the words of JP5484215: all units' slips heard, "
     f"held {HOLD_TIME:g} s, differentiator {DIFFERENTIATOR_POLE:g} 1/s, slip from {SLIP_ON:g} m/s",

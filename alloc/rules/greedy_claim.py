@@ -30,6 +30,6 @@ def greedy_claim_law(units, expected, limit_out):
 
 GREEDY_CLAIM = Rule(
     "greedy-claim", "the reference as claim 1 of JP5484215 words it: a running sum",
-    law=greedy_claim_law, colour="#cc79a7", marker="D",
+    law=greedy_claim_law, colour="#8ec6c6", marker="D",
 )  # fmt: skip
 RULES.register("greedy-claim", GREEDY_CLAIM)

@@ -35,6 +35,6 @@ def preset_law(units, expected, limit_out):
 
 PRESET = Rule(
     "preset", "a fixed part of the front's effort moved to the rear (JP H05-276606)",
-    law=preset_law, always=True, colour="#b0a000", marker="v",
+    law=preset_law, always=True, colour="#553900", marker="v",
 )  # fmt: skip
 RULES.register("preset", PRESET)

@@ -107,6 +107,6 @@ def scaled(problem: AllocationProblem) -> tuple[Floats, Floats, Floats, float]:
 
 
 QP = Rule(
-    "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, colour="#56b4e9", marker="X"
+    "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, colour="#e38eff", marker="X"
 )  # fmt: skip
 RULES.register("qp", QP)

@@ -76,6 +76,6 @@ def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:
 
 QP_CVXPY = Rule(
     "qp-cvxpy", "the same program stated in cvxpy: readable reference, slow", answer_qp_cvxpy,
-    colour="#009e73", marker="<",
+    colour="#1c00ff", marker="<",
 )  # fmt: skip
 RULES.register("qp-cvxpy", QP_CVXPY)

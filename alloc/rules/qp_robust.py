@@ -60,7 +60,7 @@ def answer_robust(problem: AllocationProblem, probability: float = PROBABILITY) 
 
 QP_ROBUST = Rule(
     "qp-robust", "qp with caps that hold with a probability of 0.9", answer_robust,
-    colour="#7b3294", marker=">",
+    colour="#00c68e", marker=">",
 )  # fmt: skip
 RULES.register("qp-robust", QP_ROBUST)
 

@@ -63,7 +63,7 @@ class Rule:
     `alloc.onboard.parameters.Onboard`, as "detector.pole"."""
     needs_truth: bool = False
     """Whether it reads what nobody on board can know."""
-    colour: str = "#882255"
+    colour: str = "#402020"
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""

@@ -1,5 +1,6 @@
-"""`readhesion figures`: draw figures as PDF and PNG."""
+"""`readhesion figures`: draw figures, each with its caption and its data."""
 
+import sys
 from pathlib import Path
 
 from studies.command_line.options import FilePath, Whole, process_count
@@ -13,7 +14,10 @@ def figures(
     results: FilePath = Path("results"),
     jobs: Whole | None = None,
 ) -> None:
-    """Draw figures as PDF and PNG.
+    """Draw figures as PDF and PNG, with the caption (txt) and the numbers drawn (CSV) beside each.
+
+    A figure from fewer events than its study has by default is marked as a draft. What gives the
+    full data stands in it, in its caption and on the terminal.
 
     Parameters
     ----------
@@ -33,5 +37,11 @@ def figures(
     check_place(results, "results", "--results")
     with progress() as on_row:
         written = gallery().draw_figures(names, out, results, count, on_row)
-    for path in written:
-        print(path)
+    for one in written:
+        for path in one.files:
+            print(path)
+    drafts = [one for one in written if one.draft]
+    for one in drafts:
+        print(f"{one.name} is a {one.draft}", file=sys.stderr)
+    if drafts and results != Path("results"):
+        print(f"in full: add --out {results} to these commands", file=sys.stderr)

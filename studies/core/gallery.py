@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 from alloc.sources import code_hash
 from alloc.whole_file import write_whole
@@ -24,6 +24,16 @@ MARK = ".drawn"
 """File beside the figures of a comparison: which rows they show, by which code, and their names."""
 
 
+class Saved(NamedTuple):
+    """A figure as it was written."""
+
+    name: str
+    files: tuple[Path, ...]
+    """PDF, PNG, caption and data."""
+    draft: str
+    """What it lacks and which command gives it; empty where it shows all."""
+
+
 class Gallery(Protocol):
     """What draws figures."""
 
@@ -40,8 +50,8 @@ class Gallery(Protocol):
         results: str | Path,
         jobs: int = 1,
         on_row: "OnRow | None" = None,
-    ) -> list[Path]:
-        """Draw figures by name [default: all] from `results`, in which what is missing is run first; returns the files."""
+    ) -> list[Saved]:
+        """Draw figures by name [default: all] from `results`, in which what is missing is run first."""
 
     def draw_comparison(self, table: "pd.DataFrame", store: "Store", out: str | Path) -> list[str]:
         """Draw the figures of a comparison; returns their names."""

@@ -7,7 +7,7 @@ function startHeadroom(page) {
 
   function trace(rule, drawn) {
     const own = page.gains.filter((one) => one.rule === rule && one.controller === chosen.value && one.drawn === drawn);
-    const look = page.rules[rule] ?? { colour: "#882255", symbol: "hexagon" };
+    const look = page.rules[rule] ?? { colour: "#402020", symbol: "hexagon" };
     return {
       name: rule, legendgroup: rule, showlegend: !drawn, mode: "markers",
       x: own.map((one) => 100 * one.headroom), y: own.map((one) => 100 * one.gain), text: own.map((one) => one.scenario),

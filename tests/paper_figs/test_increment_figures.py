@@ -10,10 +10,10 @@ from alloc.plant.rail import logarithmic_increments
 from paper_figs.adhesion import PLANNED, planned, planned_curves
 from paper_figs.events import UNIT, slip_detection
 from paper_figs.increments import (
-    ARM_STYLES,
     AXLES,
     DRIVES,
     FEW_EVENTS,
+    LEARNERS,
     axle_shifts,
     learning,
     unit_increments,
@@ -97,20 +97,26 @@ def test_a_units_line_spans_its_axles_at_its_increment():
     assert ends == sorted(ends)  # the correction grows with speed
 
 
-def test_learning_shows_mean_errors_station_by_station():
-    table = synthetic(falling)
-    figure = learning(table)
-    axes = figure.axes[0]
-    chosen = table[
-        (table["rail"] == "even") & (table["stored"] == "too low") & (table["case"] == "sound")
-    ]
-    lines = {line.get_label(): line for line in axes.get_lines()}
-    for arm in ARM_STYLES:
-        mean = chosen[chosen["arm"] == arm].groupby("station")["error"].mean()
-        np.testing.assert_allclose(lines[arm].get_ydata(), mean)
-    assert any(line.get_ydata()[0] == TOLERANCE for line in axes.get_lines())
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(ARM_STYLES)
+def test_learning_shows_each_series_their_mean_and_how_many_are_within_the_tolerance():
+    table = synthetic(falling, trains=3)
+    table.loc[(table["train"] == 2) & (table["arm"] == "Gaussian"), "error"] = 0.01
+    sound = table[table["case"] == "sound"]
+    kinds = list(sound[["rail", "stored"]].drop_duplicates().itertuples(index=False, name=None))
+    panels = np.reshape(learning(table).axes, (len(kinds), len(LEARNERS)))
+    for (rail, stored), row in zip(kinds, panels, strict=True):
+        rows = sound[(sound["rail"] == rail) & (sound["stored"] == stored)]
+        for arm, axes in zip(LEARNERS, row, strict=True):
+            own = rows[rows["arm"] == arm]
+            lines = {line.get_label(): line for line in axes.get_lines()}
+            np.testing.assert_allclose(
+                lines["_mean"].get_ydata(), own.groupby("station")["error"].mean()
+            )
+            ends = own[own["station"] == own["station"].max()]["error"]
+            series = [line for line in axes.get_lines() if line.get_label() == "_train"]
+            assert sorted(line.get_ydata()[-1] for line in series) == sorted(ends)
+            within = int((ends <= TOLERANCE).sum())
+            assert f"{within} of {len(ends)} within" in [text.get_text() for text in axes.texts]
+            assert set(lines["tolerance"].get_ydata()) == {TOLERANCE}
 
 
 def test_the_table_is_the_sweeps(tmp_path, monkeypatch):

@@ -10,12 +10,12 @@ from paper_figs.readhesion_paper import (
     on_coefficient_scale,
     readhesion_slip,
     readhesion_torque,
-    readhesion_trajectory,
     torque_table,
 )
 from paper_figs.readhesion_sweeps import FEW_EVENTS, calibration, margin_sweep, width_sweep
 from paper_figs.registry import FIGURES
 from paper_figs.source import Source
+from paper_figs.trajectories import readhesion_trajectory
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.readhesion_paper.calibration import RANGES, best, members

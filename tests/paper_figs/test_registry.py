@@ -9,7 +9,7 @@ import pytest
 import studies.core.gallery as loader
 from paper_figs.registry import FIGURES, figure
 from paper_figs.source import Source, comparison, made
-from paper_figs.style import new_panels
+from paper_figs.style import COLUMN, new_panels
 from studies.core.gallery import GROUP, Gallery, gallery
 from studies.core.plugins import VARIABLE, use_plugins
 from studies.core.store import Store
@@ -19,12 +19,12 @@ PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_te
 PLUGIN = """
 from paper_figs.registry import figure
 from paper_figs.source import made
-from paper_figs.style import new_panels
+from paper_figs.style import COLUMN, new_panels
 
 
 @figure("plugged", "squares of the first numbers", made(range, 4))
 def plugged(numbers):
-    drawn, axes = new_panels(3.0, 2.0)
+    drawn, axes = new_panels(COLUMN, 2.0)
     axes.plot(numbers, [k**2 for k in numbers])
     return drawn
 """
@@ -65,8 +65,10 @@ def test_a_plugin_file_registers_a_figure(installed, tmp_path, monkeypatch):
     file.write_text(PLUGIN)
     use_plugins([file])
     assert gallery().descriptions()["plugged"] == "squares of the first numbers"
-    files = gallery().draw_figures(["plugged"], tmp_path / "out", tmp_path / "results")
-    assert [path.name for path in files] == ["plugged.pdf", "plugged.png"]
+    (saved,) = gallery().draw_figures(["plugged"], tmp_path / "out", tmp_path / "results")
+    assert [path.suffix for path in saved.files] == [".pdf", ".png", ".txt", ".csv"]
+    assert saved.files[3].read_text().splitlines()[-1] == "1,line,,,,,3,9"
+    assert saved.draft == ""
     gallery().draw_one("plugged", tmp_path / "own.png", [1, 2])
     assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG")
 
@@ -74,7 +76,7 @@ def test_a_plugin_file_registers_a_figure(installed, tmp_path, monkeypatch):
 def test_a_figure_is_drawn_from_what_it_needs(tmp_path):
     @figure("pair", "two needs and their order", made(pow, 2, 3), lambda source: source.jobs)
     def pair(power, jobs):
-        drawn, axes = new_panels(3.0, 2.0)
+        drawn, axes = new_panels(COLUMN, 2.0)
         axes.set_title(f"{power} {jobs}")
         return drawn
 

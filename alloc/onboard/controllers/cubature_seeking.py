@@ -156,7 +156,7 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     meaning = (
         "extremum seeking on a cubature Kalman filter's estimates (Applied Sciences 15, 10524)"
     )
-    colour = "#aa4499"
+    colour = "#550000"
     marker = "H"
     law = cubature_seeking_unit
 

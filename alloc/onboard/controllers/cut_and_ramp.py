@@ -76,7 +76,7 @@ class CutAndRamp(BuiltInController, remembered={"phase": FOLLOW, "clock": 0.0, "
 
     name = "cut-and-ramp"
     meaning = "cut on slip to what the observer says the rail carries, hold, ramp back"
-    colour = "#d55e00"
+    colour = "#00aaaa"
     marker = "s"
     law = cut_and_ramp_unit
 

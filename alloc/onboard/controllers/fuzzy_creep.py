@@ -81,7 +81,7 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
 
     name = "fuzzy-creep"
     meaning = "torque by fuzzy inference of slip and slip rate (Tian, Daniel, Meehan 2014)"
-    colour = "#882255"
+    colour = "#55718e"
     marker = "p"
     law = fuzzy_creep_unit
 

@@ -74,7 +74,7 @@ class FuzzyTracking(BuiltInController):
 
     name = "fuzzy-tracking"
     meaning = "creep control whose reference climbs by inferred steps (arXiv 2406.13650)"
-    colour = "#44aa99"
+    colour = "#8e5500"
     marker = "h"
     law = fuzzy_tracking_unit
 

@@ -19,6 +19,6 @@ class NoControl(BuiltInController):
 
     name = "none"
     meaning = "torque follows the limit whatever the wheels do"
-    colour = "#7f7f7f"
+    colour = "#aa8e55"
     marker = "o"
     law = follow_target

@@ -55,7 +55,7 @@ class PerturbObserve(BuiltInController, remembered=REMEMBERED):
 
     name = "perturb-observe"
     meaning = "creep control whose reference climbs by fixed steps"
-    colour = "#009e73"
+    colour = "#395539"
     marker = "D"
     law = perturb_observe_unit
 

@@ -65,7 +65,7 @@ class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
 
     name = "pi-creep"
     meaning = "a fixed slip velocity is held by PI control"
-    colour = "#b0a000"
+    colour = "#aac655"
     marker = "^"
     law = creep_unit
 

@@ -61,7 +61,7 @@ class SteepestGradient(BuiltInController, remembered=REMEMBERED):
 
     name = "steepest-gradient"
     meaning = "creep control whose reference climbs along the estimated slope"
-    colour = "#56b4e9"
+    colour = "#0000c6"
     marker = "X"
     law = steepest_gradient_unit
 

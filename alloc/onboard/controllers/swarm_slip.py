@@ -140,7 +140,7 @@ class SwarmSlip(BuiltInController, remembered=_SWARM):
 
     name = "swarm-slip"
     meaning = "PI control at the optimum slip of a swarm of curves (Zirek, Onat 2020)"
-    colour = "#332288"
+    colour = "#390071"
     marker = "8"
     law = swarm_slip_unit
 

@@ -125,7 +125,7 @@ class SwarmTracking(BuiltInController, remembered=_SWARM):
 
     name = "swarm-tracking"
     meaning = "creep control whose reference is searched by a particle swarm (arXiv 2406.13650)"
-    colour = "#999933"
+    colour = "#550039"
     marker = "d"
     law = swarm_tracking_unit
 

@@ -80,7 +80,7 @@ class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": ma
 
     name = "table"
     meaning = "torque factor by the deviation of acceleration (readhesion paper, section 2.3)"
-    colour = "#e69f00"
+    colour = "#c60055"
     marker = "v"
     law = table_unit
 

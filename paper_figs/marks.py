@@ -1,0 +1,52 @@
+"""What a figure says of itself: that it is a draft, and why a panel has nothing in it."""
+
+from textwrap import wrap
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from paper_figs.drawn_data import rows_of
+from paper_figs.palette import DARK, DRAFT
+from paper_figs.style import NOTE
+
+LINE = 0.115
+"""Height of a line under a draft [inches]; they are added to the figure's height."""
+LETTER = 0.052
+"""Width that a letter of these lines needs [inches]."""
+NOTHING = "nothing to draw:\nnone of these events\nbears on it"
+"""In a panel without data."""
+
+
+def mark_as_draft(drawn: Figure, words: str) -> None:
+    """Add a strip under the figure that says what the draft lacks; panels keep their size."""
+    width, height = drawn.get_size_inches()
+    lines = wrap(words, int(width / LETTER))
+    strip = LINE * (len(lines) + 0.5)
+    drawn.set_size_inches(width, height + strip)
+    low = strip / (height + strip)
+    above = (0.0, low, 1.0, 1.0 - low)
+    engine = drawn.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(rect=above)
+    for legend in drawn.legends:  # those of subfigures move with them
+        legend.set_bbox_to_anchor(above, transform=drawn.transFigure)
+    line = drawn.text(
+        0.5, 0.5 * low, "\n".join(lines), ha="center", va="center", fontsize=NOTE, color=DRAFT,
+    )  # fmt: skip
+    line.set_in_layout(False)
+
+
+def say_where_nothing_is_drawn(drawn: Figure) -> None:
+    """Write into every panel without data why it is empty; bounds and shades alone are no data."""
+    for axes in drawn.axes:
+        if axes.get_visible() and axes.axison and axes.get_label() != "<colorbar>" and _empty(axes):
+            note = axes.text(
+                0.5, 0.5, NOTHING, transform=axes.transAxes, ha="center", va="center", color=DARK, fontsize=NOTE,
+            )  # fmt: skip
+            note.set_in_layout(False)
+
+
+def _empty(axes: Axes) -> bool:
+    """Whether a panel shows no number but that of a bound, and no words either."""
+    return not axes.texts and all(row["kind"] == "bound" for row in rows_of(axes))

@@ -1,0 +1,68 @@
+"""Where the data of a figure come from: the command that gives them in full, the seeds, and whether these are all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from studies.comparison.defaults import DEFAULT_SEEDS, default_rules
+from studies.core.arms import COMPARED
+from studies.core.study import Study
+from studies.scenario.loading import SCENARIOS, default_scenarios, load_scenario
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where data come from."""
+
+    command: str
+    """The command that gives them in full."""
+    shown: str
+    """What is drawn, in words: events or runs."""
+    seeds: tuple[int, ...]
+    draft: bool = False
+    """Whether the command gives more events than are drawn."""
+
+    @property
+    def words(self) -> str:
+        """What is drawn, from which seeds, and where it comes from."""
+        seeds = "seed" if len(self.seeds) == 1 else "seeds"
+        return f"{self.shown}, {seeds} {', '.join(map(str, self.seeds))}; `{self.command}`"
+
+
+def of_study(study: Study, events: int | None) -> Origin:
+    """Origin of the first so many events of a study; None where a few stand in for them."""
+    whole = study.default_events
+    shown = f"{'a few' if events is None else events} of {max(whole, events or 0)} events"
+    return Origin(f"readhesion sweep {study.name}", shown, (0,), events is None or events < whole)
+
+
+def of_run(scenario: str, rule: str, controller: str, seed: int) -> Origin:
+    """Origin of a recorded run."""
+    words = f"{scenario} --rule {rule} --controller {controller} --seed {seed}"
+    return Origin(f"readhesion simulate {words}", f"one run of {scenario}", (seed,))
+
+
+def of_comparison(table: pd.DataFrame) -> Origin:
+    """Origin of the rows of a comparison; a draft where events that draw something have fewer seeds than by default."""
+    seeds = tuple(sorted({int(seed) for seed in table["seed"]}))
+    scenarios = list(dict.fromkeys(table["scenario"]))
+    drawing = [name for name in scenarios if name not in SCENARIOS or load_scenario(name).draws()]
+    fewer = bool(drawing) and len(seeds) < DEFAULT_SEEDS
+    shown = f"{len(scenarios)} events of up to {len(seeds)} seeds"
+    if fewer:
+        shown = f"{len(scenarios)} events, {len(seeds)} of {DEFAULT_SEEDS} seeds each"
+    return Origin(_command_of(table, scenarios), shown, seeds, fewer)
+
+
+def _command_of(table: pd.DataFrame, scenarios: Sequence[str]) -> str:
+    """The comparison of these parts over all seeds; parts that are those of the default are left out."""
+    words = ["readhesion compare"]
+    if set(scenarios) != {one.name for one in default_scenarios()}:
+        words += ["--scenario", *scenarios]
+    rules, controllers = (list(dict.fromkeys(table[part])) for part in ("rule", "controller"))
+    if set(rules) != set(default_rules()):
+        words += ["--rules", *rules]
+    if set(controllers) != {*COMPARED, "mpc"}:
+        words += ["--controllers", *controllers]
+    return " ".join(words)

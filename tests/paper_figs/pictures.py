@@ -1,0 +1,57 @@
+"""Figures from made-up tables for comparison with stored pictures: marks, lines and colours, without letters.
+
+Letters are left out because they differ between versions of FreeType; other tests read the text. Tables are made up, so a
+picture changes where the drawing changes and not where a run does. `python -m pytest tests/paper_figs/test_pictures.py
+--mpl-generate-path tests/paper_figs/pictures` stores them anew: look at each before you keep it.
+"""
+
+import io
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from paper_figs.registry import FIGURES
+from paper_figs.style import STYLE_FILE
+from tests.studies.brake_tables import brake_table
+from tests.studies.comparison_tables import comparison_table
+from tests.studies.headroom_tables import headroom_table
+from tests.studies.ladder_tables import curve_table, ladder_table
+from tests.studies.learning_tables import falling, synthetic
+from tests.studies.mismatch_tables import mismatch_table
+from tests.studies.sweep_tables import difference_table
+
+DPI = 50
+
+
+def learning_table() -> pd.DataFrame:
+    """Errors that fall from station to station, of two trains."""
+    return synthetic(falling, trains=2)
+
+
+TABLES = {
+    "allocation-bars": (), "rule-comparison": (comparison_table,), "utilisation-damage": (comparison_table,),
+    "ladder": (ladder_table,), "curves": (curve_table,), "headroom": (headroom_table,), "mismatch": (mismatch_table,),
+    "differences": (difference_table,), "brake-cut-out": (brake_table,), "learning": (learning_table,),
+}  # fmt: skip
+"""Figures that have a picture, and what makes their tables."""
+
+
+def picture(name, *tables) -> Figure:
+    """A figure without letters, of its own tables or of those given."""
+    drawn = FIGURES[name](*(tables or (make() for make in TABLES[name])))
+    with mpl.rc_context(fname=STYLE_FILE):
+        for text in drawn.findobj(Text):
+            text.set_visible(False)
+    return drawn
+
+
+def pixels(drawn: Figure) -> np.ndarray:
+    """The figure as it would be stored, (height, width, 3)."""
+    file = io.BytesIO()
+    with mpl.rc_context(fname=STYLE_FILE):
+        drawn.savefig(file, dpi=DPI)
+    file.seek(0)
+    return (255 * mpl.image.imread(file)[..., :3]).astype(np.uint8)
