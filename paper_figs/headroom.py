@@ -33,7 +33,7 @@ COSTS = (
     Panel("damage", "wheel damage Q,\nless alone [kJ]"),
     Panel("jerk_rms", "jerk rms,\nless alone [m/s³]"),
 )
-APART = 0.022
+APART = 0.012
 """Distance between rules of one stratum, as a share of the axis."""
 
 
