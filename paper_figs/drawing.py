@@ -8,6 +8,7 @@ import matplotlib as mpl
 import pandas as pd
 import xarray as xr
 
+from paper_figs.origin import Origin
 from paper_figs.registry import FIGURES, FigureEntry, figure
 from paper_figs.saving import data_of, save_figure, save_image
 from paper_figs.source import Source
@@ -55,16 +56,15 @@ def _saved(entry: FigureEntry[Any], source: Source, out: Path) -> Saved:
     return Saved(entry.name, tuple(save_figure(drawn, out / entry.name, legend)), legend.draft)
 
 
-def draw_one(name: str, path: str | Path, *data: Any) -> None:
-    """Draw a figure from `data` into one file; its ending (pdf, png, svg) gives the format.
+def draw_one(name: str, path: str | Path, *data: Any, origins: Sequence[Origin] = ()) -> None:
+    """Draw a figure from `data` into one file; its ending (pdf, png, svg) gives the format. `origins`: of the data.
 
     Nothing is written beside it: a log that is drawn may well be NAME.csv itself.
     """
-    entry = FIGURES[name]
-    drawn = entry(*data)
+    drawn, legend = FIGURES[name].of_data(data, origins)
     try:
         with mpl.rc_context(fname=STYLE_FILE):
-            save_image(drawn, Path(path), entry.legend, data_of(drawn))
+            save_image(drawn, Path(path), legend, data_of(drawn))
     except ValueError as error:
         raise StudyError(f"figure {str(path)!r}: {error}") from None
 

@@ -33,7 +33,7 @@ COSTS = (
     Panel("damage", "wheel damage Q,\nless alone [kJ]"),
     Panel("jerk_rms", "jerk rms,\nless alone [m/s³]"),
 )
-APART = 0.007
+APART = 0.012
 """Distance between rules of one stratum, as a share of the axis."""
 
 
@@ -89,7 +89,7 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
                 found.value,
                 sides_of(found, 1.0),
                 **rule_look(rule),
-                markersize=4.0,
+                markersize=3.4,
                 elinewidth=0.9,
             )
         axes.plot(centres, means, color=rule_look(rule)["color"], linewidth=0.8, zorder=1)
@@ -99,16 +99,17 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
 
 def _costs(axes: Axes, panel: Panel, pairs: dict[str, pd.DataFrame]) -> None:
     """Mean of what each rule adds to a cost, a mark per controller."""
-    shifts = np.linspace(-0.17, 0.17, len(pairs)) if len(pairs) > 1 else np.zeros(1)
+    shifts = np.linspace(-0.3, 0.3, len(pairs)) if len(pairs) > 1 else np.zeros(1)
     for shift, (controller, events) in zip(shifts, pairs.items(), strict=True):
         for rule in rules_of(events)[1:]:
             found = mean_interval(gain(events, rule, panel.metric))
-            look = rule_look(rule) | {"markersize": 4.5, "elinewidth": 1.0}
+            look = rule_look(rule) | {"markersize": 3.6, "elinewidth": 0.9}
             look |= {
                 "fillstyle": CONTROLLER_FILL.get(controller, "left"),
                 "markerfacecoloralt": "white",
             }
             interval_mark(axes, found, RULES.index(rule) - 1 + shift, panel.factor, look)
     axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=0)
+    axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel(panel.label)
     bare_rows(axes)

@@ -1,6 +1,6 @@
 """Figures by name: each registers where it is written, with a sentence and the data that it needs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from inspect import getdoc
 from typing import Any, Generic, NamedTuple, ParamSpec
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from alloc.registry import Registry
 from paper_figs.marks import mark_as_draft, say_where_nothing_is_drawn
+from paper_figs.origin import Origin
 from paper_figs.saving import Legend
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
@@ -60,8 +61,13 @@ class FigureEntry(Generic[Data]):
     def drawn(self, source: Source) -> Drawn:
         """The same with what is said of it."""
         source.origins.clear()
-        drawn = self(*(need(source) for need in self.needs))  # type: ignore[call-arg]
-        legend = replace(self.legend, origins=tuple(source.origins))
+        data = [need(source) for need in self.needs]
+        return self.of_data(data, source.origins)
+
+    def of_data(self, data: Sequence[Any], origins: Sequence[Origin] = ()) -> Drawn:
+        """The figure of these data, with what is said of them."""
+        drawn = self(*data)  # type: ignore[call-arg]
+        legend = replace(self.legend, origins=tuple(origins))
         if legend.draft:
             with mpl.rc_context(fname=STYLE_FILE):
                 mark_as_draft(drawn, legend.draft)

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+import studies.core.gallery as loader
 from paper_figs.drawing import draw_one, save_figure
 from paper_figs.drawn_data import drawn_data
 from paper_figs.marks import NOTHING, say_where_nothing_is_drawn
@@ -17,7 +18,9 @@ from paper_figs.origin import Origin, of_comparison, of_study
 from paper_figs.registry import FIGURES
 from paper_figs.source import Source
 from paper_figs.style import COLUMN, PAGE, STYLE_FILE, Width, new_figure, new_panels, rule_look
+from studies.command_line.figures import figures
 from studies.core.collection import find_study
+from studies.core.gallery import Saved
 from studies.core.store import Store
 from studies.core.study import Study
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
@@ -144,3 +147,21 @@ def test_a_draft_is_named_once_where_two_needs_say_the_same():
     origin = Origin("readhesion sweep one", "1 of 2 events", (0,), True)
     legend = replace(FIGURES["ladder"].legend, origins=(origin, origin))
     assert legend.draft == "draft: 1 of 2 events; in full: readhesion sweep one"
+
+
+def test_the_terminal_names_the_drafts_and_what_gives_the_rest(monkeypatch, capsys, tmp_path):
+    class Drawing:
+        def draw_figures(self, names, out, results, jobs, on_row):
+            draft = "draft: 6 of 30 events; in full: readhesion sweep ladder"
+            return [
+                Saved("ladder", (out / "ladder.png",), draft),
+                Saved("sanders", (out / "sanders.png",), ""),
+            ]
+
+    monkeypatch.setattr(loader, "gallery", Drawing)
+    figures(out=tmp_path / "figures", results=tmp_path)
+    out, err = capsys.readouterr()
+    assert [line.rsplit("/")[-1] for line in out.splitlines()] == ["ladder.png", "sanders.png"]
+    assert "ladder is a draft: 6 of 30 events; in full: readhesion sweep ladder" in err
+    assert f"add --out {tmp_path}" in err
+    assert "sanders" not in err
