@@ -70,6 +70,6 @@ def use_handles() -> list[Patch | Line2D]:
     """What explains strips, whose line has the rule's colour."""
     return [
         Patch(facecolor=AVAILABLE, label="adhesion available"),
-        Line2D([], [], color=DARK, linewidth=USED_WIDTH, label="used, in the rule's colour"),
+        Line2D([], [], color=DARK, linewidth=USED_WIDTH, label="used"),
         Line2D([], [], label="limit by the rule", **LIMIT),
     ]

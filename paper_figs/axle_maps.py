@@ -23,6 +23,8 @@ COEFFICIENT_SHADES = LinearSegmentedColormap.from_list(
 AXLE = "axle from the front"
 UNKNOWN = "#dcdcdc"
 """Where nothing is known."""
+MOST_NAMES = 9
+"""Names that have room above each other; of those that are too near to another, the foremost stands."""
 MOST_COLUMNS = 360
 """Instants of a picture: what a page can print."""
 
@@ -68,9 +70,13 @@ def shade_bar(drawn: Figure, image: AxesImage, panels: Sequence[Axes], label: st
 def name_units(axes: Axes, axle_unit: NDArray[np.int64], units: Sequence[int]) -> None:
     """Name some traction units beside their axles, and part all of them by ticks; `axle_unit` (axle,): -1 for none."""
     edges = np.flatnonzero(np.diff(axle_unit, prepend=-2, append=-2)) + 0.5
-    places = [float(np.flatnonzero(axle_unit == unit).mean()) + 1.0 for unit in units]
-    axes.yaxis.set_major_locator(FixedLocator(places))
-    axes.yaxis.set_major_formatter(FixedFormatter([f"unit {unit + 1}" for unit in units]))
+    named: dict[float, str] = {}
+    for unit in units:
+        place = float(np.flatnonzero(axle_unit == unit).mean()) + 1.0
+        if not named or place - max(named) >= axle_unit.size / MOST_NAMES:
+            named[place] = f"unit {unit + 1}"
+    axes.yaxis.set_major_locator(FixedLocator(list(named)))
+    axes.yaxis.set_major_formatter(FixedFormatter(list(named.values())))
     axes.yaxis.set_minor_locator(FixedLocator(edges.tolist()))
     axes.tick_params(axis="y", which="major", length=0)
     axes.tick_params(axis="y", which="minor", length=4)

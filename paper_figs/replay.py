@@ -159,15 +159,15 @@ def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -
     )  # fmt: skip
     for begin, end in train["cars"]:
         own = axle_unit[(-behind > begin) & (-behind < end)]
-        unit = int(own.max(initial=-1))
-        colour = MOTOR_CAR if unit >= 0 else "white"
+        driven = own[own >= 0] + 1
+        colour = MOTOR_CAR if driven.size else "white"
         box = Rectangle(
             (-end + 0.4, CAR[0]), end - begin - 0.8, CAR[1], facecolor=colour, edgecolor=DARK
         )
         axes.add_patch(box)
-        if unit >= 0 and len(train["cars"]) <= MOST_NAMED:
+        if driven.size and len(train["cars"]) <= MOST_NAMED:
             axes.text(
-                -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1], f"unit {unit + 1}", fontsize=NOTE,
+                -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1], _of_units(int(driven.min()), int(driven.max())), fontsize=NOTE,
                 ha="center", va="center_baseline",
             )  # fmt: skip
     wheels = axes.scatter(
@@ -187,6 +187,10 @@ def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -
         wheels.set_array(event.slip[k])
 
     return move
+
+
+def _of_units(first: int, last: int) -> str:
+    return f"unit {first}" if first == last else f"{first}–{last}"
 
 
 def _centres(train: Train, units: int) -> tuple[Floats, Floats]:

@@ -1,12 +1,16 @@
 """Pictures of all axles keep what is short, leave gaps open, and stand where time and axle are."""
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from paper_figs.adhesion_use import SHOWN_UNITS, draw_use, shown_units, use_of_units
-from paper_figs.axle_maps import MOST_COLUMNS, SLIP_SHADES, axle_map, name_units
+from paper_figs.axle_maps import MOST_COLUMNS, MOST_NAMES, SLIP_SHADES, axle_map, name_units
+from paper_figs.events import slip_event
+from paper_figs.style import COLUMN, STYLE_FILE
+from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
 
 TIME = np.arange(0.0, 100.0, 0.01)
 
@@ -84,3 +88,20 @@ def test_a_strip_is_the_run(runs):
     lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
     np.testing.assert_array_equal(lines["limit"], runs[0]["limit"].values[:, 1])
     np.testing.assert_array_equal(lines["used"], use.used)
+
+
+def test_names_of_units_in_one_car_do_not_cover_each_other():
+    axes, *_ = drawn(TIME[:50], np.zeros((50, 26)))
+    name_units(axes, np.array([*range(6), *20 * [-1]]), [0, 2, 4, 5])
+    places = axes.yaxis.get_major_locator()()
+    assert places[0] == 1.0
+    assert (np.diff(places) >= 26 / MOST_NAMES).all()
+
+
+def test_one_run_alone_fits_a_column(runs):
+    figure = slip_event(runs[0])
+    with mpl.rc_context(fname=STYLE_FILE):
+        words = words_of(figure)
+    assert figure.get_size_inches()[0] == COLUMN.value
+    assert overlapping(words) == []
+    assert cut_off(figure, words) == []
