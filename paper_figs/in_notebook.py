@@ -1,6 +1,7 @@
 """Figures in notebooks: they are shown without pyplot, which the figures here do not use."""
 
 import sys
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -18,7 +19,7 @@ def show_figures() -> None:
     from IPython.core.getipython import get_ipython
     from IPython.core.pylabtools import select_figure_formats
 
-    shell = get_ipython()
+    shell: Any = get_ipython()  # IPython is not installed where types are checked
     if shell is None:
         return
     formatters = shell.display_formatter.formatters
