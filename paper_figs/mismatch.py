@@ -82,7 +82,7 @@ def mismatch(table: pd.DataFrame) -> Figure:
             np.mean(own), -0.62, title, ha="center", va="bottom", fontsize=NOTE, color=DARK
         )
     drawn.suptitle(
-        f"means of {good['event'].nunique()} events; blue: better than cut-and-ramp with the same noise, red: worse",
+        f"means of {good['event'].nunique()} events; blue: better than cut-and-ramp with the same noise, orange: worse",
     )
     return drawn
 
