@@ -153,6 +153,7 @@ def test_who_waits_at_a_terminal_is_told_once_and_only_where_something_is_compil
     monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(compilation._Said, "compiling", False)
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    monkeypatch.delattr(sys, "ps1", raising=False)
     kernel()
     monkeypatch.setattr(sys, "stderr", log)
     kernel(law=[("*", "+")])

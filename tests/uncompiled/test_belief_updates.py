@@ -59,7 +59,7 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
         for key in (
             "slip", "swing", "limited_for", "elasticity", "told", "noise", "error", "step_share", "away",
         ):  # fmt: skip
-            expected = pytest.approx(getattr(other, key), rel=1e-5, abs=1e-9)
+            expected = pytest.approx(getattr(other, key), rel=1e-5, abs=1e-7)
             assert float(state[key]) == expected, (tick, key)
         curve = belief.record.curve.state[0]
         for key in ("top", "slope", "variance", "heard_for"):
