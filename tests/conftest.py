@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-MOST_MEMORY = 2e9
+MOST_MEMORY = 3.5e9
 """What a process of the tests may take at its worst [bytes]."""
 
 
