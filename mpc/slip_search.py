@@ -209,7 +209,7 @@ def _demodulate(search, axles, felt):
 def _elasticity(search, i, wanted, rough, follows):
     """Elasticity of axle `i`, `wanted` where nothing tells it; returns what the answer alone says.
 
-    `rough`: deviation of a reading of its slip, over the slip.
+    `rough`: deviation of a reading of its slip, over the slip; `follows`: whether the slip limit is what binds.
     """
     pace, state, z = search.pace, search.state[0], search.demodulated[i]
     cosine, sine = pace.cosine, pace.sine
@@ -218,6 +218,7 @@ def _elasticity(search, i, wanted, rough, follows):
     # what lies across the answer is no answer
     across = z[1] * cosine - z[0] * sine
     noise = z[3] * cosine - z[2] * sine - state.elasticity * across
+    # below the limit torque rises, and what that changes would pass for noise
     if follows or noise * noise < state.noise:
         state.noise += pace.noise * (noise * noise - state.noise)
     answer = of_slip * of_slip
@@ -250,13 +251,13 @@ def search_slip(search, axles, curve, felt, noise, limited):
         return
     wanted = pace.price * state.slip
     slip = math.exp(search.mean_slip[i])
-    rough = noise / slip
-    heard = _elasticity(search, i, wanted, rough, slip > AT_LIMIT * state.slip)
+    rough, follows = noise / slip, slip > AT_LIMIT * state.slip
+    heard = _elasticity(search, i, wanted, rough, follows)
     if runs_away(search, axles, noise):
         heard = state.elasticity = FALLING
         state.told = 1.0
     size_swing(search, rough)
-    if state.limited_for > SETTLED and slip > AT_LIMIT * state.slip:
+    if state.limited_for > SETTLED and follows:
         if pace.seeks:
             step_slip(search, state.elasticity - wanted, rough, lowest, steepness(curve))
         take_in_elasticity(curve, slip, heard, state.told)

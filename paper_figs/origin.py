@@ -49,9 +49,10 @@ def of_comparison(table: pd.DataFrame) -> Origin:
     scenarios = list(dict.fromkeys(table["scenario"]))
     drawing = [name for name in scenarios if name not in SCENARIOS or load_scenario(name).draws()]
     fewer = bool(drawing) and len(seeds) < DEFAULT_SEEDS
-    shown = f"{len(scenarios)} events of up to {len(seeds)} seeds"
+    events = f"{len(scenarios)} event{'s' * (len(scenarios) != 1)}"
+    shown = f"{events} of up to {len(seeds)} seeds"
     if fewer:
-        shown = f"{len(scenarios)} events, {len(seeds)} of {DEFAULT_SEEDS} seeds each"
+        shown = f"{events}, {len(seeds)} of {DEFAULT_SEEDS} seeds each"
     return Origin(_command_of(table, scenarios), shown, seeds, fewer)
 
 
