@@ -21,15 +21,8 @@ from numpy.typing import NDArray
 from alloc.compilation import inlined_jit, jit
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.onboard.equipment import Chain, stable_steps
-from alloc.onboard.reference_speed.kalman_filter import (
-    FORCE,
-    SPEED,
-    STANDING,
-    correct,
-    predict,
-    start,
-    take_reading,
-)
+from alloc.onboard.reference_speed.kalman_filter import STANDING, correct, predict, start
+from alloc.onboard.reference_speed.speed_reading import FORCE, SPEED, take_reading
 from alloc.onboard.reference_speed.state import (
     ReferenceMemory,
     ReferencePace,

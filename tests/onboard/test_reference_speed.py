@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
+from alloc.metrics import evaluate
 from alloc.metrics.search import shortage, unit_shares
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed.parameters import Sounding
+from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
-from alloc.plant.rail import Rail
+from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
 from studies.ladder.events import scenario
@@ -188,6 +190,10 @@ def test_impossible_settings_are_refused_by_name(kind, name, value):
         (lambda: ReferenceSpeed(sensor=0.0), "sensor = 0.0"),
         (lambda: Sounding(time=0.0), "time = 0.0"),
         (
+            lambda: Sounding(time=0.1, longest=0.05),
+            "time = 0.1 must not exceed longest = 0.05",
+        ),
+        (
             lambda: Sounding(air_known=0.04, air_doubt=0.04),
             "air_known = 0.04 must be below air_doubt",
         ),
@@ -200,3 +206,19 @@ def test_impossible_settings_are_refused_by_name(kind, name, value):
 def test_impossible_beliefs_are_refused(make, words):
     with pytest.raises(OnboardError, match=words):
         make()
+
+
+@pytest.mark.parametrize("ratio", [0.04, 0.05])
+@pytest.mark.parametrize("controller", ["mpc", "mpc-train"])
+def test_motors_that_share_a_slide_with_air_brakes_learn_the_speed(ratio, controller):
+    """A blended stop on a flat peak. When wheels that air brakes held in their slide passed for rolling, 0.91 was used."""
+    train = find_set("commuter-8car")
+    rail = Rail(
+        0.08, patches=(Patch(0.6, begin=3.0, until=9.0, fade=0.3),), curve=SlipRatioCurve(ratio)
+    )
+    event = Event(
+        "blended", build(train, rail), DriverCommand((0.2,), (-0.9,)), Onboard(), duration=12.0, initial_speed=22.0
+    )  # fmt: skip
+    run = simulate(event, "alone", controller)
+    assert np.abs(error(run)).max() < 0.1 * run["speed"].values[-1]
+    assert evaluate(run)["bound_use"] > 0.94

@@ -12,10 +12,12 @@ from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
 from alloc.onboard.reference_speed import kalman_filter
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.parameters import Sounding
-from alloc.onboard.reference_speed.sounding import sound
+from alloc.onboard.reference_speed.sounding import SEEN, has_settled, sound
+from alloc.onboard.reference_speed.speed_reading import take_reading
 from alloc.onboard.reference_speed.state import BOUND_SHARE, reference_pace
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import RuleSettings, settings
+from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car
@@ -164,23 +166,26 @@ def test_a_wagons_axles_are_not_read():
     assert other.filter.state[0] != found[0][0]
 
 
-def soundings(train, deviation, ticks, anyone=False):
-    """Torque shares (ticks, units) under a given deviation [m/s]."""
+def soundings(train, deviation, ticks, anyone=False, told=True):
+    """Torque shares (ticks, units) under a given deviation [m/s]; `told`: whether a wheel tells the speed at once."""
     shares = []
     for _ in range(ticks):
+        train.filter.sounding.told[0] = told
         train.m.train.reference_deviation[0] = deviation
         sound(train.eq, train.st, train.m, anyone)
         shares.append(train.filter.sounding.share.copy())
     return np.array(shares)
 
 
-SHORT = Sounding(time=0.1, return_time=0.05, pause=0.2, share=0.3)
+SHORT = Sounding(time=0.1, longest=0.2, return_time=0.05, pause=0.2, share=0.3)
 
 
-def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other():
+@pytest.mark.parametrize("told", [True, False])
+def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other(told):
     train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
     train.m.torque[:] = 500.0
-    share = soundings(train, 5.0, 200)
+    lasting = SHORT.time if told else SHORT.longest
+    share = soundings(train, 5.0, 300, told=told)
     cut = share == SHORT.share
     assert (cut.sum(axis=1) <= 1).all()
     assert ((share < 1.0).sum(axis=1) <= 1).all()
@@ -188,10 +193,10 @@ def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other():
     assert [j for _, j in starts][:6] == [(starts[0][1] + k) % 4 for k in range(6)]
     for (t, j), (following, _) in pairwise(starts):
         lasted = cut[t + 1 :, j].argmin() * PERIOD
-        assert lasted == pytest.approx(SHORT.time, abs=1.5 * PERIOD)
+        assert lasted == pytest.approx(lasting, abs=1.5 * PERIOD)
         back = (share[t + 1 :, j] == 1.0).argmax() * PERIOD - lasted
         assert back == pytest.approx(SHORT.return_time * (1.0 - SHORT.share), abs=1.5 * PERIOD)
-        assert (following - t) * PERIOD == pytest.approx(SHORT.time + SHORT.pause, abs=2.5 * PERIOD)
+        assert (following - t) * PERIOD == pytest.approx(lasting + SHORT.pause, abs=2.5 * PERIOD)
 
 
 def test_who_knows_the_speed_and_who_does_not_pull_is_not_sounded():
@@ -203,6 +208,40 @@ def test_who_knows_the_speed_and_who_does_not_pull_is_not_sounded():
         train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
         train.m.torque[:] = torque
         assert (soundings(train, deviation, 40, anyone).min() < 1.0) == sounded
+
+
+def test_only_a_unit_whose_sliding_wheels_would_be_seen_to_return_is_sounded():
+    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    eq, (*_, last) = train.eq, range(4)
+    # torque whose relief accelerates a wheel that slides by just what is seen
+    relief = SEEN * eq.own_inertia[last] / GRAVITY / (1.0 - SHORT.share)
+    just = relief * eq.axle_load[last] * eq.radius[last] / eq.gear[last]
+    for torque, sounded in ((0.99 * just, False), (1.01 * just, True)):
+        train.m.torque[:] = 0.0
+        train.m.torque[last] = torque
+        share = soundings(train, 5.0, 100)
+        assert (share.min(axis=0) < 1.0).tolist() == [False, False, False, sounded]
+
+
+def test_a_wheel_that_slides_under_its_air_brake_tells_nothing():
+    """The rail gives 5 kN to a sliding wheel; it returns by what the cut leaves, and has settled at no time."""
+    memory, rail, turning = Computers(uneven_train()).filter.sounding, 5e3, 500.0
+    memory.clock[0] = SHORT.time + PERIOD
+
+    def settled(applied, rate, before=rail):
+        return has_settled(SHORT, memory, before, applied, turning, rate)
+
+    for applied in (0.0, 2e3, 4e3):
+        returning = (rail - applied) / turning
+        for rate in (returning, -returning):
+            assert not settled(applied, rate)
+        for rate in (0.0, min(0.49 * returning, 2.9)):
+            assert settled(applied, rate)
+    # motors that give little, or a wheel that runs away: cutting them moves nothing
+    assert not settled(rail - 0.99 * SEEN * turning, 0.0)
+    assert not settled(1.2 * rail, 0.0)
+    memory.clock[0] = SHORT.time - PERIOD
+    assert not settled(2e3, 0.0)
 
 
 def test_a_unit_without_speed_signals_is_not_sounded():
@@ -270,6 +309,6 @@ def test_a_reading_corrects_as_a_library_s_update(seed):
     known.x, known.P = state[:, np.newaxis].copy(), covariance.copy()
     known.update(12.3, R=0.04, H=np.array([[1.0, 0.0, slip, 0.0]]))
     innovation = 12.3 - (state[0] + slip * state[2])
-    kalman_filter.take_reading(state, covariance, slip, innovation, 0.04)
+    take_reading(state, covariance, slip, innovation, 0.04)
     np.testing.assert_allclose(state, known.x[:, 0], atol=1e-10)
     np.testing.assert_allclose(covariance, known.P, atol=1e-10)

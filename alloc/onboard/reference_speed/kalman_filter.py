@@ -15,14 +15,16 @@ direction of the demand, mu_i = F_i / N_i, and e the slip ratio of a rolling whe
     any                              s (y_i - v) >= 0: who violates it in the mean of 0.1 s tells v
 
 An axle is at ease while nobody limits its force and it does not run away; it is light while its force is a small share of
-what it carried lately and it does not return any more. Others may slide and tell nothing from above. No matrix is
+what it carried lately and it does not return any more; `sounding` says when a sounded one has settled. Others may slide and
+tell nothing from above. No matrix is
 inverted: axles are taken one by one.
 """
 
 import math
 
 from alloc.compilation import inlined_jit
-from alloc.onboard.reference_speed.sounding import is_relieved
+from alloc.onboard.reference_speed.sounding import has_settled, is_relieved
+from alloc.onboard.reference_speed.speed_reading import FORCE, MASS, SLIP, SPEED, believe
 from alloc.onboard.reference_speed.state import OBSERVER_POLE
 from alloc.onboard.shoe_force import believed_shoe_force
 from alloc.plant.equations import (
@@ -32,9 +34,6 @@ from alloc.plant.equations import (
     running_resistance,
 )
 
-SPEED, FORCE, SLIP, MASS = range(4)
-"""States."""
-
 STANDING = 0.1
 """Rim speed [m/s] below which a braked wheel counts as standing."""
 
@@ -43,26 +42,6 @@ LEAST_COEFFICIENT = 8e-3
 
 LEAST_SHARE = 0.1
 """Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
-
-FALLING = 3.0
-"""Rim acceleration [m/s2] of a sounded wheel that is still on its way back."""
-
-COMMON_ERROR = 0.7
-"""Correlation of the errors of speed and unknown force where the force has changed unnoticed."""
-
-
-@inlined_jit
-def take_reading(f, p, slip, innovation, variance):
-    """Kalman update with a measurement of v + `slip` c."""
-    row = (
-        p[0, 0] + slip * p[0, 2], p[1, 0] + slip * p[1, 2],
-        p[2, 0] + slip * p[2, 2], p[3, 0] + slip * p[3, 2],
-    )  # fmt: skip
-    inverse = 1.0 / (row[0] + slip * row[2] + variance)
-    for i in range(4):
-        f[i] += row[i] * inverse * innovation
-        for k in range(4):
-            p[i, k] -= row[i] * inverse * row[k]
 
 
 @inlined_jit
@@ -76,7 +55,7 @@ def start(eq, o, m, k):
     k.covariance[MASS, MASS] = o.mass_error**2
     k.smooth_speed[0] = m.reference[0]
     for i in range(k.rim.size):
-        k.rim[i] = k.rim_before[i] = k.smooth_rim[i] = eq.axle_radius[i] * m.axle_omega[i]
+        k.rim[i] = k.smooth_rim[i] = eq.axle_radius[i] * m.axle_omega[i]
 
 
 @inlined_jit
@@ -101,7 +80,8 @@ def _apply_forces(eq, st, m, k, sign, torque, pressure):
         k.force[b] += acting
         total += acting
         of_shoes += shoe
-        k.rim_before[i], k.rim[i] = k.rim[i], y
+        k.rim_rate[i] += st.pace.rate_gain * ((y - k.rim[i]) / st.period - k.rim_rate[i])
+        k.rim[i] = y
     return total / eq.chain.train_mass, of_shoes / eq.chain.train_mass
 
 
@@ -150,7 +130,7 @@ def _predict(st, k, acting, of_shoes):
 
 
 @inlined_jit
-def _follow_rims(eq, st, k, sign, i):
+def _follow_rims(eq, st, k, sign, i, sounded):
     """Rail force and acceleration of axle `i` against the train's [m/s2], both behind one filter."""
     o, gain, y = st.reference, st.pace.observer_gain, k.rim[i]
     rate = OBSERVER_POLE * (y - k.smooth_rim[i])
@@ -162,6 +142,8 @@ def _follow_rims(eq, st, k, sign, i):
     kept = st.pace.slid_kept if slides else st.pace.carried_kept
     standing = sign < 0.0 and y < STANDING
     k.carried[i] = max(k.carried[i] * kept, 0.0 if standing else rail)
+    if not sounded:
+        k.rail[i] = rail
     return relative, standing
 
 
@@ -174,28 +156,6 @@ def _at_ease(eq, st, m, k, i):
         limited = limited or m.slide.action[g] > 0.0 or k.pressure[g] < 0.95 * k.full[g]
     k.ease[i] = 0.0 if limited else k.ease[i] + st.period
     return k.ease[i]
-
-
-@inlined_jit
-def _forget(o, p, innovation):
-    """The force was another than believed for some time, a gradient for one: speed and force are both wrong by it."""
-    p[0, 0] = max(p[0, 0], innovation**2)
-    p[1, 1] = max(p[1, 1], o.unknown_force**2)
-    p[0, 1] = p[1, 0] = COMMON_ERROR * math.sqrt(p[0, 0] * p[1, 1])
-    for i in range(2):
-        for j in range(2, 4):
-            p[i, j] = p[j, i] = 0.0
-
-
-@inlined_jit
-def _believe(o, k, slip, innovation, variance, trusted):
-    """Take a reading; where it is odd and `trusted`, gradient and speed are learnt anew, else it is left."""
-    p = k.covariance
-    odd = innovation**2 > 9.0 * (p[0, 0] + variance)
-    if odd and trusted:
-        _forget(o, p, innovation)
-    if trusted or not odd:
-        take_reading(k.state, p, slip, innovation, variance)
 
 
 @inlined_jit
@@ -219,9 +179,10 @@ def _measure(eq, st, m, k, sign):
     for i in range(k.rim.size):
         if not m.axle_seen[i]:
             continue
-        relative, standing = _follow_rims(eq, st, k, sign, i)
-        ease = _at_ease(eq, st, m, k, i)
         j = eq.axle_unit[i]
+        sounded = j >= 0 and k.sounding.unit[0] == j
+        relative, standing = _follow_rims(eq, st, k, sign, i, sounded)
+        ease = _at_ease(eq, st, m, k, i)
         y, applied = k.rim[i], max(k.applied[i], 0.0)
         # of its body, with what the axles before it have told
         body = m.reference[eq.axle_body[i]] + f[SPEED] - before
@@ -229,7 +190,6 @@ def _measure(eq, st, m, k, sign):
         innovation = y - body - f[SLIP] * mu
         k.ahead[i] += st.pace.mean_share * (sign * (y - body) - k.ahead[i])
         settled = relative > -o.returning and not standing
-        sounded = j >= 0 and k.sounding.unit[0] == j and k.sounding.clock[0] > 0.5 * o.sounding.time
         # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
         would = 0.0 if j >= 0 else o.light * k.carried[i] - eq.chain.turning[i] * o.returning
         light = applied < max(would, LEAST_COEFFICIENT * eq.chain.load[i])
@@ -240,8 +200,18 @@ def _measure(eq, st, m, k, sign):
         if j < 0 and applied == 0.0 and settled:
             free, together = free + 1.0, together + y - body
         elif sounded:
-            if sign * (y - k.rim_before[i]) > -FALLING * st.period:
-                _believe(o, k, mu, innovation, white + pace.sounded_repeat * creep**2, True)
+            turning = eq.chain.turning[i]
+            if has_settled(o.sounding, k.sounding, k.rail[i], applied, turning, k.rim_rate[i]):
+                k.sounding.told[0] = 1
+                # while adhesion falls a sliding wheel may pass for settled: what is odd, and slips, is not believed
+                believe(
+                    o,
+                    k,
+                    mu,
+                    innovation,
+                    white + pace.sounded_repeat * creep**2,
+                    sign * innovation < 0.0,
+                )
         elif light:
             if settled and k.ahead[i] < lead:
                 lead, lightest = k.ahead[i], i
@@ -251,14 +221,14 @@ def _measure(eq, st, m, k, sign):
             and relative < o.away + doubt * unknown
             and k.ahead[i] - sign * f[SLIP] * mu < o.gate * math.sqrt(p[0, 0] + creep**2 + white)
         ):
-            _believe(o, k, mu, innovation, white + pace.repeat * creep**2, False)
+            believe(o, k, mu, innovation, white + pace.repeat * creep**2, False)
             anyone = True
         if not (light and settled):
             least = min(least, k.ahead[i] + sign * (before - f[SPEED]))
     if free > 0.0:
         creep = LEAST_SHARE * o.creep * max(abs(f[SPEED]), o.creep_speed)
         innovation = together / free + before - f[SPEED]
-        _believe(o, k, 0.0, innovation, (white + pace.light_repeat * creep**2) / free, True)
+        believe(o, k, 0.0, innovation, (white + pace.light_repeat * creep**2) / free, True)
         anyone = True
     if lightest >= 0:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
@@ -279,7 +249,7 @@ def _take_light(eq, st, m, k, sign, i, moved):
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
     if k.telling[i] > (0.5 * o.persist if braked_by_air else 0.1):
         trusted = k.telling[i] > o.persist or not braked_by_air
-        _believe(o, k, mu, innovation, variance, trusted)
+        believe(o, k, mu, innovation, variance, trusted)
 
 
 @inlined_jit

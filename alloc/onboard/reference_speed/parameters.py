@@ -23,7 +23,9 @@ class Sounding:
     share: float = quantity(0.4, "1")
     """Share of its torque that a sounded unit keeps, 0 to 1."""
     time: float = quantity(0.06, "s")
-    """Time for which its torque is cut [s]."""
+    """Time for which its torque is cut at least [s]."""
+    longest: float = quantity(0.2, "s")
+    """The same at most, where no wheel has settled and told the speed, at least `time` [s]."""
     return_time: float = quantity(0.06, "s")
     """Time in which its torque is given back [s]."""
     pause: float = quantity(0.3, "s")
@@ -42,6 +44,7 @@ class Sounding:
         if self.share > 1.0:
             raise OnboardError(f"sounding: share = {self.share!r} must lie in [0, 1]")
         OnboardError.check_order("sounding", self, "air_known", "air_doubt")
+        OnboardError.check_order("sounding", self, "time", "longest", equal=True)
 
 
 @dataclass(frozen=True)

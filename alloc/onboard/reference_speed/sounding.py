@@ -1,12 +1,17 @@
 """Sounding: force is taken from a few wheels for a moment, so that they roll and tell the train's speed.
 
-Where every axle may slide the estimate's deviation grows. Motors answer at once: a unit is cut for some tenths of a
-second, one after the other. Cylinders do not: a bogie is released until the speed is known again.
+Where every axle may slide the estimate's deviation grows. Motors answer at once: one unit after the other is cut until its
+wheels tell the speed, for 0.2 s at most. Cylinders do not: a bogie is released until the speed is known again.
+
+A wheel that still slides while its unit is cut returns: it is accelerated by what the rail gave before the cut, less what is
+applied now. One that does not return has settled, and tells the speed. Where the cut would make it return too slowly to be
+seen, it tells nothing: air brakes may hold it in its slide.
 """
 
 import math
 
 from alloc.compilation import inlined_jit
+from alloc.plant.equations import GRAVITY
 
 NEAR = 0.015
 """Slip ratio of a wheel that runs near the estimated speed."""
@@ -14,8 +19,14 @@ NEAR = 0.015
 LEAST_SPEED = 8.0
 """Speed [m/s] below which the deviations of air brakes do not shrink any further."""
 
-PULLING = 0.01
-"""Coefficient from which on a unit's motors act, so that relieving it tells something."""
+SEEN = 1.5
+"""Rim acceleration [m/s2] of a sliding wheel that is seen when it is sounded."""
+
+SETTLED = 0.5
+"""Share of that acceleration below which it has settled."""
+
+FALLING = 3.0
+"""Rim acceleration [m/s2] with which no wheel has."""
 
 
 @inlined_jit
@@ -25,12 +36,24 @@ def is_relieved(m, j):
 
 
 @inlined_jit
-def _acting_unit(eq, m, k):
-    """The next unit whose motors act, -1: none."""
+def has_settled(s, k, before, applied, turning, rate):
+    """Whether a wheel whose unit is sounded has settled.
+
+    `before`: force [N] that the rail gave before, `applied`: force now [N], `turning` mass [kg], `rate`: its acceleration
+    [m/s2].
+    """
+    sliding = (before - applied) / turning
+    return k.clock[0] > s.time and sliding > SEEN and abs(rate) < min(FALLING, SETTLED * sliding)
+
+
+@inlined_jit
+def _acting_unit(eq, m, k, kept):
+    """The next unit whose sliding wheels are seen to return when motors keep the share `kept` of their torque, -1: none."""
     for n in range(1, eq.axles.size + 1):
         j = (k.last[0] + n) % eq.axles.size
-        force = abs(m.torque[j]) * eq.gear[j] / eq.radius[j]
-        if m.unit.axles_seen[j] > 0.0 and force > PULLING * eq.axle_load[j]:
+        coefficient = abs(m.torque[j]) * eq.gear[j] / (eq.radius[j] * eq.axle_load[j])
+        relief = (1.0 - kept) * coefficient * GRAVITY
+        if m.unit.axles_seen[j] > 0.0 and relief > SEEN * eq.own_inertia[j]:
             return j
     return -1
 
@@ -44,15 +67,15 @@ def _sound_unit(eq, st, m, deviation, anyone):
         k.share[j] = min(k.share[j] + st.period / s.return_time, 1.0)
     limit = max(s.doubt, s.doubt_ratio * abs(m.reference[0])) * (s.ease if anyone else 1.0)
     if k.unit[0] >= 0:
-        if k.clock[0] > s.time:
+        if k.clock[0] > (s.time if k.told[0] else s.longest):
             k.unit[0], k.clock[0] = -1, 0.0
         else:
             k.share[k.unit[0]] = s.share
         return True
-    j = _acting_unit(eq, m, k)
+    j = _acting_unit(eq, m, k, s.share)
     if j >= 0 and k.clock[0] > s.pause and deviation > limit:
         k.unit[0] = k.last[0] = j
-        k.clock[0] = 0.0
+        k.clock[0], k.told[0] = 0.0, 0
         k.share[j] = s.share
     return j >= 0
 

@@ -17,6 +17,9 @@ OBSERVER_POLE = 12.0
 """Pole [1/s] of the filter behind which rail forces and rim accelerations are compared."""
 
 
+RATE_POLE = 50.0
+"""The same [1/s] of the filter behind which a sounded wheel is seen to settle, fast against a sounding."""
+
 NOISE_MARGIN = 2.5
 """Deviations of a noisy acceleration within which a wheel counts as at rest against the train."""
 
@@ -41,6 +44,7 @@ class SoundingSettings(NamedTuple):
     ease: float
     share: float
     time: float
+    longest: float
     return_time: float
     pause: float
     air_doubt: float
@@ -81,6 +85,7 @@ class ReferencePace(NamedTuple):
     """What depends on the period."""
 
     observer_gain: float  # share of a new value that a filter of `OBSERVER_POLE` takes
+    rate_gain: float  # as observer_gain, of a filter of `RATE_POLE`
     carried_kept: float  # share of a wheel's greatest force that is remembered
     slid_kept: float
     mean_share: float  # as observer_gain, of the mean over `MEAN_TIME`
@@ -96,6 +101,7 @@ def reference_pace(o, period):
     usual = USUAL_PERIOD / period
     return ReferencePace(
         -math.expm1(-OBSERVER_POLE * period),
+        -math.expm1(-RATE_POLE * period),
         math.exp(-period / o.carried_time),
         math.exp(-period / o.slid_time),
         min(period / MEAN_TIME, SLOWEST_SHARE),
@@ -112,6 +118,7 @@ class SoundingMemory(NamedTuple):
     unit: Ints  # (1,) that is sounded, -1: none
     group: Ints  # (1,) brake group that is released, -1: none
     last: Ints  # (1,) unit that was sounded last
+    told: Ints  # (1,) whether one of its wheels has told the speed
     clock: Floats  # (1,) time since a sounding of a unit began or ended [s]
     share: Floats  # (units,) of the torque command that is left to each
 
@@ -127,7 +134,8 @@ class ReferenceMemory(NamedTuple):
     smooth_speed: Floats  # (1,) speed behind a filter
     shoe_decel: Floats  # (1,) greatest specific force of the shoes in this application [m/s2]
     rim: Floats  # (axles,) rim speed at the last period
-    rim_before: Floats  # (axles,) and at the one before
+    rim_rate: Floats  # (axles,) its acceleration behind a fast filter [m/s2]
+    rail: Floats  # (axles,) rail force; of a sounded unit's axles that before [N]
     smooth_rim: Floats  # (axles,) behind a filter
     applied: Floats  # (axles,) force that motor and shoe apply, in the direction of the demand [N]
     smooth_applied: Floats  # (axles,) behind the same filter
@@ -158,8 +166,9 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
 def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:
     """Memory of a train whose computers have not sensed yet."""
     nobody = np.full((3, 1), -1, dtype=np.int64)
+    untold = np.zeros(1, dtype=np.int64)
     of_axles = (
-        "rim", "rim_before", "smooth_rim", "applied", "smooth_applied", "carried", "ease", "telling", "ahead",
+        "rim", "rim_rate", "rail", "smooth_rim", "applied", "smooth_applied", "carried", "ease", "telling", "ahead",
     )  # fmt: skip
     zeros: Any = {name: np.zeros(axles) for name in of_axles}
     return ReferenceMemory(
@@ -174,6 +183,11 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
         full=np.zeros(groups),
         pressure=np.zeros(groups),
         sounding=SoundingMemory(
-            unit=nobody[0], group=nobody[1], last=nobody[2], clock=np.zeros(1), share=np.ones(units)
+            unit=nobody[0],
+            group=nobody[1],
+            last=nobody[2],
+            told=untold,
+            clock=np.zeros(1),
+            share=np.ones(units),
         ),
     )
