@@ -2,8 +2,8 @@
 
 Each one works on NumPy arrays and floats, on CasADi expressions, and inside Numba code on floats and on vectors of
 `alloc.plant.simd`, so an equation is stated once for all of them. In Numba they are branch-free polynomials that agree with
-the C library to a few units in the last place: that library knows no vectors, and the wheels of Numba on PyPI come
-without Intel's vector mathematics library.
+the C library to a few units in the last place. That library has no vectors, and the wheels of Numba on PyPI come without
+Intel's vector mathematics library.
 """
 
 import math
@@ -54,7 +54,7 @@ def _greater(builder: Any, a: Any, b: Any) -> Any:
 
 
 where = _operation(np.where, "if_else")
-"""`a` where `condition` holds, else `b`; both are evaluated."""
+"""`a` where `condition` is true, else `b`; both are evaluated."""
 simd.chosen(where)
 minimum = _emitted(np.minimum, "fmin", 2, _lesser)
 maximum = _emitted(np.maximum, "fmax", 2, _greater)

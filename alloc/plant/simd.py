@@ -1,8 +1,8 @@
 """Eight axles at once: a compiled value that holds `WIDTH` numbers, and how it comes from arrays and goes to them.
 
-The plant's laws are elementwise, so they take such a value as they take a float or a NumPy array; LLVM makes of it what
-the processor has: one register with AVX-512, two with AVX2, four with less. Arrays that are taken in blocks end on
-a whole block. Compiled code only.
+The plant's laws are elementwise, so they take such a value as they take a float or a NumPy array. LLVM maps it to the
+registers of the processor: one with AVX-512, two with AVX2, four with less. Arrays that are taken in blocks end on a whole
+block. Compiled code only.
 """
 
 import operator
@@ -22,7 +22,7 @@ WIDTH = 8
 
 
 def padded(size: int) -> int:
-    """The least number of whole blocks, at least one, that holds `size` numbers; in numbers."""
+    """The smallest number of whole blocks, at least one, that has room for `size` numbers; in numbers."""
     return max(1, -(-size // WIDTH)) * WIDTH
 
 
@@ -134,7 +134,7 @@ for _function, _sign in (
 
 
 def chosen(function: Any) -> None:
-    """Let compiled code call `function` (condition, a, b) for `a` where the condition holds, else `b`."""
+    """Let compiled code call `function` (condition, a, b) for `a` where the condition is true, else `b`."""
 
     class Template(AbstractTemplate):
         key = function
