@@ -1,4 +1,4 @@
-"""Errors of this package, and the one check of numbers that someone gave."""
+"""Errors of this package, and the one check of numbers that a user gives."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 def number_fault(
     value: Any, zero: bool = False, infinite: bool = False, negative: bool = False
 ) -> str | None:
-    """What `value` must be if it is not a number above 0; None if it is. `zero`, `infinite`, `negative`: may be that too."""
+    """What `value` must be if it is not a number above 0, else None. `zero`, `infinite`, `negative`: also allowed."""
     if isinstance(value, Real) and not isinstance(value, bool):
         number = float(value)
         within = number > 0.0 or (zero and number == 0.0) or (negative and not math.isnan(number))
@@ -21,7 +21,7 @@ def number_fault(
 
 
 class InputError(ValueError):
-    """What was given is impossible; the message names it and what to do."""
+    """The input is impossible; the message names it and says what to do."""
 
     infinite: ClassVar[bool] = False
     """Whether every number may be infinite."""
@@ -36,9 +36,10 @@ class InputError(ValueError):
         finite: Iterable[str] = (),
         infinite: Iterable[str] = (),
     ) -> None:
-        """Raise this error for the first of the named `values`, fields or entries, that is no number in its range.
+        """Raise this error for the first of the named `values`, fields or entries, that is not a number in its range.
 
-        A name that ends with [] is a sequence of numbers. `finite`: of any sign. `infinite`: those that may be infinite.
+        A name that ends with [] is a sequence of numbers. `finite`: of any sign. `infinite`: names whose values may be
+        infinite.
         """
         allowed = set(infinite)
         ranges: tuple[tuple[Iterable[str], dict[str, bool]], ...] = (
@@ -57,7 +58,7 @@ class InputError(ValueError):
 
     @classmethod
     def check_finite(cls, owner: str, values: Any, names: Iterable[str]) -> None:
-        """Raise this error for the first of the named fields that is not finite, where others may be infinite."""
+        """Raise this error for the first of the named fields that is not finite, where other fields may be infinite."""
         for name in names:
             if not math.isfinite(getattr(values, name)):
                 raise cls(f"{owner}: {name} = {getattr(values, name)!r} must be finite")
@@ -96,4 +97,4 @@ class EstimationError(InputError):
 
 
 class AllocationError(InputError):
-    """A rule was asked for what cannot be; the message names the field, its value and what to do."""
+    """A rule got an impossible problem; the message names the field, its value and what to do."""

@@ -1,4 +1,4 @@
-"""A slip event: what every rule and controller of a comparison meets alike."""
+"""A slip event: what is the same for every rule and controller of a comparison."""
 
 import hashlib
 from dataclasses import dataclass, field, fields
@@ -14,16 +14,16 @@ from alloc.plant.model import Floats, Model
 from alloc.run_size import check_size
 
 STEP, NOISY_STEP = 2e-3, 1e-3
-"""Integration steps [s] where an event asks for none, without and with noise on the speed sensors."""
+"""Default integration steps [s] of an event, without and with noise on the speed sensors."""
 
 
 @displayed
 @dataclass(frozen=True)
 class DriverCommand:
-    """Acceleration [m/s2] asked for on level track, from each of `times` [s] on; before the first: zero."""
+    """Acceleration [m/s2] asked for on level track, from each of `times` [s] on; zero before the first."""
 
     times: tuple[float, ...]
-    """Instants, growing [s]."""
+    """Increasing instants [s]."""
     accelerations: tuple[float, ...]
     """On level track, negative braking [m/s2]."""
 
@@ -46,7 +46,7 @@ class DriverCommand:
 @displayed
 @dataclass(frozen=True, repr=False)
 class Event:
-    """What every rule and controller of a comparison meets alike: train, rail, line, driver, noise."""
+    """What is the same for every rule and controller of a comparison: train, rail, line, driver, noise."""
 
     name: str
     model: Model
@@ -57,21 +57,21 @@ class Event:
     initial_speed: float = 0.0
     """[m/s]"""
     initial_position: float = 0.0
-    """Of the train's front [m]."""
+    """Position of the train's front [m]."""
     step: float | None = None
     """Longest integration step [s], see `longest_step`."""
     record_period: float = 0.01
     """Time between two recorded instants [s]."""
     target_speed: float | None = None
-    """Speed [m/s] to which time and distance are measured."""
+    """Speed [m/s] up to which time and distance are measured."""
     seed: int = 0
 
     @property
     def longest_step(self) -> float:
-        """Integration step [s]: the control period is divided into equal ones, smaller still where the train is stiff.
+        """Integration step [s]: the control period is divided into equal steps, shorter still where the train is stiff.
 
-        Where none is given, 2 ms; with noisy sensors 1 ms, since decisions near a threshold turn on small differences. Most
-        metrics then are within 5e-4 of those with much smaller steps.
+        The default is 2 ms, or 1 ms with noisy sensors, since decisions near a threshold depend on small differences. Most
+        metrics are then within 5e-4 of those with much smaller steps.
         """
         if self.step is not None:
             return self.step

@@ -1,4 +1,4 @@
-"""What a recorded run holds: one registry of variables, from which dimensions, units and names follow."""
+"""Variables of a recorded run: one registry, from which dimensions, units and names follow."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ class Variable(NamedTuple):
     units: str
     long_name: str
     kind: str | None = None
-    """Type of its numbers where it is not that of the loop."""
+    """Type of its numbers where it differs from that of the loop."""
 
 
 _BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {

@@ -1,4 +1,4 @@
-"""A recorded run as an `xarray.Dataset`: made from what the loop wrote, saved and loaded."""
+"""A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded."""
 
 import json
 import platform
@@ -22,7 +22,7 @@ from alloc.recorded_variables import VARIABLES
 
 
 class Record(NamedTuple):
-    """What the loop writes of plant and computers; first dimension: instants."""
+    """What the loop records of plant and computers; first dimension: instants."""
 
     plant: PlantRecord
     unit: Floats  # (instants, fields of `UnitMemory`, units)
@@ -48,7 +48,7 @@ class Record(NamedTuple):
         )
 
     def until(self, records: int) -> "Record":
-        """The first instants of the record."""
+        """The first `records` instants of the record."""
         return Record(self.plant.until(records), *(values[:records] for values in self[1:]))
 
 
@@ -72,7 +72,7 @@ def to_dataset(
     event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally,
     learnt: Increments | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Turn what the loop wrote into the recorded run, see `alloc.run_attributes`; `learnt`: by its end."""
+    """Turn the loop's record into the recorded run, see `alloc.run_attributes`; `learnt`: values learnt by its end."""
     model = event.model
     values = physical_variables(model, record.plant)
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))
@@ -114,7 +114,7 @@ def to_dataset(
 def driven_dataset(
     name: str, model: Model, record: PlantRecord, torque_command: Floats
 ) -> xr.Dataset:
-    """A run of `alloc.driving`: what plant and driver decide; `torque_command` (instants, units)."""
+    """A run of `alloc.driving`: variables of plant and driver; `torque_command` (instants, units)."""
     values = physical_variables(model, record) | {"torque_command": torque_command}
     attributes = {"event": name, **_train_attributes(model), **provenance()}
     return _dataset(record.time, values, attributes)

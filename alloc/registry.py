@@ -1,7 +1,7 @@
-"""Parts of one kind by name: those that ship, those of installed packages, and those registered at run time.
+"""Parts of one kind by name: shipped ones, those of installed packages, and those registered at run time.
 
-A part registers where it is written. An installed package offers one by an entry point: its group says the kind, its name
-is the part's, its object the part.
+A part registers in the file that defines it. An installed package offers one by an entry point. The entry point's group is
+the kind, its name is the part's name, and its object is the part.
 """
 
 import pkgutil
@@ -22,8 +22,8 @@ Part = TypeVar("Part")
 class Registry(Mapping[str, Part], Generic[Part]):
     """Name -> part of one `kind`; modules that register parts are imported when a part is asked for.
 
-    `group`: entry points that offer such parts. `error`: what is raised for a name that is unknown or taken. `package`:
-    whose modules register the parts that ship. `order`: names that come first; others follow by module, then plug-ins.
+    `group`: entry points that offer such parts. `error`: what is raised for a name that is unknown or taken. `package`: the
+    package whose modules register the shipped parts. `order`: names that come first; others follow by module, then plug-ins.
     """
 
     registered: ClassVar[list[str]] = []
@@ -61,9 +61,9 @@ class Registry(Mapping[str, Part], Generic[Part]):
         return _of_home, (self._home, self.kind)
 
     def register(self, name: str, part: Part, origin: str | None = None) -> Part:
-        """Add `part` under `name`; the module that did may do so again, no other may.
+        """Add `part` under `name`; the module that registered a name may do so again, but no other module may.
 
-        `origin`: the part's module; the one that calls if nothing is said.
+        `origin`: the part's module; the default is the calling module.
         """
         origin = origin or str(sys._getframe(1).f_globals.get("__name__", ""))
         if not self._ships(origin):

@@ -128,11 +128,11 @@ def simulate(
 ) -> xr.Dataset:
     """Run `event` under a rule and a readhesion controller; returns the recorded run (see `alloc.recording`).
 
-    `controller`: a name in `CONTROLLERS`, or a hosted controller itself. `on_progress` is
-    told the share done, 0 to 1. `until_speed` [m/s]: the run may end early, once the train is no faster. On a train without
-    motors, which brakes with air alone, rule and controller have nothing to do. Raises `SimulationError`,
-    `AllocationError` or `OnboardError` for what cannot be run. Several threads may simulate
-    at once, also the same event: each run is that of a call alone. A plug-in's rule and `on_progress` must allow it too.
+    `controller`: a name in `CONTROLLERS`, or a hosted controller itself. `on_progress` is called with the share done, 0 to
+    1. `until_speed` [m/s]: the run ends early, once the train is no faster. On a train without motors, which brakes with air
+    alone, rule and controller have no effect. Raises `SimulationError`, `AllocationError` or `OnboardError` for input that
+    cannot be simulated. Several threads may simulate at once, also the same event: each run depends on its own call alone. A
+    plug-in's rule and `on_progress` must allow it too.
     """
     try:
         found = CONTROLLERS.find(controller) if isinstance(controller, str) else controller
@@ -211,9 +211,9 @@ def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) 
 
 
 def inputs_hash(event: Event) -> str:
-    """Hash of what acts on a run of `event`: of what was drawn, not of the seeds, which may draw nothing.
+    """Hash of all inputs of a run of `event`: of what was drawn, not of the seeds, which may draw nothing.
 
-    Events that differ in seeds alone have equal hashes where every run of one is a run of the other.
+    Events that differ in seeds alone have equal hashes if their runs are the same.
     """
     model, onboard = event.model, event.onboard
     eq, telegrams = equipment(model, onboard), onboard.telegrams

@@ -1,4 +1,4 @@
-"""How well slip was detected and adhesion estimated, against the plant's truth."""
+"""How well slip was detected and adhesion was estimated, compared with the plant's truth."""
 
 from typing import NamedTuple
 
@@ -19,16 +19,16 @@ from alloc.metrics.registry import (
 from alloc.spans import spans
 
 BEFORE, AFTER = 0.1, 0.3
-"""Times [s] before a slip and after its end within which a detection belongs to it."""
+"""A detection belongs to a slip from this time [s] before the slip until this time [s] after its end."""
 
 
 class Slip(NamedTuple):
-    """A slip of one unit: from the instant that an axle passes the curve's peak until all are back below it."""
+    """A slip of one unit: from the instant that an axle passes the curve's peak until all axles are back below it."""
 
     unit: int
     start: int
     stop: int
-    """Index of the first instant after it."""
+    """Index of the first instant after the slip."""
 
 
 @metric(

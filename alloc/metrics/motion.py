@@ -22,12 +22,11 @@ from alloc.metrics.registry import (
 )
 
 JERK_CUT_OFF = 5.0
-"""Cut-off frequency [Hz] of the low-pass on car acceleration before it is differentiated.
-
-Longitudinal ride comfort is a matter of a few hertz."""
+"""Cut-off frequency [Hz] of the low-pass on car acceleration before it is differentiated. Longitudinal ride comfort depends
+on frequencies of a few hertz."""
 
 STANDSTILL = 0.01
-"""Speed [m/s] from which on a braked train stands: it has less than a millimetre to go."""
+"""Speed [m/s] below which a braked train counts as standing: it has less than a millimetre to go."""
 
 
 @metric("acceleration", "m/s2", "mean acceleration under demand, in its direction", +1)
@@ -52,8 +51,8 @@ def acceleration_ratio(run: xr.Dataset) -> float:
 def effort_ratio(run: xr.Dataset) -> float:
     """Mean rail force of the axles that pull or brake over the force that the plan asks for.
 
-    The plan's force accelerates the train and its rotating parts; the rail carries what is left for the train and the
-    unpowered wheelsets, so a run without slip on which nothing limits the motors has a ratio close to 1.
+    The plan's force accelerates the train and its rotating parts. The rail carries the part for the train and the unpowered
+    wheelsets. So a run without slip in which nothing limits the motors has a ratio close to 1.
     """
     demand = under_demand(run)
     force = (
@@ -116,9 +115,9 @@ def damage(run: xr.Dataset) -> float:
 
 @metric("distance", "m", "distance run until the end, or until the target speed", 0, NEVER_NEGATIVE)
 def distance(run: xr.Dataset) -> float:
-    """Distance [m] until the target speed is reached; until the end of the run where there is none.
+    """Distance [m] until the target speed is reached, or until the end of the run if there is no target speed.
 
-    A target of 0 is the standstill, which a train nears but does not pass: it counts from `STANDSTILL` on.
+    A target of 0 is the standstill, which a train approaches but does not pass. It counts as reached below `STANDSTILL`.
     """
     end = _target_index(run)
     if end < 0:
@@ -174,7 +173,7 @@ def jerk(run: xr.Dataset) -> NDArray[np.float64]:
     "jerk_rms", "m/s3", "jerk of the worst car, root mean square under demand", -1, NEVER_NEGATIVE
 )
 def jerk_rms(run: xr.Dataset) -> float:
-    """Root mean square jerk of the car that has it worst [m/s3]."""
+    """Root mean square jerk of the car with the largest value [m/s3]."""
     values = jerk(run)[under_demand(run)]
     return float(np.sqrt((values**2).mean(axis=0)).max()) if values.size else float("nan")
 

@@ -1,7 +1,7 @@
-"""Did a wheel readhere? Indices of the readhesion paper, section 3.2, from time series of one driven axle.
+"""Indices of the readhesion paper, section 3.2, from time series of one driven axle: did a wheel readhere?
 
-Time series are (instants,) or (instants, lanes), a lane per run; SI units. Torque cycles run from one start of torque
-rise to the next. Slip is micro below the slip velocity of the curve's maximum (stable) and macro from there on.
+Time series are (instants,) or (instants, lanes), a lane per run; SI units. Torque cycles run from one start of torque rise
+to the next. Slip is micro below the slip velocity of the curve's maximum (stable) and macro from there on.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 PROMINENCE = 0.01
-"""A minimum of the torque starts a cycle if the torque falls and rises by so much of the plan around it."""
+"""A minimum of the torque starts a cycle if the torque falls and rises by this share of the plan around it."""
 SAME_CYCLE = 0.05
-"""Cycles are the same where their swing differs by no more than this share."""
+"""Cycles count as the same if their swings differ by no more than this share."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """What the indices are computed from, recorded at equal intervals; (instants, lanes) each but `time`."""
+    """Signals from which the indices are computed, recorded at equal intervals; (instants, lanes) each except `time`."""
 
     time: Floats
     """(instants,)"""
@@ -58,7 +58,7 @@ def of_run(run: xr.Dataset) -> Signals:
 def rise_starts(torque: Floats, plan: float) -> NDArray[np.int64]:
     """Instants (indices) at which the torque (instants,) starts to rise: minima of at least `PROMINENCE` of the plan.
 
-    Where the torque rests at its minimum, the last instant of the rest.
+    Where the torque stays at its minimum, this is the last instant at the minimum.
     """
     from scipy.signal import find_peaks  # slow to import
 
@@ -70,9 +70,9 @@ def readhesion_possible(signals: Signals, drop: float = 6.0, instant: float = 14
     """Readhesion possibility of each lane, (lanes,): section 3.2.
 
     The torque cycle that contains `instant` [s] must visit both micro and macro slip. In the paper's scenario the rail
-    recovers at that instant, after which every controller is back in micro slip, so the criterion would say yes to all:
-    signals must come from a rail kept low until the cycle is complete. A cycle that is not complete when they end counts
-    as failed. Where no slip is macro from `drop` [s] to the end, there is nothing to readhere from: possible.
+    recovers at that instant. After that every controller returns to micro slip, and all of them would meet the criterion. So
+    the signals must come from a rail that stays low until the cycle is complete. A cycle that is incomplete at the end of
+    the signals counts as failed. If no slip is macro from `drop` [s] to the end, readhesion counts as possible.
     """
     after = signals.time >= drop
     middle = int(np.searchsorted(signals.time, instant))
@@ -107,16 +107,16 @@ def utilisation(used: ArrayLike, limit: ArrayLike) -> Floats:
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """The cycle that a run ends in, mean of its last complete torque cycles; nan where there are too few."""
+    """The cycle in which a run ends, as the mean of its last complete torque cycles; nan where there are too few."""
 
     period: float
     """[s]"""
     slip_swing: float
-    """Largest less least slip velocity [m/s]."""
+    """Largest minus smallest slip velocity [m/s]."""
     torque_swing: float
-    """Largest less least torque [N m]."""
+    """Largest minus smallest torque [N m]."""
     slips_before: int
-    """Slips before the first cycle from which on all swing like the last ones, in slip and torque (`SAME_CYCLE`)."""
+    """Slips before the first cycle from which on all cycles swing like the last ones, in slip and torque (`SAME_CYCLE`)."""
 
     @property
     def exists(self) -> bool:
@@ -163,9 +163,9 @@ class LimitSearch:
     """Limit adhesion coefficient of each search, (searches,) each."""
 
     limit: Floats
-    """Least mu_lim with readhesion, to the tolerance; nan where there is none at or below `high`."""
+    """Smallest mu_lim with readhesion, to the tolerance; nan where there is none at or below `high`."""
     fails_at: Floats
-    """Greatest mu_lim tried below it without readhesion; nan where readhesion was possible down to `low`."""
+    """Largest mu_lim tried below it without readhesion; nan where readhesion was possible down to `low`."""
     monotone: Flags
     """Whether readhesion was possible at every mu_lim tried above the limit, as the paper assumes."""
 
@@ -180,10 +180,10 @@ def limit_coefficient(
 ) -> LimitSearch:
     """Limit adhesion coefficient by bisection in [low, high], for many controllers at once; one bracket or one for each.
 
-    `possible(search, limit)` tells for trials (n,), each the number of a search and a coefficient mu_lim, where readhesion
-    is possible. The first call tries both ends and the `points` between them, each later one the `points` between the two
-    coefficients that enclose the limit; the more, the likelier is it seen that readhesion is possible at one coefficient
-    and not at a greater one.
+    `possible(search, limit)` returns whether readhesion is possible in trials (n,), each the number of a search and a
+    coefficient mu_lim. The first call tries both ends and the `points` between them. Each later call tries `points`
+    coefficients between the two that enclose the limit. With more points, the search is more likely to notice that
+    readhesion is possible at one coefficient and not at a larger one.
     """
     low, high = (np.broadcast_to(np.asarray(end, dtype=float), searches) for end in (low, high))
     if not (np.all(low < high) and tolerance > 0.0 and points >= 1):

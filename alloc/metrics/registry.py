@@ -28,7 +28,7 @@ UNLIMITED = (-math.inf, math.inf)
 NEVER_NEGATIVE = (0.0, math.inf)
 SHARE = (0.0, 1.0)
 EITHER_WAY = (-1.0, 1.0)
-"""Range of a force over the most that there can be, which may point the other way."""
+"""Range of a force over the largest possible force; the force may point the other way."""
 
 
 @displayed
@@ -42,7 +42,7 @@ class Metric(NamedTuple):
     better: int = 0
     """-1: less is better, +1: more is better, 0: neither."""
     within: tuple[float, float] = UNLIMITED
-    """Least and greatest value that it can have; intervals of its mean end there."""
+    """Smallest and largest value that the metric can have; intervals of its mean end there."""
 
 
 METRICS: Registry[Metric] = Registry("metric", "readhesion.metrics", package="alloc.metrics")
@@ -67,7 +67,7 @@ def metric(
 
 
 def range_of(name: str) -> tuple[float, float]:
-    """Least and greatest value that the metric of this name can have; no bounds where there is none of this name."""
+    """Smallest and largest value that the metric of this name can have; unbounded where there is no such metric."""
     return METRICS[name].within if name in METRICS else UNLIMITED
 
 
@@ -92,7 +92,7 @@ def evaluate(run: xr.Dataset) -> dict[str, float]:
 
 
 def once_per_run(function: Callable[[xr.Dataset], Found]) -> Callable[[xr.Dataset], Found]:
-    """Decorator of what several metrics need of a run: `evaluate` computes it once. Leave the result as it is."""
+    """Decorator of a quantity that several metrics need: `evaluate` computes it once per run. Do not change the result."""
 
     @wraps(function)
     def find(run: xr.Dataset) -> Found:
@@ -106,7 +106,7 @@ def once_per_run(function: Callable[[xr.Dataset], Found]) -> Callable[[xr.Datase
 
 
 def series(run: xr.Dataset, name: str) -> NDArray[Any]:
-    """What was recorded of a variable; `run[name].values` is the same, and takes twenty times as long to look up."""
+    """Recorded values of a variable; `run[name].values` is the same, but takes twenty times as long to look up."""
     return np.asarray(run.variables[name].values)
 
 
@@ -150,7 +150,7 @@ def adhesion_used(run: xr.Dataset, counted: NDArray[np.bool_]) -> float:
 
 
 def mean_or_nan(values: NDArray[np.float64]) -> float:
-    """Mean; nan of nothing."""
+    """Mean; nan if there are no values."""
     return float(values.mean()) if values.size else float("nan")
 
 

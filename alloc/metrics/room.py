@@ -26,7 +26,7 @@ from alloc.metrics.registry import (
 from alloc.onboard.reports import WHOLE
 
 SETTLING = 2.0
-"""Time [s] after the driver asks for more that is left out: torque rises in 1 s, and cylinders take as long to fill."""
+"""Time [s] left out after the driver asks for more: torque rises in 1 s, and cylinders take as long to fill."""
 
 Floats = NDArray[np.float64]
 
@@ -37,13 +37,13 @@ class Room(NamedTuple):
     plan: Floats
     """What the driver asks for."""
     bound: Floats
-    """The most that the train can deliver, the plan at most."""
+    """The largest force that the train can deliver, but no more than the plan."""
     apart: Floats
-    """The most where each unit delivers its own part of the plan at most."""
+    """The largest force if each unit delivers no more than its own part of the plan."""
     force: Floats
-    """What was delivered."""
+    """Delivered force."""
     held_back: Floats
-    """What is missing from the bound at units that deliver less than they could while their own controllers limit them."""
+    """Shortfall from the bound at units that deliver less than they could while their own controllers limit them."""
 
 
 @once_per_run
@@ -71,8 +71,9 @@ def _weakest(values: Floats, groups: NDArray[np.int64], count: int) -> Floats:
 def room(run: xr.Dataset) -> Room:
     """Plan, bounds and force at the instants that count.
 
-    The bound is min(plan, sum over units of min(motor limit, axles x force available at the weakest axle)). Blended brakes:
-    air makes up for the motors, and each trailer's brake group adds its own part of the plan, as far as the rail carries it.
+    The bound is min(plan, sum over units of min(motor limit, axles x force available at the weakest axle)). Under blended
+    brakes, air makes up for the motors. Each trailer's brake group adds its own part of the plan, as far as the rail carries
+    it.
     """
     chosen = settled(run)
     blended = bool(run.attrs["blended_brakes"])
@@ -132,7 +133,7 @@ def _share(part: Floats, whole: Floats) -> float:
     EITHER_WAY,
 )
 def bound_use(run: xr.Dataset) -> float:
-    """Effort, instant by instant the plan at most, over the true bound of the run; nan without demand."""
+    """Effort, at each instant no more than the plan, over the true bound of the run; nan without demand."""
     found = room(run)
     return _share(np.minimum(found.force, found.plan), found.bound)
 
@@ -145,7 +146,7 @@ def bound_use(run: xr.Dataset) -> float:
     SHARE,
 )
 def held_back(run: xr.Dataset) -> float:
-    """What is missing from the bound and lies at units whose own controllers limit them, over the bound.
+    """Shortfall from the bound at units whose own controllers limit them, over the bound.
 
     1 - `bound_use` - `held_back` is what sharing leaves: units that could carry more and are not asked to.
     """

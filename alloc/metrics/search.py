@@ -1,8 +1,8 @@
-"""How long a readhesion controller searches for adhesion that was lost, and how much its torque moves meanwhile.
+"""How long a readhesion controller searches for adhesion that was lost, and how much its torque varies meanwhile.
 
-A unit is *short* while its target asks for more than its rail offers: only then is there something to search for. What the
-rail offers a unit is counted by its weakest axle, for one inverter gives all its axles the same torque, and the weakest one
-runs away at more.
+A unit is *short* while its target asks for more than its rail offers: only then is there something to search for. The
+weakest axle determines what the rail offers a unit. One inverter gives all its axles the same torque, and at a larger torque
+the weakest axle runs away.
 """
 
 from collections.abc import Iterator
@@ -29,24 +29,24 @@ from alloc.metrics.registry import (
 from alloc.spans import bridged_spans
 
 FOUND = 0.9
-"""Share of what is available from which on adhesion counts as used, and its peak as found."""
+"""Share of the available adhesion from which on it counts as used, and its peak as found."""
 STAY = 0.5
-"""Time [s] that the used share must stay there."""
+"""Time [s] for which the used share must stay there."""
 TURNING = 0.05
-"""Part of a target that turns the unit's own wheelsets; less than that beyond the rail's reach is no shortage."""
+"""Part of a target that accelerates the unit's own wheelsets; a smaller excess over the rail's force is no shortage."""
 LEAST_EPISODE = 1.0
-"""A shortage [s] that is over sooner leaves no time to search in."""
+"""A shortage shorter than this [s] leaves no time to search."""
 DROP = 0.1
-"""Fall of the adhesion within `STAY`, as a share of it, with which a search starts anew."""
+"""Fall of the adhesion within `STAY`, as a share of it, that starts a new search."""
 MEAN_TIME = 1.0
-"""Time [s] over which torque is averaged: what is slower than that is the course of the event."""
+"""Time [s] over which torque is averaged: slower changes are the course of the event."""
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
 class Episode(NamedTuple):
-    """A stretch of a unit's shortage in which adhesion does not drop anew; `stop` is the first instant after it."""
+    """A stretch of a unit's shortage in which adhesion does not drop again; `stop` is the first instant after it."""
 
     unit: int
     start: int
@@ -54,10 +54,11 @@ class Episode(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What a unit needed to find adhesion again in one episode."""
+    """How long a unit needed to find adhesion again in one episode."""
 
     time: float
-    """From the loss until the used share stays above `FOUND` [s]; 0 where it was not lost, the rest where not found."""
+    """Time from the loss until the used share stays above `FOUND` [s]; 0 if never lost, the rest of the episode if not
+    found."""
     finished: bool
 
 
@@ -136,9 +137,9 @@ def searches(run: xr.Dataset) -> list[Search]:
 def search_time(run: xr.Dataset) -> float:
     """Mean over the episodes of shortage [s]; nan where there are none.
 
-    A search starts when the used coefficient falls below `FOUND` of what the rail offers and ends when it has come back
-    for `STAY` at least. One that is cut off, by adhesion's return, its next drop or the run's end, counts until then: a
-    lower bound.
+    A search starts when the used coefficient falls below `FOUND` of what the rail offers. It ends when the coefficient has
+    returned for at least `STAY`. A search that is cut off, by adhesion's return, its next drop or the end of the run, counts
+    until then, which is a lower bound.
     """
     times = [search.time for search in searches(run)]
     return float(np.mean(times)) if times else float("nan")

@@ -1,4 +1,4 @@
-"""What sliding wheels cost under brakes: wheels that stood, and air."""
+"""What sliding wheels cost under brakes: locked wheels, and compressed air."""
 
 import numpy as np
 import xarray as xr
@@ -6,7 +6,7 @@ import xarray as xr
 from alloc.metrics.registry import NEVER_NEGATIVE, metric, record_period, series
 
 LOCK_SPEED = 5.0 / 3.6
-"""Train speed [m/s] above which a standing wheel counts as locked; slide protection rests below it."""
+"""Train speed [m/s] above which a standing wheel counts as locked; slide protection is inactive below it."""
 
 STANDING_SPEED = 0.1
 """Rim speed [m/s] below which a wheel counts as standing."""
@@ -33,7 +33,7 @@ def locked_time(run: xr.Dataset) -> float:
     NEVER_NEGATIVE,
 )
 def air_consumption(run: xr.Dataset) -> float:
-    """Volume of the brake cylinders times all rises of their pressure over the atmosphere's [normal litres].
+    """Volume of the brake cylinders times all rises of their pressure over that of the atmosphere [normal litres].
 
     Isothermal; the first application of the brakes counts too. nan for a train without air brakes.
     """

@@ -1,4 +1,4 @@
-"""What a rule answers: the limits, and what they promise."""
+"""A rule's answer: the limits, and what they deliver."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ CASES = ("none", "A", "B")
 @displayed
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """Limits of the tangential force coefficients, one per unit, and how the rule came to them."""
+    """Limits of the tangential force coefficients, one per unit, and how the rule determined them."""
 
     limit: Floats
     """Limit of each unit, (n,), read-only."""
@@ -27,7 +27,7 @@ class Allocation:
     unmet: float
     """Mean shortfall of the limits against the plan, weighted with mass, as a coefficient; >= 0."""
     status: str = "ok"
-    """"ok", which a rule with a solver says of a certified optimum only, or what happened instead."""
+    """"ok", which a rule with a solver states only for a certified optimum, or what happened instead."""
     solve_time: float = 0.0
     """Wall time that the rule took [s]."""
 

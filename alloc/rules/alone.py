@@ -1,4 +1,4 @@
-"""No redistribution: every unit is left to itself."""
+"""No redistribution: every unit works alone."""
 
 import numpy as np
 

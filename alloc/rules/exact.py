@@ -1,8 +1,8 @@
 """The exact level that par. 0050 of JP5484215 names but does not compute, without sorting.
 
-The limits are the projection of the plan onto {x: sum m x = Mu_z sum m, lower <= x <= upper} in the norm
-sum m (x - Mu_z)^2. Weighted with the mass, every unit inside its bounds stands at one level L whatever its
-mass: x = min(max(L, lower), upper). L is the root of a monotone, piecewise linear function.
+The limits are the projection of the plan onto {x: sum m x = Mu_z sum m, lower <= x <= upper} in the norm sum m (x - Mu_z)^2.
+In this norm, weighted with mass, every unit inside its bounds is at one level L whatever its mass: x = min(max(L, lower),
+upper). L is the root of a monotone, piecewise linear function.
 """
 
 import time
@@ -20,9 +20,9 @@ from alloc.rules.rule import RULES, Rule
 def exact_limits(cap, expected, mass, limit_max, limit_out):
     """Fill `limit_out` with min(cap, limit_max, L); returns the level L and whether the plan is within reach.
 
-    L is the root of sum m min(upper, L) = expected sum m. Newton's method from L = expected: the function is
-    concave, so the iterates rise, and stop exactly as soon as they pass no further unit's bound, after n steps at
-    most. Out of reach: the highest bound, and False.
+    L is the root of sum m min(upper, L) = expected sum m, found by Newton's method from L = expected. The function is
+    concave, so the iterates rise. They stop exactly as soon as they pass no further unit's bound, after n steps at most. If
+    the plan is out of reach, L is the highest bound, and the second value is False.
     """
     free, balance, deficit, total, nearest = 0.0, 0.0, 0.0, 0.0, np.inf
     # sums without branches: which unit is above the level follows no pattern that a processor could predict
@@ -59,9 +59,10 @@ def exact_limits(cap, expected, mass, limit_max, limit_out):
 def box_level(lower, upper, mass, expected):
     """Root L of sum m min(max(L, lower), upper) = expected sum m; the plan must lie between the bounds' sums.
 
-    Variable fixing (Bitran and Hax 1981, Management Science 27(4)): the level of the units still free is compared
-    with what they would lose at their upper and gain at their lower bounds; the heavier side is at its bounds in the
-    solution too. Each pass fixes a unit, so n passes suffice. `below` and `above` enclose L and say which are fixed.
+    The method is variable fixing (Bitran and Hax 1981, Management Science 27(4)). The level of the units that are still free
+    is compared with what they would lose at their upper and gain at their lower bounds. The heavier side is at its bounds in
+    the solution too. Each pass fixes a unit, so n passes suffice. `below` and `above` enclose L and say which units are
+    fixed.
     """
     below, above, level = -np.inf, np.inf, expected
     total = 0.0
@@ -97,7 +98,8 @@ def box_level(lower, upper, mass, expected):
 def box_limits(lower, upper, mass, expected, limit_out):
     """Fill `limit_out` with the projection onto the box; returns level and whether the plan is within reach.
 
-    Where even the upper bounds fall short all units stand there, and where even the lower ones exceed the plan, there.
+    Where even the upper bounds fall short of the plan, all units are at their upper bounds. Where even the lower bounds
+    exceed it, all are at their lower bounds.
     """
     most, least, total = sums_at_bounds(lower, upper, mass, expected)
     slack = ROUNDING * expected * total
@@ -127,7 +129,7 @@ def exact_in_box(problem: AllocationProblem, limit_out: Floats) -> tuple[float, 
 
 
 def answer_exact(problem: AllocationProblem) -> Allocation:
-    """The exact limits, whether they may change at a rate only or at once."""
+    """The exact limits, with or without limits on their rate of change."""
     started = time.perf_counter()
     limit = np.empty(problem.n)
     if problem.rate is None:

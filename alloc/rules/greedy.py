@@ -1,7 +1,7 @@
-"""The rule of JP5484215: the foremost unit's slip bounds all, the rear takes over what the front lost.
+"""The rule of JP5484215: the slip of the foremost unit bounds all units, and the rear takes over what the front lost.
 
-This is the description's reading of its step S210; `alloc.rules.greedy_claim` is that of claim 1. Like the patent both
-count units, not masses, and know of no torque limits: a unit that cannot reach its limit simply falls short of it.
+This is the description's reading of its step S210; `alloc.rules.greedy_claim` is that of claim 1. Like the patent, both
+count units, not masses, and take no torque limits into account: a unit that cannot reach its limit simply falls short of it.
 """
 
 from dataclasses import replace
@@ -67,8 +67,8 @@ GREEDY_LITERAL = replace(
 RULES.register("greedy-literal", GREEDY_LITERAL)
 
 HOLD_TIME = 5.0
-"""Time [s] for which a detection counts; par. 0036 calls it "a certain time" and lifts the limits at its end at once. See
-`GREEDY_TUNED` for the runs that this and the next two numbers were tuned on."""
+"""Time [s] for which a detection counts; par. 0036 calls it "a certain time" and lifts the limits at its end at once.
+`GREEDY_TUNED` describes the runs on which this and the next two numbers were tuned."""
 DIFFERENTIATOR_POLE = 20.0
 """Pole [1/s] of the differentiator that computes the axles' accelerations; the detector's own is 40."""
 SLIP_ON = 0.3
@@ -80,12 +80,15 @@ GREEDY_TUNED = replace(
     description="greedy at its best within the words of JP5484215: all units' slips heard, "
     f"held {HOLD_TIME:g} s, differentiator {DIFFERENTIATOR_POLE:g} 1/s, slip from {SLIP_ON:g} m/s",
 )  # fmt: skip
-"""What the text leaves open is used: every unit's own estimate, which embodiment 2 sends to learn increments from, is the
-unit's cap at once (`alloc.onboard.own_slips`); hold time and detector are tuned. What it states stays: limits are set at a
-detection and lifted at once (par. 0036, step S216).
+"""The rule at its best within the patent's words.
+
+The freedom that the text leaves is used. Embodiment 2 sends every unit's own estimate so that increments can be learnt; here
+the estimate is the unit's cap at once (`alloc.onboard.own_slips`). Hold time and detector are tuned. What the text states is
+kept: limits are set at a detection and lifted at once (par. 0036, step S216).
 
 Tuned on 80 events of the claims (seeds 1000 and 1001, 40 each) for the used share of the bound, both controllers together:
 hold 1, 2, 3, 5, 8, 12 s; differentiator 10 to 40 1/s; slip 0.15 to 0.6 m/s. Under cut-and-ramp the units' own slips bring
-0.9 points (95.5 to 96.4 %), the detector 0.06 and a quarter of the slip (8.2 to 6.1 axle s). Under perturb-observe the best
-is to do nothing (98.87 %, as alone), since what the detector calls slip there is noise: at 20 1/s it calls nothing slip."""
+0.9 points (95.5 to 96.4 %), the detector 0.06 and a quarter of the slip (8.2 to 6.1 axle s). Under perturb-observe it is
+best to do nothing (98.87 %, as alone), since what the detector calls slip there is noise: at 20 1/s it signals no slip.
+"""
 RULES.register("greedy-tuned", GREEDY_TUNED)

@@ -17,17 +17,18 @@ from alloc.rules.exact import box_limits
 from alloc.rules.problem import AllocationProblem, Floats
 
 CERTIFIED = 3e-10
-"""Largest error of a level that is certified, relative to the plan: two such make less than 1e-9."""
+"""Largest error of a certified level, relative to the plan: twice this error is still less than 1e-9."""
 
 
 @jit
 def certified(lower, upper, mass, expected, limit, level):
-    """Whether `limit` is the optimum but for 2 `CERTIFIED`, relative to the plan; for bounds that leave a choice.
+    """Whether `limit` is the optimum within 2 `CERTIFIED`, relative to the plan; for bounds that leave a choice.
 
-    With clip(L) = min(max(L, lower), upper), first: every limit is clip(level) but for the tolerance. That is stationarity,
-    complementarity and the multipliers' signs in one: the residual of the projected gradient, over the mass. Second: the sum
-    of m clip(L) is at most the plan's a tolerance below `level`, and at least the plan's a tolerance above. It rises with L,
-    so the true multiplier is in between. A small residual of the sum would prove nothing where the free units are light.
+    With clip(L) = min(max(L, lower), upper), two conditions are checked. First, every limit is clip(level) within the
+    tolerance. That covers stationarity, complementarity and the multipliers' signs: it is the residual of the projected
+    gradient, over the mass. Second, the sum of m clip(L) is at most the plan's a tolerance below `level`, and at least the
+    plan's a tolerance above. The sum rises with L, so the true multiplier is in between. A small residual of the sum alone
+    would prove nothing where the free units are light.
     """
     tolerance = CERTIFIED * expected
     below, above, holds = 0.0, 0.0, True
@@ -43,12 +44,12 @@ def certified(lower, upper, mass, expected, limit, level):
 @displayed
 @dataclass(frozen=True)
 class Optimality:
-    """Residuals as coefficients, all >= 0 and zero for the optimum; `gap` is what the rule gives away."""
+    """Residuals as coefficients, all >= 0 and zero for the optimum; `gap` is the rule's distance from the optimum."""
 
     primal: float
     """Largest violation of a bound, or of the sum over n."""
     dual: float
-    """Largest multiplier of the wrong sign: a unit at its upper bound though above L, or at its lower though below."""
+    """Largest multiplier of the wrong sign: a unit at its upper bound but above L, or at its lower bound but below L."""
     complementarity: float
     """Largest distance from its bound of a unit whose multiplier is not zero, or that multiplier if smaller."""
     stationarity: float
@@ -56,7 +57,7 @@ class Optimality:
     gap: float
     """Root mean square, weighted with mass, of the distance from the optimum."""
     level: float
-    """L: the rule's own level where it is one of the sum's multipliers, else the one that fits its limits best."""
+    """L: the rule's own level if it is one of the sum's multipliers, else the level that fits its limits best."""
 
     @property
     def worst(self) -> float:
@@ -69,7 +70,7 @@ def optimality(
 ) -> Optimality:
     """Residuals of `allocation` as an answer to `problem`.
 
-    `tolerance`: distance from a bound, relative to the plan, within which a unit counts as standing at it.
+    `tolerance`: distance from a bound, relative to the plan, within which a unit counts as being at the bound.
     """
     x, weight = allocation.limit, problem.weight
     lower, upper = problem.box
@@ -102,7 +103,7 @@ def _largest(values: Floats) -> float:
 
 
 def fitted_level(limit: Floats, problem: AllocationProblem, tolerance: float = 1e-9) -> float:
-    """The level that fits `limit` best: that of the units at neither bound, or one that explains who stands at which."""
+    """The level that fits `limit` best: that of the units at neither bound, or one that fits the units at their bounds."""
     lower, upper = problem.box
     near = tolerance * problem.expected
     at_upper = upper - limit <= near

@@ -1,4 +1,4 @@
-"""What could be had at best: the exact level, by a rule that knows the rail."""
+"""The best possible result: the exact level, by a rule that knows the rail."""
 
 from alloc.compilation import jit
 from alloc.rules.allocation import Allocation

@@ -1,8 +1,9 @@
 """The last step of every solver of the quadratic program: from its active set to the optimum itself, with a certificate.
 
-A first-order or interior-point method comes as near as its tolerances say, which with masses a million apart is not near.
-What it does find out is which units stand at a bound. With these fixed, the conditions of optimality are linear: the others
-stand at one level L, which follows from the sum. The answer is the optimum if L fits the bounds, else the guess was wrong.
+A first-order or interior-point method comes as near as its tolerances say, which is not near if masses are a million apart.
+But it does find out which units are at a bound. With these fixed, the conditions of optimality are linear: the other units
+are at one level L, which follows from the sum. If L fits the bounds, the answer is the optimum; otherwise the guess was
+wrong.
 """
 
 import time
@@ -23,7 +24,8 @@ def polish(lower, upper, mass, expected, guess, excess, limit_out):
     """Fill `limit_out` from a solver's answer; returns level, whether the plan is within reach, and the certificate.
 
     `guess`: the solver's limits. `excess`: its multiplier of each unit's bounds over the mass, so that at the optimum it is
-    the level less the limit: > 0 at an upper bound, < 0 at a lower one. Where the bounds leave one point only, this is it.
+    the level less the limit: > 0 at an upper bound, < 0 at a lower one. If the bounds leave only one point, the limits are
+    that point.
     """
     most, least, total = sums_at_bounds(lower, upper, mass, expected)
     slack = ROUNDING * expected * total

@@ -1,4 +1,4 @@
-"""What a rule is asked: adhesion caps along the train, the plan, and what else bounds the limits."""
+"""A rule's problem: adhesion caps along the train, the plan, and the other bounds of the limits."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -51,7 +51,8 @@ class AllocationProblem:
     rate: ArrayLike | None = None
     """Largest change of a limit against `previous` per call; a number or one per unit."""
     delivered: ArrayLike | None = None
-    """Coefficient each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps carry."""
+    """Coefficient that each unit delivers now under its own readhesion control; read by `sharing`. None: what the caps
+    carry."""
     truth: ArrayLike | None = None
     """Coefficients truly available; read by `oracle` alone. None: the caps are true."""
     deviation: ArrayLike | None = None
@@ -94,8 +95,8 @@ class AllocationProblem:
     def box(self) -> tuple[Floats, Floats]:
         """Lower and upper bound of every limit, two (n,), from cap, torque limit and rate; lower <= upper.
 
-        Where adhesion or torque fell further than the rate allows to follow, adhesion and torque prevail.
-        Without slip nothing is bounded.
+        Where adhesion or torque fell faster than the rate allows to follow, adhesion and torque have priority. Without slip
+        nothing is bounded.
         """
         if not self.slip:
             return np.zeros(self.n), np.full(self.n, np.inf)
@@ -110,7 +111,7 @@ class AllocationProblem:
 
     @cached_property
     def rate_box(self) -> tuple[Floats, Floats]:
-        """As `box`, without the caps: what bounds a unit that knows nothing of adhesion."""
+        """As `box`, without the caps: the bounds of a unit without information on adhesion."""
         lower, upper = np.zeros(self.n), self.torque_limit
         if self.previous is not None and self.rate is not None:
             previous, rate = np.asarray(self.previous), np.asarray(self.rate)
@@ -125,7 +126,7 @@ class AllocationProblem:
 
     @cached_property
     def obtained(self) -> Floats:
-        """`delivered`; where none was given, what the caps carry of the limits in force, (n,)."""
+        """`delivered`; where none was given, the part of the limits in force that the caps carry, (n,)."""
         return self._given("delivered", np.minimum(self.in_force, self.cap))
 
     @cached_property
@@ -147,7 +148,7 @@ class AllocationProblem:
 
     @cached_property
     def attainable(self) -> float:
-        """Mean coefficient, weighted with mass, nearest to the plan that the box allows."""
+        """The mean coefficient that the box allows, weighted with mass, nearest to the plan."""
         if not self.slip:
             return self.expected
         lower, upper = self.box

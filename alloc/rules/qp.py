@@ -30,11 +30,11 @@ SETTINGS = {
     "eps_prim_inf": 1e-15,
     "eps_dual_inf": 1e-15,
 }
-"""Tolerances that tell the active bounds apart. With OSQP's first step size of 0.1 masses a million apart take ten times as
-many iterations. Without warm start the answer does not depend on the problem before."""
+"""Tolerances that distinguish the active bounds. With OSQP's first step size of 0.1, masses a million apart take ten times
+as many iterations. Without warm start the answer does not depend on the previous problem."""
 
 ONE_AT_A_TIME = threading.Lock()
-"""OSQP catches interrupts while it solves, for the whole process: two solves at once leave Python deaf to Ctrl-C."""
+"""OSQP catches interrupts for the whole process while it solves: with two solves at once, Python would ignore Ctrl-C."""
 
 
 class Workspace:
@@ -57,7 +57,7 @@ class Workspace:
         self.set_up(np.ones(n))
 
     def set_up(self, weight: Floats) -> None:
-        """Begin anew with other masses: updated matrices would keep the rounding of those before."""
+        """Set up again with other masses: updated matrices would keep the rounding errors of the previous ones."""
         self.weight, self.root = weight.copy(), np.sqrt(weight)
         self.matrix.data[::2] = self.root  # a column holds its entry of the sum, then of the box
         self.rho_changed = False

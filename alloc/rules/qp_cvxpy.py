@@ -14,15 +14,15 @@ from alloc.rules.qp import scaled
 from alloc.rules.rule import RULES, Rule
 
 SOLVER = "CLARABEL"
-"""An interior-point solver: another method than `qp`'s, so that the two check each other."""
+"""An interior-point solver: its method differs from that of `qp`, so the two check each other."""
 SETTINGS = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
 
 ONE_AT_A_TIME = threading.Lock()
-"""cvxpy's parameters and Python's filters of warnings belong to the whole process."""
+"""A lock, because cvxpy's parameters and Python's filters of warnings belong to the whole process."""
 
 
 class Formulation:
-    """The problem for n units with its parameters, built once, since compiling it costs more than solving it."""
+    """The problem for n units with its parameters, built once, since building it costs more than solving it."""
 
     def __init__(self, n: int) -> None:
         cp = import_solver("cvxpy", "qp-cvxpy")

@@ -1,12 +1,13 @@
-"""Chance-constrained allocation: every cap holds with a chosen probability, then the quadratic program as before.
+"""Chance-constrained allocation: the rail carries every cap with a chosen probability; then the quadratic program as before.
 
 The true bound of unit j is normal about its cap with standard deviation d_j. Then
 
     P(limit_j <= true bound_j) >= p    is equivalent to    limit_j <= cap_j - Phi^-1(p) d_j,
 
-a linear constraint again: the program of `alloc.rules.qp` with lower caps (Charnes and Cooper, Management Science 6
-(1959), p. 73: deterministic equivalent of an individual chance constraint). The probability holds unit by unit; that all
-caps hold at once is less probable, and what the foremost unit's estimate shifts in all caps alike is part of each deviation.
+a linear constraint again: the program of `alloc.rules.qp` with lower caps (Charnes and Cooper, Management Science 6 (1959),
+p. 73: deterministic equivalent of an individual chance constraint). The probability applies unit by unit. That the rail
+carries all caps at once is less probable. An error of the foremost unit's estimate shifts all caps alike, and is part of
+each deviation.
 """
 
 from dataclasses import replace
@@ -21,8 +22,8 @@ from alloc.rules.qp import answer_qp
 from alloc.rules.rule import RULES, Rule
 
 PROBABILITY = 0.9
-"""Probability with which each cap holds unless said otherwise. Assumed, no source names one: the next steps, 0.95 and 0.99,
-cost 1.3 and 1.8 times as much effort, and a unit that slips all the same has its own readhesion control."""
+"""Default probability that the rail carries a cap. Assumed, no source names one. The next steps, 0.95 and 0.99, cost 1.3 and
+1.8 times as much effort, and a unit that slips all the same has its own readhesion control."""
 
 
 def check_probability(probability: float) -> float:

@@ -1,4 +1,4 @@
-"""What an allocation rule is, and the registry of all."""
+"""Definition of an allocation rule, and the registry of all rules."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ class Units(NamedTuple):
     open_to: Floats
     """Coefficient up to which each unit may be asked for more than the plan; inf: it was never limited."""
     plan: float
-    """What the driver asks of every unit; the rule may be asked for more, to make up for others."""
+    """What the driver asks of every unit; the rule may be called with more, to make up for others."""
 
 
 @displayed
@@ -34,35 +34,33 @@ class Units(NamedTuple):
 class Rule:
     """An allocation rule: call it with an `AllocationProblem` to get an `Allocation`.
 
-    A rule has an `answer` in Python or a compiled `law`; both where the law leaves out rates of change. Raises
-    `AllocationError` where a library that the rule needs is not installed.
-
-    Several threads may call rules that ship, the same one too: an answer is that of a call alone, whatever was asked before.
-    A solver that keeps a workspace answers one call at a time.
+    A rule has an `answer` in Python or a compiled `law`; it has both where the law leaves out rates of change. Raises
+    `AllocationError` where a library that the rule needs is not installed. Several threads may call shipped rules, including
+    the same rule: an answer depends on its own call alone. A solver that keeps a workspace answers one call at a time.
     """
 
     name: str
     description: str
     answer: Callable[[AllocationProblem], Allocation] | None = field(default=None, repr=False)
-    """What is called under slip; without slip every rule answers with the plan."""
+    """Function that is called under slip; without slip every rule answers with the plan."""
     law: Any = field(default=None, repr=False)
     """Compiled: fills an array of limits from `Units` and the plan; returns level and whether the plan is within reach. The
     array may be that of the previous limits. None if the rule needs Python."""
     periodic: bool = False
-    """Whether it is asked with every telegram, instead of once per detection of slip."""
+    """Whether it is called with every telegram, instead of once per detection of slip."""
     always: bool = False
-    """Whether it is asked with every telegram, limited units or not."""
+    """Whether it is called with every telegram, whether or not units are limited."""
     own_caps: bool = False
-    """Whether its caps are what each unit finds itself, instead of what (5) makes of the foremost one's."""
+    """Whether its caps are what each unit finds itself, instead of what (5) derives from the foremost unit's cap."""
     on_slip: bool = False
-    """Whether it is asked at the foremost unit's slip alone, as JP5484215 says, whatever units report."""
+    """Whether it is called at the foremost unit's slip alone, as JP5484215 says, whatever units report."""
     own_slips: bool = False
-    """Whether, asked on slip, it hears of every unit's detections, each of which is that unit's own cap."""
+    """Whether, called on slip, it receives every unit's detections, each of which is that unit's own cap."""
     onboard: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    """Settings of the equipment that it brings along, whatever the event says: values by the path of their fields in
+    """Settings of the equipment that belong to the rule, whatever the event says: values by the path of their fields in
     `alloc.onboard.parameters.Onboard`, as "detector.pole"."""
     needs_truth: bool = False
-    """Whether it reads what nobody on board can know."""
+    """Whether it reads true values that no computer on board can know."""
     colour: str = "#402020"
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
@@ -96,7 +94,7 @@ def units_of(problem: AllocationProblem) -> Units:
 
 
 def plan(problem: AllocationProblem) -> Allocation:
-    """Every unit at the plan: what stands while nothing slips."""
+    """Every unit at the plan: the answer while nothing slips."""
     limit = np.full(problem.n, problem.expected)
     return allocation(problem, limit, np.nan, CASE_NONE, 0.0)
 
@@ -108,7 +106,7 @@ RULES: Registry[Rule] = Registry(
         "qp-robust", "cooperative", "oracle",
     ),
 )  # fmt: skip
-"""Every rule by name: what there was before, the patent's, exact ones, and the one that knows the truth."""
+"""Every rule by name: those of the prior art, the patent's, exact ones, and the one that knows the truth."""
 
 
 find_rule = RULES.find
