@@ -21,7 +21,8 @@ def differentiate(filtered, value, pole, gain):
 def slip_signal(was_on, acceleration, slip, on, off, speed_on):
     """New state of the detector's signal; acceleration and slip count positive in the direction of the demand.
 
-    On above `on` [m/s2] or beyond `speed_on` [m/s] of slip; off only at or below `off` and below half of `speed_on`.
+    The signal comes on above `on` [m/s2] or beyond `speed_on` [m/s] of slip. It goes off only at or below `off` and below
+    half of `speed_on`.
     """
     if acceleration > on or slip > speed_on:
         return True

@@ -1,6 +1,7 @@
 """Interface of readhesion controllers that run as Python objects (the MPC): of a train, or one per traction unit.
 
-They see what the units' computers see: sensors, their belief, the limits handed down. Never the plant.
+They have the inputs of the units' computers: sensors, their belief, and the limits that they receive. They never read the
+plant.
 """
 
 import math
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
 @displayed
 @dataclass(frozen=True)
 class UnitContext:
-    """What a unit's computer knows of its equipment; believed values, SI units."""
+    """A unit computer's description of its equipment; believed values, SI units."""
 
     unit: int
     axles: int
     radius: float
-    """Of the wheels [m]."""
+    """Radius of the wheels [m]."""
     inertia: float
     """Inertia of one wheelset at the wheel [kg m2]."""
     gear_ratio: float
@@ -45,7 +46,7 @@ class UnitContext:
     period: float
     """Control period [s]."""
     free_axle: bool = True
-    """Whether its reference speed is also that of axles that it does not drive itself."""
+    """Whether its reference speed also uses axles that it does not drive itself."""
     car: int = 0
     """Number of the car it is on, 0 = foremost of the train."""
     unloading: tuple[float, ...] = ()
@@ -53,9 +54,9 @@ class UnitContext:
     telegrams: Telegrams = field(default_factory=Telegrams)
     """Telegrams between the units."""
     blended: bool = False
-    """Whether air brakes fill what its motors lack of a brake force."""
+    """Whether air brakes supply the part of a brake force that its motors lack."""
     settings: Any = None
-    """The controller's, as the run gives them; None: its own defaults."""
+    """Settings of the controller, as given to the run; None: its own defaults."""
 
 
 @displayed
@@ -63,7 +64,7 @@ class UnitSense(NamedTuple):
     """What a unit's computer reads at a control instant."""
 
     time: float
-    """Since the start of the run [s]."""
+    """Time since the start of the run [s]."""
     speed: float
     """Reference speed of the car [m/s]."""
     omega: NDArray[np.float64]
@@ -71,24 +72,24 @@ class UnitSense(NamedTuple):
     torque: float
     """Torque of each motor as the inverter knows it [N m]."""
     target: float
-    """Torque wanted of each motor: the driver's command under the limit handed down [N m]."""
+    """Torque wanted of each motor: the driver's command under the limit received [N m]."""
     drive_limit: float
-    """Most torque of each motor that drives [N m]."""
+    """Largest torque of each motor that drives [N m]."""
     brake_limit: float
-    """Most torque of each motor that brakes, a magnitude [N m]."""
+    """Largest torque of each motor that brakes, a magnitude [N m]."""
     coefficient: float
     """Estimate of the tangential force coefficient by the disturbance observer."""
     slipping: bool
     """Signal of the slip detector."""
     in_service: bool = True
-    """Whether its motors work, as the whole train knows."""
+    """Whether its motors work, as known to the whole train."""
     planned: float = 0.0
     """Magnitude of the torque that the driver's command asks of each motor, whatever a rule or the motors allow [N m]."""
 
 
 @displayed
 class TorqueDecision(NamedTuple):
-    """What a controller answers."""
+    """A controller's answer."""
 
     torque: float
     """Commanded torque of each motor [N m]; ignored where `ok` is False (the unit then cuts and ramps)."""
@@ -96,7 +97,7 @@ class TorqueDecision(NamedTuple):
     status: str
     """"ok", or what failed: such a step is counted, even where part of the answer can be used."""
     solve_time: float
-    """Time that the computer on board takes for it [s]; who has no model of that gives the time measured."""
+    """Time that the computer on board takes for it [s]; a controller without a model of it returns the measured time."""
     residual: float = math.nan
     """Optimality residual of the controller's optimisation; nan where it has none."""
 
@@ -104,7 +105,7 @@ class TorqueDecision(NamedTuple):
 class HostController(Protocol):
     """A readhesion controller of one unit.
 
-    Where its solver fails it answers with ok = False. What it raises is a fault of the program and ends the run.
+    Where its solver fails it answers with ok = False. An exception is a fault of the program and ends the run.
     """
 
     def decide(self, sense: UnitSense) -> TorqueDecision:
@@ -116,7 +117,7 @@ HostControllerFactory = Callable[[UnitContext], HostController]
 
 
 class TrainController(Protocol):
-    """The readhesion controllers of all units of a train, which may know of each other."""
+    """The readhesion controllers of all units of a train, which may exchange information."""
 
     def decide(self, senses: Sequence[UnitSense]) -> Sequence[TorqueDecision]:
         """Torque command of each unit for the coming control period, foremost first, as are `senses`."""
@@ -124,28 +125,28 @@ class TrainController(Protocol):
 
 @runtime_checkable
 class TellingController(TrainController, Protocol):
-    """A train controller whose units tell each other more, with the periodic telegrams, than the rules need.
+    """A train controller whose units exchange more numbers, with the periodic telegrams, than the rules need.
 
-    A telegram is sent before `decide` is asked. So it says what was told in the control period before, and what has arrived
-    by then can be read. The foremost unit that works leads: reports go to it and orders come from it.
+    A telegram is sent before `decide` is called. So it contains the numbers of the control period before, and `decide` can
+    read what has arrived by then. The foremost unit that works leads: reports go to it and orders come from it.
     """
 
     added: AddedNumbers
 
     def connect(self, reports: Attachment, orders: Attachment) -> None:
-        """Get what is told and read by every unit, once, before a run."""
+        """Get the arrays that every unit writes and reads, once, before a run."""
 
 
 TrainControllerFactory = Callable[
     [Sequence[UnitContext]], TrainController | tuple["CompiledController", ...]
 ]
-"""Makes the controllers of a train when a run starts, of one context per unit, foremost first; as Python or compiled."""
+"""Makes the controllers of a train when a run starts, from one context per unit, foremost first; as Python or compiled."""
 
 
 @displayed
 @dataclass(frozen=True)
 class HostedController:
-    """A readhesion controller that is not built in, as the collection knows it."""
+    """A readhesion controller that is not built in, as an entry of the collection."""
 
     name: str
     meaning: str
@@ -156,7 +157,7 @@ class HostedController:
     marker: str = "h"
     """In figures, as Matplotlib names it."""
     settings: type[Any] | None = None
-    """Frozen dataclass of what can be set, all with defaults: the table `[onboard.<name>]` of scenario files."""
+    """Frozen dataclass of its settings, all with defaults: the table `[onboard.<name>]` of scenario files."""
 
 
 class EachUnit:
@@ -166,19 +167,19 @@ class EachUnit:
         self.controllers = tuple(controllers)
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:
-        """What each unit's own controller answers."""
+        """Answers of each unit's own controller."""
         return [one.decide(sense) for one, sense in zip(self.controllers, senses, strict=True)]
 
 
 def each_unit(factory: HostControllerFactory) -> TrainControllerFactory:
-    """Factory of a train whose units each have a controller of their own, which knows nothing of the others."""
+    """Factory of a train whose units each have a controller of their own, without information on the others."""
     return lambda contexts: EachUnit([factory(context) for context in contexts])
 
 
 def unit_contexts(
     model: Model, eq: Equipment, onboard: Onboard, controller: str
 ) -> list[UnitContext]:
-    """What each unit's computer knows of its equipment, foremost unit first; with the settings of its `controller`."""
+    """Every unit computer's description of its equipment, foremost unit first; with the settings of its `controller`."""
     mass = model.train.mass
     weight = (eq.empty_axle_mass + eq.load_per_axle) * eq.axles
     s = model.structure

@@ -1,9 +1,9 @@
-"""Learning the increments of adhesion along the train on board, JP5484215 embodiment 2: from reports, in the run.
+"""Learning the increments of adhesion along the train on board, JP5484215 embodiment 2: from reports, during the run.
 
-A datum is the coefficient at a slip of unit j less that of the leader, the foremost unit that works. A report tells the
-instant of the unit's last detection again and again, so a lost telegram delays a datum, and none counts twice.
-Stored are increments over the foremost unit of all. Where another one leads, what it has over that unit is added: so a
-change of the leader changes no difference between units.
+A datum is the coefficient at a slip of unit j less that of the leader, the foremost unit that works. Every report repeats
+the instant of the unit's last detection, so a lost telegram delays a datum, and no datum counts twice. The stored increments
+are relative to the foremost unit of all. Where another unit leads, its own increment is added, so a change of the leader
+does not change any difference between units.
 """
 
 import math
@@ -24,8 +24,8 @@ KINDS = {"none": NO_LEARNING, "running-mean": RUNNING_MEAN, "gaussian": GAUSSIAN
 """Learners by name."""
 
 FOLLOWS = 0.5
-"""Share of the command that the leader's torque must reach, else its own coefficient is that of motors that have failed: the
-train knows of that only some telegrams later."""
+"""Share of the command that the leader's torque must reach. Below it, its own coefficient is that of failed motors: the
+train learns of the failure only some telegrams later."""
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,22 @@ class IncrementLearning:
     """Learner: none, the running mean (16), (17), or a Gaussian posterior per unit. Source: JP5484215 (16), (17); the
     Gaussian one is this project's."""
     reference: Literal["received", "held"] = "received"
-    """The leader's coefficient against which a report counts. Received: when the report arrives; where the leader does not
-    slip then, this is what it delivers and not what its rail could carry. Held: that of its own last slip, as long as this
-    is in force. Source: JP5484215, par. 0064, says received."""
+    """The leader's coefficient against which a report counts. Received: that when the report arrives; if the leader does not
+    slip then, this is what it delivers and not what its rail could carry. Held: that of its own last slip, as long as
+    this is in force. Source: JP5484215, par. 0064, says received."""
     first: int = 10
-    """Running mean: new data of a unit wait until there are so many, N_min."""
+    """Running mean: number of new data of a unit for the first update, N_min."""
     further: int = 5
-    """Running mean: later data wait until there are so many, N_arg."""
+    """Running mean: number of new data of a unit for each later update, N_arg."""
     stored: float = quantity(10.0, "1")
-    """Running mean: data that count as behind the increments believed at first, N_z."""
+    """Running mean: number of data for which the increments believed at first count, N_z."""
     noise: float = quantity(0.012, "1")
     """Gaussian: standard deviation by which data scatter. Source: JP5484215, par. 0055, scatter of the rail."""
     deviation: float = quantity(0.010, "1")
-    """Gaussian: standard deviation of the prior of each unit about what is believed, where the belief's `unit_deviation`
-    says nothing. Source: assumed: half of what the increments reach."""
+    """Gaussian: standard deviation of the prior of each unit about the believed increment, where the belief has no
+    `unit_deviation`. Source: assumed: half of the largest increment."""
     drift: float = quantity(0.0, "1")
-    """Gaussian: variance that every datum's passing adds, so that the train can follow the seasons."""
+    """Gaussian: variance added after every datum, so that the train can follow the seasons."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("learning", "kind", self.kind, KINDS)
@@ -72,7 +72,7 @@ class IncrementLearning:
 
 @dataclass(frozen=True)
 class LearntIncrements:
-    """What a train has learnt so far, a number per traction unit from the front: it begins its next run with this.
+    """Increments that a train has learnt so far, one per traction unit from the front; its next run begins with them.
 
     `increment` over the foremost unit and its `deviation`; `behind`: N_z, the data behind it; `waiting_sum`, `waiting`: sum
     and number of the data that wait for (16); `updates`: how often (17) was used.
@@ -114,7 +114,7 @@ class LearningSettings(NamedTuple):
 
 
 class Increments(NamedTuple):
-    """As `LearntIncrements`, (units,) each; they are those believed where nothing is learnt."""
+    """As `LearntIncrements`, (units,) each; equal to the believed increments where nothing is learnt."""
 
     increment: Floats
     deviation: Floats
@@ -133,7 +133,7 @@ class LearningSeries(NamedTuple):
 
 
 class LearningMemory(NamedTuple):
-    """What the leader remembers of the units' slips, (units,) unless said otherwise."""
+    """Stored values of the leader on the units' slips, (units,) unless said otherwise."""
 
     series: LearningSeries
     block: Floats  # (fields, units): the same numbers, to be recorded by one copy
@@ -146,7 +146,7 @@ def first_increments(
     increment: Floats,
     deviation: tuple[float, ...] | None,
 ) -> Increments:
-    """What the leader begins with: what was learnt, else `increment` (units,) as believed, and its `deviation` if known.
+    """Initial increments of the leader: the learnt ones, else `increment` (units,) as believed; `deviation` if known.
 
     Where it learns, increments are those over the foremost unit; otherwise only their differences count.
     """
@@ -221,9 +221,9 @@ def _leader_knows(st, m, time):
 
 @inlined_jit
 def learn_increments(st, m, time):
-    """Take the detections of which reports have told since the last period; own slips call for an allocation too.
+    """Take the detections of all reports that arrived since the last period; own slips cause an allocation too.
 
-    A detection that is older than the hold time, or of which the leader hears while it knows no coefficient, is no datum.
+    A detection older than the hold time is no datum. Nor is one that arrives while the leader has no coefficient.
     """
     first, knows = m.lead.unit[0], _leader_knows(st, m, time)
     reference = m.lead.estimate[0] if st.learning.held else m.unit.coefficient_estimate[first]

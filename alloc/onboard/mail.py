@@ -1,4 +1,4 @@
-"""Telegrams between the foremost unit and the others: what was sent arrives late, or never.
+"""Telegrams between the foremost unit and the others: they arrive late, or never.
 
 Controllers in Python add their numbers to the same telegrams (`alloc.onboard.attachment`).
 """
@@ -11,10 +11,10 @@ from alloc.compilation import inlined_jit
 from alloc.plant.model import Floats
 
 SLOTS = 16
-"""Telegrams that can be on their way on one line."""
+"""Largest number of telegrams in transit on one line."""
 
 ROUNDING = 1e-9
-"""Tolerance [s] of comparing instants, which are multiples of a period."""
+"""Tolerance [s] for comparing instants, which are multiples of a period."""
 
 
 class Mail(NamedTuple):
@@ -29,7 +29,7 @@ class Mail(NamedTuple):
 
 
 def mail(units: int, fields: int, nothing: float) -> Mail:
-    """Lines on which nothing was sent yet; a receiver reads `nothing`."""
+    """Lines without any telegram yet; a receiver reads `nothing`."""
     return Mail(
         arrival=np.full((units, SLOTS), np.inf),
         sent=np.zeros((units, SLOTS)),
@@ -54,7 +54,7 @@ def post(line, j, time, delay, told):
 
 @inlined_jit
 def tell(line, j, time, told):
-    """Sender and receiver of line `j` are one computer: it knows at once."""
+    """Deliver at once on line `j`, whose sender and receiver are one computer."""
     line.newest[j] = line.heard[j] = time
     for f in range(told.shape[1]):
         line.read[j, f] = told[j, f]
@@ -62,7 +62,7 @@ def tell(line, j, time, told):
 
 @inlined_jit
 def collect(line, j, time):
-    """Read the newest of what has arrived on line `j` by `time`; returns whether anything has."""
+    """Read the newest telegram that has arrived on line `j` by `time`; returns whether any has."""
     found = False
     for k in range(SLOTS):
         if line.arrival[j, k] <= time + ROUNDING:
@@ -79,7 +79,7 @@ def collect(line, j, time):
 
 @inlined_jit
 def exchange(line, j, time, told, sending, telegrams, counter, delay, fate):
-    """Send on line `j` where it is time to, unless the telegram is lost, and read what has arrived; returns whether any has.
+    """Send on line `j` when it is due, unless the telegram is lost, and read what has arrived; returns whether any has.
 
     `delay`, `fate`: draws from 0 to 1 of the telegram's jitter and loss.
     """

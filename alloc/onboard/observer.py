@@ -1,7 +1,7 @@
 """Minimal-order disturbance observer of the tangential force, JP5484215 (1)-(4), sampled.
 
-tau_c = a/(s + a) (tau_m - J s w) is computed without differentiating the speed: with z = filter(tau_m + a J w),
-tau_c = z - a J w. Between samples torque and speed are taken as linear, for which the recursion is exact.
+tau_c = a/(s + a) (tau_m - J s w) is computed without differentiating the speed: with z = filter(tau_m + a J w), tau_c = z -
+a J w. Between samples torque and speed are assumed to be linear; the recursion is exact for that.
 """
 
 import math
@@ -21,7 +21,7 @@ def observer_gains(pole: float, period: float) -> tuple[float, float, float]:
 def observe(filtered, last_input, torque, angular_speed, inertia, pole, keep, old, new):
     """One sample of (3), all at the wheel: returns filter state, input, and the estimated load torque [N m].
 
-    `torque` is the motor torque times the gear ratio, `inertia` the wheelset's with everything geared to it.
+    `torque` is the motor torque times the gear ratio, `inertia` that of the wheelset with everything geared to it.
     """
     value = torque + pole * inertia * angular_speed
     filtered = keep * filtered + old * last_input + new * value

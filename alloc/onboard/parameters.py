@@ -1,4 +1,4 @@
-"""Parameters of what runs on board; what the train believes is kept apart from what is true."""
+"""Parameters of the equipment on board; what the train believes is kept apart from the truth."""
 
 import math
 from collections.abc import Mapping
@@ -65,11 +65,11 @@ class Telegrams:
     latency: float = quantity(0.05, "s")
     """Time from sending to receiving [s]."""
     jitter: float = quantity(0.0, "s")
-    """Greatest time that is added to `latency`, drawn evenly for each telegram [s]."""
+    """Largest time that is added to `latency`, drawn uniformly for each telegram [s]."""
     loss: float = quantity(0.0, "1")
     """Probability that a telegram is lost, 0 to 1."""
     silence: float = quantity(1.0, "s")
-    """A unit that has heard nothing for so long falls back to its planned limit [s]."""
+    """A unit that has received nothing for this time falls back to its planned limit [s]."""
 
     def __post_init__(self) -> None:
         OnboardError.check("telegrams", self, ("period", "silence"), ("latency", "jitter"))
@@ -89,7 +89,7 @@ class Dropout:
     begin: float = quantity(MISSING, "s")
     """Instant from which the signal is lost [s]."""
     until: float = quantity(math.inf, "s")
-    """Instant at which the signal is back [s]. Left out: it never comes back."""
+    """Instant at which the signal returns [s]. Left out: it never returns."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.axle, int) or self.axle < 0:
@@ -114,16 +114,16 @@ class Sensors:
     load_error: float = quantity(0.0, "1")
     """Standard deviation of the relative error of the load signals, drawn once per run."""
     radius_error: float = quantity(0.0, "1")
-    """Greatest relative error of the wheel radii that the computers believe in, as wear leaves it; drawn evenly."""
+    """Largest relative error of the wheel radii that the computers believe in, as wear leaves it; drawn uniformly."""
     seed: int = field(default=0, metadata=NOT_IN_FILES)
     sensorless_pole: float | None = quantity(None, "1/s")
-    """Motor speeds are estimated without sensors: known per unit, as the mean of its axles through a low-pass filter of this
-    pole [1/s]. Axles without motor keep their sensors. Left out: every axle has a sensor."""
+    """Motor speeds are estimated without sensors: one speed per unit, the mean of its axles through a low-pass filter of
+    this pole [1/s]. Axles without motor keep their sensors. Left out: every axle has a sensor."""
     dropouts: tuple[Dropout, ...] = ()
-    """Speed signals that are lost for a time. A unit goes on with the axles that it still sees; one that sees none takes the
-    reference speed for its own, and sees no slip."""
+    """Speed signals that are lost for a time. A unit continues with the axles whose signals remain. A unit without any
+    signal uses the reference speed as its own, and detects no slip."""
     blind_share: float = quantity(0.5, "1")
-    """Share of its target with which a unit pulls that sees none of its axles, 0 to 1."""
+    """Share of its target with which a unit pulls that has no speed signal from any of its axles, 0 to 1."""
 
     def __post_init__(self) -> None:
         OnboardError.check(
@@ -146,25 +146,26 @@ class Braking:
     """Brakes of the train. A train without air brakes is never blended; one without motors brakes with air alone."""
 
     blended: bool = True
-    """Every car brakes itself: the air brake fills what the electric brake lacks, and serves the trailers alone. Else the
-    motors brake the whole train. Source: JP5484215, embodiment 3."""
+    """Every car brakes itself: the air brake supplies what the electric brake lacks, and brakes the trailers alone.
+    Otherwise the motors brake the whole train. Source: JP5484215, embodiment 3."""
     blend_time: float = quantity(4.0, "s")
-    """Time in which the motors take over a full brake from the air [s]. Source: assumed: a few times the cylinders' lag."""
+    """Time in which the motors take over a full brake from the air brake [s]. Source: assumed: a few times the cylinders'
+    lag."""
     inertia_in_estimate: bool = True
-    """(18) counts what decelerates the wheelsets, as the observer does. As printed it does not, and finds more adhesion than
-    there is in wheels that are just being braked to a slide. Source: JP5484215 (18), corrected."""
+    """(18) counts the torque that decelerates the wheelsets, as the observer does. As printed it does not, and finds more
+    adhesion than there is at wheels that the brakes are just forcing into a slide. Source: JP5484215 (18), corrected."""
     air_force: Literal["pressure", "command"] = "pressure"
-    """Force of the air brake in (18) and beside a limit: that of the cylinders' pressure, or of the command, which the
-    cylinders lag. Source: JP5484215 (18) prints the command."""
+    """Force of the air brake in (18) and beside a limit: that of the cylinders' pressure, or that of the command, behind
+    which the cylinders lag. Source: JP5484215 (18) prints the command."""
     slide_protection: SlideProtection = field(default_factory=SlideProtection)
-    """What the valves of the air brakes do while wheels slide, without which a trailer's wheels would lock. Source: not in
+    """What the valves of the air brakes do while wheels slide; without it a trailer's wheels would lock. Source: not in
     JP5484215; see the table."""
     release_speed: float = quantity(0.5, "km/h")
-    """Reference speed below which the driver releases, so that a run ends rolling; 0: brakes stay on to the standstill and
-    beyond [m/s]. Source: assumed."""
+    """Reference speed below which the driver releases the brakes, so that a run ends rolling; 0: brakes stay applied at the
+    standstill and beyond [m/s]. Source: assumed."""
     car_shares: tuple[float, ...] | None = quantity(None, "1")
-    """Brake force that each car by weight is asked for, relative to the plan, from the front. It holds for cars that brake
-    by air alone; limits of the others are the allocation rule's. Left out: 1 for all. Source: this project."""
+    """Brake force that each car is asked for by weight, relative to the plan, from the front. It applies to cars that brake
+    by air alone; the allocation rule limits the others. Left out: 1 for all. Source: this project."""
 
     def __post_init__(self) -> None:
         shares = () if self.car_shares is None else ("car_shares[]",)
@@ -174,7 +175,7 @@ class Braking:
 
 @dataclass(frozen=True)
 class Belief:
-    """What the train takes for true. What it has learnt before (`learnt`) stands in place of all increments.
+    """What the train assumes to be true. What it has learnt before (`learnt`) replaces all increments.
 
     Source: this project; a train believes the truth where nothing is said.
     """
@@ -182,24 +183,24 @@ class Belief:
     increments: tuple[float, ...] | None = None
     """Growth of the coefficient per axle from the front; None: all zero. Source: JP5484215 (15), Shinkansen."""
     unit_increments: tuple[float, ...] | None = None
-    """Increment of the coefficient of each traction unit over the foremost one, as learnt; stands in place of `increments`.
-    Left out: the mean of `increments` over the unit's axles. Source: JP5484215 (5)."""
+    """Increment of the coefficient of each traction unit over the foremost one, as learnt; replaces `increments`. Left out:
+    the mean of `increments` over the unit's axles. Source: JP5484215 (5)."""
     unit_deviation: tuple[float, ...] | None = None
-    """Standard deviation of each unit's cap about the truth, for rules that count risk, from the front. Left out: these
-    rules take the caps for certain."""
+    """Standard deviation of each unit's cap about the truth, for rules that take risk into account, from the front. Left
+    out: these rules treat the caps as certain."""
     learnt: LearntIncrements | None = None
-    """With what the train begins that has learnt before; stands in place of the increments and their deviation."""
+    """Increments that the train has learnt before and begins with; they replace the increments and their deviation."""
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     """Adhesion curve."""
     loads: tuple[float, ...] | None = None
     """Pay load of each car from the front in place of the load sensors, as learnt from the train's motion [kg]. Left out:
-    what the load sensors say. Source: JP H07-322414."""
+    the values of the load sensors. Source: JP H07-322414."""
     mass_factor: float = 1.0
-    """Believed over true empty mass, as the reference speed's estimate takes it."""
+    """Believed over true empty mass, as used by the reference speed's estimate."""
     resistance_factor: float = 1.0
-    """Believed over true running resistance, as the reference speed's estimate takes it."""
+    """Believed over true running resistance, as used by the reference speed's estimate."""
     coupler_factor: float = 1.0
-    """Believed over true stiffness of the draft gear, as the reference speed's estimate takes it."""
+    """Believed over true stiffness of the draft gear, as used by the reference speed's estimate."""
 
     def __post_init__(self) -> None:
         OnboardError.check(
@@ -224,13 +225,13 @@ class Onboard(BuiltInControllers):
     detector: Detector = field(default_factory=Detector)
     """Slip detector of every traction unit."""
     observer: Observer = field(default_factory=Observer)
-    """Disturbance observer of every traction unit: it tells the coefficient that the rail carries."""
+    """Disturbance observer of every traction unit: it estimates the coefficient that the rail carries."""
     telegrams: Telegrams = field(default_factory=Telegrams)
     """Telegrams between the units."""
     sensors: Sensors = field(default_factory=Sensors)
     """Sensors of axle speeds and loads."""
     belief: Belief = field(default_factory=Belief, metadata=NOT_IN_FILES)
-    """What the train takes for true."""
+    """What the train assumes to be true."""
     braking: Braking = field(default_factory=Braking)
     """Brakes."""
     sanding: Sanding = field(default_factory=Sanding)
@@ -240,8 +241,9 @@ class Onboard(BuiltInControllers):
     reference: ReferenceSpeed = field(default_factory=ReferenceSpeed)
     """Estimate of the train's speed, from which slip is measured."""
     trigger: Literal["limited", "slip"] = "limited"
-    """When a rule is asked: while any unit is limited by its own report, or at the foremost unit's slip alone; then limits
-    return to the plan after `hold_time` without slip. Source: JP5484215 says slip; limited is this project's."""
+    """When a rule is called: while any unit is limited by its own report, or at the foremost unit's slip alone; in the
+    latter case limits return to the plan after `hold_time` without slip. Source: JP5484215 says slip; limited is this
+    project's."""
     hold_time: float = quantity(5.0, "s")
     """Time without slip after which limits return to the plan, with the trigger slip [s]. Source: JP5484215 has such a time;
     the value is assumed."""
@@ -250,11 +252,11 @@ class Onboard(BuiltInControllers):
     period: float = quantity(0.01, "s")
     """Control period of the computers on board [s]. Source: assumed."""
     limit_rate: float | None = quantity(None, "1")
-    """Largest change of a limit per allocation, for the rules that count rates. Left out: no bound."""
+    """Largest change of a limit per allocation, for the rules that bound rates. Left out: no bound."""
     inertia_in_limit: bool = True
-    """A unit's torque is its limit (6) plus what turns its own wheelsets, so that limits, caps and plan are all coefficients
-    at the rail. Else (6) as printed, whose torque delivers less at the rail than the cap by that part. Source: JP5484215
-    (6), corrected."""
+    """A unit's torque is its limit (6) plus the torque that accelerates its own wheelsets, so that limits, caps and plan are
+    all coefficients at the rail. Otherwise it is (6) as printed, which delivers less at the rail than the cap by that
+    part. Source: JP5484215 (6), corrected."""
     hosted: Mapping[str, Any] = field(default_factory=dict, hash=False, metadata=NOT_IN_FILES)
     """Settings of controllers in Python by the controller's name; those not named take their defaults."""
 
@@ -270,7 +272,7 @@ class Onboard(BuiltInControllers):
             )
 
     def with_settings(self, settings: Mapping[str, Any]) -> "Onboard":
-        """The same equipment but for `settings`: values by the path of their fields, as "detector.pole".
+        """The same equipment except for `settings`: values by the path of their fields, as "detector.pole".
 
         Raises `OnboardError` for a path that is no field, and for a value out of range.
         """

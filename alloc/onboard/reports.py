@@ -1,7 +1,7 @@
-"""What traction units tell the foremost one: whether they are limited, what they deliver and find, whether they slip.
+"""Reports of the traction units to the foremost one: whether they are limited or slip, what they deliver and find.
 
-A good readhesion controller takes torque away without any slip signal. So "limited" means that a unit's torque stays below
-its target for want of adhesion, or that it has failed or sees none of its axles. The latter says nothing of the rail.
+A good readhesion controller reduces torque without any slip signal. So "limited" means that a unit's torque stays below its
+target for lack of adhesion, or that it has failed or has no speed signal. The last two say nothing about the rail.
 """
 
 from typing import NamedTuple
@@ -15,28 +15,28 @@ from alloc.onboard.slide_protection.fuzzy import SUPPLY
 from alloc.plant.model import Floats
 
 DELIVERED, ESTIMATE, DETECTED, LIMITED, SLIPPED = range(5)
-"""What a report says: the limit at which the unit would deliver what it does, filtered; coefficient at the last detection,
-nan before it; when that was [s], which tells it from the one before; what limits the unit; when it slipped for the last
-time [s]: a flag would miss slips between two telegrams."""
+"""Fields of a report: the filtered limit at which the unit would deliver what it delivers now; the coefficient at the last
+detection, nan before the first; the instant of that detection [s], which distinguishes it from the one before; what
+limits the unit; the instant of its last slip [s], since a flag would miss slips between two telegrams."""
 
 NUMBERS = SLIPPED + 1
 
 BY_NOTHING, BY_RAIL, BY_ITSELF = 0.0, 1.0, 2.0
-"""What limits a unit: its target is within reach, the rail, its failure or blindness."""
+"""What limits a unit: nothing, since its target is within reach; the rail; its own failure or blindness."""
 
 WHOLE = 0.985
-"""Share of its target from which on a unit counts as not limited: creep control on the rising branch of the curve keeps
-within a hundredth of its target."""
+"""Share of its target above which a unit counts as not limited: creep control on the rising branch of the curve keeps within
+a hundredth of its target."""
 
 ACTING = 0.5
-"""Share of the plan that a unit's target must reach: what is less says nothing of the rail."""
+"""Share of the plan that a unit's target must reach: a smaller target says nothing about the rail."""
 
 FILTER_TIME = 0.2
 """Time constant [s] of the delivered coefficient: two telegrams, and one step of a searching controller."""
 
 
 class ReportMemory(NamedTuple):
-    """What the units tell, and what the foremost one has heard."""
+    """What the units send, and what the foremost one has received."""
 
     own: Floats  # (units, 5 and what a controller adds) what each would say now
     line: Mail  # to the foremost unit
@@ -48,7 +48,7 @@ class ReportMemory(NamedTuple):
 
 
 def report_memory(units: int, speed: float, expected: float, added: int = 0) -> ReportMemory:
-    """Memory at the start of a run: everyone delivers the plan. `added`: numbers that a controller adds, nan at first."""
+    """Memory at the start of a run: every unit delivers the plan. `added`: numbers that a controller adds, nan at first."""
     own = np.tile([expected, np.nan, -np.inf, 0.0, -np.inf, *[np.nan] * added], (units, 1))
     line = mail(units, own.shape[1], 0.0)
     line.read[:] = own
@@ -73,10 +73,11 @@ def _limited_by(eq, m, j, expected, braking):
 
 @inlined_jit
 def write_reports(eq, st, m, time, commanded):
-    """What each unit would say now; one that is sounded says what it said before.
+    """Fill the present report of each unit; a sounded unit repeats its last report.
 
-    A limit counts what turns the wheelsets in proportion, though the train turns them all alike. So a limit at what is
-    delivered would deliver less, and marks would sink and sink: told is the limit that delivers as much.
+    A limit includes the torque that accelerates the wheelsets, in proportion to the limit, although the train accelerates
+    them all alike. So a limit at the delivered torque would deliver less, and marks would fall without end. The report
+    states the limit at which the unit delivers as much as now.
     """
     gain = st.period / (FILTER_TIME + st.period)
     r = m.report
@@ -102,7 +103,7 @@ def write_reports(eq, st, m, time, commanded):
 
 @inlined_jit
 def hear_reports(eq, st, m, time, tick, delay, fate):
-    """Reports go up with the periodic telegrams; `delay`, `fate` (units,): draws of their jitter and loss."""
+    """Send and receive reports with the periodic telegrams; `delay`, `fate` (units,): draws of their jitter and loss."""
     own, line, first = m.report.own, m.report.line, m.lead.unit[0]
     sending = tick % st.telegrams.ticks == 0
     for j in range(eq.axles.size):

@@ -1,4 +1,4 @@
-"""What a readhesion controller that is compiled with the loop consists of."""
+"""Base class of the readhesion controllers that are compiled with the loop."""
 
 from collections import namedtuple
 from collections.abc import Mapping
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 Remembered = Mapping[str, Any]
-"""What a law keeps of every unit, and its value at the start of a run: a number, or nested tuples of them."""
+"""What a law stores of every unit, and its value at the start of a run: a number, or nested tuples of numbers."""
 
 
 @displayed
 class BuiltInController:
     """A readhesion controller; a subclass is a frozen dataclass of its parameters.
 
-    `law(eq, st, m, p, k, j, commanded)` is compiled. It fills the torque command of unit `j` and returns the share of the
-    target that it leaves the unit. `p` is what `settings` gives, `k` what `memory` gives; `eq`, `st`, `m` are equipment,
-    settings and memory of the whole train. Everything counts positive in the direction of the demand.
+    `law(eq, st, m, p, k, j, commanded)` is compiled. It fills the torque command of unit `j` and returns the share of its
+    target that it leaves the unit. `p` comes from `settings`, `k` from `memory`; `eq`, `st`, `m` are equipment, settings and
+    memory of the whole train. All quantities count positive in the direction of the demand.
     """
 
     name: ClassVar[str]
@@ -37,7 +37,7 @@ class BuiltInController:
     _remembered: ClassVar[Remembered]
     Parameters: ClassVar[Any]
     Memory: ClassVar[Any]
-    """Named tuples of the parameters and of what the law remembers, as compiled code takes them."""
+    """Named tuples of the parameters and of the stored values of the law, as compiled code takes them."""
 
     def __init_subclass__(cls, remembered: Remembered | None = None) -> None:
         """`remembered`: what the law keeps of every unit."""
@@ -51,7 +51,7 @@ class BuiltInController:
             raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
 
     def settings(self, onboard: "Onboard") -> Any:
-        """Named tuple of numbers that the law takes as `p`; None if it needs none."""
+        """Named tuple of the numbers that the law takes as `p`; None if it needs none."""
         values = [float(getattr(self, name)) for name in self.Parameters._fields]
         return self.Parameters(*values) if values else None
 
@@ -59,7 +59,7 @@ class BuiltInController:
     def memory(cls, units: int) -> Any:
         """Named tuple of arrays that the law keeps in `k`, as at the start of a run; None if it keeps none.
 
-        Each is (units,), or (units, n) where n values are remembered of a unit.
+        Each is (units,), or (units, n) where n values are stored per unit.
         """
         arrays = [np.full((units, *np.shape(value)), value) for value in cls._remembered.values()]
         return cls.Memory(*arrays) if arrays else None
@@ -67,7 +67,7 @@ class BuiltInController:
 
 @equation
 def share_of_target(m, j):
-    """Share of its target that the command of unit `j` is."""
+    """Command of unit `j` as a share of its target."""
     target = m.unit.torque_target[j]
     return m.unit.torque_command[j] / target if target != 0.0 else 1.0
 
@@ -80,5 +80,5 @@ def direction(commanded):
 
 @equation
 def torque_per_coefficient(eq, j):
-    """Torque [N m] of each motor of unit `j` that holds a coefficient of 1 at its axles."""
+    """Torque [N m] of each motor of unit `j` for a coefficient of 1 at its axles."""
     return eq.axle_load[j] * eq.radius[j] / eq.gear[j]

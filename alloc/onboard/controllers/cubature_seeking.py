@@ -1,11 +1,13 @@
-"""Extremum seeking on what a cubature Kalman filter estimates, after Applied Sciences 15(19), 10524 (2025).
+"""Extremum seeking on the estimate of a cubature Kalman filter, after Applied Sciences 15(19), 10524 (2025).
 
 From the source (abstract): an adaptive cubature Kalman filter, whose square roots are by singular value decomposition,
-estimates the train's speed; with it an extremum-seeking algorithm keeps the wheels near the most adhesion; above 90 % of it
-is used while the rail changes and under noise. Assumed: the state, which is rim speed, train speed and the height of
-an adhesion curve; the curve, 2 x / (1 + x^2) of slip over a fixed slip, which only has to be right where the wheels
-are, as its height adapts; a noise of the measurement that adapts to the innovations; Cholesky's square roots; and
-seeking by a sine added to the creep reference, the classical one.
+estimates the train's speed. With it an extremum-seeking algorithm keeps the wheels near the largest adhesion. Above 90 % of
+it is used while the rail changes and under noise.
+
+Assumed: the state, which is rim speed, train speed and the height of an adhesion curve; the curve, 2 x / (1 + x^2) of slip
+over a fixed slip; a noise of the measurement that adapts to the innovations; Cholesky's square roots; and seeking by a sine
+added to the creep reference, the classical method. The curve only has to be right where the wheels are, because its height
+adapts.
 """
 
 import math
@@ -29,7 +31,7 @@ from alloc.onboard.reference_speed.sounding import is_relieved
 RIM, TRAIN, HEIGHT = 0, 1, 2
 """Elements of the state: rim speed and train speed [m/s], positive ahead, and height of the adhesion curve.
 
-They do not turn with the demand, or the filter would start anew when brakes follow traction.
+Their sign does not change with the demand, or the filter would start again when brakes follow traction.
 """
 STATES = 3
 FIRST_HEIGHT = 0.1
@@ -50,7 +52,7 @@ def curve_at(slip, scale):
 def wheel_on_curve(points, i, inputs):
     """One period of the wheelset: `inputs` = (torque as a coefficient, m/s2 per coefficient, period [s], scale [m/s]).
 
-    Implicit where the curve rises: on its flank a wheel settles within a control period.
+    The step is implicit where the curve rises: there a wheel settles within a control period.
     """
     torque, response, period, scale = inputs
     value, slope = curve_at(points[i, RIM] - points[i, TRAIN], scale)
@@ -64,13 +66,13 @@ predict = prediction(wheel_on_curve)
 
 @called
 def adapted(variance, told, expected, share, least):
-    """Next variance of a measurement: what innovations show beyond what the state's own variance makes one expect."""
+    """Next variance of a measurement: the part of the innovations that the variance of the state does not explain."""
     return max(variance + share * (told * told - expected - variance), least)
 
 
 @called
 def estimate_slip(eq, st, m, p, k, j, commanded):
-    """One period of unit `j`'s filter: its estimates of slip [m/s] and coefficient go into memory."""
+    """One period of unit `j`'s filter: writes its estimates of slip [m/s] and coefficient into memory."""
     state, covariance, root = k.state[j], k.covariance[j], k.root[j]
     sign, speed = direction(commanded), m.reference[eq.unit_body[j]]
     rim = speed + sign * m.worst_slip[j]
@@ -97,7 +99,7 @@ def estimate_slip(eq, st, m, p, k, j, commanded):
 
 @called
 def seek(k, j, p, coefficient, period):
-    """One period of extremum seeking: the slip [m/s] to be held, a sine about `centre`, which a whole cycle moves.
+    """One period of extremum seeking: returns the slip reference [m/s], a sine about `centre`, moved after a whole cycle.
 
     Over a cycle the mean of the coefficient times the sine is half the slope times the amplitude.
     """
@@ -146,7 +148,7 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     """Creep control on the slip that a cubature Kalman filter estimates, with extremum seeking of its reference.
 
     The reference is a sine about a centre, which moves after every cycle with the slope that the cycle showed. Of fourteen
-    sets of these, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
+    sets of these parameters, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
     `studies.ladder.events` (seed 1000): 97.1 % where short on the multiple units, and 95.2 % at 0.5 s and a gain of 0.05.
 
     Source: Applied Sciences 15, 10524; values tuned on 24 events of `studies.ladder.events` (seed 1000).
@@ -165,11 +167,11 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     amplitude: float = quantity(0.015, "km/h")
     """Amplitude of the sine [m/s]."""
     gain: float = quantity(0.2, "m2/s2")
-    """The centre moves by so many times the slope that the cycle showed [m2/s2]."""
+    """Move of the centre over the slope that the cycle showed [m2/s2]."""
     largest: float = quantity(0.03, "km/h")
     """Largest move of the centre [m/s]."""
     lag: float = quantity(0.3, "1")
-    """Phase by which the coefficient follows the reference [rad]."""
+    """Phase lag of the coefficient behind the reference [rad]."""
     lowest: float = quantity(0.02, "km/h")
     """Least centre [m/s]."""
     highest: float = quantity(0.5, "km/h")
@@ -185,7 +187,7 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     height_walk: float = quantity(0.2, "1")
     """Filter: walk of the curve's height [1/sqrt(s)]."""
     adapt: float = quantity(0.02, "1")
-    """Filter: share of an innovation that the rim speed's variance takes."""
+    """Filter: share of an innovation that enters the rim speed's variance."""
     scale: float = quantity(0.2, "km/h")
     """Filter: slip at the peak of its curve [m/s]."""
 

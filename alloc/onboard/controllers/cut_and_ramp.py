@@ -16,15 +16,16 @@ FOLLOW, CUT, HOLD, RAMP = 0, 1, 2, 3
 """Phases of the controller."""
 
 RECOVERY_TIMEOUT = 3.0
-"""Time [s] after which an unsuccessful cut goes to zero torque: the estimate was too high to readhere."""
+"""Time [s] after which an unsuccessful cut goes to zero torque: the estimate was too high for readhesion."""
 
 
 @equation
 def cut_and_ramp(phase, clock, base, torque, target, slipping, rail_torque, p, ramp_rate, period):
     """One control period under the settings `p`; torques as magnitudes in the direction of the demand [N m].
 
-    `rail_torque` is what the observer says the rail carries, `base` its value held at detection. Returns phase,
-    clock [s], base, torque command. A slip signal in any later phase starts anew with the new estimate.
+    `rail_torque` is the observer's estimate of the torque that the rail carries, `base` its value stored at detection.
+    Returns phase, clock [s], base, torque command. A slip signal in any later phase starts the sequence again with the new
+    estimate.
     """
     clock = clock + period
     if slipping and phase != CUT:
@@ -81,9 +82,9 @@ class CutAndRamp(BuiltInController, remembered={"phase": FOLLOW, "clock": 0.0, "
     law = cut_and_ramp_unit
 
     cut: float = quantity(0.5, "1")
-    """On detection the torque is cut to so many times the torque that the estimate says the rail can carry."""
+    """Torque after the cut at a detection, over the torque that the estimate says the rail can carry."""
     recover: float = quantity(0.9, "1")
-    """Once the wheels have readhered the torque is held at so many times that torque, 1 at most."""
+    """Torque held once the wheels have readhered, over the torque that the estimate says the rail can carry; at most 1."""
     hold: float = quantity(0.1, "s")
     """Time for which it is held [s]."""
     ramp: float = quantity(3.0, "s")

@@ -1,10 +1,11 @@
 """Fuzzy creep control after Tian, Daniel, Meehan (2014): the torque follows from fuzzy inference of creep.
 
 From the source (Computers in Railways XIV, 885, abstract): a fuzzy logic creep controller of a Co-Co locomotive under
-Polach's contact law, which reaches more tractive force than a PI controller where the friction changes. Assumed, as the
-abstract prints no rules: the inputs, slip velocity and its rate; the sets; the output, a rate of the coefficient that is
-allowed. The nine rules are those of the slide protection: a valve's supply, hold and release become more, the same and
-less torque.
+Polach's contact law reaches more tractive force than a PI controller where the friction changes.
+
+Assumed, as the abstract prints no rules: the inputs, slip velocity and its rate; the sets; the output, a rate of the
+coefficient that is allowed. The nine rules are those of the slide protection: supply, hold and release of a valve become
+more, the same and less torque.
 """
 
 import math
@@ -72,9 +73,9 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
     """Fuzzy creep control after Tian, Daniel, Meehan (2014).
 
     Near the reference the law is that of `CreepControl`, with the integral gain change / reference and the proportional gain
-    change / rate: its values are chosen so. Over 24 events of `studies.ladder.events` (seed 1000) the multiple units use
-    94.2 % where short, as under `CreepControl`. A reference of 0.12 m/s used 95.3 %, but slipped twice as long; twice the
-    rates changed nothing.
+    change / rate; the values are chosen so that the gains agree. Over 24 events of `studies.ladder.events` (seed 1000) the
+    multiple units use 94.2 % where short, as under `CreepControl`. A reference of 0.12 m/s used 95.3 %, but slipped twice as
+    long; doubled rates changed nothing.
 
     Source: Tian, Daniel, Meehan (2014); values chosen to match pi-creep near the reference.
     """
@@ -86,9 +87,9 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
     law = fuzzy_creep_unit
 
     reference: float = quantity(0.085, "km/h")
-    """Slip at which the middle set of the slip peaks, and which is held; the least one peaks at 0 [m/s]."""
+    """Slip at which the middle set of the slip peaks, and which the law holds; the lowest set peaks at 0 [m/s]."""
     large: float = quantity(0.3, "km/h")
-    """Slip at which the greatest set peaks, more than `reference` [m/s]."""
+    """Slip at which the highest set peaks, larger than `reference` [m/s]."""
     rate: float = quantity(1.7, "km/h/s")
     """Slip rates at which the outer sets of the rate peak, either way; the middle one peaks at 0 [m/s2]."""
     change: float = quantity(0.7, "1/s")

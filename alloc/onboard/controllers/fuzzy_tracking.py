@@ -1,9 +1,10 @@
 """Fuzzy adhesion tracking after Abouzeid et al. (arXiv 2406.13650): a search whose step is inferred.
 
-From the source (abstract; no more of it could be read): one of two strategies that overcome the limitations of
-perturb-observe and steepest gradient finds the slip of the most adhesion by a fuzzy logic controller. Assumed, as the
-abstract prints no rules: the inputs, the changes of the coefficient and of the slip from interval to interval; three sets
-each; nine rules.
+From the source (only the abstract could be read): it has two strategies that overcome the limitations of perturb-observe and
+steepest gradient. One of them finds the slip of the largest adhesion by a fuzzy logic controller.
+
+Assumed, as the abstract prints no rules: the inputs, the changes of the coefficient and of the slip from interval to
+interval; three sets each; nine rules.
 """
 
 import math
@@ -32,9 +33,9 @@ RULES = (
 
 @called
 def inferred_step(last_step, coefficient_change, slip_change, p):
-    """Next step of the reference [m/s] under settings `p`: at most `largest`, and at least `least`, or nothing is learnt.
+    """Next step of the reference [m/s] under settings `p`, between `least` and `largest`.
 
-    Where the rules say nothing, the reference goes to and fro by the least step.
+    Without a smallest step nothing would be learnt. Where no rule applies, the reference moves back and forth by that step.
     """
     changes = (-p.coefficient, 0.0, p.coefficient)
     ways = (-p.way, 0.0, p.way)
@@ -63,7 +64,7 @@ def fuzzy_tracking_unit(eq, st, m, p, k, j, commanded):
 
 @dataclass(frozen=True)
 class FuzzyTracking(BuiltInController):
-    """Fuzzy adhesion tracking: as `PerturbObserve`, but the step is inferred from how much coefficient and slip changed.
+    """Fuzzy adhesion tracking: as `PerturbObserve`, but the step is inferred from the changes of coefficient and slip.
 
     Interval, bounds and memory are those of `PerturbObserve`. Of five sets of scales and steps this one used most over 24
     events of `studies.ladder.events` (seed 1000): 97.2 % where short on the multiple units, against 96.0 % with a least step

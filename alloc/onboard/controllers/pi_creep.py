@@ -1,4 +1,4 @@
-"""Creep control: a slip velocity is held by PI control of the coefficient that the torque asks for."""
+"""Creep control: PI control of the slip velocity; its output is the coefficient from which the torque follows."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ def hold_slip(allowed, slip, reference, ceiling, proportional, integral, period)
     """One period of the PI controller of slip: returns the integral's new value and the coefficient to pull with.
 
     `allowed` is the integral, `ceiling` the coefficient that the target asks for; slip and reference [m/s] count positive in
-    the direction of the demand. The integral stays within what can be commanded, so it does not wind up in adhesion.
+    the direction of the demand. The integral is bounded by what can be commanded, so it does not wind up while the wheels
+    adhere.
     """
     error = reference - slip
     allowed = min(max(allowed + integral * error * period, 0.0), ceiling)
@@ -56,9 +57,9 @@ class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
     """Creep control: the torque is what a PI controller of the slip velocity allows.
 
     The gains are from slip to coefficient; the searching controllers move the reference and use the same gains. The
-    reference is a compromise: more uses more of a wide peak, and slips longer beyond a narrow one. At 0.085 the multiple
-    units of the ladder (eight events of seed 1000) slip no longer than they did at 0.10 under a reference speed that lay
-    about 0.015 below the train's; they use 94.8 %.
+    reference is a compromise: a larger one uses more of a wide peak, but slips longer beyond a narrow one. At 0.085 the
+    multiple units of the ladder (eight events of seed 1000) slip no longer than they did at 0.10 under a reference speed
+    that was about 0.015 below the train's; they use 94.8 %.
 
     Source: assumed: the poles of a wheelset on a flat curve are then at 40 1/s with damping 0.7.
     """

@@ -1,4 +1,4 @@
-"""All readhesion controllers by name: those that are built in, those of installed packages, those registered at run time."""
+"""All readhesion controllers by name: built-in ones, those of installed packages, and those registered at run time."""
 
 from alloc.errors import OnboardError
 from alloc.onboard.controllers.built_in import BuiltInController
@@ -9,7 +9,7 @@ from alloc.registry import Registry
 CONTROLLERS: Registry[type[BuiltInController] | HostedController] = Registry(
     "controller", "readhesion.controllers", OnboardError
 )
-"""Built-in controllers first, from the simplest on; those registered or installed are each a `HostedController`."""
+"""Built-in controllers first, starting with the simplest; each registered or installed one is a `HostedController`."""
 
 for _name, _controller in BUILT_IN.items():
     CONTROLLERS.register(_name, _controller)

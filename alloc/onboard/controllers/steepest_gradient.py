@@ -20,7 +20,7 @@ from alloc.onboard.quantity import quantity
 def gradient_step(last_step, coefficient_change, slip_change, gain, least, largest):
     """Next step of the reference [m/s] along the slope of the curve between the last two intervals.
 
-    Where the slip has hardly changed the quotient says nothing: the last direction is probed with the least step.
+    If the slip has hardly changed, the quotient carries no information: the smallest step probes the last direction.
     """
     if abs(slip_change) < 0.3 * least:
         return math.copysign(least, last_step)
@@ -50,11 +50,11 @@ def steepest_gradient_unit(eq, st, m, p, k, j, commanded):
 class SteepestGradient(BuiltInController, remembered=REMEMBERED):
     """Steepest gradient: as `PerturbObserve`, but the step is a gain times the slope d mu / d slip.
 
-    The slope is the quotient of both changes between intervals. Steps are bounded: without the least one nothing is learnt
-    at the peak, without the largest a small change of slip makes a wild step. Of five triples of gain, least and largest
-    this one used most adhesion over the probe events of `PerturbObserve`, with the shortest search of equals: 97.0 % where
-    short in 0.04 s, against 95.9 % in 0.18 s with 0.04, 0.003 and 0.03. arXiv 2406.13650 names the weaknesses: the quotient
-    is noisy, and small where the curve falls slowly.
+    The slope is the quotient of both changes between intervals. Steps are bounded: without the smallest step nothing is
+    learnt at the peak, and without the largest a small change of slip causes an excessive step. Of five triples of gain,
+    least and largest this one used most adhesion over the probe events of `PerturbObserve`, with the shortest search of
+    equals: 97.0 % where short in 0.04 s, against 95.9 % in 0.18 s with 0.04, 0.003 and 0.03. arXiv 2406.13650 names the
+    weaknesses: the quotient is noisy, and small where the curve falls slowly.
 
     Source: arXiv 2406.13650; values tuned on eight events of `studies.ladder.events` (seed 1000).
     """

@@ -1,10 +1,11 @@
 """PI control at an optimum slip that a swarm of adhesion curves estimates, after Zirek and Onat (2020).
 
 From the source (Railway Engineering Science 28, s40534-020-00223-w, abstract and list of symbols): a PI controller of slip
-operates together with a swarm of models, each with an estimate of the greatest friction coefficient; the optimum of the best
-model's adhesion-slip curve is the controller's reference. It beats a fixed slip on a tram wheel test stand. Assumed: models
-are compared with the observer's coefficient at the slips of the last intervals, not by their own simulated speeds; a model
-is the curve peak * 2 x / (1 + x^2), x = slip / optimum slip; the number of models, and the bounds.
+operates together with a swarm of models, each with an estimate of the greatest friction coefficient. The optimum of the best
+model's adhesion-slip curve is the controller's reference. It is better than a fixed slip on a tram wheel test stand.
+
+Assumed: models are compared with the observer's coefficient at the slips of the last intervals, not by their own simulated
+speeds; a model is the curve peak * 2 x / (1 + x^2), x = slip / optimum slip; the number of models, and the bounds.
 """
 
 import math
@@ -25,7 +26,7 @@ from alloc.onboard.quantity import quantity
 MODELS = 8
 """Curves in the swarm."""
 POINTS = 12
-"""Intervals whose slip and coefficient a curve must meet."""
+"""Intervals to whose slip and coefficient a curve is fitted."""
 HIGHEST_PEAK = 0.6
 """Greatest coefficient that a curve may have at its peak."""
 
@@ -63,7 +64,7 @@ def misfit(k, j, peak, optimum):
 
 @called
 def scatter_models(k, j, p, bounds, coefficient):
-    """Place unit `j`'s curves over all optima between the bounds, their peaks at what was found just now."""
+    """Place unit `j`'s curves over all optima between the bounds, with their peaks at the coefficient found just now."""
     if k.generator[j] == 0:
         k.generator[j] = seeded(p.seed, j)
     for i in range(MODELS):
@@ -77,7 +78,7 @@ def scatter_models(k, j, p, bounds, coefficient):
 
 @called
 def best_model(k, j):
-    """Number of unit `j`'s curve whose best place meets the points best."""
+    """Number of unit `j`'s curve whose best place fits the points best."""
     found, least = 0, math.inf
     for i in range(MODELS):
         error = misfit(k, j, k.best_peak[j, i], k.best_optimum[j, i])
@@ -88,7 +89,7 @@ def best_model(k, j):
 
 @called
 def fit_models(k, j, p, bounds, coefficient, slip):
-    """Take a point of unit `j` [1, m/s] in, move its curves once, and return the optimum of the best one [m/s]."""
+    """Add a point of unit `j` [1, m/s], move its curves once, and return the optimum of the best one [m/s]."""
     if k.points[j] == 0:
         scatter_models(k, j, p, bounds, coefficient)
     place = k.points[j] % POINTS
@@ -132,7 +133,7 @@ def swarm_slip_unit(eq, st, m, p, k, j, commanded):
 class SwarmSlip(BuiltInController, remembered=_SWARM):
     """PI creep control at the optimum of the curve that a swarm of `MODELS` fits to the last `POINTS` intervals.
 
-    Every interval the curves move once, and the reference goes towards the best one's optimum. Interval, bounds of the
+    Every interval the curves move once, and the reference moves towards the best curve's optimum. Interval, bounds of the
     optima and the memory of the search are those of `PerturbObserve`.
 
     Source: Zirek, Onat (2020); the values are assumed.

@@ -1,10 +1,11 @@
 """Adhesion tracking by a particle swarm after Abouzeid et al. (arXiv 2406.13650): the particles are slips that are tried.
 
-From the source (abstract; no more of it could be read): one of two strategies that overcome the limitations of
-perturb-observe and steepest gradient finds the slip of the most adhesion by particle swarm optimisation. Assumed, as the
-abstract prints no algorithm: one particle after the other is held as the creep reference for an interval, as is usual in
-tracking the power of solar cells; the coefficient is its fitness; bests fade, for the rail changes; a swarm that has
-gathered rests at its best place until the coefficient changes.
+From the source (only the abstract could be read): it has two strategies that overcome the limitations of perturb-observe and
+steepest gradient. One of them finds the slip of the largest adhesion by particle swarm optimisation.
+
+Assumed, as the abstract prints no algorithm: one particle after the other is held as the creep reference for an interval, as
+is usual in tracking the power of solar cells; the coefficient is its fitness; best values fade, because the rail changes; a
+swarm that has gathered rests at its best place until the coefficient changes.
 """
 
 import math
@@ -23,7 +24,7 @@ from alloc.onboard.controllers.swarm import between, drawn, seeded, swarm_speed
 from alloc.onboard.quantity import quantity
 
 PARTICLES = 3
-"""As few as make a swarm: each costs an interval of driving at its slip."""
+"""As few as make a swarm: each particle costs an interval of driving at its slip."""
 
 _EACH = (0.0,) * PARTICLES
 _SWARM: Remembered = {
@@ -38,7 +39,7 @@ _SWARM: Remembered = {
 
 @called
 def best_particle(most):
-    """Number of the particle whose best place gave most; `most` (particles,)."""
+    """Number of the particle whose best place gave the largest coefficient; `most` (particles,)."""
     found = 0
     for i in range(most.size):
         if most[i] > most[found]:
@@ -48,7 +49,7 @@ def best_particle(most):
 
 @called
 def scatter_swarm(k, j, centre, p, bounds):
-    """Place the particles of unit `j` about `centre` [m/s], the first one on it; nothing is known of any place."""
+    """Place the particles of unit `j` about `centre` [m/s], the first one on it; no place has been tried yet."""
     for i in range(PARTICLES):
         side = 1.0 if i % 2 == 1 else -1.0
         away = side * p.spread * float((i + 1) // 2)
@@ -75,9 +76,9 @@ def move_swarm(k, j, p, bounds):
 
 @called
 def try_particles(k, j, p, bounds, held, coefficient, last):
-    """Note the `coefficient` of an interval in which unit `j` `held` a slip; returns the slip to be held next [m/s].
+    """Note the `coefficient` of an interval in which unit `j` `held` a slip; returns the slip to hold next [m/s].
 
-    `last`: coefficient of the interval before; nan: none, the search begins.
+    `last`: coefficient of the interval before; nan if there is none, and the search begins.
     """
     if k.generator[j] == 0:
         k.generator[j] = seeded(p.seed, j)
@@ -133,11 +134,11 @@ class SwarmTracking(BuiltInController, remembered=_SWARM):
     """Distance of the swarm's particles at the start, about the reference [m/s]. Source: tuned on 24 events of
     `studies.ladder.events` (seed 1000)."""
     keep: float = quantity(0.98, "1")
-    """What a particle found counts so many times as much after every round."""
+    """Factor by which the best value that a particle found decreases after every round."""
     gathered: float = quantity(0.015, "km/h")
-    """Once all particles lie within this of the best place, that is held [m/s]."""
+    """Once all particles are within this distance of the best place, that slip is held [m/s]."""
     change: float = quantity(0.05, "1")
-    """The search begins anew once the coefficient changes by this share from one interval to the next."""
+    """The search begins again once the coefficient changes by this share from one interval to the next."""
     seed: float = quantity(1.0, "1")
     """Seed of the draws."""
 

@@ -32,7 +32,7 @@ class TorqueTableSettings(NamedTuple):
 
 
 def lag_share(time_constant: float, period: float) -> float:
-    """Share of the way to its input that a first-order lag goes in one `period` [s]."""
+    """Share of the difference to its input by which a first-order lag moves in one `period` [s]."""
     return -math.expm1(-period / time_constant)
 
 
@@ -50,7 +50,7 @@ def asymmetric_lag(value, wanted, rise_share, fall_share):
 
 @equation
 def table_unit(eq, st, m, p, k, j, commanded):
-    """Command of unit `j`; the share that counts is that before the filter."""
+    """Command of unit `j`; returns the share before the filter."""
     sign = direction(commanded)
     if math.isnan(k.speed[j]):
         k.speed[j], k.torque[j] = m.speed[j], sign * m.unit.torque_command[j]
@@ -70,10 +70,10 @@ def table_unit(eq, st, m, p, k, j, commanded):
 class TorqueTable(BuiltInController, remembered={"speed": math.nan, "torque": math.nan}):
     """Static table of the readhesion paper, section 2.3 and Fig. 5: torque factor over the deviation of acceleration.
 
-    The deviation is the rim's acceleration, by a pseudo-differentiator, less the commanded one. Factor 1 up to `margin`, 0
-    from `margin` + `width` on, linear between. Factor times target passes a filter whose time constant differs between rise
-    and fall. T_u, T_d and tau are not printed: these are of a trial that does all that the paper says but for its half-slip,
-    as does the best set of `studies.readhesion_paper.calibration`.
+    The deviation is the rim's acceleration, by a pseudo-differentiator, less the commanded one. The factor is 1 up to
+    `margin`, 0 from `margin` + `width` on, and linear between. Factor times target passes a filter whose time constant
+    differs between rise and fall. T_u, T_d and tau are not printed. These values are of a trial that reproduces everything
+    that the paper says except its half-slip, as does the best set of `studies.readhesion_paper.calibration`.
 
     Source: calibrated in `studies.readhesion_paper.calibration`; the readhesion paper does not print it.
     """

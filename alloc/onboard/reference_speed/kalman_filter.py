@@ -1,9 +1,9 @@
 """Train speed from all wheel speeds and all applied forces: an extended Kalman filter of four states.
 
 State x = (v, d, c, q): speed of the train, unknown specific force (gradient, error of resistance and of shoe friction),
-micro-slip per coefficient, relative error of the inverse mass. Axle i: rim speed y_i, force F_i that motor and shoes
-apply at the rim, turning mass m_i = J / r^2, load N_i. The prediction is the momentum balance of train and wheelsets,
-in which no force has to be differentiated:
+micro-slip per coefficient, relative error of the inverse mass. Axle i: rim speed y_i, force F_i that motor and shoes apply
+at the rim, rotating mass m_i = J / r^2, load N_i. The prediction is the momentum balance of train and wheelsets, in which no
+force has to be differentiated:
 
     M dv = (1 + q) (sum F_i dt - sum m_i dy_i) - R(v) dt + M d dt,    dd = walk,    dc = dq = 0
 
@@ -12,10 +12,10 @@ direction of the demand, mu_i = F_i / N_i, and e the slip ratio of a rolling whe
 
     free axle                        y_i = v + n,                n ~ noise^2
     at ease, light, or sounded       y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
-    any                              s (y_i - v) >= 0: who violates it in the mean of 0.1 s tells v
+    any                              s (y_i - v) >= 0: an axle that violates it in the mean of 0.1 s measures v
 
-An axle is at ease while nobody limits its force and it does not run away; it is light while its force is a small share of
-what it carried lately and it does not return any more. Others may slide and tell nothing from above. No matrix is
+An axle is at ease while nobody limits its force and it does not run away. It is light while its force is a small share of
+what it carried lately and it no longer returns from a slide. Other axles may slide and give no upper bound. No matrix is
 inverted: axles are taken one by one.
 """
 
@@ -42,13 +42,13 @@ LEAST_COEFFICIENT = 8e-3
 """Applied coefficient below which a wheel counts as free: no rail is that slippery."""
 
 LEAST_SHARE = 0.1
-"""Least share of its adhesion that a wheel is taken to use: its own inertia makes a free one creep."""
+"""Smallest share of its adhesion that a wheel is assumed to use: its own inertia makes even a free wheel creep."""
 
 FALLING = 3.0
-"""Rim acceleration [m/s2] of a sounded wheel that is still on its way back."""
+"""Rim acceleration [m/s2] of a sounded wheel that is still returning to the train's speed."""
 
 COMMON_ERROR = 0.7
-"""Correlation of the errors of speed and unknown force where the force has changed unnoticed."""
+"""Correlation of the errors of speed and unknown force where the force has changed without being noticed."""
 
 
 @inlined_jit
@@ -67,7 +67,7 @@ def take_reading(f, p, slip, innovation, variance):
 
 @inlined_jit
 def start(eq, o, m, k):
-    """Begin with the reference speed that the computers have."""
+    """Begin with the computers' initial reference speed."""
     k.ready[0] = 1
     k.state[SPEED], k.state[FORCE], k.state[SLIP], k.state[MASS] = m.reference[0], 0.0, o.slip, 0.0
     k.covariance[SPEED, SPEED] = o.noise**2
@@ -300,7 +300,7 @@ def predict(eq, st, m, sign, torque, pressure):
 
 @inlined_jit
 def correct(eq, st, m, sign, of_shoes):
-    """Take what the axles tell: fills `m.reference` (bodies,) [m/s]; returns whether an axle told the speed."""
+    """Use the axles' measurements: fills `m.reference` (bodies,) [m/s]; returns whether an axle measured the speed."""
     k, f = m.estimate, m.estimate.state
     anyone = _measure(eq, st, m, k, sign)
     most = st.reference.slip + 2.0 * st.reference.slip_deviation

@@ -9,31 +9,31 @@ from alloc.onboard.quantity import quantity
 
 @dataclass(frozen=True)
 class Sounding:
-    """When and how force is taken from a few wheels, so that they roll and tell the speed.
+    """When and how force is taken from a few wheels, so that they roll and show the speed.
 
     Source: assumed; tuned on drawn events of traction and braking.
     """
 
     doubt: float = quantity(0.05, "km/h")
-    """Deviation of the estimate from which on a unit's torque is cut [m/s]."""
+    """Deviation of the estimate above which a unit's torque is cut [m/s]."""
     doubt_ratio: float = quantity(0.004, "1")
-    """The same deviation over the speed; the greater of both counts."""
+    """The same deviation over the speed; the larger of the two bounds applies."""
     ease: float = quantity(2.4, "1")
-    """Both deviations count so many times while a unit is within adhesion."""
+    """Factor of both deviations while a unit is within adhesion."""
     share: float = quantity(0.4, "1")
     """Share of its torque that a sounded unit keeps, 0 to 1."""
     time: float = quantity(0.06, "s")
     """Time for which its torque is cut [s]."""
     return_time: float = quantity(0.06, "s")
-    """Time in which its torque is given back [s]."""
+    """Time in which its torque returns [s]."""
     pause: float = quantity(0.3, "s")
-    """Least time from one sounding to the next [s]."""
+    """Shortest time from one sounding to the next [s]."""
     air_doubt: float = quantity(0.06, "1")
-    """Deviation over the speed from which on a bogie is released."""
+    """Deviation over the speed above which a bogie is released."""
     air_known: float = quantity(0.03, "1")
     """Deviation over the speed at which it brakes again, less than `air_doubt`."""
     patience: float = quantity(5.0, "1")
-    """`air_doubt` counts so many times while an axle runs near the estimate."""
+    """Factor of `air_doubt` while an axle runs near the estimate."""
 
     def __post_init__(self) -> None:
         numbers = set(self.__dataclass_fields__) - {"share"}
@@ -52,8 +52,8 @@ class ReferenceSpeed:
     """
 
     source: Literal["estimate", "truth"] = "estimate"
-    """The computers estimate the train's speed, or they are given the true one, which no train has; for comparisons. Source:
-    this project."""
+    """The computers estimate the train's speed, or they get the true one, for comparisons; no train has the true one.
+    Source: this project."""
     sensor: float = quantity(0.005, "km/h")
     """Deviation of a speed reading, beside the sensors' own noise, at the rim [m/s]."""
     speed_walk: float = quantity(1e-3, "1")
@@ -61,7 +61,7 @@ class ReferenceSpeed:
     force_walk: float = quantity(5e-3, "1")
     """Deviation by which the unknown specific force changes, per root s [m/s2]."""
     unknown_force: float = quantity(0.2, "1")
-    """Deviation of the unknown specific force at the start, a gradient above all [m/s2]."""
+    """Deviation of the unknown specific force at the start, mainly a gradient [m/s2]."""
     shoe_error: float = quantity(0.1, "1")
     """Deviation of the shoes' friction, relative."""
     shoe_walk: float = quantity(0.02, "1")
@@ -75,29 +75,29 @@ class ReferenceSpeed:
     creep: float = quantity(0.01, "1")
     """Deviation of the slip ratio of a wheel that rolls at the full adhesion."""
     creep_speed: float = quantity(5.0, "km/h")
-    """Below this speed `creep` counts as at it [m/s]."""
+    """Below this speed `creep` has its value at this speed [m/s]."""
     repeat: float = quantity(100.0, "1")
-    """Samples over which the creep of a wheel is the same."""
+    """Number of samples over which the creep of a wheel is the same."""
     light_repeat: float = quantity(16.0, "1")
     """The same of a wheel with little force."""
     sounded_repeat: float = quantity(0.3, "1")
     """The same while a unit is sounded."""
     ease_time: float = quantity(0.3, "s")
-    """An axle whose force nobody limits is at ease after so long [s]."""
+    """An axle whose force nobody limits is at ease after this time [s]."""
     light: float = quantity(0.85, "1")
-    """Share of the force that it carried lately, below which a wheel is light and rolls."""
+    """Share of the force that it carried lately below which a wheel is light and rolls."""
     carried_time: float = quantity(5.0, "s")
-    """Time in which a wheel's greatest force is forgotten [s]."""
+    """Time in which a wheel's largest force is forgotten [s]."""
     slid_time: float = quantity(1.0, "s")
-    """The same while it surely slides [s]."""
+    """The same while it certainly slides [s]."""
     away: float = quantity(0.2, "1")
     """Acceleration against the train of a wheel that does not roll [m/s2]."""
     returning: float = quantity(0.45, "1")
-    """Acceleration against the train of a wheel that comes back [m/s2]."""
+    """Acceleration against the train of a wheel that returns from a slide [m/s2]."""
     gate: float = quantity(3.0, "1")
-    """Deviations beyond which an axle at ease slips."""
+    """Number of deviations beyond which an axle at ease counts as slipping."""
     persist: float = quantity(0.6, "s")
-    """Time for which a braked axle must tell an odd speed to be believed [s]."""
+    """Time for which a braked axle must show a deviating speed to be believed [s]."""
     sounding: Sounding = field(default_factory=Sounding)
     """When force is taken from a few wheels to learn the speed."""
 

@@ -22,8 +22,8 @@ RULES = (
 def infer(slip, rate, sensitivity, slip_knots, rate_knots):
     """Weighted mean of the rules' actions, `SUPPLY` to `RELEASE`; `slip` a ratio, `rate` in m/s2, knots (3,) each.
 
-    It never falls with slip or rate, and for sliding wheels whose slip grows not with the sensitivity either, since the
-    sets overlap in pairs and the rules are ordered.
+    It never falls with slip or rate. For sliding wheels whose slip grows, it does not fall with the sensitivity either,
+    since the sets overlap in pairs and the rules are ordered.
     """
     x, y = sensitivity * slip, sensitivity * rate
     return weighted_action(RULES, x, y, slip_knots, rate_knots)
@@ -31,5 +31,5 @@ def infer(slip, rate, sensitivity, slip_knots, rate_knots):
 
 @equation
 def valve_action(inferred):
-    """The action nearest to what was inferred."""
+    """The action nearest to the inferred value."""
     return SUPPLY if inferred < 0.5 else (HOLD if inferred < 1.5 else RELEASE)

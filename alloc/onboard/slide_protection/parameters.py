@@ -41,19 +41,19 @@ class Threshold:
 class Fuzzy:
     """Fuzzy inference on slip and slip rate; the rules are `alloc.onboard.slide_protection.fuzzy.RULES`.
 
-    JP4209318 discloses neither rules nor sets: these are of the set of numbers with which `studies.slides.jp4209318` reaches
-    its tables, one of several.
+    JP4209318 discloses neither rules nor sets. These are one of several sets of numbers with which
+    `studies.slides.jp4209318` reaches its tables.
 
     Source: JP4209318; one of the sets of `studies.slides.ensemble`.
     """
 
     sensitivity: float = quantity(SENSITIVITIES["medium"], "1", SENSITIVITIES)
-    """Detection sensitivity: at 2 every set lies at half its slip and rate. Low, medium and high are those of JP4209318,
-    Table 4."""
+    """Detection sensitivity: at 2 every set is at half its slip and rate. Low, medium and high are those of JP4209318, Table
+    4."""
     slip: tuple[float, float, float] = quantity((0.0, 0.077716, 0.17027), "1")
-    """Slip ratios at which the sets small, medium and large peak, growing."""
+    """Increasing slip ratios at which the sets small, medium and large peak."""
     rate: tuple[float, float, float] = quantity((-3.5912, 0.0, 3.5912), "km/h/s")
-    """Slip accelerations at which the sets falling, steady and growing peak, growing [m/s2]."""
+    """Increasing slip accelerations at which the sets falling, steady and growing peak [m/s2]."""
     pole: float = quantity(6.6789, "1/s")
     """Pole of the filter that differentiates the slip [1/s]."""
 
@@ -67,8 +67,8 @@ class Fuzzy:
 class SlideProtection:
     """Wheel slide protection of a train's air brakes, one computer per car, a pair of valves per bogie.
 
-    Slip is measured from the train's reference speed, whose estimate may ask for a bogie to be released for a moment. An
-    axle that stands while its car runs is released.
+    Slip is measured from the train's reference speed; its estimator may ask for a bogie to be released for a moment. An axle
+    that stands while its car runs is released.
 
     Source: assumed, as usual.
     """
@@ -82,10 +82,10 @@ class SlideProtection:
     period: float = quantity(0.01, "s")
     """Period of its decisions, rounded to control periods [s]."""
     cut_out_speed: float = quantity(5.0 / 3.6, "km/h")
-    """Speed below which the valves rest [m/s]."""
+    """Speed below which the valves do not act [m/s]."""
     time_out: float = quantity(10.0, "s")
-    """A valve that has not supplied for so long supplies for `refill`, whatever the law says: sliding wheels must not cost a
-    train its brakes for good [s]."""
+    """A valve that has not supplied for this time supplies for `refill`, whatever the law says: sliding wheels must not make
+    a train lose its brakes for good [s]."""
     refill: float = quantity(0.5, "s")
     """Time for which it then supplies [s]."""
 

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from alloc.onboard.driver import Controls, TrainSense
 
 Mode = Literal["feedback", "compensation", "feedforward", "learn-then-use"]
-"""Feedback alone (Fig. 8); compensation by position (claims 1, 2); feedforward from commanded values, learning while it
-acts if there is a learner (claims 3, 4); learning on the feedback, then using it (claim 5)."""
+"""Feedback alone (Fig. 8); compensation by position (claims 1, 2); feedforward from commanded values, with learning at the
+same time if there is a learner (claims 3, 4); learning on the feedback, then using the result (claim 5)."""
 
 LOGGED: dict[str, tuple[str, str]] = {
     "commanded_speed": ("m s-1", "speed command V_c"),
@@ -43,11 +43,11 @@ LOGGED: dict[str, tuple[str, str]] = {
     "force": ("N", "force I / K_i"),
     "switch": ("1", "switch command of claim 5: 1 learn, 2 use"),
 }
-"""What a speed control notes once per control period: unit and meaning."""
+"""Signals that a speed control records once per control period: unit and meaning."""
 
 
 class Learner(Protocol):
-    """Whoever learns the weights: see `alloc.estimation.running_resistance`."""
+    """Interface of an object that learns the weights: see `alloc.estimation.running_resistance`."""
 
     weights: Floats
 
@@ -59,9 +59,9 @@ class Learner(Protocol):
 class Learning:
     """How a speed control learns the weights.
 
-    `error`: what is learnt on, "feedback" (I_FB, claims 4, 6) or "model" (what the weights leave of the force supplied, with
-    measured V and a; claims 5, 7). `switch`: of claim 5. `filter_time` [s] of `RegressionFilter`. `train_length` [m]: no
-    learning while section or gradient change under the train (not in the source); 0: learn there too.
+    `error`: the error to learn from, "feedback" (I_FB, claims 4, 6) or "model" (what the weights do not explain of the force
+    supplied, with measured V and a; claims 5, 7). `switch`: of claim 5. `filter_time` [s] of `RegressionFilter`.
+    `train_length` [m]: no learning while section or gradient change under the train (not in the source); 0: learn there too.
     """
 
     learner: Learner | None = None
@@ -78,8 +78,8 @@ class Learning:
 class SpeedControl:
     """Drives the train by current I = I_FB + I_FF; call it once per control period `period` [s], as `drive` does.
 
-    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `detector`: where
-    position and speed come from. Raises `OnboardError` for what cannot be.
+    `weights` (3,) or (5,) are used where nothing learns them. `rotating_mass` M_r [kg] as in `resistance`. `detector`:
+    source of position and speed. Raises `OnboardError` for impossible parameters.
     """
 
     def __init__(
@@ -211,7 +211,7 @@ class SpeedControl:
         return model
 
     def log(self) -> xr.Dataset:
-        """What was noted, over time: `LOGGED`, and the weights in use (time, weight)."""
+        """Recorded signals over time: `LOGGED`, and the weights in use (time, weight)."""
         rows = np.array(self._rows).reshape(-1, len(LOGGED))
         data: dict[str, Any] = {
             name: ("time", rows[:, k], {"units": unit, "long_name": meaning})
