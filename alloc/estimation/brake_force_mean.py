@@ -1,17 +1,17 @@
 """Averaging of estimated brake forces over a stop, with the uncertainty of the mean (RTRI report, 3.2.3).
 
-What is wrong with a mean of (2) over a window of N samples, by what it comes from:
+The mean of (2) over a window of N samples has errors of three origins:
 
-- Noise of the sensors, independent from sample to sample: s^2 / N. s^2 is read from second differences, into which a force
-  that changes slowly does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz
-  1986, Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). That the force itself changes within
-  the window does not make its mean uncertain. Scatter of batch means counts that, however they are detrended.
-- Relative motion, where another car's acceleration stands for that of a stretch, as in (5): the error at an instant is
-  dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls with 1/T,
-  not with its root; neighbouring batches err against each other (of B batches the scatter says sqrt(B) times too much),
-  since what one gains the next one loses. P is what the integral of the estimate has beside the integral of a smooth force.
-  With the mean square of that about a polynomial, and ends that are independent, the variance is 2 P^2 / T^2.
-- What stays constant over the stop is not in the series: `alloc.estimation.brake_shortfall.CalibrationErrors`.
+- Noise of the sensors is independent from sample to sample: s^2 / N. s^2 is computed from second differences, which a slowly
+  changing force does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz 1986,
+  Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). A change of the force itself within the
+  window does not make its mean uncertain. The scatter of batch means would count it, however they are detrended.
+- Relative motion matters where another car's acceleration stands for that of a stretch, as in (5). The error at an instant
+  is dP/dt with the relative momentum P = sum m_k (v_k - v_1), so that of the mean is (P_end - P_start) / T. It falls with
+  1/T, not with its root. Errors of neighbouring batches have opposite signs, since what one gains the next one loses (with B
+  batches the scatter overestimates by sqrt(B)). P is the difference between the integral of the estimate and the integral of
+  a smooth force. With its mean square about a polynomial, and independent ends, the variance is 2 P^2 / T^2.
+- An error that stays constant over the stop is not in the series: `alloc.estimation.brake_shortfall.CalibrationErrors`.
 """
 
 import math
@@ -71,21 +71,21 @@ class SeriesMean:
 
     mean: Floats
     noise: Floats
-    """Standard deviation of the mean by what is independent from sample to sample."""
+    """Standard deviation of the mean due to errors that are independent from sample to sample."""
     motion: Floats
-    """The same by relative motion; 0 where every car has its own acceleration."""
+    """The same due to relative motion; 0 where every car has its own acceleration."""
     freedom: float
     """Degrees of freedom from which `noise` was estimated."""
 
     @property
     def deviation(self) -> Floats:
-        """Standard deviation of the mean, but for what is constant over the stop."""
+        """Standard deviation of the mean, without errors that are constant over the stop."""
         return np.hypot(self.noise, self.motion)
 
     def interval(
         self, confidence: float = 0.95, constant: ArrayLike = 0.0
     ) -> tuple[Floats, Floats]:
-        """Lower and upper end of the confidence interval; `constant`: deviation of what averaging does not remove."""
+        """Lower and upper end of the confidence interval; `constant`: deviation of errors that averaging does not remove."""
         deviation = np.hypot(self.deviation, constant)
         freedom = effective_freedom(self.freedom, self.noise, deviation)
         half = student.ppf(0.5 + 0.5 * confidence, freedom) * deviation
@@ -93,7 +93,7 @@ class SeriesMean:
 
 
 def effective_freedom(freedom: ArrayLike, estimated: Floats, whole: Floats) -> Floats:
-    """Degrees of freedom of a deviation `whole` of which the part `estimated` has `freedom`, the rest being known.
+    """Degrees of freedom of a deviation `whole` whose part `estimated` has `freedom`, while the rest is known.
 
     Welch (1947, Biometrika 34) and Satterthwaite (1946, Biometrics 2).
     """
@@ -104,12 +104,12 @@ def effective_freedom(freedom: ArrayLike, estimated: Floats, whole: Floats) -> F
 def stop_mean(
     values: ArrayLike, moving: bool = False, batch: int = 1, trend: int = TREND
 ) -> SeriesMean:
-    """Mean of a series (time,) of equally spaced samples, or of several (time, series), with what it may err by.
+    """Mean of a series (time,) of equally spaced samples, or of several (time, series), with its uncertainty.
 
-    `moving`: another car's acceleration stands for that of the stretch, so the error has relative motion; `trend`: degree of
-    the polynomial beside which the integral of the series shows it. `batch`: samples after which noise is independent, 1 for
-    white noise; the mean's deviation is that of the means of such batches. Raises `EstimationError` where the series is too
-    short.
+    `moving`: another car's acceleration stands for that of the stretch, so the error contains relative motion; `trend`:
+    degree of the polynomial from which the integral of the series deviates by it. `batch`: samples after which noise is
+    independent, 1 for white noise; the mean's deviation is that of the means of such batches. Raises `EstimationError` where
+    the series is too short.
     """
     x = finite_series("values", values, (None,), (None, None))
     if batch < 1 or trend < 0:

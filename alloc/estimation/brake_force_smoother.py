@@ -1,21 +1,21 @@
 """Brake forces of all cars from their own accelerations, smoothed over the whole stop.
 
-The measurement is (2) with each car's own acceleration, y_k = -m_k a_k + R_(k-1) - R_k - W_k, exact at every instant
-whatever the couplers do. The report warns of models of the couplers (their law and its parameters would have to be known,
-the inverse problem may be ill posed), and since their forces are measured none is needed: relative motion is no state here.
-Neighbours share the noise of the coupler between them, so the cars are smoothed together; in coordinates in which that
-noise and the walk are both diagonal this is one scalar series per coordinate.
+The measurement is (2) with each car's own acceleration, y_k = -m_k a_k + R_(k-1) - R_k - W_k, which is exact at every
+instant whatever the couplers do. The report warns of models of the couplers: their law and its parameters would have to be
+known, and the inverse problem may be ill posed. Since the coupler forces are measured, no model is needed, and relative
+motion is not a state here. Neighbours share the noise of the coupler between them, so the cars are smoothed together. In
+coordinates in which that noise and the walk are both diagonal this is one scalar series per coordinate.
 
-The rate of each force is a random walk, the force its integral, and not a walk itself. That decides the stated deviation.
-Of a force that wanders freely, noise and wandering make up half of the posterior variance each: with noise of variance s2
-per sample and a walk of q per step the smoother weighs by h = 1 / (1 + w^2 s2/q) over frequency w; noise leaves s2 h^2 of
-it, the walk (1 - h)^2 q / w^2, the sum is s2 h, and the integral of h^2 is half that of h. A brake force is smooth: built
-up by a cylinder, then carried by friction over the speed. Its own part was next to nothing, and the stated variance twice
-that of the errors. With the integral of a walk h = 1 / (1 + w^4 s2/q), of whose integral the noise has 3/4; what is left is
-the smoother's bias where the force bends, averaged over the stop (Wahba 1983, J. R. Statist. Soc. B 45; Nychka 1988, JASA
-83). Measured likelihoods prefer it too.
+The rate of each force is a random walk, and the force is its integral, not a walk itself. That decides the stated deviation.
+For a force that is a random walk, noise and walk make up half of the posterior variance each: with noise of variance s2 per
+sample and a walk of q per step the smoother weighs by h = 1 / (1 + w^2 s2/q) over frequency w; noise leaves s2 h^2 of it,
+the walk (1 - h)^2 q / w^2, the sum is s2 h, and the integral of h^2 is half that of h. But a brake force is smooth: a
+cylinder builds it up, then friction changes with the speed. Its own part of the error was almost zero, so the stated
+variance was twice that of the errors. With the integral of a walk h = 1 / (1 + w^4 s2/q), of whose integral the noise has
+3/4; the rest is the smoother's bias where the force bends, averaged over the stop (Wahba 1983, J. R. Statist. Soc. B 45;
+Nychka 1988, JASA 83). Measured likelihoods prefer it too.
 
-All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D; its Cholesky
+All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D. Its Cholesky
 factor gives the forces and the likelihood, and the recursion of Takahashi (Erisman and Tinney 1975, Comm. ACM 18) the
 variances.
 """
@@ -36,10 +36,9 @@ from alloc.estimation.finite_series import finite_series, positive_series
 Floats = NDArray[np.float64]
 
 WALKS = (1e-3, 1e3)
-"""Range [m/s3 per root second] in which the walk is sought: from rates that hardly change to a full brake within a
-sample."""
+"""Range [m/s3 per root second] of the walk: from rates that hardly change to a full brake within a sample."""
 SLOWEST = 1e-11
-"""Least variance of a second difference over that of the noise; below, the sums that tell them apart lose their digits."""
+"""Smallest variance of a second difference over that of the noise; below it, rounding hides the difference."""
 BAND = 2
 """Samples on either side to which a second difference ties a sample."""
 
@@ -56,13 +55,13 @@ class SmoothedForces:
     variance: Floats
     """Posterior variance of the coordinates, (time, cars)."""
     walk: float
-    """Deviation by which the rate of force over mass changes in a second [m/s3 per root second], as given or as found."""
+    """Change of the rate of force over mass in a second, as deviation [m/s3 per root second], as given or as estimated."""
     log_likelihood: float
-    """Of the second differences of the measurements: of a straight line nothing is known beforehand."""
+    """Log likelihood of the second differences of the measurements: a straight line has no prior."""
 
     @property
     def deviation(self) -> Floats:
-        """Posterior standard deviation of each force [N], (time, cars); add what sensors have wrong all the time."""
+        """Posterior standard deviation of each force [N], (time, cars); add constant errors of the sensors."""
         return np.asarray(np.sqrt(self.variance @ (self.basis**2).T))
 
     def total(self, cars: slice | None = None) -> tuple[Floats, Floats]:
@@ -87,7 +86,7 @@ def smooth_brake_forces(
     `period` [s]: of the samples. `acceleration_noise` [m/s2], `coupler_noise` [N]: standard deviations of white noise per
     sample. `walk` [m/s3 per root second]: how fast the rate of force over mass may change; None: the most likely one in
     `WALKS`. Constant errors of sensors and masses are not noise and not in the deviation: `CalibrationErrors` has theirs,
-    and the interval of a force takes both. Raises `EstimationError`, also for fewer than 3 samples.
+    and the interval of a force contains both. Raises `EstimationError`, also for fewer than 3 samples.
     """
     m = positive_series("mass", mass, (None,))
     given = {

@@ -1,7 +1,7 @@
-"""Which car did not deliver the brake force that it was allocated.
+"""Which car did not deliver the brake force that was allocated to it.
 
-A car whose wheels slide gives what the rail carries, and its slide protection takes the pressure away: that says nothing of
-its brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of the stop.
+A car whose wheels slide delivers what the rail carries, and its slide protection releases the pressure. That says nothing
+about its brake. `sliding_cars` finds where wheels slide, and `find_shortfalls` judges a car by the rest of the stop.
 """
 
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ from alloc.estimation.slip_events import SlipCriterion
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.99
-"""Probability with which a train without fault accuses no car, if the stated deviations are right."""
+"""Probability that no car of a train without fault is accused, if the stated deviations are right."""
 REFILLED = 3.0
-"""Time [s] after a slide in which a car is not yet judged, since its cylinders fill; assumed, times are 0.4 to 3."""
+"""Time [s] after a slide in which a car is not judged yet, since its cylinders fill; assumed, times are 0.4 to 3."""
 LEAST_JUDGED = 0.1
 """Share of the window that must be free of slides for a car to be judged."""
 
 
 @dataclass(frozen=True)
 class CalibrationErrors:
-    """Standard deviations of what stays constant over a stop, so that no averaging removes it."""
+    """Standard deviations of errors that stay constant over a stop, so that no averaging removes them."""
 
     acceleration_offset: float = 0.0
     """[m/s2]"""
@@ -59,7 +59,7 @@ class CalibrationErrors:
 @displayed
 @dataclass(frozen=True, eq=False)
 class Shortfalls:
-    """By how much each car's brake force fell short of what it was allocated, mean over a stop."""
+    """Difference between the allocated and the delivered brake force of each car, mean over a stop."""
 
     shortfall: Floats
     """[N], (cars,); negative: the car gave more; nan: its wheels slid nearly all the time, so it is not judged."""
@@ -70,7 +70,7 @@ class Shortfalls:
 
     @property
     def accused(self) -> NDArray[np.int64]:
-        """Cars (0 = foremost) beyond their threshold, the surest first."""
+        """Cars (0 = foremost) beyond their threshold, the most certain first."""
         order = np.argsort(-self.shortfall / np.maximum(self.deviation, 1e-9))
         return order[self.shortfall[order] > self.threshold[order]]
 
@@ -82,12 +82,12 @@ def sliding_cars(
     criterion: SlipCriterion | None = None,
     refilled: float = REFILLED,
 ) -> NDArray[np.bool_]:
-    """Where a car's wheels slide or have just done so, (time, cars).
+    """Whether a car's wheels slide or have just done so, (time, cars).
 
     `axle_speed` (time, axles) [m/s] at the rims; `axle_car` (axles,): car of each, 0 = foremost; `period` [s] of the
-    samples. A wheel slides where it falls behind the fastest of the train by more than the criterion; its car is left out
-    until `refilled` [s] after. Where all wheels slide at once none is seen to: give the speed over ground as one more axle
-    then.
+    samples. A wheel slides where it is slower than the fastest of the train by more than the criterion. Its car is left out
+    until `refilled` [s] after the slide. If all wheels slide at once, no slide is detected: in that case give the speed over
+    ground as one more axle.
     """
     car = np.asarray(axle_car, dtype=int)
     v = finite_series("axle_speed", axle_speed, (None, car.size))
@@ -109,11 +109,11 @@ def find_shortfalls(
 ) -> Shortfalls:
     """Compare allocated and estimated brake forces [N], both (time, cars) within the window of a stop.
 
-    A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni):
-    noise of the mean (`stop_mean`, with `batch`) and `constant_deviation` [N], scalar or (cars,), of what averaging does
-    not remove. The former is estimated and the latter known, so Student's t has the degrees of freedom of Welch and
-    Satterthwaite. `sliding` (time, cars), of `sliding_cars`: samples that say nothing of the car's brake. A car of which
-    less than `LEAST_JUDGED` of the window is left is not judged.
+    A car is accused where its mean shortfall exceeds the uncertainty at `confidence`, shared among the cars (Bonferroni).
+    The uncertainty has two parts: noise of the mean (`stop_mean`, with `batch`), and `constant_deviation` [N], scalar or
+    (cars,), of errors that averaging does not remove. The first is estimated and the second known, so Student's t has the
+    degrees of freedom of Welch and Satterthwaite. `sliding` (time, cars), of `sliding_cars`: samples without information on
+    the car's brake. A car with less than `LEAST_JUDGED` of the window left is not judged.
     """
     if not 0.5 < confidence < 1.0:
         raise EstimationError(f"shortfall: confidence = {confidence!r} must lie in (0.5, 1)")

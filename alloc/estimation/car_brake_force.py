@@ -6,8 +6,8 @@ along the first axis.
 
 The meaning of the force depends on `mass`. With the rolling mass (`rolling_mass`, which includes the wheelsets' inertia) it
 is the force at the brakes, of shoes and motors together, as a force at the rim. With the bare mass it is the force that the
-rail receives, which is less by the force that decelerates the wheelsets. The report does not say which; a locomotive's
-wheelsets and motors add about 6 %.
+rail receives, which is smaller by the force that decelerates the wheelsets. The report does not say which one it means; a
+locomotive's wheelsets and motors add about 6 %.
 """
 
 from typing import NamedTuple
@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 
 
 def rolling_mass(mass: ArrayLike, inertia: ArrayLike, radius: ArrayLike) -> Floats:
-    """Mass [kg] that resists like a car that rolls, (cars,): m + J / r^2.
+    """Effective mass [kg] of a rolling car, (cars,): m + J / r^2.
 
-    `inertia` [kg m2]: of all wheelsets of each car with what is geared to them; `radius` [m] of its wheels.
+    `inertia` [kg m2]: of all wheelsets of each car with everything geared to them; `radius` [m] of its wheels.
     """
     bare = positive_series("mass", mass, (None,))
     turning = finite_series("inertia", inertia, (bare.size,))
@@ -36,9 +36,9 @@ def level_acceleration(
 ) -> Floats:
     """Acceleration [m/s2] that the same forces would give on level track (report, below (2)).
 
-    `grade`: rise per run where the car is; `rotating_share`: mass that the wheelsets add over the bare mass, where the
-    forces are taken with `rolling_mass` (gravity acts on the bare mass alone). All broadcast together. An accelerometer
-    fixed to the car body reads the bare-mass result by itself: take its readings as they are.
+    `grade`: rise per run at the car; `rotating_share`: mass that the wheelsets add over the bare mass, where the forces use
+    `rolling_mass` (gravity acts on the bare mass alone). All broadcast together. An accelerometer fixed to the car body
+    measures the result for the bare mass directly: use its readings unchanged.
     """
     slope = gradient_force(1.0, np.asarray(grade, dtype=float))
     return np.asarray(acceleration) + slope / (1.0 + np.asarray(rotating_share))
@@ -101,7 +101,7 @@ def coupler_force_between(
 
 
 class BrakeRigging(NamedTuple):
-    """What (7) knows of a car's brake."""
+    """Parameters of a car's brake in (7)."""
 
     cylinders: float
     """tau: brake cylinders per car."""
@@ -113,9 +113,9 @@ class BrakeRigging(NamedTuple):
     """S [m2]"""
 
     def force(self, pressure: ArrayLike, friction: ArrayLike, cars: int = 1) -> Floats:
-        """Theoretical brake force [N] of `cars` alike: (7), (8).
+        """Theoretical brake force [N] of `cars` equal cars: (7), (8).
 
-        `pressure` [Pa] of the cylinders; `friction`: coefficient between wheel and shoe, as a rule a function of speed.
+        `pressure` [Pa] of the cylinders; `friction`: coefficient between wheel and shoe, usually a function of speed.
         """
         p, mu = np.asarray(pressure, dtype=float), np.asarray(friction, dtype=float)
         constant = self.cylinders * self.lever_ratio * self.efficiency * self.piston_area

@@ -1,7 +1,7 @@
-"""What the errors of a measured run leave open of its wheel damage Q.
+"""Uncertainty of the wheel damage Q of a measured run.
 
-Q = sum_i integral of F_t,i (R omega_i - v) dt. An error of the train's speed acts on all axles at once, and lasts: that of
-the delay all the time, the rest for `CORRELATED` seconds. Noise of a wheel or of a force averages out within a window.
+Q = sum_i integral of F_t,i (R omega_i - v) dt. An error of the train's speed acts on all axles at once, and persists: that
+of the delay all the time, the rest for `CORRELATED` seconds. Noise of a wheel or of a force averages out within a window.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 CORRELATED = 5.0
-"""Time [s] for which an error of the train's speed lasts."""
+"""Time [s] for which an error of the train's speed persists."""
 WINDOW = 0.2
-"""Time [s] for which noise of a wheel lasts, and of a force."""
+"""Time [s] for which noise of a wheel or of a force persists."""
 PERMILLE = 1e-3
 
 
@@ -26,7 +26,7 @@ class SlipNoise(NamedTuple):
     """Standard deviations of measured slip velocities [m/s], (axles,) each."""
 
     rim: Floats
-    """Of the wheel alone."""
+    """Due to the wheel alone."""
     slip: Floats
     """With the error of the train's speed."""
 
@@ -43,21 +43,21 @@ def slip_noise(run: "MeasuredRun") -> SlipNoise:
 
 @dataclass(frozen=True)
 class DamageErrors:
-    """Standard deviations of Q of all axles [J], and what it depends on."""
+    """Standard deviations of Q of all axles [J], and the quantities on which it depends."""
 
     total: float
     by_speed: float
-    """By the error of the train's speed without its delay."""
+    """Due to the error of the train's speed without its delay."""
     by_delay: float
-    """By what is not known of the delay."""
+    """Due to the uncertainty of the delay."""
     by_sensors: float
-    """By noise of wheels and forces."""
+    """Due to noise of wheels and forces."""
     of_radius: float
     """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
     per_second: float
     """Change of Q by a delay of the speed [J/s]."""
     of_delay: float
-    """Change of Q if the delay that was found had been left in the speed; 0 where it is none."""
+    """Change of Q if the estimated delay had been left in the speed; 0 if there is none."""
 
 
 def damage_errors(

@@ -1,6 +1,6 @@
 """Speed over ground of a measured run whose log has none, from the rim speeds and forces of its axles, and its error.
 
-The filter of the on-board computers runs over the log (`alloc.estimation.logged_computers`), and a smoother back
+The filter of the on-board computers runs over the log (`alloc.estimation.logged_computers`), followed by a backward smoother
 (`alloc.estimation.speed_smoother`). Gaps restart both.
 """
 
@@ -33,30 +33,31 @@ Flags = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
 LOGGED = ReferenceSpeed(creep=0.02, repeat=500.0)
-"""The filter trusts axles at ease less than on board: that nobody limits them is concluded, and they may creep together."""
+"""The filter trusts axles at ease less than on board: a log does not state that nobody limits them, and they may creep
+together."""
 LONGEST_HOLD = 0.2
-"""Time [s] for which a force that is missing counts as unchanged; the estimate ends where it is missing for longer."""
+"""Time [s] for which a missing force counts as unchanged; the estimate ends where it is missing for longer."""
 FREE = 2e-3
 """Force over load below which an axle without motor rolls freely."""
 UNKNOWN_START = (0.1, 0.03)
-"""Deviation of the first speed where no axle rolls freely [m/s], and its part that grows with the speed."""
+"""Deviation of the first speed where no axle rolls freely [m/s], and its part in proportion to the speed."""
 COARSE = 0.01
-"""Quantum of the speeds [m/s] from which on their readings are steps."""
+"""Quantum of the speeds [m/s] above which their readings are treated as steps."""
 LONGEST_STEP = 2.0
-"""Time [s] between two of them above which the speed counts as constant in between."""
+"""Time [s] between two steps above which the speed counts as constant in between."""
 MEDIAN_DEVIATION = 1.4826
 """Standard deviation over the median of the magnitude, of normally distributed numbers."""
 
 
 class GroundSpeed(NamedTuple):
-    """Estimated speed over ground, (instants,) each; nan where nothing is known."""
+    """Estimated speed over ground, (instants,) each; nan where it is unknown."""
 
     speed: Floats
-    """Of the train [m/s]."""
+    """Speed of the train [m/s]."""
     deviation: Floats
-    """Standard deviation that the estimate states of itself [m/s]."""
+    """Standard deviation stated by the estimator [m/s]."""
     told: Flags
-    """Whether an axle told the speed; else it is carried on by the forces."""
+    """Whether an axle measured the speed; otherwise the forces alone predict it."""
 
 
 def estimate_ground_speed(
@@ -68,12 +69,12 @@ def estimate_ground_speed(
     grade: Floats | None = None,
     least_noise: float = 0.0,
 ) -> GroundSpeed:
-    """Estimate the speed over ground from what every axle does.
+    """Estimate the speed over ground from the speeds and forces of all axles.
 
     `time` [s] and `part` (instants,), `rim_speed` [m/s] and `applied_force` [N] (instants, axles) as of `MeasuredRun`, nan
-    where not known; `grade` (instants,), the rise per run where the train is; `least_noise` [m/s]: white noise that a rim
-    speed has at least, for speeds that were averaged. Raises `EstimationError` where a driven axle
-    has no forces, and if at no instant forces and a wheel are known.
+    where unknown; `grade` (instants,), the rise per run at the train; `least_noise` [m/s]: smallest white noise of a rim
+    speed, for speeds that were averaged. Raises `EstimationError` where a driven axle has no forces, and if at no instant
+    forces and a wheel are known.
     """
     told = np.asarray(np.isfinite(applied_force).any(axis=0))
     _check(told, train)

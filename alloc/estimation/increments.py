@@ -18,12 +18,12 @@ Floats = NDArray[np.float64]
 @displayed
 @dataclass(frozen=True, eq=False)
 class AxleShifts:
-    """k_j sigma of each axle: how much higher its mean coefficient lies than the lead car's, (axles,)."""
+    """k_j sigma of each axle: difference between its mean coefficient and the lead car's, (axles,)."""
 
     shift: Floats
-    """[-]; nan for axles without information: no slide at all, or twice the lead car's mean and more."""
+    """[-]; nan for axles without information: no slide at all, or at least twice the lead car's mean."""
     covariance: Floats
-    """Of `shift` from counting alone, (axles, axles)."""
+    """Covariance of `shift` due to counting alone, (axles, axles)."""
 
     @property
     def deviation(self) -> Floats:
@@ -60,7 +60,7 @@ class IncrementFit:
     slope: float
     offset: float
     slope_deviation: float
-    """Standard error of the slope from counting; that of the offset is `LEAD_LOG_MEAN` times it."""
+    """Standard error of the slope due to counting; that of the offset is `LEAD_LOG_MEAN` times it."""
     axles: int
 
     def increments(self, axle_count: int | None = None) -> Floats:
@@ -71,7 +71,7 @@ class IncrementFit:
     def band(self, confidence: float = 0.95) -> tuple[Floats, Floats]:
         """Lower and upper edge of the fitted curve at this confidence, two (axles,).
 
-        One parameter is free, so the band holds for all axles at once.
+        One parameter is free, so the band is valid for all axles at once.
         """
         j = np.arange(1, self.axles + 1)
         width = norm.ppf(0.5 + 0.5 * confidence) * self.slope_deviation
@@ -86,9 +86,9 @@ LEAD_LOG_MEAN = float(np.log(np.arange(1, LEAD_AXLES + 1)).mean())
 def fit_increments(shifts: AxleShifts) -> IncrementFit:
     """Fit slope and intercept by least squares, each axle weighted with its own counting error, then shift as (15).
 
-    The slope's error takes the correlation of the axles into account; not its bias, for small counts enter (14) through
-    a curved function (with 250 slides per lead axle and 64 axles: -0.8 %, half a standard error).
-    Raises `EstimationError` where fewer than three axles carry information.
+    The slope's error takes the correlation of the axles into account. It does not contain the bias: small counts enter (14)
+    through a curved function (with 250 slides per lead axle and 64 axles: -0.8 %, half a standard error). Raises
+    `EstimationError` where fewer than three axles carry information.
     """
     usable = np.flatnonzero(np.isfinite(shifts.shift))
     if usable.size < 3:
@@ -119,9 +119,9 @@ def conventional_increments(
 ) -> Floats:
     """Increments on a conventional line at `speed` [m/s], (axles,), from those of the Shinkansen.
 
-    JP5484215 par. 0057 corrects (15) by the difference of the planned curves, which grows with speed, and prints
-    no formula. Taken here: increments are a share of the coefficient, so they grow by the ratio of the curves; the lead
-    car's mean stays zero, as (15) demands, which a difference added to every axle would not keep.
+    JP5484215 par. 0057 corrects (15) by the difference of the planned curves, which grows with speed, and prints no formula.
+    The assumption here is that increments are a share of the coefficient, so they grow by the ratio of the curves. The lead
+    car's mean stays zero, as (15) demands; a difference added to every axle would violate that.
     """
     if law not in SPEED_LAWS:
         raise EstimationError(

@@ -1,4 +1,4 @@
-"""What a train has learnt of its increments, from run to run: out of a recorded run, and in a file of the train."""
+"""Increments that a train has learnt, from run to run: read from a recorded run, and stored in a file of the train."""
 
 import json
 from dataclasses import asdict
@@ -11,11 +11,11 @@ from alloc.onboard.increment_learning import Increments, LearntIncrements
 from alloc.whole_file import write_whole
 
 DIRECTIONS = ("forward", "backward")
-"""Running directions; each has its own increments, for another car leads."""
+"""Running directions; each has its own increments, because another car leads."""
 
 
 def learnt_in(run: xr.Dataset) -> LearntIncrements:
-    """What the train knows at the end of a recorded run; raises `EstimationError` for a run in which nothing is learnt."""
+    """What the train has learnt by the end of a recorded run; raises `EstimationError` for a run without learning."""
     if "learnt_increment" not in run:
         raise EstimationError(
             'learning: nothing is learnt in this run; give [onboard.learning] kind = "running-mean" or "gaussian"'
@@ -26,7 +26,7 @@ def learnt_in(run: xr.Dataset) -> LearntIncrements:
 
 
 def save_learning(path: str | Path, train: str, learnt: dict[str, LearntIncrements]) -> None:
-    """Keep what a train has learnt, by running direction, in a JSON file; replaces the file as a whole."""
+    """Save what a train has learnt, by running direction, in a JSON file; replaces the whole file."""
     path = Path(path)
     directions = {name: asdict(item) for name, item in learnt.items()}
     text = json.dumps({"train": train, "directions": directions}, indent=1)
@@ -41,7 +41,7 @@ def save_learning(path: str | Path, train: str, learnt: dict[str, LearntIncremen
 def load_learning(path: str | Path, train: str) -> dict[str, LearntIncrements]:
     """What `train` has learnt, by running direction; empty if there is no file yet.
 
-    Raises `EstimationError` for a file that is another train's, or none of `save_learning`.
+    Raises `EstimationError` for a file that belongs to another train or is not from `save_learning`.
     """
     path = Path(path)
     if not path.exists():

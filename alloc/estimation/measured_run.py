@@ -45,27 +45,27 @@ Floats = NDArray[np.float64]
 WINDOW = 0.1
 """Time [s] over which tangential forces are averaged: a slip grows within some tenths of a second."""
 SpeedSource = Literal["measured", "followed", "estimated"]
-"""Where a train's speed is from: its own channel, that channel where it is rare or late, or the wheels and forces."""
+"""Source of a train's speed: its own channel, that channel with repairs where it is sparse or late, or wheels and forces."""
 
 SHORTEST_PART = 3
-"""Instants of which a part of a log must have more."""
+"""A part of a log must have more instants than this."""
 
 
 @displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """Series in SI units; nan where a channel has no value that can be used."""
+    """Series in SI units; nan where a channel has no usable value."""
 
     time: Floats
-    """(instants,), growing."""
+    """Increasing instants [s], (instants,)."""
     part: NDArray[np.int64]
     """Number of the part, from gap to gap, that each instant belongs to, (instants,)."""
     speed: Floats
-    """Of the train [m/s], (instants,)."""
+    """Speed of the train [m/s], (instants,)."""
     rim_speed: Floats
     """Circumferential speed [m/s], (instants, axles)."""
     applied_force: Floats
-    """Of motors and brakes at the rim [N], positive in traction, (instants, axles)."""
+    """Force of motors and brakes at the rim [N], positive in traction, (instants, axles)."""
     coupler_force: Floats | None = None
     """Tension positive [N], (instants, cars - 1)."""
     car_acceleration: Floats | None = None
@@ -77,20 +77,20 @@ class MeasuredRun:
     force_deviation: Floats | None = None
     """Standard deviation of each applied force [N], (axles,); None: not known."""
     rim_span: Floats | None = None
-    """Time over which each rim speed is a mean [s], 0 as measured, (axles,); None: as measured."""
+    """Time over which each rim speed is a mean [s], 0 if not averaged, (axles,); None: none is averaged."""
     speed_source: SpeedSource = "measured"
     speed_delay: Delay | None = None
-    """How late the speed was, which is made up for; None: it cannot be told."""
+    """Delay of the speed, which has been corrected; None: it cannot be determined."""
 
 
 @displayed
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a measured run tells; series are nan where it does not tell it."""
+    """Results of a measured run; series are nan where the run does not determine them."""
 
     events: list[SlipEvent]
     run: MeasuredRun
-    """What was analysed."""
+    """The analysed run."""
     coefficient: Floats
     """Tangential force over load at rest, mean over the window, positive in traction, (instants, axles)."""
     damage: Floats
@@ -100,19 +100,19 @@ class Findings:
     slipping_time: Floats
     """Time in slips and slides [s], (axles,)."""
     car_force: Floats | None
-    """Brake force of each car as rail and resistance exert it, positive braking [N], (instants, cars)."""
+    """Brake force of each car exerted by rail and resistance, positive braking [N], (instants, cars)."""
     window: float
-    """Over which forces were averaged [s]."""
+    """Time over which forces were averaged [s]."""
     small_events: tuple[SlipEvent, ...] = ()
     """Slips that do not meet the criterion, by `slip_events.SMALL`."""
     least_slip: Floats | None = None
-    """Slip velocity below which no small slip is told from noise [m/s], (axles,)."""
+    """Slip velocity below which a small slip cannot be distinguished from noise [m/s], (axles,)."""
     errors: DamageErrors | None = None
-    """Of the wheel damage; None where nothing is known of the errors."""
+    """Uncertainty of the wheel damage; None where no errors are known."""
 
     @property
     def slip_velocity(self) -> Floats:
-        """(instants, axles) [m/s]; made when it is asked for, because a long log would hold it for nothing."""
+        """(instants, axles) [m/s]; computed on request, to save memory with long logs."""
         return self.run.rim_speed - self.run.speed[:, None]
 
     @property
@@ -127,7 +127,7 @@ class Findings:
 
     @property
     def utilisation(self) -> float:
-        """Coefficient used in slips over the one seen at their onsets, by time; nan if there are none with known forces."""
+        """Coefficient used in slips over that at their onsets, weighted with time; nan if none has known forces."""
         known = [e for e in self.events if np.isfinite(e.utilisation) and e.end > e.start]
         seen = sum(e.onset_coefficient * (e.end - e.start) for e in known)
         used = sum(e.utilisation * e.onset_coefficient * (e.end - e.start) for e in known)
@@ -135,7 +135,7 @@ class Findings:
 
 
 def parts(valid: NDArray[np.bool_], part: NDArray[np.int64]) -> Iterator[slice]:
-    """Stretches of valid instants (instants,) that no gap divides and that are long enough to analyse."""
+    """Stretches of valid instants (instants,) without a gap that are long enough to analyse."""
     gaps = np.flatnonzero(np.diff(part)) + 1
     for first, last in spans(valid).tolist():
         inside = gaps[np.searchsorted(gaps, first, "right") : np.searchsorted(gaps, last)]
@@ -150,10 +150,10 @@ def analyse_run(
     criterion: SlipCriterion | None = None,
     window: float = WINDOW,
 ) -> Findings:
-    """Analyse a measured run; `window` [s] is made as long as two samplings where it is shorter.
+    """Analyse a measured run; `window` [s] is extended to two samplings where it is shorter.
 
-    The coefficient takes the axle load at rest: what the pitch of car and bogies moves from axle to axle is not known of a
-    measured train. Raises `EstimationError` if run and train do not fit.
+    The coefficient uses the axle load at rest: in a measured train the load that the pitch of car and bogies moves from axle
+    to axle is unknown. Raises `EstimationError` if run and train do not fit.
     """
     count, axles = run.time.size, train.radius.size
     for name in ("rim_speed", "applied_force"):
@@ -241,9 +241,9 @@ def train_acceleration(run: MeasuredRun, window: float) -> Floats:
 
 
 def applied_force(run: xr.Dataset, train: Train) -> Floats:
-    """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles): a real train's log has it as torques.
+    """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles), as a real train logs it from torques.
 
-    `train` is the one that the run was made with; raises `EstimationError` for any other number of axles.
+    `train` is the one of the run; raises `EstimationError` for any other number of axles.
     """
     s, n = structure_of(train)
     if run.sizes["axle"] != n.axles:

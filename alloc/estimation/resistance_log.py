@@ -25,10 +25,10 @@ Source = Literal["measured", "commanded"]
 @displayed
 @dataclass(frozen=True)
 class RunLog:
-    """A run as a log has it, all (samples,), evenly spaced: what the learner may know of it.
+    """Log of a run, all (samples,), evenly spaced: the only input of the learner.
 
     `force` [N]: of the motors at the rims, the current over K_i, over the interval that begins at its sample.
-    `commanded_speed`, `commanded_acceleration`: V_c and a_c, where they are to be learnt from (the source's paragraph 0054).
+    `commanded_speed`, `commanded_acceleration`: V_c and a_c, for learning from these (the source's paragraph 0054).
     """
 
     time: Floats
@@ -85,14 +85,14 @@ class RunLog:
 
 @displayed
 class Learnt(NamedTuple):
-    """What a run has taught."""
+    """What was learnt from a run."""
 
     time: Floats
     """[s], (samples,)."""
     weights: Floats
     """After each sample, (samples, weights)."""
     error: Floats
-    """What the weights of that instant left of the force [N], (samples,)."""
+    """Error of the force with the weights of that instant [N], (samples,)."""
     excitation: Excitation
     """Status of every weight, from all samples together."""
 
@@ -109,9 +109,9 @@ def learn_from_log(
 ) -> Learnt:
     """Let `learner` learn from `log`, as on board in Fig. 7: the error is force less W Z, with measured V and a.
 
-    `rotating_mass` [kg] as in `alloc.onboard.speed_control.resistance`; `filter_time` [s]; `train_length` [m]: samples
-    with a change of section or gradient under the train are left out. `source` "commanded": V_c and a_c in
-    the place of V and a. `keep` picks samples by time. Raises `EstimationError` for a log that cannot be learnt from.
+    `rotating_mass` [kg] as in `alloc.onboard.speed_control.resistance`; `filter_time` [s]; `train_length` [m]: samples with
+    a change of section or gradient under the train are left out. `source` "commanded": V_c and a_c in place of V and a.
+    `keep` picks samples by time. Raises `EstimationError` for a log from which nothing can be learnt.
     """
     if source not in get_args(Source):
         raise EstimationError(f"resistance log: source = {source!r} must be measured or commanded")

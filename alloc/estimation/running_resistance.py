@@ -3,11 +3,12 @@
 Every learner moves W1 in the open only and W2 in tunnels only. Errors are forces [N], delta / K_i of the source, whose gain
 K_d on the current is 1 / K_i times the gain here.
 
-Persistence of excitation: a weight is learnt only as far as the run moves its regressor apart from the others. At constant
-speed on level track V^2 is constant and a + g sin(theta) is zero: W1 can be learnt, W3 not at all. At constant speed on one
-gradient both are constant and only W1 V^2 + W3 g sin(theta) can be told: an error of one hides behind the other. A gradient
-or an acceleration that comes and goes at one speed excites W3; a change of speed on level track tells W1 from A and B. W2
-needs a tunnel, and is told from W3 by a run outside of it. `alloc.estimation.excitation` says what a run has taught.
+Persistence of excitation: a weight is learnt only as far as the run varies its regressor independently of the others. At
+constant speed on level track V^2 is constant and a + g sin(theta) is zero: W1 can be learnt, W3 not at all. At constant
+speed on one gradient both are constant, and only W1 V^2 + W3 g sin(theta) can be determined: an error of one hides behind
+the other. A gradient or an acceleration that comes and goes at one speed excites W3. A change of speed on level track
+distinguishes W1 from A and B. W2 needs a tunnel, and a run outside of it to distinguish it from W3.
+`alloc.estimation.excitation` states which weights a run has determined.
 """
 
 import math
@@ -28,14 +29,14 @@ TYPICAL = (400.0, 400.0, 0.5, 1.0, 20.0)
 def gradient_step(weights: Floats, direction: Floats, error: float, gain: float) -> Floats:
     """(5): W + K_d delta Z, the gradient of half the squared error with one gain for all weights.
 
-    It lessens the error of that sample where 0 < gain |Z|^2 < 2, if `direction` is the regressor, and enlarges it beyond.
+    If `direction` is the regressor, it reduces the error of that sample where 0 < gain |Z|^2 < 2, and increases it beyond.
     """
     return weights + gain * error * direction
 
 
 @dataclass(eq=False)
 class Learner:
-    """What all learners have: 3 or 5 `weights`, and `update` with the check of a sample."""
+    """Common part of all learners: 3 or 5 `weights`, and `update` with the check of a sample."""
 
     weights: Floats
 
@@ -87,10 +88,10 @@ class GradientLearner(Learner):
 
 @dataclass(eq=False)
 class NormalisedGradientLearner(Learner):
-    """Normalised least mean squares: `rate` in (0, 2) of a sample's error is taken away, in scaled regressors Z / `typical`.
+    """Normalised least mean squares: removes `rate` in (0, 2) of a sample's error, in scaled regressors Z / `typical`.
 
-    Neither the unit of the force nor those of the regressors matter, if `typical` (weights,) has the same. Nothing is learnt
-    from a regressor of zeros.
+    Neither the unit of the force nor those of the regressors matter, if `typical` (weights,) has the same. Regressors of
+    zero teach nothing.
     """
 
     rate: float
@@ -112,9 +113,9 @@ class NormalisedGradientLearner(Learner):
 class LeastSquaresLearner(Learner):
     """Recursive least squares: `deviation` (weights,) of the prior, `noise` [N] of a sample, `forgetting` in (0, 1].
 
-    Only weights whose regressor is not zero forget, and none beyond the prior: what a run does not excite must not drift
-    off. `joint`: full least squares, in which a sample from a tunnel moves W1 too, through what both share with W3; the
-    source, and so the default, moves W1 in the open only. A weight that may not move keeps its value as a considered
+    Only weights whose regressor is not zero forget, and none beyond the prior: a weight that a run does not excite must not
+    drift. `joint`: full least squares, in which a sample from a tunnel moves W1 too, because both are correlated with W3.
+    The source, and so the default, moves W1 in the open only. A weight that may not move keeps its value as a considered
     parameter in Schmidt's filter (1966). Joseph's form keeps the covariance positive.
     """
 

@@ -1,7 +1,8 @@
-"""Slips and slides of an axle found in its measured series.
+"""Slips and slides of an axle, found in its measured series.
 
-In a measurement the adhesion curve is unknown, so a slip is what exceeds a slip velocity and a slip ratio that no axle has
-in micro slip. As it begins the coefficient passes the curve's maximum: the largest one seen there estimates the adhesion.
+In a measurement the adhesion curve is unknown. So a slip is defined as exceeding a slip velocity and a slip ratio that no
+axle reaches in micro slip. At its beginning the coefficient passes the curve's maximum: the largest coefficient seen there
+estimates the adhesion.
 """
 
 from dataclasses import dataclass
@@ -17,14 +18,14 @@ from alloc.spans import bridged_spans
 Floats = NDArray[np.float64]
 
 ONSET_TIME = 0.1
-"""Time [s] for which the coefficient is sought on after an axle is found to slip, beyond the maximum of its curve."""
+"""Time [s] after the detection of a slip in which the maximum coefficient is still sought."""
 
 CERTAIN = 4.0
-"""Standard deviations of the slip velocity that no slip is found below."""
+"""Smallest bound of a slip, in standard deviations of the slip velocity."""
 LASTING = 0.25
-"""Share of the span of a mean, before and after its largest value, for which a slip must exceed its bound."""
+"""Share of the averaging time, before and after its largest value, for which a slip must exceed its bound."""
 BRIDGED = 0.1
-"""Time [s] for which a slip may seem to be over without having ended: sensors' noise near the bound."""
+"""Time [s] for which a slip may seem to be over without having ended, because of sensor noise near the bound."""
 
 
 @displayed
@@ -32,14 +33,14 @@ BRIDGED = 0.1
 class SlipCriterion:
     """An axle slips where its slip velocity exceeds `velocity` [m/s] and `ratio` times the larger of rim and train speed.
 
-    The slip lasts from where it passed half of that bound until it is back below.
+    The slip lasts from the instant at which it passed half of that bound until it is below it again.
     """
 
     velocity: float = 0.2
-    """Twice and more the slip velocity at which the default adhesion curve has its maximum on wet rail."""
+    """More than twice the slip velocity at which the default adhesion curve has its maximum on wet rail."""
     ratio: float = 0.05
-    """Twice the creep at which published curves have their maximum (1 to 3 %), so that a slip lasts from about there; large
-    enough for errors of wheel radii."""
+    """Twice the creep at which published curves have their maximum (1 to 3 %), so that a slip begins at about that creep;
+    large enough for errors of wheel radii."""
 
     def __post_init__(self) -> None:
         EstimationError.check("slip criterion", self, positive=("velocity", "ratio"))
@@ -51,7 +52,7 @@ class SlipCriterion:
 
 
 SMALL = SlipCriterion(0.1, 0.02)
-"""Criterion of small slips, where the noise allows: wheels that do not slip creep by less, and radii are wrong by less."""
+"""Criterion of small slips, where the noise allows: wheels that do not slip creep less, and radii are more accurate."""
 
 
 @displayed
@@ -65,18 +66,18 @@ class SlipEvent(NamedTuple):
     end: float
     """[s]"""
     cut: bool
-    """Whether it goes on beyond the part of the log in which it was found."""
+    """Whether it continues beyond the part of the log in which it was found."""
     largest_slip: float
-    """Signed: positive a slip, negative a slide."""
+    """Signed: positive for a slip, negative for a slide."""
     slip_ratio: float
     """Largest slip velocity over the larger of rim and train speed at that instant, a magnitude up to 1."""
     onset_coefficient: float
     """Estimate of the adhesion coefficient: the largest between the start and `ONSET_TIME` after the slip passed its bound.
-    nan without forces, and where the slip was there before the part of the log began."""
+    nan without forces, and where the slip began before the part of the log."""
     onset_time: float
-    """When the coefficient was that of the onset [s]."""
+    """Instant of the onset's coefficient [s]."""
     utilisation: float
-    """Mean coefficient during the event over the one at its onset; above 1 where the rail improved. nan without that one."""
+    """Mean coefficient during the event over that at its onset; above 1 where the rail improved. nan without an onset."""
     damage: float
     """Wheel damage Q during the event [J]. nan without forces."""
 
@@ -99,8 +100,8 @@ def find_slips(
 ) -> list[SlipEvent]:
     """Slips and slides of one axle in series (instants,) without gaps; `coefficient` and accumulated `damage` if known.
 
-    `noise` [m/s]: standard deviation of the slip velocity. `span` [s]: time over which it was averaged to be so, and for
-    which a slip must then exceed its bound on average: the largest of many noisy values exceeds it too often.
+    `noise` [m/s]: standard deviation of the slip velocity, after averaging over `span` [s]. A slip must exceed its bound on
+    average over that time, because the largest of many noisy values exceeds it too often.
     """
     slip = rim_speed - speed
     bound = criterion.bound(speed, rim_speed, noise)

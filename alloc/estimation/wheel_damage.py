@@ -48,10 +48,10 @@ def tangential_force(
 
     `time` [s] (instants,); `applied_force` [N] (instants, axles): motors and brakes together at the rim, positive in
     traction; `angular_speed` [rad/s] (instants, axles); `inertia` [kg m2] of the wheelset with everything geared to it and
-    `radius` [m], () or (axles,). At the ends the window is what there is of it.
+    `radius` [m], () or (axles,). At the ends of the series the window is shortened.
 
     The mean is exact for series that are linear between instants. White noise of the rim speed with standard deviation s
-    passes into the force as sqrt(2) J s / (R^2 window). Raises `EstimationError`. Source: JP4209318 (2), (4).
+    gives a noise of the force of sqrt(2) J s / (R^2 window). Raises `EstimationError`. Source: JP4209318 (2), (4).
     """
     time, applied, omega, inertia, radius = _checked(
         time, applied_force, angular_speed, inertia, radius

@@ -1,6 +1,6 @@
 """Adhesion curves: tangential force coefficient as a function of slip velocity, by their parameters.
 
-The laws are in `alloc.plant.adhesion_laws`; a curve of one's own is a `ShapedCurve`, registered in `CURVES`.
+The laws are in `alloc.plant.adhesion_laws`. Derive your own curve from `ShapedCurve` and register it in `CURVES`.
 """
 
 import math
@@ -34,8 +34,8 @@ from alloc.registry import Registry
 class PiecewiseCurve(AdhesionCurve):
     """Curve of the readhesion paper, (1)-(6).
 
-    The residual at infinite slip is not printed: 0.9 of the peak is this project's choice, the value a trial calibration of
-    the paper's findings points to.
+    The residual at infinite slip is not printed. This project chose 0.9 of the peak, the value that a trial calibration of
+    the paper's findings suggests.
 
     Source: readhesion paper (1)-(6).
     """
@@ -43,7 +43,7 @@ class PiecewiseCurve(AdhesionCurve):
     micro_slope: float = 5.0
     """Slope g1 at the origin [s/m]."""
     top_curvature: float = 40.0
-    """Curvature C of the top [(s/m)^2]."""
+    """Curvature C at the peak [(s/m)^2]."""
     macro_slope: float = 0.05
     """Slope g2 beyond the peak [s/m]."""
     residual_ratio: float = 0.9
@@ -115,7 +115,7 @@ class CreepCurve(AdhesionCurve):
 
 @dataclass(frozen=True)
 class PolachCurve(CreepCurve):
-    """Polach's curve with one set A, B, kA, kS for every friction coefficient; by default his for wet rail, 0.30.
+    """Polach's curve with one set A, B, kA, kS for every friction coefficient; the default is his set for wet rail, 0.30.
 
     Source: Polach, Wear 258 (2005), Table 3.
     """
@@ -173,7 +173,7 @@ class PolachByFrictionCurve(CreepCurve):
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """Parameters (6,): those of `PolachCurve`, without what the friction coefficient gives."""
+        """Parameters (6,): those of `PolachCurve`, without those that follow from the friction coefficient."""
         return self._parameters(self.ratio_at_infinity)
 
 
@@ -207,7 +207,7 @@ class SlipRatioCurve(AdhesionCurve):
 class RationalCurve(AdhesionCurve):
     """Curve with the slip velocity of its peak and its steepness: n x / (1 + (n - 2) x + x^2), x = slip / `peak_slip`.
 
-    After Kiencke and Daiss (1994) for tyres. With steepness 2 it is the rise of `SlipRatioCurve`, with about 1.7 it is
+    After Kiencke and Daiss (1994) for tyres. With steepness 2 its rise is that of `SlipRatioCurve`. With about 1.7 it is
     within 2 % of the piecewise curve, with 15 to 50 of Polach's on wet rail.
 
     Source: Kiencke and Daiss (1994), for tyres; the values are assumed.
@@ -223,7 +223,7 @@ class RationalCurve(AdhesionCurve):
         PlantError.check("adhesion curve", self, positive=("peak_slip", "steepness"))
 
     def steepest_slope(self, peak: float) -> float:
-        """Slope at the origin, or where the curve turns on its way to the peak if the steepness is below 2 [s/m]."""
+        """Slope at the origin, or at the inflection point before the peak if the steepness is below 2 [s/m]."""
         n = self.steepness
         # the second derivative is zero where x^3 - 3 x + 2 - n = 0
         x = 0.0 if n >= 2.0 else 2.0 * math.cos((math.acos(0.5 * n - 1.0) + 4.0 * math.pi) / 3.0)
@@ -236,7 +236,7 @@ POLACH_DRY = DryPolachCurve()
 POLACH_WET = PolachCurve()
 
 CURVES: Registry[type[AdhesionCurve]] = Registry("adhesion curve", "readhesion.curves", PlantError)
-"""Adhesion curves by name, a class each; its fields are the keys of `[rail.curve]`."""
+"""Adhesion curves by name, one class each; its fields are the keys of `[rail.curve]`."""
 CURVES.register("piecewise", PiecewiseCurve)
 CURVES.register("polach", PolachCurve)
 CURVES.register("slip-ratio", SlipRatioCurve)

@@ -1,7 +1,8 @@
 """Laws of the adhesion curves: the tangential force coefficient over the slip velocity, and its maximum.
 
-Every law is odd in the slip velocity and takes the local `peak` from the adhesion field. For Polach's it is the friction
-coefficient, whose maximum over the slip velocity lies below it; for the others it is the adhesion coefficient, that maximum.
+Every law is odd in the slip velocity and takes the local `peak` from the adhesion field. For Polach's curve the peak is the
+friction coefficient, and the maximum over the slip velocity is below it. For the others it is the adhesion coefficient,
+which is that maximum.
 """
 
 import math
@@ -21,10 +22,10 @@ from alloc.plant.operations import (
 PIECEWISE, POLACH, SLIP_RATIO, TABULATED, POLACH_BY_FRICTION, RATIONAL = 0, 1, 2, 3, 4, 5
 
 CREEPAGE_SPEED_FLOOR = 1.0
-"""Least speed [m/s] that creepage divides by: that at standstill, reached smoothly from twice as much.
+"""Smallest speed [m/s] that creepage is divided by: it applies at standstill and is reached smoothly from twice this speed.
 
-Creepage is singular at standstill; the floor bounds the stiffness, and with it the number of substeps. A numerical device,
-not a property of the rail.
+Creepage is singular at standstill; the floor bounds the stiffness, and with it the number of substeps. It is a numerical
+device, not a property of the rail.
 """
 
 GROWTH_END = 3.0
@@ -33,12 +34,12 @@ GROWTH_END = 3.0
 
 @equation
 def parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_ratio):
-    """Curvature C of the parabola, raised where the source's would not make a curve.
+    """Curvature C of the parabola, raised where the source's value would not give a curve.
 
-    The source needs C >= g1^2 / (4 peak), else its first break point is negative and the curve jumps at the
-    origin; and B > 0, that is C > g2^2 / (4 (peak - mu_inf)), else its tail grows without bound. The
-    smallest C is taken that satisfies the first and leaves the tail half of the fall from the peak: the initial
-    slope stays, and the curve keeps its first derivative.
+    The source needs C >= g1^2 / (4 peak), else its first break point is negative and the curve jumps at the origin. It also
+    needs B > 0, that is C > g2^2 / (4 (peak - mu_inf)), else its tail grows without bound. The law takes the smallest C that
+    satisfies the first condition and leaves half of the fall from the peak to the tail. The initial slope is kept, and the
+    curve keeps its first derivative.
     """
     return maximum(
         top_curvature, narrowest_parabola(micro_slope, macro_slope, residual_ratio) / peak
@@ -47,7 +48,7 @@ def parabola_curvature(peak, micro_slope, top_curvature, macro_slope, residual_r
 
 @equation
 def narrowest_parabola(micro_slope, macro_slope, residual_ratio):
-    """Least curvature of the parabola, times the peak."""
+    """Smallest curvature of the parabola, times the peak."""
     for_line = 0.25 * micro_slope * micro_slope
     for_tail = 0.5 * macro_slope * macro_slope / (1.0 - residual_ratio)
     return maximum(for_line, for_tail)
@@ -84,7 +85,7 @@ def piecewise_coefficient(slip, peak, micro_slope, top_curvature, macro_slope, r
 def reference_speed(speed, rim_speed):
     """Speed that slip is divided by: the larger of car and rim speed, kept away from zero.
 
-    From twice the floor on it is that speed itself; below, a parabola leads to the floor without a kink.
+    Above twice the floor it is that speed itself; below, a parabola leads to the floor without a kink.
     """
     larger = maximum(absolute(speed), absolute(rim_speed))
     slow = maximum(0.0, 1.0 - larger * (0.5 / CREEPAGE_SPEED_FLOOR))
@@ -95,8 +96,9 @@ def reference_speed(speed, rim_speed):
 def polach_set(kind, q, peak):
     """B [s/m], kA and kS of Polach's law, and the slip velocity [m/s] at which its creepage stops growing.
 
-    They are given, or Open Rails' interpolation over the friction coefficient at rest: that (`Axle.cs`, `PolachCalculator`)
-    meets Polach's dry set at 0.55 and his wet one at 0.30, and stays with it below.
+    They are given, or follow from Open Rails' interpolation over the friction coefficient at rest (`Axle.cs`,
+    `PolachCalculator`). The interpolation meets Polach's dry set at 0.55 and his wet one at 0.30, and keeps the wet set
+    below that.
     """
     if kind == POLACH:
         none = 0.0 * peak
@@ -109,10 +111,10 @@ def polach_set(kind, q, peak):
 
 @equation
 def growing_slip(slip, decay, end):
-    """Slip velocity [m/s] that creepage is made of: `slip` at first, constant from `end` = `GROWTH_END` / `decay` on.
+    """Slip velocity [m/s] from which creepage is computed: `slip` at first, constant from `end` = `GROWTH_END` / `decay` on.
 
-    There friction has fallen to nearly its last value. A creepage that grew on would raise the coefficient again, by up to
-    4 % of the peak at high speed and load. The bend is of fifth order, so the maximum is as without it.
+    There friction has fallen to nearly its final value. If creepage continued to grow, the coefficient would rise again, by
+    up to 4 % of the peak at high speed and load. The transition is of fifth order, so the maximum is unchanged.
     """
     bounded = minimum(end, maximum(-end, slip))  # in this order a nan passes through
     share = bounded * decay * (1.0 / GROWTH_END)
@@ -124,8 +126,8 @@ def growing_slip(slip, decay, end):
 def polach_coefficient(slip, speed, rim_speed, peak, ratio_at_infinity, shape, creep_stiffness):
     """Polach's creep force law in pure longitudinal creep (Wear 258 (2005) 992-1000, eqs. 1-9).
 
-    Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest; creepage stops growing
-    where it has fallen, see `growing_slip`. `shape`: what `polach_set` gives.
+    Friction falls with the slip velocity as ((1 - A) exp(-B w) + A) from its value `peak` at rest. Creepage stops growing
+    once friction has fallen, see `growing_slip`. `shape`: the result of `polach_set`.
     """
     decay, adhesion_factor, slip_factor, end = shape
     friction = peak * ((1.0 - ratio_at_infinity) * exp(-decay * absolute(slip)) + ratio_at_infinity)
@@ -145,7 +147,7 @@ def polach_coefficient(slip, speed, rim_speed, peak, ratio_at_infinity, shape, c
 def slip_ratio_coefficient(slip, reference, peak, peak_slip_ratio, residual_ratio):
     """Rise 2x/(1 + x^2) to the peak at x = slip ratio / `peak_slip_ratio` = 1, then towards a residual.
 
-    With `residual_ratio` = 1 it is flat beyond the peak, as in work on wheel slide protection.
+    With `residual_ratio` = 1 it is flat beyond the peak, as in publications on wheel slide protection.
     """
     x = absolute(slip) / (reference * peak_slip_ratio)
     rise = 2.0 * x / (1.0 + x * x)
@@ -195,10 +197,10 @@ def tangential_coefficient(kind, q, slip, speed, rim_speed, peak, contact=1.0):
 
 @equation
 def polach_peak(kind, q, peak, speed, contact):
-    """Largest Polach coefficient of a driving axle over the slip velocity, and where it lies (golden section search).
+    """Largest Polach coefficient of a driving axle over the slip velocity, and its place (golden section search).
 
-    The curve rises from zero to its maximum and never again. The bracket (0, one tenth of the speed plus 2 m/s) holds the
-    maximum of every published set.
+    The curve rises from zero to its maximum and does not rise again. The bracket (0, one tenth of the speed plus 2 m/s)
+    contains the maximum of every published set.
     """
     shape = polach_set(kind, q, peak)
     ratio, stiffness = q[0], q[4] * contact

@@ -1,4 +1,4 @@
-"""What a car is made of: wheelsets, traction units, brakes. SI units, validated."""
+"""Components of a car: wheelsets, traction units, brakes. SI units, validated."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ from alloc.plant.sander import Sander
 
 
 def triple(owner: str, name: str, values: tuple[float, float, float]) -> tuple[float, float, float]:
-    """`values`; raises `PlantError` where they are not three finite numbers."""
+    """`values` as three floats; raises `PlantError` where they are not three finite numbers."""
     if len(values) != 3 or not all(math.isfinite(value) for value in values):
         raise PlantError(f"{owner}: {name} = {values} must be three finite numbers")
     return values
@@ -28,7 +28,7 @@ InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
 EFFORT_SPEED_STEP = 1.0 / 3.6
 """Spacing [m/s] of tabulated torque limits: 1 km/h, the spacing of published effort curves."""
 EFFORT_TABLE_LENGTH = 402
-"""Tables reach 401 km/h; beyond, the last value holds."""
+"""Tables reach 401 km/h; beyond, the last value is used."""
 
 
 @displayed
@@ -43,7 +43,7 @@ class TorqueLimit:
     peak: float
     """Largest torque at the shaft [N m]."""
     power: float
-    """Of each motor [W]."""
+    """Power of each motor [W]."""
     pull_out_speed: float = math.inf
     """[m/s]"""
     fade_speed: float = 0.0
@@ -99,7 +99,7 @@ class AirBrake:
     """
 
     maximum_pressure: float
-    """Of the cylinders [Pa]."""
+    """Largest pressure of the cylinders [Pa]."""
     force_per_pascal: float
     """Shoe force at the rim of an axle over the pressure [N/Pa]."""
     fill_time: float = 1.2
@@ -107,16 +107,16 @@ class AirBrake:
     release_time: float = 1.2
     """Time constant of releasing [s]."""
     dead_time: float = 0.05
-    """Between a command and the valve's answer [s]."""
+    """Time between a command and the valve's response [s]."""
     friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
     cylinder_volume: float = 4e-3
     """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
-    units of about 0.7 l at their stroke (7 in piston, 30 mm) and as much as one more in the pipes."""
+    units of about 0.7 l at their stroke (7 in piston, 30 mm), and the volume of one more unit in the pipes."""
     cut_out: tuple[int, ...] = ()
     """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
-    computers do not know of it."""
+    computers have no information on it."""
     friction_factor: float = 1.0
-    """Shoe friction over that of the design. The train's computers do not know of it either."""
+    """Shoe friction over that of the design. The train's computers have no information on it."""
 
     def __post_init__(self) -> None:
         times = ("fill_time", "release_time")
@@ -140,10 +140,10 @@ class AirBrake:
 @displayed
 @dataclass(frozen=True)
 class Car:
-    """One car: masses [kg], wheelsets, and what drives and brakes them.
+    """One car: masses [kg], wheelsets, motors and brakes.
 
-    `axle_positions` [m] are measured from the car's front end; `bogie_of_axle` numbers its bogies from 0.
-    `driven` marks axles with a motor. `load` is the pay load; JP5484215 calls empty mass and load per axle W0, dW.
+    `axle_positions` [m] are measured from the car's front end; `bogie_of_axle` numbers its bogies from 0. `driven` marks
+    axles with a motor. `load` is the pay load; JP5484215 calls empty mass and load per axle W0, dW.
     """
 
     name: str
@@ -154,7 +154,7 @@ class Car:
     load: float
     """Pay load [kg]."""
     axle_positions: tuple[float, ...]
-    """From the car's front end [m]."""
+    """Positions from the car's front end [m]."""
     bogie_of_axle: tuple[int, ...]
     wheel_radius: float
     """[m]"""
@@ -164,16 +164,16 @@ class Car:
     motors: Motors | None = None
     air_brake: AirBrake | None = None
     centre_of_mass_height: float = 1.6
-    """Above the rail [m]."""
+    """Height above the rail [m]."""
     pivot_height: float = 0.5
-    """Above the rail, where bogies pull the body [m]."""
+    """Height above the rail at which bogies pull the body [m]."""
     speed_sensors: bool = True
-    """Whether the train's computers know the speed of its axles; those of a freight wagon have no sensors."""
+    """Whether its axles have speed sensors for the train's computers; those of a freight wagon have none."""
     axle_load_share: tuple[float, ...] | None = None
-    """Share of the car's weight on each axle; equal if None. A sum below 1 leaves the rest of the weight to axles that
-    are not modelled (a single axle with its part of a train)."""
+    """Share of the car's weight on each axle; equal if None. If the sum is below 1, axles that are not modelled carry the
+    rest of the weight (a single axle with its part of a train)."""
     sanders: tuple[Sander, ...] = ()
-    """From the front, at most one per axle."""
+    """Sanders from the front, at most one per axle."""
 
     def __post_init__(self) -> None:
         owner = f"car {self.name!r}"
@@ -231,11 +231,10 @@ class Car:
     def unloading_factors(self) -> NDArray[np.float64]:
         """Load [N] lost by each axle per newton of the car's rail force, (axles,), summing to zero.
 
-        Quasi-static pitch: the force acts at the rail, the inertia at the centre of mass, so the car's
-        weight moves from the front bogie to the rear one; within a bogie its share of the force, taken up at
-        pivot height, does the same between its axles. A bogie of one axle cannot carry such a moment and
-        passes its force on at the rail; a car with one bogie carries all of the moment there. The moment of
-        coupler forces is neglected.
+        Quasi-static pitch: the force acts at the rail and the inertia at the centre of mass, so the car's weight moves from
+        the front bogie to the rear one. Within a bogie its share of the force acts at pivot height, and does the same
+        between its axles. A bogie of one axle cannot carry such a moment and transmits its force at the rail. A car with one
+        bogie carries the whole moment there. The moment of coupler forces is neglected.
         """
         positions, bogies = np.array(self.axle_positions), np.array(self.bogie_of_axle)
         factors = np.zeros(positions.size)
@@ -258,7 +257,7 @@ class Car:
         return factors
 
     def reversed(self) -> "Car":
-        """The same car running the other way round."""
+        """The same car running in the other direction."""
         last = max(self.bogie_of_axle)
         share = self.axle_load_share
         brake = self.air_brake

@@ -1,9 +1,9 @@
 """Creep stiffness of the contact of wheel and rail from wheel load and radius.
 
-Polach's law takes the contact by one number, G pi a b C11 / (4 Q), with the half axes a along and b across the rail. Here
-a b is that of a cylinder on a rail head of constant width, as in Open Rails (`Axle.cs`, `PolachCalculator`): it grows as
-sqrt(Q R), so stiffness falls as Q^-1/2. Between bodies that are curved both ways (Hertz) a b grows as Q^2/3, and stiffness
-would fall as Q^-1/3; the width that worn profiles share does not grow so with the load.
+Polach's law describes the contact by one number, G pi a b C11 / (4 Q), with the half axes a along and b across the rail.
+Here a b is that of a cylinder on a rail head of constant width, as in Open Rails (`Axle.cs`, `PolachCalculator`). It grows
+as sqrt(Q R), so stiffness falls as Q^-1/2. Between bodies that are curved both ways (Hertz) a b grows as Q^2/3, and
+stiffness would fall as Q^-1/3. But the contact width of worn profiles does not grow in that way with the load.
 """
 
 import math
@@ -24,7 +24,7 @@ CYLINDER = 1.52
 """Half length of a cylinder's contact over sqrt(load x radius / (length x modulus)): Hertz, Poisson's ratio 0.3."""
 
 REFERENCE_LOAD, REFERENCE_RADIUS = 1e5, 0.5
-"""Wheel load [N] and wheel radius [m] of the contact that a curve stands for where no axle is named."""
+"""Wheel load [N] and wheel radius [m] of the contact that a curve describes where no axle is named."""
 
 HALF_AXES_RATIO = 1.137
 """a / b of the reference contact, by the same cylinder."""

@@ -14,7 +14,7 @@ from alloc.plant.train import Train
 
 
 class Environment(NamedTuple):
-    """What the train meets: rail, line, receptivity, failures."""
+    """Surroundings of the train: rail, line, receptivity, failures."""
 
     curve_kind: int
     curve: Floats  # parameters of the adhesion curve
@@ -42,7 +42,7 @@ class Environment(NamedTuple):
 
 
 def axle_contacts(curve: AdhesionCurve, structure: Structure) -> Floats:
-    """Creep stiffness of each axle's contacts over that among the parameters of `curve`, (axles,).
+    """Creep stiffness of each axle's contacts over that in the parameters of `curve`, (axles,).
 
     A wheel carries half of its axle's load.
     """
@@ -52,8 +52,8 @@ def axle_contacts(curve: AdhesionCurve, structure: Structure) -> Floats:
 def level_for(curve: AdhesionCurve, adhesion: float, speed: float, train: Train) -> float:
     """Level of a rail whose `curve` offers `adhesion` to `train` at `speed` [m/s].
 
-    Offered is the greatest force of all axles over their weight: the curve's maximum, its mean weighted with the static
-    axle loads. Heavy axles have the softer contacts.
+    The offered adhesion is the largest force of all axles over their weight: the curve's maximum, averaged with the static
+    axle loads as weights. Heavy axles have the softer contacts.
     """
     level, s = adhesion, structure_of(train)[0]
     contact, share = axle_contacts(curve, s), s.static_load / s.static_load.sum()
@@ -75,7 +75,7 @@ def environment_of(
     failures: dict[int, float],
     span: tuple[float, float],
 ) -> Environment:
-    """What a train meets on `rail`; raises `PlantError` where train, rail and failures do not fit together."""
+    """Surroundings of a train on `rail`; raises `PlantError` where train, rail and failures do not fit together."""
     failure = np.full(layout.units, np.inf)
     for unit, time in failures.items():
         if not 0 <= unit < layout.units:

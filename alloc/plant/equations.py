@@ -11,10 +11,11 @@ GRAVITY = 9.80665
 """Standard gravity [m/s2]; the readhesion paper's 9.0855 is a misprint."""
 
 LOCK_TIME = 2e-3
-"""Time constant [s] with which shoe friction brings the last bit of rotation of a locking wheel to rest."""
+"""Time constant [s] with which shoe friction stops the remaining rotation of a locking wheel."""
 
 DAMPED_DEPTH = 2e-3
-"""Compression [m] of a draft gear's structure at which all its damping acts; smooth, or impacts would need shorter steps."""
+"""Compression [m] of a draft gear's structure at which all its damping acts; the onset is smooth, to avoid short steps at
+impacts."""
 
 STANDSTILL_SPEED = 0.05
 """Speed scale [m/s] on which running resistance changes sign at standstill."""
@@ -30,9 +31,9 @@ def slip_velocity(angular_speed, radius, speed):
 def shoe_torque(other_torque, angular_speed, limit, inertia):
     """Torque [N m] of the brake shoes on a wheelset, opposing its rotation.
 
-    Coulomb friction with the bound `limit`: a turning wheel feels all of it; a wheel at rest feels just what
-    holds it, so it stays locked until the other torques exceed the bound. The ramp between the two
-    brings omega to zero with the time constant `LOCK_TIME` instead of jumping.
+    Coulomb friction with the bound `limit`. On a turning wheel all of it acts. On a wheel at rest just as much acts as holds
+    it, so the wheel stays locked until the other torques exceed the bound. The ramp between the two brings omega to zero
+    with the time constant `LOCK_TIME` instead of a jump.
     """
     holding = other_torque + inertia * angular_speed * (1.0 / LOCK_TIME)
     return minimum(limit, maximum(-limit, holding))  # in this order a nan passes through
@@ -48,7 +49,7 @@ def wheel_acceleration(motor_torque_at_wheel, rail_force, radius, shoe, inverse_
 def wheelset(
     motor_torque_at_wheel, rail_force, radius, angular_speed, shoe_limit, inertia, inverse_inertia
 ):
-    """Shoe torque [N m] and angular acceleration [rad/s2] of a wheelset; the inverse spares a division per step."""
+    """Shoe torque [N m] and angular acceleration [rad/s2] of a wheelset; passing the inverse saves a division per step."""
     other = motor_torque_at_wheel - radius * rail_force
     shoe = shoe_torque(other, angular_speed, shoe_limit, inertia)
     acceleration = wheel_acceleration(
@@ -62,7 +63,7 @@ def motor_torque_rate(torque, command, drive_limit, brake_limit, health, inverse
     """Rate of the motor torque [N m/s]: first-order lag behind the bounded command.
 
     `brake_limit` already contains the receptivity of the line; `health` 0 is a failed motor; `inverse_lag` is 1 / time
-    constant [1/s], here as below: divisions are what a step costs.
+    constant [1/s]. Inverses are used here and below because divisions dominate the cost of a step.
     """
     target = health * minimum(maximum(command, -brake_limit), drive_limit)
     return (target - torque) * inverse_lag
@@ -81,7 +82,7 @@ def cylinder_pressure_rate(pressure, target, valve, inverse_fill, inverse_releas
 
 @equation
 def speed_decline(speed, offset):
-    """1 / (V + b) with V in km/h: what a hyperbolic speed law falls with."""
+    """1 / (V + b) with V in km/h: the decrease of a hyperbolic speed law."""
     return 1.0 / (3.6 * absolute(speed) + offset)
 
 
@@ -93,7 +94,7 @@ def hyperbolic_speed_law(speed, numerator, offset, constant):
 
 @equation
 def running_resistance(speed, constant, linear, quadratic, air_factor):
-    """Running resistance [N] against the motion: A + B v + C v^2, its air part raised in tunnels."""
+    """Running resistance [N] against the motion: A + B v + C v^2, its air part increased in tunnels."""
     magnitude = constant + linear * absolute(speed) + quadratic * air_factor * speed * speed
     return magnitude * speed / sqrt(speed * speed + STANDSTILL_SPEED * STANDSTILL_SPEED)
 
@@ -146,7 +147,7 @@ def coupler_forces(elongation, rate, stiffness, stiffening, damping, slack):
 def wedge_creep(force, travel, gear, fluidity):
     """Rate at which the wedges of a draft gear slide [m/s] under `force` [N], at `travel` >= 0 [m].
 
-    Loading they slide from T0 + k1 p on, unloading from t0 + k2 p down. At either end of the travel they stop.
+    In loading they slide above T0 + k1 p, in unloading below t0 + k2 p. At either end of the travel they stop.
     """
     structure, loading, unloading, preload, restoring, longest = gear
     excess = maximum(0.0, force - (preload + loading * travel))
@@ -157,7 +158,7 @@ def wedge_creep(force, travel, gear, fluidity):
 
 @equation
 def structure_forces(compression, rate, structure, damping):
-    """Elastic force of a structure [N], damping where it touches [N s/m], and both together; it does not pull."""
+    """Elastic force of a structure [N], damping where it is in contact [N s/m], and both together; it does not pull."""
     depth = maximum(0.0, compression)
     elastic, share = structure * depth, minimum(depth * (1.0 / DAMPED_DEPTH), 1.0)
     damper = damping * share * share * (3.0 - 2.0 * share)
@@ -168,10 +169,10 @@ def structure_forces(compression, rate, structure, damping):
 def friction_draft_gear(stretch, rate, travel, gear, fluidity, damping):
     """Tension of a friction draft gear [N], rate of its wedges' travel [m/s], and power lost in it [W].
 
-    A damped structure of stiffness ck in series with wedges, which stick between their two lines, see `wedge_creep`.
+    A damped structure of stiffness ck is in series with wedges, which stick between their two lines, see `wedge_creep`.
     `travel` p [m] is positive in draft, negative in buff. Beyond a line the wedges slide at `fluidity` [m/N s] times the
-    excess. Elastic are the structure and the mean of the two lines; all other power of the tension is lost, and never less
-    than nothing.
+    excess. The structure and the mean of the two lines are elastic. All other power of the tension is lost; the loss is
+    never negative.
     """
     structure, loading, unloading, preload, restoring, _ = gear
     drawn, pressed = maximum(0.0, travel), maximum(0.0, -travel)
@@ -194,7 +195,7 @@ def friction_draft_gear(stretch, rate, travel, gear, fluidity, damping):
 
 @equation
 def car_rail_force(static_force, unloading):
-    """Rail force of a car whose axles are unloaded by that very force.
+    """Rail force of a car whose axles are unloaded by that same force.
 
     F = sum mu_i (N0_i - k_i F), so F = sum mu_i N0_i / (1 + sum mu_i k_i).
     """
@@ -208,7 +209,7 @@ def axle_load(static_load, unloading, car_force):
 
 
 SLOWEST_SANDING = 0.5
-"""Speed [m/s] below which a sander lays no more on a metre: at rest all would lie on one spot."""
+"""Speed [m/s] below which a sander lays no more on a metre: at rest all sand would lie on one spot."""
 
 
 @equation
@@ -219,5 +220,5 @@ def sand_laid(rate, speed):
 
 @equation
 def conditioning_deposit(slip_ratio, scale):
-    """Degree 0..1 to which a wheel with this slip ratio cleans the rail it passes (JP4209318 par. 0053)."""
+    """Degree 0..1 to which a wheel with this slip ratio cleans the rail under it (JP4209318 par. 0053)."""
     return 1.0 - exp(-absolute(slip_ratio) / scale)

@@ -1,8 +1,8 @@
-"""The adhesion field: peak coefficient by position, time, speed and what the wheels ahead have done.
+"""The adhesion field: peak coefficient by position, time, speed and the effect of the wheels ahead.
 
-peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor; sand lifts it towards the
+peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor; sand raises it towards the
 coefficient of sanded rail. JP5484215 gives the speed law (12), the increments by axle (15) and the scatter; JP4209318 par.
-0051 the conditioning.
+0051 gives the conditioning.
 """
 
 from alloc.compilation import equation
@@ -10,7 +10,7 @@ from alloc.plant.operations import exp, floor, maximum, minimum
 from alloc.plant.rail import NOISE_KNOTS
 
 PEAK_FLOOR = 1e-3
-"""Least peak coefficient of the field; scatter must not make adhesion vanish or turn negative."""
+"""Smallest peak coefficient of the field; scatter must not make adhesion zero or negative."""
 
 
 @equation
@@ -37,7 +37,7 @@ def patch_factor(weight_in_space, weight_in_time, factor):
 def scatter_knot(x, length):
     """Place in the scatter's ring of `NOISE_KNOTS` knots, `length` [m] apart, between which it is interpolated linearly.
 
-    The smooth step makes that a curve with zero slope at the knots.
+    The smooth step makes the result a curve with zero slope at the knots.
     """
     knot = x * (1.0 / length)
     base = floor(knot)
@@ -56,7 +56,7 @@ def peak_coefficient(decline, numerator, constant, patches, increment, scatter, 
 def sanded_peak(peak, amount, sanded, saturation):
     """Peak coefficient on a rail with `amount` [kg/m] of sand: from `peak` towards `sanded`, by 63 % at `saturation` [kg/m].
 
-    Form assumed: the gain is proportional to what lacks, and each grain finds less to do. Where the rail carries more than
-    `sanded`, sand changes nothing.
+    The form is assumed: the gain is proportional to the remaining difference, so each grain adds less than the one before.
+    Where the rail carries more than `sanded`, sand changes nothing.
     """
     return peak + maximum(sanded - peak, 0.0) * (1.0 - exp(-amount / saturation))

@@ -22,7 +22,7 @@ DRAFT_GEAR_TRAVEL = 0.1
 
 
 class Inputs(NamedTuple):
-    """What acts on the plant and is constant over a step."""
+    """Inputs of the plant that are constant over a step."""
 
     torque_command: Floats  # (units,) motor torque [N m] of each motor of the unit
     pressure_target: Floats  # (groups,) [Pa]
@@ -42,7 +42,7 @@ class Model:
     structure: Structure
     environment: Environment
     span: tuple[float, float]
-    """Stretch of line that is tabulated [m]."""
+    """Stretch of line in the tables [m]."""
 
     def __repr__(self) -> str:
         return f"<Model: train {self.train.name!r} on {repr(self.rail)[1:-1]}>"
@@ -68,7 +68,7 @@ class Model:
         return Inputs(*map(np.zeros, (n.units, n.groups, n.groups, n.sanders)))
 
     def stiffness(self) -> float:
-        """Estimate from above [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
+        """Upper estimate [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
         s, contact = self.structure, self.environment.contact
         peak = self.rail.greatest_peak()
         if self.environment.sandy:
@@ -115,7 +115,7 @@ def build(
 ) -> Model:
     """Put a train on a rail and a line.
 
-    `failures`: time [s] at which a traction unit (0 = foremost) loses its motors. `span`: least and greatest position [m]
+    `failures`: time [s] at which a traction unit (0 = foremost) loses its motors. `span`: smallest and largest position [m]
     of the train's front that the line must cover. Raises `PlantError` where train, rail and line do not fit.
     """
     if not (all(math.isfinite(x) for x in span) and span[0] < span[1]):

@@ -27,7 +27,7 @@ CURVE_LAWS: dict[str, tuple[tuple[float, float, float], ...]] = {
         (300.0, 650.0, 55.0),
     ),  # Roeckl, standard gauge; the step at 300 m is his
 }
-"""Named laws of the resistance of curves, a / (R - b) per mille of the weight, R in m: least radius of each piece, a, b."""
+"""Named laws of curve resistance, a / (R - b) per mille of the weight, R in m: smallest radius of each piece, a, b."""
 
 NOISE_KNOTS = 1024
 """Knots of the scatter's table; the scatter repeats after this many correlation lengths."""
@@ -35,7 +35,7 @@ NOISE_KNOTS = 1024
 KNOT_SCATTER = (181.0 / 231.0) ** -0.5
 """Scatter at a knot over scatter along the rail.
 
-Between two independent knots the smooth step w mixes them and the variance falls to w^2 + (1 - w)^2 of theirs,
+Between two independent knots the smooth step w mixes them. The variance falls to w^2 + (1 - w)^2 of that at the knots,
 181/231 on average.
 """
 
@@ -43,7 +43,7 @@ Between two independent knots the smooth step w mixes them and the variance fall
 @displayed
 @dataclass(frozen=True)
 class Patch:
-    """A stretch of rail that, for a time, multiplies the coefficient by a factor; smooth edges.
+    """A stretch of rail that multiplies the coefficient by a factor for a time; smooth edges.
 
     Source: assumed.
     """
@@ -55,7 +55,7 @@ class Patch:
     end: float = 1e6
     """Position where it ends [m]."""
     edge: float = 5.0
-    """Length over which either end is smooth [m]."""
+    """Length of the smooth transition at either end [m]."""
     begin: float = -1e6
     """Instant at which it begins [s]."""
     until: float = 1e6
@@ -101,8 +101,9 @@ class Rail:
     """Coefficient over the speed: a name of `SPEED_LAWS`, or a, b and c of a / (V + b) + c with V in km/h. Source:
     shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler, 1950."""
     rear_speed_law: tuple[float, float, float] | None = None
-    """Law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled alike: further back adhesion is another
-    and may depend less on speed. Left out: one law for all axles. Source: JP4209318, Fig. 2, par. 0051, findings 1 and 2."""
+    """Law (a, b, c) of an axle far back, with the offset b of `speed_law`, scaled in the same way: adhesion differs further
+    back and may depend less on speed. Left out: one law for all axles. Source: JP4209318, Fig. 2, par. 0051, findings 1
+    and 2."""
     rear_axles: float = 4.0
     """Axle i (0 = foremost) follows the front's law blended towards that of the rear by 1 - exp(-i / `rear_axles`)."""
     patches: tuple[Patch, ...] = ()
@@ -122,14 +123,14 @@ class Rail:
     cleaning_spacing: float = 0.1
     """Resolution of the cleaned or sanded rail [m]."""
     sanded_coefficient: float = 0.40
-    """Coefficient to which much sand lifts a lower one. Source: calibrated in `studies.sanders.calibration`."""
+    """Coefficient to which a large amount of sand raises a lower one. Source: calibrated in `studies.sanders.calibration`."""
     sand_saturation: float = 35.3e-3
-    """Amount of sand per rail that does so by 63 % [kg/m]. Source: calibrated in `studies.sanders.calibration`."""
+    """Amount of sand per rail that gives 63 % of this rise [kg/m]. Source: calibrated in `studies.sanders.calibration`."""
     sand_decay: float = 0.0558
     """Share of the sand that an axle takes off the rail, 0 to 1. Source: calibrated in `studies.sanders.calibration`."""
     presliding: float = 1.5e-4
-    """Deflection at which a contact at rest yields, see `alloc.plant.static_adhesion` [m]. Source: assumed: a train that
-    holds moves by less than a millimetre."""
+    """Deflection at which a contact at rest yields, see `alloc.plant.static_adhesion` [m]. Source: assumed: a train that is
+    held moves by less than a millimetre."""
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     """Adhesion curve: tangential coefficient over the slip."""
 
@@ -179,7 +180,7 @@ class Rail:
         return front - (rear - front) * np.expm1(-np.arange(axle_count) / self.rear_axles)
 
     def greatest_peak(self) -> float:
-        """Estimate from above of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
+        """Upper estimate of the peak coefficient anywhere: standstill, best axle and patches, four deviations."""
         # an axle's law lies between the two
         base = max(max(a / b, 0.0) + c for a, b, c in self._laws()) * self._greatest_factor()
         growth = max(self.increments or (0.0,))
@@ -214,14 +215,14 @@ class Rail:
 class Line:
     """Gradient, tunnels and curves by position; gradient as rise per run (0.020 = 20 per mille).
 
-    `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest holds.
-    Changes are spread over one `spacing`. Where curves overlap the sharpest counts.
+    `stations` (k,) are the starts of sections with `grades` (k,); before the first and beyond the last the nearest applies.
+    Changes are spread over one `spacing`. Where curves overlap, the sharpest counts.
 
     Source: this project.
     """
 
     stations: tuple[float, ...] = (0.0,)
-    """Starts of the sections, growing [m]."""
+    """Increasing starts of the sections [m]."""
     grades: tuple[float, ...] = (0.0,)
     """Gradient of each section."""
     tunnels: tuple[tuple[float, float], ...] = ()
@@ -233,8 +234,8 @@ class Line:
     curves: tuple[tuple[float, float, float], ...] = ()
     """Start, end and radius of each curve [m]."""
     curve_law: str = "600/R"
-    """Law of the curves' resistance, by which each car is held back where it is: a name of `CURVE_LAWS`. Source: 600/R,
-    800/R: usual in England and Japan; roeckl: Roeckl, standard gauge."""
+    """Law of the curves' resistance, which acts on each car at its place: a name of `CURVE_LAWS`. Source: 600/R, 800/R:
+    usual in England and Japan; roeckl: Roeckl, standard gauge."""
 
     def __post_init__(self) -> None:
         PlantError.check(

@@ -1,7 +1,8 @@
-"""What the rail remembers between steps: how far wheels have cleaned it, and the sand that lies on it.
+"""State of the rail between steps: how far wheels have cleaned it, and the sand that lies on it.
 
-Cells of the rail under the train stand in a ring. Each axle reads what lies under it, and changes the cells that it has
-just left behind; the foremost one starts those ahead of it anew. The right side sees what is read at the start of a step.
+Cells of the rail under the train form a ring. Each axle reads the state under it, and changes the cells that it has just
+left behind; the foremost axle initialises those ahead of it. The right-hand side uses the values read at the start of a
+step.
 """
 
 import numpy as np
@@ -64,7 +65,7 @@ def _sand(w, i, first, now, rate):
 
 @inlined_jit
 def read_rail(w):
-    """Fill in what lies under each axle."""
+    """Fill in the state of the rail under each axle."""
     if w.rail.conditioned:
         _read(w, w.scratch.cleaning)
     if w.rail.sandy:

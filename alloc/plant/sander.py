@@ -1,4 +1,4 @@
-"""Sanders: what lays sand ahead of an axle."""
+"""Sanders: devices that lay sand ahead of an axle."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from alloc.errors import PlantError
 
 @dataclass(frozen=True)
 class Sander:
-    """Lays sand on both rails just ahead of an axle of its car, whichever way the train runs.
+    """Lays sand on both rails just ahead of an axle of its car, in either running direction.
 
     Source: the vehicle's.
     """
@@ -15,7 +15,7 @@ class Sander:
     axle: int
     """Number of the axle in its car, 0 = foremost."""
     rate: float
-    """Sand per rail: of a sander of fixed rate, else its greatest [kg/s]."""
+    """Sand per rail: the rate of a sander of fixed rate, else the largest rate [kg/s]."""
     amount: float | None = None
     """Sand per rail and metre that a sander of variable rate keeps to as long as `rate` allows [kg/m]. Left out: the rate is
     fixed."""

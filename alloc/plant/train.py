@@ -17,7 +17,7 @@ from alloc.plant.car import (
 from alloc.plant.sander import Sander
 
 MOST_AXLES = 2000
-"""The longest trains have some 1500."""
+"""Largest number of axles; the longest trains have some 1500."""
 
 
 @displayed
@@ -73,9 +73,9 @@ class DraftGear:
     """Viscosity of a gear's sliding wedges, which makes friction a function of the rate [N s/m]. Source: assumed."""
     damping: float = 1.0e7
     """Damping of a gear's structure [N s/m]. Source: assumed: about critical for two wagons of 85 t; without it a train
-    swings for minutes on gears that stick."""
+    oscillates for minutes on gears that stick."""
     in_series: int = 2
-    """Gears of a connection. Source: assumed."""
+    """Number of gears in a connection. Source: assumed."""
 
     def __post_init__(self) -> None:
         positive = (
@@ -104,7 +104,7 @@ class DraftGear:
     def wedges(self) -> tuple[float, ...]:
         """Parameters of `alloc.plant.equations.friction_draft_gear` for the gears in series; 1 / viscosity and damping last.
 
-        The lines over the wedges' travel p = s - T / ck instead of the stretch s.
+        The lines are over the wedges' travel p = s - T / ck instead of the stretch s.
         """
         share = 1.0 - self.unloading / self.structure
         loading = self.loading / (1.0 - self.loading / self.structure)
@@ -192,7 +192,7 @@ class Train:
         return sum(sum(car.wheel_inertia) / car.wheel_radius**2 for car in self.cars)
 
     def reversed(self) -> "Train":
-        """The same train running the other way: rearmost car first, each car turned round."""
+        """The same train running in the other direction: rearmost car first, each car reversed."""
         couplers = None if self.couplers is None else self.couplers[::-1]
         return replace(
             self, cars=tuple(car.reversed() for car in reversed(self.cars)), couplers=couplers

@@ -1,6 +1,6 @@
-"""Named parameter sets of trains: one module each, which registers its trains; every value with its source.
+"""Named parameter sets of trains: one module each, which registers its trains; every value has its source.
 
-A value that no source gives is marked "assumed" with the reason why it is plausible.
+A value without a source is marked "assumed" with the reason why it is plausible.
 """
 
 from collections.abc import Callable
