@@ -1,8 +1,9 @@
-"""What the air brake of a unit gives, as far as the unit knows it.
+"""Estimate of the force of a unit's air brake, from what the unit can observe.
 
-The unit's own estimate of its tangential coefficient knows of the shoes (`alloc.onboard.sensing`), that of the motors alone
-does not. The difference is the coefficient of the air brake. Both estimates answer the swing of the slip a little
-differently, and both are noisy, so it is smoothed. Its force changes slowly and is taken for constant over the horizon.
+The unit's own estimate of its tangential coefficient includes the shoes (`alloc.onboard.sensing`); the estimate from the
+motors alone does not. The difference is the coefficient of the air brake. The two estimates respond to the oscillation of
+the slip a little differently, and both are noisy, so the difference is smoothed. The brake's force changes slowly and is
+assumed to be constant over the horizon.
 """
 
 import math
@@ -14,16 +15,16 @@ from alloc.plant.structure import Floats
 from mpc.arrays import inlined
 
 AIR_TIME = 0.2
-"""Time [s] over which the difference is taken: that of a swing, and short against the filling of a brake cylinder."""
+"""Averaging time [s] of the difference: one period of the swing, short compared with the filling of a brake cylinder."""
 LEAST_AIR = 0.01
-"""Coefficient from which on it is believed."""
+"""Coefficient above which it is believed."""
 
 
 class AirBrake(NamedTuple):
-    """What is known of the air brake of one unit."""
+    """Estimate of the air brake of one unit."""
 
     share: float
-    """Of a new value in the mean, per period."""
+    """Weight of a new value in the mean, per period."""
     mean: Floats
     """Mean difference, (1,)."""
     coefficient: Floats
@@ -37,7 +38,7 @@ def air_brake_of(period: float) -> AirBrake:
 
 @inlined
 def hear_air_brake(air, axles, estimate):
-    """Take in the unit's `estimate` of its coefficient, nan: it has none, and add the air brake to what the axles feel."""
+    """Use the unit's `estimate` of its coefficient, nan if it has none, and add the air brake to the axles' coefficients."""
     mean = 0.0
     for i in range(axles.coefficient.size):
         mean += axles.coefficient[i] / axles.coefficient.size

@@ -1,9 +1,10 @@
-"""What each axle of a unit feels, from torque and speeds alone: pairs of coefficient and slip.
+"""Pairs of coefficient and slip of each axle of a unit, from torque and speeds alone.
 
-A disturbance observer tells the coefficient (JP5484215 (1)-(4), `alloc.onboard.observer`), and the measured slip passes the
-same filter, so both are of one instant. Between readings speeds are taken as linear. Torque is not: it follows the command,
-which changes once a period, with the motor's lag, so most of its change comes early. Taken as linear it would seem late, and
-what turns the wheelset faster and slower would pass for adhesion that grows with slip.
+A disturbance observer estimates the coefficient (JP5484215 (1)-(4), `alloc.onboard.observer`). The measured slip passes the
+same filter, so both belong to one instant. Between readings speeds are assumed to be linear. Torque is not linear: it
+follows the command, which changes once a period, with the motor's lag, so most of its change comes early. If it were treated
+as linear, it would seem late, and the torque that accelerates the wheelset would be mistaken for adhesion that grows with
+slip.
 """
 
 import math
@@ -19,38 +20,38 @@ from mpc.arrays import inlined
 from mpc.settings import PeakBelief
 
 NOISE_TIME = 1.0
-"""Time [s] over which the noise of measured slip is taken."""
+"""Averaging time [s] for the noise of measured slip."""
 
 SMALLEST_NOISE = 2e-4
-"""Noise [m/s] that is supposed at least: from there on a larger one is learnt."""
+"""Smallest noise [m/s] assumed; larger noise is learnt."""
 
 FIRST_NOISE = 0.01
-"""Noise [m/s] supposed before any was felt: who supposes too little believes too firmly in what noise says."""
+"""Noise [m/s] assumed before any reading: with too small a value the filter trusts noisy readings too much."""
 
 DOUBT = 0.5
-"""Deviation of a peak that nothing is known of, over the peak."""
+"""Deviation of an unknown peak, over the peak."""
 
 ROUGHEST = 4.0
-"""A reading counts as no noisier than this many times the noise known: slip itself jumps too."""
+"""A reading counts as no noisier than this multiple of the known noise, because slip itself also jumps."""
 
 
 class Constants(NamedTuple):
-    """What the compiled update takes of the unit and of `PeakBelief`."""
+    """Constants of the compiled update, from the unit and `PeakBelief`."""
 
     inertia: float
     radius: float
     pole: float
     keep: float
-    """Of the observer's filter, as are `old` and `new`."""
+    """Weight in the observer's filter, as are `old` and `new`."""
     old: float
     new: float
     old_torque: float
     """Weights of the torque, as `old` and `new` of the speed."""
     new_torque: float
     noise_share: float
-    """Share of a new value in the mean noise."""
+    """Weight of a new value in the mean noise."""
     repeat: float
-    """Periods over which the filter's values are of one reading: so many count as one."""
+    """Periods over which the filter's values come from one reading: together they count as one."""
     kept_noise: float
     """Variance of filtered noise over that of noise."""
     felt_noise: float
@@ -66,32 +67,32 @@ class Constants(NamedTuple):
 
 
 class Axles(NamedTuple):
-    """What is remembered of each axle, (axles,) each."""
+    """Stored values of each axle, (axles,) each."""
 
     filtered: Floats
-    """Of the observer, as are `turned` and `drove` [N m]."""
+    """State of the observer, as are `turned` and `drove` [N m]."""
     turned: Floats
-    """Last input that the speed made."""
+    """Last input due to the speed."""
     drove: Floats
     """Last torque."""
     slip: Floats
-    """Measured slip, as late as the coefficient [m/s]."""
+    """Measured slip, with the same delay as the coefficient [m/s]."""
     measured: Floats
     """Slip of the last reading [m/s]."""
     before: Floats
-    """Of the reading before."""
+    """Slip of the reading before [m/s]."""
     noise: Floats
     """Deviation of measured slip [m/s]."""
     coefficient: Floats
     peak: Floats
     variance: Floats
-    """Of the peak."""
+    """Variance of the peak."""
 
 
 def torque_share(pole: float, period: float, lag: float) -> float:
-    """Weight that the torque of the reading before has in the filtered one: between readings it follows a held command.
+    """Weight of the previous reading's torque in the filtered one: between readings it follows a held command.
 
-    T = command + (T_0 - command) exp(-t / lag), so the reading T_1 at the end of the period tells the command.
+    T = command + (T_0 - command) exp(-t / lag), so the command follows from the reading T_1 at the end of the period.
     """
     left, keep, gap = math.exp(-period / lag), math.exp(-pole * period), pole - 1.0 / lag
     transient = pole * keep * (math.expm1(gap * period) / gap if gap else period)
@@ -114,7 +115,7 @@ def constants_of(context: UnitContext, belief: PeakBelief) -> Constants:
 
 
 def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
-    """Axles of which nothing is known."""
+    """Axles before any reading."""
     axles = Axles(*(np.zeros(context.axles) for _ in Axles._fields))
     axles.noise[:] = FIRST_NOISE
     axles.peak[:] = belief.initial
@@ -124,7 +125,7 @@ def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
 
 @inlined
 def observe_axles(c, axles, load, speed, omega, torque, fresh):
-    """Take in the readings of a period, in the direction of the demand; `torque` at the wheel, `load` [N] (axles,)."""
+    """Use the readings of a period, in the direction of the demand; `torque` at the wheel, `load` [N] (axles,)."""
     for i in range(omega.size):
         measured = slip_velocity(omega[i], c.radius, speed)
         turned = c.pole * c.inertia * omega[i]
@@ -148,7 +149,7 @@ def observe_axles(c, axles, load, speed, omega, torque, fresh):
 
 @inlined
 def mean_noise(axles):
-    """Deviation of measured slip [m/s], of the unit's axles on the mean."""
+    """Mean deviation of measured slip [m/s] over the unit's axles."""
     total = 0.0
     for i in range(axles.noise.size):
         total += axles.noise[i] / axles.noise.size

@@ -1,7 +1,7 @@
-"""What a unit, or a group of units, believes about its rail: peaks of its axles, the curve, and the slip that is best.
+"""Belief of a unit, or a group of units, about its rail: peaks of its axles, the curve, and the best slip.
 
-`mpc.axle_observer` tells what axles feel and could carry. `mpc.slip_search` tells which slip yields most, and the curve to
-predict with.
+`mpc.axle_observer` estimates what axles transmit and could carry. `mpc.slip_search` finds the slip with the largest force,
+and the curve for the prediction.
 """
 
 import math
@@ -47,7 +47,7 @@ PREDICTED = RationalCurve(peak_slip=2.0 / STEEPEST_SLOPE, steepness=2.0)
 
 
 def with_predicted_curve(context: UnitContext) -> UnitContext:
-    """The unit as the prediction has it: whatever curve it was given, its model has the rational one."""
+    """The unit as the prediction models it: its model has the rational curve, whatever curve the unit was given."""
     return replace(context, curve=PREDICTED)
 
 
@@ -57,7 +57,7 @@ def mean_curve(curves: Sequence[tuple[float, float]]) -> Floats:
 
 
 class Given(NamedTuple):
-    """The adhesion curve that the unit was given; what it says counts only where nothing is sought."""
+    """The adhesion curve that the unit was given; it is used only where no slip is sought."""
 
     kind: int
     q: Floats
@@ -66,7 +66,7 @@ class Given(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """All that a unit believes of its rail, as compiled code takes it."""
+    """Everything that a unit believes about its rail, as compiled code takes it."""
 
     gear: float
     constants: Constants
@@ -74,7 +74,7 @@ class Belief(NamedTuple):
     load: Floats
     """Load of each axle [N], (axles,)."""
     fresh: NDArray[np.bool_]
-    """Whether the observers start anew at the next update, (1,)."""
+    """Whether the observers start again at the next update, (1,)."""
     air: AirBrake
     drag: Drag
     search: Search
@@ -110,7 +110,7 @@ BELIEF = _kind()
 
 @sweep(void(BELIEF, float64, VECTOR, float64, float64, float64))
 def believe(b, speed, omega, torque, wanted, estimate):
-    """Take in car speed [m/s], angular speeds [rad/s] (axles,), motor torque and the one wanted [N m].
+    """Use car speed [m/s], angular speeds [rad/s] (axles,), motor torque and the torque wanted [N m].
 
     All in the direction of the demand. `estimate`: the unit's own of its tangential coefficient, nan if it has none.
     """
@@ -149,7 +149,7 @@ class UnitBelief:
 
     @property
     def grade(self) -> float:
-        """Gradient that stands for all drag, in the direction of the demand."""
+        """Gradient equivalent to all drag, in the direction of the demand."""
         return float(self.record.drag.grade[0])
 
     @property
@@ -159,17 +159,17 @@ class UnitBelief:
 
     @property
     def slip_limit(self) -> float:
-        """Slip [m/s] that no axle should exceed now."""
+        """Slip [m/s] that no axle should exceed at present."""
         return float(slip_limit(self._search))
 
     @property
     def curve(self) -> tuple[float, float]:
-        """Peak slip [m/s] and steepness to predict with."""
+        """Peak slip [m/s] and steepness for the prediction."""
         top, steepness = predicted_curve(self._curve, self._axles)
         return float(top), float(steepness)
 
     def forget_forces(self) -> None:
-        """Start the observers anew at the next update; the belief about the rail stays."""
+        """Start the observers again at the next update; the belief about the rail is kept."""
         self.record.fresh[0] = True
 
     def update(
@@ -187,10 +187,9 @@ class UnitBelief:
 class GroupBelief:
     """Belief of a group about the rail and the loads of its axles; axles unit by unit, foremost first.
 
-    Every unit searches for its own slip. The group's one model has the geometric mean of their curves.
-
-    The observers of the axles need the loads, which follow from the forces that they observe: those of the period before
-    are taken, so the loads are 10 ms late, little against the observers' own lag.
+    Every unit searches for its own slip. The group's one model has the geometric mean of their curves. The observers of the
+    axles need the loads, which follow from the observed forces. The forces of the period before are used, so the loads are
+    10 ms late, which is short compared with the observers' own lag.
     """
 
     def __init__(self, units: Units, settings: MpcSettings) -> None:
@@ -218,16 +217,16 @@ class GroupBelief:
         self._air = np.zeros(len(group))
 
     def forget_forces(self) -> None:
-        """Start the observers anew at the next update; the belief about the rail stays."""
+        """Start the observers again at the next update; the belief about the rail is kept."""
         for observer in self.observers:
             observer.forget_forces()
 
     def update(
         self, speed: Floats, omega: Floats, torque: Floats, wanted: Floats, estimate: Floats
     ) -> None:
-        """Take in car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m].
+        """Use car speed (units,) [m/s], angular speeds (axles,) [rad/s], motor torques and those wanted [N m].
 
-        `estimate`: each unit's own of its tangential coefficient, nan: it has none, (units,).
+        `estimate`: each unit's own of its tangential coefficient, nan if it has none, (units,).
         """
         felt = np.empty_like(self.peak)
         for j, (observer, part) in enumerate(zip(self.observers, self.parts, strict=True)):
@@ -245,7 +244,7 @@ class GroupBelief:
 
     @property
     def curve(self) -> Floats:
-        """Peak slip [m/s] and steepness to predict with, (2,)."""
+        """Peak slip [m/s] and steepness for the prediction, (2,)."""
         return mean_curve([observer.curve for observer in self.observers])
 
     def carried_torque(self) -> Floats:

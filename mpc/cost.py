@@ -1,13 +1,13 @@
-"""The cost of a trajectory, compiled.
+"""The cost of a trajectory of one unit or a group, compiled.
 
-Of one unit or a group. With U_j the torque scale of unit j, w_j its share of the group's mass, and sums over the units:
+With U_j the torque scale of unit j, w_j its share of the group's mass, and sums over the units:
 
-cost = sum over the horizon of tracking (sum w_j (u_j - target_j) / U_j)^2 + rate sum w_j ((u_j - u_j before) / U_j)^2
-     + evenness sum w_j ((u_j - reference_j) / U_j)^2
-     + slip sum over the axles of share (max(0, slip - limit) / slip scale)^2 at the step's end.
+    cost = sum over the horizon of tracking (sum w_j (u_j - target_j) / U_j)^2 + rate sum w_j ((u_j - u_j before) / U_j)^2
+           + evenness sum w_j ((u_j - reference_j) / U_j)^2
+           + slip sum over the axles of share (max(0, slip - limit) / slip scale)^2 at the step's end.
 
-So the group's total effort is tracked, whoever gives it; evenness alone says who. An axle's share is that of its unit,
-divided by the unit's axles. The penalty of slip is a soft constraint with its slack eliminated.
+So the cost tracks the group's total effort, whichever unit delivers it; only evenness determines the split. An axle's share
+is that of its unit, divided by the unit's axles. The penalty of slip is a soft constraint with its slack eliminated.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class CostWeights(NamedTuple):
 
 
 class UnitTerms(NamedTuple):
-    """What the cost takes of each unit, (units,) each; torques in N m."""
+    """Parameters of each unit in the cost, (units,) each; torques in N m."""
 
     target: Floats
     before: Floats
@@ -40,16 +40,16 @@ class UnitTerms(NamedTuple):
     scale: Floats
     """Torque scale."""
     share: Floats
-    """Of the group's mass."""
+    """Share of the group's mass."""
 
 
 class AxleTerms(NamedTuple):
-    """What the cost takes of each axle, (axles,) each."""
+    """Parameters of each axle in the cost, (axles,) each."""
 
     slip_limit: Floats
     """[m/s]"""
     share: Floats
-    """Of the penalty."""
+    """Share of the penalty."""
 
 
 class Cost(NamedTuple):
@@ -75,7 +75,7 @@ COST = ByReference(
 
 @sweep(float64(int64, float64, MATRIX, VECTOR, COST))
 def cost_up_to(k, cost, nodes, torques, terms):
-    """`cost` of the steps before step `k` and its own, of `nodes` (horizon + 1, states) under `torques`."""
+    """`cost` of the steps before step `k`, plus that of step `k`, of `nodes` (horizon + 1, states) under `torques`."""
     slip_matrix, axle, unit, weights = terms.slip_matrix, terms.axle, terms.unit, terms.weights
     axles, states = slip_matrix.shape
     units = unit.target.size

@@ -44,20 +44,20 @@ PEAK_SLIPS = (0.012, 3.0)
 STEEPNESS = (1.0, 60.0)
 """Bounds of n."""
 USUAL_STEEPNESS = 3.0
-"""Taken before an elasticity was heard: slip starts near the peak of a curve that falls steeply, and climbs on others."""
+"""Assumed before the first elasticity: slip starts near the peak of a curve that falls steeply, and climbs on others."""
 FIRST_DEVIATION = 1.0
-"""Of ln r, before anything was felt."""
+"""Deviation of ln r before the first pair."""
 RISING = 0.8
-"""Share of the peak up to which a pair tells the slope at the origin."""
+"""Share of the peak up to which a pair gives information on the slope at the origin."""
 SHAPE_TIME = 0.3
-"""Time [s] in which s_p follows what elasticities say."""
+"""Time [s] in which s_p follows the elasticities."""
 LEAST_X = 0.5
-"""Share of s_p that a slip is taken for at least: what lies further off is not seen from there."""
+"""Smallest share of s_p that a slip is assumed to be: a peak further off cannot be seen from there."""
 REACH = 1.25
-"""Least s_p that is predicted with, over the slip sought: who believes that the top is passed does not look beyond."""
+"""Smallest s_p for the prediction, over the slip sought: a prediction whose peak is passed would not look beyond it."""
 
 STATE = named_record("peak_slip", "top", "slope", "variance", "heard_for")
-"""s_p [m/s] that is predicted with, and as heard; r [s/m] and the variance of its logarithm; time of hearing [s]."""
+"""s_p [m/s] for the prediction, and as observed; r [s/m] and the variance of its logarithm; time of observation [s]."""
 
 
 class Pace(NamedTuple):
@@ -66,7 +66,7 @@ class Pace(NamedTuple):
     walk: float
     """Growth of the variance of ln r."""
     shape: float
-    """Share of a new s_p."""
+    """Weight of a new s_p."""
     period: float
 
 
@@ -79,7 +79,7 @@ class Curve(NamedTuple):
 
 
 def curve_of(belief: PeakBelief, period: float, peak_slip: float) -> Curve:
-    """The curve of which nothing is known but a likely `peak_slip` [m/s]."""
+    """The curve before any reading, with a likely `peak_slip` [m/s]."""
     state = np.zeros(1, STATE)
     one = state[0]
     one.peak_slip = one.top = peak_slip
@@ -98,7 +98,7 @@ def steepness(curve):
 
 @equation
 def bend(x, n):
-    """n x / f: how far the curve bends from its slope at the origin."""
+    """n x / f: deviation of the curve from its slope at the origin."""
     return 1.0 + x * (x + n - 2.0)
 
 
@@ -164,7 +164,7 @@ def take_in_pairs(c, axles, curve, noise):
 
 @inlined
 def take_in_elasticity(curve, slip, elasticity, told):
-    """Move s_p towards what the `elasticity` at `slip` [m/s] says, of which 0 to 1 is `told`."""
+    """Move s_p towards the value that the `elasticity` at `slip` [m/s] gives, by its share of information `told`, 0 to 1."""
     state, e = curve.state[0], max(elasticity, -0.5)
     state.heard_for += curve.pace.period * told
     left = 1.0 - e * (1.0 + e) * state.slope * slip
@@ -177,14 +177,14 @@ def take_in_elasticity(curve, slip, elasticity, told):
 
 @inlined
 def look_beyond(curve, sought):
-    """Predict with a peak that lies beyond the slip `sought` [m/s]."""
+    """Predict with a peak beyond the slip `sought` [m/s]."""
     state = curve.state[0]
     state.peak_slip = max(state.top, REACH * sought)
 
 
 @inlined
 def predicted_curve(curve, axles):
-    """Peak slip [m/s] and steepness to predict with: of the believed curve, but no steeper than `mpc.stiffness` has it."""
+    """Peak slip [m/s] and steepness for the prediction: as believed, but no steeper than `mpc.stiffness` allows."""
     most = 0.0
     for i in range(axles.peak.size):
         most = max(most, axles.peak[i])

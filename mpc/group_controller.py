@@ -18,10 +18,11 @@ from mpc.unit_model import cars_of
 class GroupController(PredictiveController):
     """Readhesion MPC of a group of units; a `TrainController` of these units alone.
 
-    It follows the total of the units' targets, whoever gives it: a unit whose rail fails is made up for by the others,
-    within what their motors and their believed adhesion allow. A unit alone keeps to its own target. If anything goes
-    wrong, all units of the group are told so. A unit whose motors have failed is made up for too. It commands nothing, or,
-    where air brakes fill what a command finds no motor for, what the driver wants.
+    It follows the total of the units' targets, whichever unit delivers it: the others make up for a unit whose rail fails,
+    within what their motors and their believed adhesion allow. A unit alone keeps to its own target. If anything goes wrong,
+    all units of the group get that status. The others also make up for a unit whose motors have failed. That unit commands
+    nothing. But where air brakes supply the part of a command for which there is no motor, it commands what the driver
+    wants.
     """
 
     belief: GroupBelief
@@ -81,7 +82,7 @@ class GroupController(PredictiveController):
 
 
 class CarControllers:
-    """One `GroupController` per car, which know nothing of each other; a `TrainController`."""
+    """One `GroupController` per car, without exchange between them; a `TrainController`."""
 
     def __init__(
         self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None

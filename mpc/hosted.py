@@ -1,4 +1,4 @@
-"""The controllers that this package offers as `readhesion.controllers`; what they need is imported when they are built."""
+"""The controllers that this package offers as `readhesion.controllers`; their modules are imported when they are built."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the readhesion MPC is asked to do: horizon, weights, belief, deadline."""
+"""Settings of the readhesion MPC: horizon, weights, belief, deadline."""
 
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
@@ -59,7 +59,7 @@ class PeakBelief:
     """
 
     initial: float = quantity(0.2, "1")
-    """Peak coefficient before anything was felt."""
+    """Peak coefficient before the first reading."""
     pole: float = quantity(25.0, "1/s")
     """Pole of the observers of single axles [1/s]. Source: that of the unit's own observer."""
     walk: float = quantity(0.05, "1")
@@ -67,17 +67,17 @@ class PeakBelief:
     slope_walk: float = quantity(0.05, "1")
     """Relative deviation by which the slope at the origin over the peak may have changed after a second."""
     slip_error: float = quantity(0.001, "km/h")
-    """Deviation of measured slip beside its noise: that of the reference speed [m/s]."""
+    """Deviation of measured slip in addition to its noise: that of the reference speed [m/s]."""
     coefficient_error: float = quantity(0.0006, "1")
     """Deviation of the observed coefficient."""
     relative_error: float = quantity(0.006, "1")
     """Relative deviation of the curve's shape."""
     gate: float = quantity(5.0, "1")
-    """Deviations from what was expected that say that the rail has changed."""
+    """Number of deviations from the expected value above which the rail counts as changed."""
     floor: float = quantity(0.01, "1")
-    """Least peak coefficient believed."""
+    """Smallest peak coefficient believed."""
     ceiling: float = quantity(0.5, "1")
-    """Greatest peak coefficient believed."""
+    """Largest peak coefficient believed."""
 
     def __post_init__(self) -> None:
         _check("belief", self, zero=("walk", "slope_walk", "slip_error"))
@@ -96,34 +96,34 @@ class SlipSearch:
     """
 
     first: float = quantity(0.08, "km/h")
-    """Slip held before anything is known [m/s]."""
+    """Slip held before the first reading [m/s]."""
     lowest: float = quantity(0.02, "km/h")
-    """Least slip sought [m/s]."""
+    """Smallest slip sought [m/s]."""
     highest: float = quantity(1.6, "km/h")
-    """Greatest slip sought [m/s]."""
+    """Largest slip sought [m/s]."""
     noise_margin: float = quantity(4.0, "1")
-    """So many deviations of the measured slip's noise are a bound from below too."""
+    """Second lower bound of the slip sought, in deviations of the measured slip's noise."""
     friction_price: float = quantity(0.15, "s/m")
-    """Relative loss of force that a slip of 1 m/s is worth avoiding [s/m]."""
+    """Relative loss of force that is accepted to avoid a slip of 1 m/s [s/m]."""
     swing: float = quantity(0.1, "1")
-    """Greatest swing of the slip limit about its mean where noise hides none, as a share of it."""
+    """Largest swing of the slip limit about its mean where noise does not hide the response, as a share of the mean."""
     least_swing: float = quantity(0.03, "1")
-    """What the swing shrinks to where the answer is clear."""
+    """Smallest swing, used where the response is clear."""
     swing_time: float = quantity(0.2, "s")
     """Period of the swing [s]."""
     memory: float = quantity(0.3, "s")
-    """Memory of the answer [s]."""
+    """Memory of the response [s]."""
     gain: float = quantity(40.0, "1/s")
     """Relative speed of the slip sought per elasticity [1/s]."""
     fastest_rise: float = quantity(3.0, "1/s")
-    """Greatest relative speed of its rise [1/s]."""
+    """Largest relative speed of its rise [1/s]."""
     fastest_fall: float = quantity(3.0, "1/s")
-    """Greatest relative speed of its fall [1/s]."""
+    """Largest relative speed of its fall [1/s]."""
     seek: bool = True
-    """The best slip is sought. Else slip is held at `given_share` of the slip at the peak of the curve that the unit was
-    given."""
+    """Whether the best slip is sought. Otherwise slip is held at `given_share` of the slip at the peak of the curve that the
+    unit was given."""
     given_share: float = quantity(1.0, "1")
-    """Share of the slip at the given curve's peak that is held where none is sought."""
+    """Share of the slip at the given curve's peak at which slip is held where none is sought."""
 
     def __post_init__(self) -> None:
         _check("search", self, zero=("noise_margin", "friction_price"))
@@ -144,19 +144,20 @@ class SlipSearch:
 
 @dataclass(frozen=True)
 class GroupSettings:
-    """What is asked of one problem over several units.
+    """Settings of one problem over several units.
 
     Source: assumed.
     """
 
     evenness: float = quantity(0.05, "1")
-    """Weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2. It is small against that of
-    tracking, and makes the split of the total unique."""
+    """Weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2. It is small compared with that
+    of tracking, and makes the split of the total unique."""
     limited: float = quantity(0.95, "1")
-    """Share of its believed adhesion from which a unit counts as bound by its own rail and not by what the others need of
+    """Share of its believed adhesion above which a unit counts as limited by its own rail, not by what the others need of
     it."""
     steps: int = quantity(3, "1", most=1000)
-    """Most SQP steps where the problem is solved at telegram instants only, and its guess is a tenth of a second old."""
+    """Largest number of SQP steps where the problem is solved at telegram instants only, and its guess is a tenth of a
+    second old."""
 
     def __post_init__(self) -> None:
         # without evenness the Hessian is singular in the split, and so is the problem
@@ -170,9 +171,9 @@ class GroupSettings:
 class MpcSettings:
     """Settings of the readhesion MPC.
 
-    Against convergence one step alone costs up to 30 % of the closed loop's cost in the shipped events, five cost about 1 %
-    in driving and some percent with blended brakes. Time is simulated, so a run does not depend on the machine that computes
-    it.
+    Compared with convergence, a single step costs up to 30 % of the closed loop's cost in the shipped events. Five steps
+    cost about 1 % in driving and some percent with blended brakes. Time is simulated, so a run does not depend on the
+    machine that computes it.
 
     Source: assumed.
     """
@@ -182,26 +183,25 @@ class MpcSettings:
     step: float = quantity(0.01, "s")
     """Length of a step of the prediction [s]."""
     headroom: float = quantity(0.1, "1")
-    """The torque command never exceeds what the believed peak carries by more than this share, whatever the optimiser says.
-    """
+    """Share by which the torque command may exceed what the believed peak carries, whatever the optimiser says."""
     iterations: int = quantity(5, "1", most=1000)
-    """Most SQP steps per control period; the first is always taken, more while the residual exceeds `tolerance` and time is
-    left."""
+    """Largest number of SQP steps per control period. The first is always taken, further ones while the residual exceeds
+    `tolerance` and time is left."""
     tolerance: float = quantity(1e-2, "1")
-    """Optimality residual before the last step with which the solver is content."""
+    """Optimality residual before the last step at which the solver stops."""
     step_time: float = quantity(1e-3, "s")
     """Time that the computer on board takes for an SQP step, of a unit or of a group [s]. Source: assumed: ten times what a
     workstation takes for four axles."""
     deadline: float = quantity(0.01, "s")
-    """Longest solve; what is longer than the control period counts as the period [s]. No step is begun that would end later,
-    and where not even one fits, the answer is late, which counts as failed. Source: the default control period."""
+    """Longest solve; a value longer than the control period counts as the period [s]. No step begins that would end later.
+    If not even one step fits, the answer is late, which counts as failed. Source: the default control period."""
     computing_delay: int = quantity(0, "1", most=1)
-    """Control periods, 0 or 1, from the readings to the command that they lead to; with 1 the controller of a unit or a
-    group commands what it found before."""
+    """Control periods, 0 or 1, from the readings to the resulting command; with 1 the controller of a unit or a group
+    commands the result of the period before."""
     compensated: bool = True
-    """With a computing delay it solves from the state that it predicts for the instant at which its command will act."""
+    """Whether, with a computing delay, it solves from the state predicted for the instant at which its command acts."""
     exact_hessian: bool = False
-    """Second derivatives of the plant in the QP, indefinite parts reflected; else Gauss-Newton."""
+    """Second derivatives of the plant in the QP, indefinite parts reflected; otherwise Gauss-Newton."""
     code: Code = "numba"
     """The model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are
     the same. Source: this project."""
@@ -233,5 +233,5 @@ class MpcSettings:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")
 
     def steps_in_time(self, period: float) -> int:
-        """Most SQP steps in a control period of `period` [s]; 0: not even one ends in time."""
+        """Largest number of SQP steps in a control period of `period` [s]; 0: not even one ends in time."""
         return min(self.iterations, int(min(self.deadline, period) / self.step_time * (1.0 + 1e-9)))

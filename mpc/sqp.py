@@ -1,7 +1,7 @@
 """One control period of the real-time iteration as one compiled call, without allocation.
 
-Sequential quadratic programming: linearise the trajectory, condense its cost to a quadratic model in the torques, solve that
-within the bounds, and go there, or half the way while the cost would rise.
+Sequential quadratic programming: linearise the trajectory, condense its cost to a quadratic model in the torques, and solve
+that within the bounds. Then take the step, halved as long as the cost would rise.
 """
 
 import numpy as np
@@ -17,15 +17,15 @@ from mpc.sqp_period import PERIOD
 from mpc.stiffness import needed_substeps
 
 HALVINGS = 12
-"""Most halvings of a step that would raise the cost; the last is taken only if it does not."""
+"""Largest number of halvings of a step that would raise the cost; the last is taken only if it does not."""
 
 GOING, ENDED, NOT_FINITE, NO_SOLUTION, NO_EIGENVALUES = range(5)
-"""How a call of `iterate` ends: the steps were used up; nothing more is to be gained; failures."""
+"""How a call of `iterate` ends: the steps were used up; no further gain is possible; failures."""
 
 
 @sweep(void(PERIOD))
 def prepare(p):
-    """Take in new parameters: the model's constants, and the number of substeps."""
+    """Set new parameters: the model's constants, and the number of substeps."""
     now, rules = p.now, p.rules
     prepare_at(p.model.prepare)(now.parameters, now.constants)
     now.substeps[0] = needed_substeps(rules.stiffness, rules.step, now.parameters)
@@ -33,7 +33,7 @@ def prepare(p):
 
 @sweep(void(VECTOR, PERIOD))
 def linearise_at(torques, p):
-    """Fill the trajectory of `torques` from the measured state on, and its derivatives."""
+    """Fill the trajectory of `torques` from the measured state, and its derivatives."""
     for i in range(p.now.state.size):
         p.around.nodes[0, i] = p.now.state[i]
     substeps = p.now.substeps[0]
@@ -113,7 +113,7 @@ def search(cost, trials, p):
 
 @sweep(void(PERIOD))
 def shift(p):
-    """Move the guess on by one step of the horizon, whose last torques stay."""
+    """Shift the guess by one step of the horizon; the last torques are repeated."""
     torques, units = p.guess.torques, p.terms.unit.scale.size
     for i in range(torques.size - units):
         torques[i] = torques[i + units]
@@ -121,7 +121,7 @@ def shift(p):
 
 @sweep(void(PERIOD))
 def hold(p):
-    """Forget the guess: hold the torques of the period before over the horizon."""
+    """Discard the guess: hold the torques of the period before over the horizon."""
     torques, before = p.guess.torques, p.terms.unit.before
     for i in range(torques.size):
         torques[i] = before[i % before.size]
@@ -129,7 +129,7 @@ def hold(p):
 
 @sweep(void(float64, PERIOD))
 def ahead(time, p):
-    """Move the state on by `time` [s] under the torques of the period before."""
+    """Move the state forward by `time` [s] under the torques of the period before."""
     state, nodes, before = p.now.state, p.guess.nodes, p.terms.unit.before
     prepare(p)
     substeps = int(np.ceil(p.now.substeps[0] * time / p.rules.step * (1.0 - 1e-9)))
@@ -146,8 +146,8 @@ def ahead(time, p):
 def iterate(most, p):
     """Take at most `most` steps; returns cost, residual, steps done, and how it ended.
 
-    Cost and residual are those before the last step. The first step is taken always, for it is what answers the
-    measurement; more are, while the residual exceeds the tolerance before the last one.
+    Cost and residual are those before the last step. The first step is always taken, since it responds to the measurement.
+    Further steps are taken while the residual before the last step exceeds the tolerance.
     """
     guess, exact = p.guess, p.rules.exact
     prepare(p)

@@ -1,4 +1,4 @@
-"""Allocation and readhesion in one problem over the train, on what telegrams bring.
+"""Allocation and readhesion in one problem over the train, on the content of the telegrams.
 
 With the periodic telegrams each unit reports to the leader, the foremost unit that works. In the control period before each
 telegram the leader solves the joint problem on the reports that have arrived. The next telegrams bring every unit the torque
@@ -29,19 +29,19 @@ from mpc.telegrams import (
 )
 
 SENT_KEPT = 16
-"""Orders remembered per unit; more cannot be younger than a report that is still used."""
+"""Orders stored per unit; older ones are never needed, because they precede every report that is still used."""
 
 
 class TrainMpc:
     """Joint MPC of a train over telegrams; a `TellingController`.
 
-    It is meant for the rule `alone`: what a rule hands down counts as the driver's demand, and the joint problem
-    distributes the total of it anew. A unit from which no report has come within `Telegrams.silence` is left to the driver,
-    and the others share what is wanted of them. Orders are suspended where the leader hears of nobody. A unit that no order
-    has reached for as long falls back to the driver's command. While a unit bound by its rail gives more
-    than it is believed to carry, and the others make up for what it was believed to lack, the train exceeds the plan.
-    What a unit whose motors have failed was to give is distributed among the others. A new leader knows the reports that
-    have arrived, but no order of the one before.
+    It is meant for the rule `alone`: the limits of a rule count as the driver's demand, and the joint problem distributes
+    their total again. A unit from which no report has come within `Telegrams.silence` is left to the driver, and the others
+    share what is wanted of them. Orders are suspended while the leader receives no report at all. A unit that no order has
+    reached for the same time falls back to the driver's command. While a unit limited by its rail delivers more than it is
+    believed to carry, and the others make up for its believed shortfall, the train exceeds the plan. The part of a unit
+    whose motors have failed is distributed among the others. A new leader has the reports that have arrived, but no order of
+    the leader before.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class TrainMpc:
         """Most time [s] from a report to the order made of it, without losses."""
 
     def connect(self, reports: Attachment, orders: Attachment) -> None:
-        """Get what is told and read, `added` numbers per telegram."""
+        """Get the arrays of the telegrams' content, `added` numbers per telegram."""
         self.reports, self.orders = reports, orders
 
     def decide(self, senses: Sequence[UnitSense]) -> list[TorqueDecision]:

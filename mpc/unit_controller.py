@@ -16,14 +16,15 @@ from mpc.unit_model import Units
 from mpc.unit_problem import pose, unit_problem
 
 Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
-"""Makes what solves a unit's problem; another solver derives from `RealTimeIteration` and has a `solve` of its own."""
+"""Makes the solver of a unit's problem; another solver derives from `RealTimeIteration` and has its own `solve`."""
 
 
 class MpcController(PredictiveController):
     """Readhesion MPC of one unit; a `HostController`.
 
-    It follows the target torque, keeps the slip at what `mpc.slip_search` finds best, and avoids changes of torque; see
-    `MpcSettings` for the weights. `iteration` makes its solver: belief, limits and problem are the same for all.
+    It follows the target torque, keeps the slip at the best value that `mpc.slip_search` finds, and avoids changes of
+    torque; see `MpcSettings` for the weights. `iteration` makes its solver: belief, limits and problem are the same for all
+    solvers.
     """
 
     belief: UnitBelief

@@ -1,8 +1,8 @@
 """A control period of one unit's readhesion MPC as one compiled function, which the simulation's loop calls by its address.
 
-It follows the target torque, keeps the slip at what `mpc.slip_search` finds best, and avoids changes of torque; see
-`MpcSettings` for the weights. A solver that fails, is too slow or is given what is no number gives an answer that is not
-usable; the unit then cuts and ramps. Braking is driving mirrored: every law of a unit is odd. `mpc.control_period` is the
+It follows the target torque, keeps the slip at the best value that `mpc.slip_search` finds, and avoids changes of torque;
+see `MpcSettings` for the weights. If the solver fails, is too slow or gets an input that is not a number, its answer is not
+usable; the unit then cuts and ramps. Braking is mirrored driving: every law of a unit is odd. `mpc.control_period` is the
 same in Python, for groups and for other solvers.
 """
 
@@ -24,7 +24,7 @@ from mpc.sqp import ENDED, ahead, hold, iterate, shift
 from mpc.unit_problem import UnitProblem, empty_problem, pose, unit_problem
 
 STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
-"""By number: that of `mpc.sqp`'s ends from `ENDED` on, then those of the period itself."""
+"""Status by number: the ends of `mpc.sqp` from `ENDED` on, then those of the period itself."""
 NOT_A_NUMBER, LATE = len(STATUSES) - 2, len(STATUSES) - 1
 
 
@@ -32,30 +32,30 @@ class Times(NamedTuple):
     """Settings of time."""
 
     most: int
-    """SQP steps in a period."""
+    """Largest number of SQP steps in a period."""
     late: bool
     """Whether not even one of them ends in time."""
     shifts: bool
-    """Whether the guess is moved on by a step of the horizon every period."""
+    """Whether the guess is shifted by a step of the horizon every period."""
     step: float
     """Time that an SQP step takes on board [s]."""
     period: float
     """Control period [s]."""
     delayed: bool
-    """Whether a command acts a period after the readings that it was found from."""
+    """Whether a command acts a period after the readings from which it was computed."""
     predicted: bool
-    """Whether it is found from the state predicted for then."""
+    """Whether it is computed from the state predicted for that instant."""
 
 
 class UnitState(NamedTuple):
-    """All that the controller of a unit keeps."""
+    """Complete state of a unit's controller."""
 
     times: Times
     problem: UnitProblem
     sign: Floats
-    """Direction of the demand of the last period; 0: start anew, (1,)."""
+    """Direction of the demand of the last period; 0: start again, (1,)."""
     observed: Floats
-    """Direction that the observers count in; 0: a reading was missed, (1,)."""
+    """Direction in which the observers count; 0: a reading was missed, (1,)."""
     found: Ints
     """Status of the command that will act next, if commands are delayed, (1,)."""
 

@@ -1,4 +1,4 @@
-"""Figures by name: each registers where it is written, with a sentence and the data that it needs."""
+"""Figures by name: each registers in the file that defines it, with a sentence and the data that it needs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ Data = ParamSpec("Data")
 
 
 class Drawn(NamedTuple):
-    """A figure and what is said of it."""
+    """A figure and its caption."""
 
     figure: Figure
     legend: Legend
@@ -37,7 +37,7 @@ class FigureEntry(Generic[Data]):
     description: str
     """What it shows, in one line."""
     needs: tuple[Need, ...]
-    """Each gives one argument of the function."""
+    """Data, each of which gives one argument of the function."""
 
     def __call__(self, *data: Data.args, **named: Data.kwargs) -> Figure:
         """The figure of these data."""
@@ -48,26 +48,26 @@ class FigureEntry(Generic[Data]):
 
     @property
     def of_comparison(self) -> bool:
-        """Whether it shows the rows of a comparison, and is drawn with one."""
+        """Whether it shows the rows of a comparison, and is drawn together with one."""
         return comparison in self.needs
 
     @property
     def legend(self) -> Legend:
-        """What is said of the figure wherever its data come from: its line and its function's docstring."""
+        """Caption without the source of the data: the figure's line and its function's docstring."""
         return Legend(self.name, self.description, " ".join((getdoc(self.function) or "").split()))
 
     def make(self, source: Source) -> Figure:
-        """The figure of what `source` has, marked as a draft where that is less than the whole."""
+        """The figure of the data in `source`, marked as a draft where these are incomplete."""
         return self.drawn(source).figure
 
     def drawn(self, source: Source) -> Drawn:
-        """The same with what is said of it."""
+        """The same with its caption."""
         source.origins.clear()
         data = [need(source) for need in self.needs]
         return self.of_data(data, source.origins)
 
     def of_data(self, data: Sequence[Any], origins: Sequence[Origin] = ()) -> Drawn:
-        """The figure of these data, with what is said of them."""
+        """The figure of these data, with its caption."""
         drawn = self(*data)  # type: ignore[call-arg]
         legend = replace(self.legend, origins=tuple(origins))
         if legend.draft:

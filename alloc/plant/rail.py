@@ -123,7 +123,7 @@ class Rail:
     cleaning_spacing: float = 0.1
     """Resolution of the cleaned or sanded rail [m]."""
     sanded_coefficient: float = 0.40
-    """Coefficient to which a large amount of sand raises a lower one. Source: calibrated in `studies.sanders.calibration`."""
+    """Coefficient to which much sand raises a lower one. Source: calibrated in `studies.sanders.calibration`."""
     sand_saturation: float = 35.3e-3
     """Amount of sand per rail that gives 63 % of this rise [kg/m]. Source: calibrated in `studies.sanders.calibration`."""
     sand_decay: float = 0.0558

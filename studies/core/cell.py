@@ -20,29 +20,29 @@ from studies.files.study_error import StudyError
 ROOT = Path(__file__).parents[2]
 """Folder of the packages; reasons name sources from there."""
 INNERMOST = 3
-"""Lines of a traceback that a reason keeps."""
+"""Number of lines of a traceback in a reason."""
 
 Row = dict[str, Any]
 Shared = dict[str, Any]
-"""What the cells of a group keep for those after them."""
+"""Objects that the cells of a group store for later cells of the group."""
 OnRow = Callable[[str, int, int], None]
-"""What is told of progress: label of the finished cell, cells finished, cells in all."""
+"""Arguments of a progress report: label of the finished cell, number of finished cells, number of all cells."""
 
 
 class Cell(Protocol):
-    """A piece of work. It travels to other processes, so it holds plain values and functions of modules."""
+    """A piece of work. It is sent to other processes, so it contains plain values and functions of modules."""
 
     @property
     def label(self) -> str:
-        """Name for people and files, unique in a study; parts are divided by "/"."""
+        """Name for people and files, unique in a study; its parts are divided by "/"."""
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """What decides the rows beside the code; its columns stand in every row."""
+        """Values that determine the rows, apart from the code; they are columns of every row."""
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Modules that decide the rows, with all that they import."""
+        """Modules that determine the rows, with all that they import."""
 
     @property
     def programs(self) -> tuple[str, ...]:
@@ -53,11 +53,11 @@ class Cell(Protocol):
         """Cells of the same group, unless it is None, share what they prepare; one worker does them."""
 
     def work(self, shared: "Shared") -> "Yield":
-        """Do it. `shared` is what cells of this group have put there before."""
+        """Do the work. `shared` contains what earlier cells of this group stored there."""
 
 
 class Yield(NamedTuple):
-    """What a cell's work yields."""
+    """Result of a cell's work."""
 
     rows: Sequence[Row]
     run: xr.Dataset | None = None
@@ -81,13 +81,13 @@ def key_of(cell: Cell) -> Key:
 
 @dataclass(frozen=True)
 class Task:
-    """A cell that calls a function of a module; what it returns are the rows."""
+    """A cell that calls a function of a module; the return values are the rows."""
 
     label: str
     function: Callable[..., Row | Sequence[Row]]
     arguments: tuple[Any, ...] = ()
     columns: tuple[tuple[str, Any], ...] = ()
-    """Columns that tell the rows of this cell from others of the study."""
+    """Columns that distinguish the rows of this cell from others of the study."""
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -96,7 +96,7 @@ class Task:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The function's module; a script's by its file, for in a worker another one is `__main__`."""
+        """The function's module; a script's module by its file, since `__main__` is another module in a worker."""
         module = self.function.__module__
         return (inspect.getfile(self.function) if module == "__main__" else module,)
 
@@ -107,7 +107,7 @@ class Task:
 
     @property
     def group(self) -> None:
-        """A task prepares nothing for another."""
+        """None: a task prepares nothing for another."""
         return None
 
     def work(self, shared: Shared) -> Yield:
@@ -118,7 +118,7 @@ class Task:
 
 
 class Outcome(NamedTuple):
-    """Identity, rows of the table and, where it was to be kept, the recorded run."""
+    """Identity, rows of the table and, if requested, the recorded run."""
 
     key: Key
     rows: list[Row]
@@ -126,7 +126,7 @@ class Outcome(NamedTuple):
 
 
 def in_one_line(error: Exception) -> str:
-    """Type and message of an error, and the innermost lines of its traceback: the one that raised it comes first."""
+    """Type and message of an error, and the innermost lines of its traceback, the line that raised it first."""
     frames = reversed(traceback.extract_tb(error.__traceback__)[-INNERMOST:])
     places = [f"{_short(frame.filename)}:{frame.lineno} in {frame.name}" for frame in frames]
     message = " ".join(str(error).split()) or "no message"
@@ -140,12 +140,11 @@ def _short(file: str) -> str:
 
 
 def run_cell(cell: Cell, key: Key, keep: bool = False, shared: Shared | None = None) -> Outcome:
-    """Do a cell's work. Whatever goes wrong in it becomes a row with status "failed" and the reason.
+    """Do a cell's work. Any error in it becomes a row with status "failed" and the reason.
 
-    Work that ends well but does not count may say so: its rows then have a status of their own, see `run_status`.
-
-    `key`: as the caller knows it. A worker that started after the sources changed has loaded other code; its result would
-    pass for one of the caller's code, so it refuses.
+    Work that ends well but must not count may say so: its rows then have a status of their own, see `run_status`. `key`:
+    that of the caller. A worker that started after the sources changed has loaded other code. Its result would count as one
+    of the caller's code, so the worker refuses.
     """
     load_plugins()
     started = time.perf_counter()

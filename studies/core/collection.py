@@ -44,5 +44,5 @@ def find_study(name: str) -> Study:
 
 
 def study_folder(out: str | Path, name: str) -> Path:
-    """Where a study keeps its table under the results' folder `out`."""
+    """Folder of a study's table under the results' folder `out`."""
     return Path(out) / "sweeps" / name

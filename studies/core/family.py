@@ -32,19 +32,19 @@ class Test(NamedTuple):
     """A mean over events against a threshold."""
 
     quantity: Callable[[pd.DataFrame], "pd.Series[float]"]
-    """One number per event; nan where the event does not bear on it."""
+    """One number per event; nan where the event does not bear on the claim."""
     threshold: float = 0.0
     wanted: Literal[-1, 1] = 1
-    """Side of the threshold on which the claim says that the mean lies."""
+    """Side of the threshold on which the mean is claimed to be."""
     within: tuple[float, float] = UNLIMITED
-    """Least and greatest value that the quantity can have."""
+    """Smallest and largest value that the quantity can have."""
 
     def interval(self, events: pd.DataFrame, confidence: float = CONFIDENCE) -> Interval:
         """The mean over these events."""
         return mean_interval(self.quantity(events), confidence, self.within)
 
     def bound(self, events: pd.DataFrame) -> Bound:
-        """The mean over these events, and where it is wanted."""
+        """The mean over these events, and the side on which it is claimed to be."""
         values = self.quantity(events).astype(float)
         if self.wanted > 0:
             return Bound("", values, least=self.threshold)
@@ -59,23 +59,24 @@ class Claim:
     name: str
     claim: str
     events: pd.DataFrame
-    """One row each; the index names an event in all claims of a family."""
+    """Events, one row each; the index names an event in all claims of a family."""
     test: Test
-    """What the whole must pass."""
+    """Test of all events together."""
     parts: Mapping[str, Part]
-    """Those that fail the test are conditions. Where the whole does not pass, it holds with conditions if a part does."""
+    """Parts of the events; those that fail the test are conditions. If the whole fails, the claim holds with conditions if a
+    part passes."""
     show: Callable[[Interval], str]
     """Puts an interval of the test into words."""
     numbers: Numbers
     method: str
     others: Sequence[tuple[str, Test]] = ()
-    """What the claim implies besides; those that fail are conditions."""
+    """Further implications of the claim; those that fail are conditions."""
     every: bool = False
-    """Whether parts that show neither are conditions too."""
+    """Whether undecided parts are conditions too."""
 
     @property
     def tests(self) -> list[Bound]:
-        """Of the whole, of each part, and of what it implies besides."""
+        """Tests of the whole, of each part, and of the further implications."""
         parts = (self.test.bound(self.events[part(self.events)]) for part in self.parts.values())
         others = (test.bound(self.events) for _, test in self.others)
         return [self.test.bound(self.events), *parts, *others]
@@ -84,9 +85,9 @@ class Claim:
 def compared(claims: Sequence[Claim]) -> list[Statement]:
     """Statements of a study's claims, which are one family.
 
-    The whole of a claim is tested at the level that Holm's procedure gives it; its parts share that level after
-    Bonferroni. What it implies besides is tested at 1 - `CONFIDENCE`. Each resample of the events goes the same way, and
-    the share that comes to the same verdict is the statement's agreement.
+    The whole of a claim is tested at the level that Holm's procedure gives it; its parts share that level after Bonferroni.
+    Its further implications are tested at 1 - `CONFIDENCE`. Each resample of the events goes through the same steps. The
+    share that gives the same verdict is the statement's agreement.
     """
     tests = [claim.tests for claim in claims]
     bounds = [bound for own in tests for bound in own]
@@ -131,9 +132,9 @@ def compared(claims: Sequence[Claim]) -> list[Statement]:
 def holm(p: Floats) -> tuple[Floats, Floats]:
     """Adjusted p-values, and the level at which each is tested, after Holm (1979, Scand. J. Statist. 6).
 
-    Families along the last axis; nan stands for what is not tested. The k-th smallest of m is tested at alpha / (m - k + 1)
-    where all before it were rejected, else at the level of the first that was not. So an interval of that level contains
-    the threshold exactly where the adjusted p-value is alpha or more.
+    Families along the last axis; nan marks entries that are not tested. The k-th smallest of m is tested at alpha / (m - k +
+    1) if all before it were rejected, else at the level of the first that was not. So an interval of that level contains the
+    threshold exactly where the adjusted p-value is alpha or more.
     """
     order = np.argsort(p, axis=-1)
     ordered = np.take_along_axis(p, order, axis=-1)

@@ -1,4 +1,4 @@
-"""The cell that most studies are made of: a slip event under a rule and a readhesion controller."""
+"""The cell of most studies: a slip event under a rule and a readhesion controller."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from studies.core.run_status import run_status
 from studies.scenario.scenario import Scenario
 
 Measure = Callable[[xr.Dataset], dict[str, float]]
-"""What a study reads from a recorded run beside the metrics: column -> number. A function of a module."""
+"""Function of a module that computes numbers from a recorded run beside the metrics: column -> number."""
 
 
 @displayed
 @dataclass(frozen=True)
 class Job:
-    """An event under a rule and a controller; its row holds every metric, and what `measure` adds."""
+    """An event under a rule and a controller; its row has every metric, and what `measure` adds."""
 
     scenario: Scenario
     rule: str
@@ -37,7 +37,7 @@ class Job:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Columns that identify a row, beside the code."""
+        """Columns that identify a row, apart from the code."""
         return {
             "scenario": self.scenario.name,
             "scenario_hash": self.scenario.hash(),
@@ -48,7 +48,7 @@ class Job:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What simulates, what measures, and the parts of the run, wherever they come from."""
+        """Modules of the simulation, of the measure, and of the run's parts, wherever they come from."""
         measures = () if self.measure is None else (self.measure.__module__,)
         parts = (RULES.origin(self.rule), CONTROLLERS.origin(self.controller))
         metrics = {METRICS.origin(name) for name in METRICS}
@@ -56,13 +56,13 @@ class Job:
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """The loop, in which rules and controllers are compiled, and what those that live in Python compile."""
+        """The loop, in which rules and controllers are compiled, and the compiled code of parts that live in Python."""
         parts = {RULES.origin(self.rule), CONTROLLERS.origin(self.controller)}
         return ("alloc.loop", *sorted(parts))
 
     @property
     def group(self) -> Hashable:
-        """Its event, which all rules meet; None under a controller in Python, which takes so long that this is nothing."""
+        """Its event, the same for all rules; None under a controller in Python, whose long runs gain nothing from it."""
         return None if is_hosted(self.controller) else (self.scenario.hash(), self.seed)
 
     def work(self, shared: Shared) -> Yield:

@@ -1,6 +1,6 @@
-"""Plug-ins: files that register parts of their own, given by `--plugin`, and known to every process of a study.
+"""Plug-ins: files that register parts of their own, given by `--plugin`, and loaded in every process of a study.
 
-A Python file registers what it likes; a TOML file is a train.
+A Python file may register any parts; a TOML file is a train.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from studies.files.study_error import StudyError
 from studies.scenario.train_file import read_train_file
 
 VARIABLE = "READHESION_PLUGINS"
-"""Environment variable that holds the files, so that worker processes load them too."""
+"""Environment variable that contains the files, so that worker processes load them too."""
 
 
 def use_plugins(files: Iterable[str | Path]) -> None:
@@ -33,7 +33,7 @@ def use_plugins(files: Iterable[str | Path]) -> None:
 
 
 def load_plugins() -> None:
-    """Load the files of the environment that are not loaded yet."""
+    """Load the files of the environment that are not yet loaded."""
     for file in _files():
         if module_name(file) not in sys.modules:
             _load(file)
@@ -49,7 +49,7 @@ def _files() -> list[str]:
 
 
 def module_name(file: str) -> str:
-    """Name of the module that a plug-in file becomes; files of one name in two folders are two modules."""
+    """Name of a plug-in file's module; files of the same name in two folders are two modules."""
     digest = hashlib.sha256(file.encode()).hexdigest()[:8]
     return f"{PLUGIN_PREFIX}{Path(file).stem.replace('-', '_')}_{digest}"
 

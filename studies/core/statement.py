@@ -1,4 +1,4 @@
-"""A plain statement: a claim, whether it holds, under which conditions, and the numbers behind it."""
+"""A plain statement: a claim, whether it holds, under which conditions, and the numbers that decide it."""
 
 import math
 from collections.abc import Callable
@@ -24,7 +24,7 @@ VERDICTS = (HOLDS, CONDITIONS, FAILS, UNDECIDED, TOO_FEW)
 CONFIDENCE = 0.95
 """Confidence of every interval that is printed; verdicts on several claims use wider ones (see `studies.core.family`)."""
 INTERVALS_OF_MEANS = "means with a bootstrap of the events, verdicts by Student's t"
-"""How intervals of means are made, as methods of statements say it."""
+"""How intervals of means are made, in the words of a statement's method."""
 LEAST_AGREEMENT = 0.95
 """Share of bootstrap resamples that must give a verdict again; one with less is fragile."""
 
@@ -48,7 +48,7 @@ class Interval:
         return f"<Interval {self.value:.4g}{limits}, events: {self.count}>"
 
     def cut(self, within: tuple[float, float]) -> "Interval":
-        """The interval without what lies beyond the least and the greatest value that its quantity can have."""
+        """The interval without the part beyond the smallest and the largest value that its quantity can have."""
         least, most = within
         low = min(max(self.low, least), self.value) if self.low < least else self.low
         high = max(min(self.high, most), self.value) if self.high > most else self.high
@@ -58,13 +58,13 @@ class Interval:
 @displayed
 @dataclass(frozen=True)
 class Tested:
-    """The mean that decides a statement, against its threshold."""
+    """The mean that decides a statement, and its threshold."""
 
     direction: str
     """Side of the threshold that is claimed: "at least" or "at most"."""
     threshold: float
     estimate: Interval
-    """Mean with its interval at `CONFIDENCE`, as `mean_interval` has it."""
+    """Mean with its interval at `CONFIDENCE`, computed by `mean_interval`."""
     adjusted: Interval
     """The same by Student's t, at the level that Holm's procedure gives it among the claims of the study; it decides."""
     level: float
@@ -72,13 +72,13 @@ class Tested:
     p: float
     """Two-sided p-value by Student's t, paired where the claim compares."""
     p_holm: float
-    """The same adjusted after Holm over the claims of the study: below 1 - `CONFIDENCE` it is decided."""
+    """The same adjusted after Holm over the claims of the study: a claim is decided if it is below 1 - `CONFIDENCE`."""
 
 
 @displayed
 @dataclass(frozen=True, repr=False)
 class Statement:
-    """What a sweep says about one claim."""
+    """Result of a sweep for one claim."""
 
     name: str
     """Short name, unique in the sweep."""
@@ -92,25 +92,25 @@ class Statement:
     method: str = ""
     """How the intervals were made, and the thresholds of the verdict."""
     test: Tested | None = None
-    """Of a claim about one mean."""
+    """Test of a claim about one mean."""
     agreement: float = math.nan
-    """Share of bootstrap resamples of the events that give this verdict; nan where it does not rest on means."""
+    """Share of bootstrap resamples of the events that give this verdict; nan where the verdict does not rest on means."""
 
     def __repr__(self) -> str:
         return f"<Statement {self.name!r}: {self.verdict}: {cut(self.claim)}>"
 
     @property
     def fragile(self) -> bool:
-        """Whether it says more than undecided, and too few resamples say the same."""
+        """Whether it is decided, but too few resamples give the same verdict."""
         return self.verdict in (HOLDS, CONDITIONS, FAILS) and self.agreement < LEAST_AGREEMENT
 
     @property
     def holds(self) -> bool:
-        """Whether it holds, if need be with conditions."""
+        """Whether it holds, with or without conditions."""
         return self.verdict in (HOLDS, CONDITIONS)
 
     def conditioned(self, *conditions: str) -> "Statement":
-        """The statement with more `conditions`, under which alone it then holds."""
+        """The statement with more `conditions`: it then holds only under these."""
         verdict = CONDITIONS if conditions and self.verdict == HOLDS else self.verdict
         return replace(self, conditions=(*self.conditions, *conditions), verdict=verdict)
 
@@ -133,7 +133,7 @@ def _plain(value: Any) -> Any:
 
 
 def interval_of(number: "Interval | float | pd.Series[Any]") -> Interval:
-    """The interval of a number: of the share where a series of events holds truths, of the mean where it holds numbers."""
+    """The interval of a number: of the share where a series of events has truth values, of the mean where it has numbers."""
     if isinstance(number, Interval):
         return number
     if isinstance(number, pd.Series):
@@ -142,12 +142,12 @@ def interval_of(number: "Interval | float | pd.Series[Any]") -> Interval:
 
 
 def single(value: float) -> Interval:
-    """A number that has no interval."""
+    """A number without an interval."""
     return Interval(float(value), math.nan, math.nan, int(math.isfinite(value)))
 
 
 def in_words(form: str, scale: float = 1.0) -> Callable[[Interval], str]:
-    """What puts an interval into words: `form` has places for value, low, high, all times `scale`, and the events."""
+    """Function that puts an interval into words: `form` has places for value, low, high, times `scale`, and events."""
     return lambda i: form.format(scale * i.value, scale * i.low, scale * i.high, i.count)
 
 
@@ -156,8 +156,8 @@ def mean_interval(
 ) -> Interval:
     """Mean of a series of events with its interval by `mean_limits`; nan entries do not bear on it and are left out.
 
-    Of paired differences it is the interval of paired comparison. `within`: least and greatest value that the quantity can
-    have. The true mean lies there, so limits beyond it are cut.
+    For paired differences it is the interval of the paired comparison. `within`: smallest and largest value that the
+    quantity can have. The true mean is between them, so limits beyond them are cut.
     """
     known = values.dropna().astype(float)
     n = len(known)

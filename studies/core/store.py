@@ -24,14 +24,15 @@ from studies.files.writable import make_folder
 ROWS, RUNS = "rows", "runs"
 """Folders of the table and of recorded runs."""
 LITTER_AGE = 3600.0
-"""Half-written files of a process that was killed are deleted after so long [s]."""
+"""Half-written files of a process that was killed are deleted after this time [s]."""
 
 
 class Store:
     """A study's folder: its table as parquet files under `rows/`, recorded runs as netCDF under `runs/`.
 
-    Several processes and machines may use one folder at once. A file that is not as it was written is set aside with a
-    `StoreWarning`. Raises `StudyError` where the folder cannot be written or the table is one of another program.
+    Several processes and machines may use one folder at once. A file whose content has changed since it was written is set
+    aside with a `StoreWarning`. Raises `StudyError` where the folder cannot be written or the table belongs to another
+    program.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -50,11 +51,11 @@ class Store:
         return self.folder / ROWS
 
     def read(self) -> pd.DataFrame:
-        """All rows, of every code, in the order in which they were added; empty if there are none yet."""
+        """All rows, of every code version, in the order in which they were added; empty if there are none yet."""
         return self.parts.read(lambda index: np.arange(len(index.part)))
 
     def cells(self, among: Sequence[Key] | None = None) -> dict[str, bool]:
-        """Digests of the cells that the table holds [of those `among` which is asked], and whether they succeeded."""
+        """Digests of the cells in the table, optionally only of those `among` the given keys, and whether they succeeded."""
         self.parts.gather()
         index = self.parts.index()
         cell, failed = index.cell, pa.array(index.failed)
@@ -84,11 +85,11 @@ class Store:
         return write_checked(beginning, ".nc", lambda aside: save(run, aside))
 
     def has_run(self, key: Key) -> bool:
-        """Whether the recorded run of this cell was kept, and is as it was written."""
+        """Whether the recorded run of this cell was kept and is unchanged."""
         return self.run_path(key) is not None
 
     def run_path(self, key: Key) -> Path | None:
-        """Where the recorded run of this cell lies; None if it was not kept, or is not as it was written."""
+        """File of the recorded run of this cell; None if it was not kept, or has changed since it was written."""
         beginning = self._run_beginning(key)
         for path in sorted(beginning.parent.glob(f"{escape(beginning.name)}-*.nc")):
             with suppress(Gone):

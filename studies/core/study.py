@@ -19,41 +19,41 @@ from studies.core.workers import Jobs, workers
 from studies.files.study_error import StudyError
 
 BLOCK = 5000
-"""Events whose cells are in memory at once, 15 kB each."""
+"""Number of events whose cells are in memory at once, 15 kB each."""
 Cells = Callable[..., Sequence[Cell]]
-"""Cells of a study: called with seed, number of events and the study's settings by name. More events, by the study's
-`step`, add cells and change none."""
+"""Function that makes the cells of a study, called with seed, number of events and the study's settings by name. More
+events, in multiples of the study's `step`, add cells and do not change any."""
 Stage = Callable[..., Sequence[Cell]]
-"""Cells that depend on what came before: called as `Cells`, with the rows so far as third argument."""
+"""Function that makes cells from earlier results: called as `Cells`, with the rows so far as third argument."""
 
 
 @displayed
 @dataclass(frozen=True)
 class Study:
-    """One question over many events: what is met, what is measured, what is said."""
+    """One question over many events: the events, the measurements, the statements."""
 
     name: str
     question: str
     """One line."""
     default_events: int
-    """Events where none are asked for."""
+    """Default number of events."""
     cells: Cells
     judge: Callable[[pd.DataFrame], list[Statement]]
-    """Statements from the table's rows that succeeded, by thresholds that are set beforehand."""
+    """Statements from the table's successful rows, by thresholds that are set beforehand."""
     finish: Callable[[pd.DataFrame, int, int], pd.DataFrame] | None = None
-    """The table from rows, seed and events: what was drawn is joined here."""
+    """The table from rows, seed and events: joins the drawn values."""
     later: tuple[Stage, ...] = ()
     """Further stages, in their order."""
     whole: bool = False
     """Whether statements need every row, and each one ok."""
     step: int = 1
-    """Events in the least number that adds cells to those of fewer and changes none."""
+    """Smallest number of events that adds cells to those of fewer events and does not change any."""
     options: tuple[str, ...] = ()
-    """Settings that the command line may give, by the names that `studies.command_line.options` has for them."""
+    """Settings that the command line may give, by their names in `studies.command_line.options`."""
     shown: Mapping[str, str] = field(default_factory=dict)
     """Columns that `readhesion sweep` prints of every row, each with its heading. With `--json` it gives all of them."""
     thresholds: Sequence[Threshold] = ()
-    """Those of its claims, kept beside the rows before the first event of a seed is drawn."""
+    """Thresholds of its claims, stored beside the rows before the first event of a seed is drawn."""
 
     def run(
         self,
@@ -65,10 +65,10 @@ class Study:
         shard: Shard = ALL,
         **settings: object,
     ) -> pd.DataFrame:
-        """The table of so many events drawn from `seed`; cells that `folder` holds are not run again.
+        """The table of this number of events drawn from `seed`; cells that `folder` already has are not run again.
 
-        `shard`: a share of the events, whose rows come as they are; stages that need the rows of all are left out.
-        `settings` are the study's own, such as a shorter duration; their rows stand apart from those without.
+        `shard`: a share of the events, whose rows are returned unfinished; stages that need the rows of all events are left
+        out. `settings` are the study's own, such as a shorter duration; their rows are kept separate from those without.
         """
         blocks = self._blocks(seed, events, shard, settings)
         blocks = chain([next(blocks)], blocks)  # what cannot be asked for leaves no folder behind
@@ -100,7 +100,7 @@ class Study:
             yield self.cells(seed, some, **settings), Block(start, max(len(some), 1), len(numbers))
 
     def statements(self, table: pd.DataFrame) -> list[Statement]:
-        """What the table says; raises `StudyError` where it lacks what the statements need."""
+        """Statements from the table; raises `StudyError` where it lacks what the statements need."""
         bad = table["status"] != "ok" if "status" in table else pd.Series(dtype=bool)
         if self.whole and bad.any():
             reason = table.loc[bad, "reason"].iloc[0]
@@ -110,7 +110,7 @@ class Study:
         return self.judge(table)
 
     def held(self, folder: str | Path, seed: int = 0, **settings: object) -> int:
-        """Number of events, counted from the first, that `folder` holds in full under the present code and `settings`.
+        """Number of events, counted from the first, whose rows `folder` has in full under the present code and `settings`.
 
         It is a multiple of `step`; events that add no cell do not count.
         """
@@ -163,7 +163,7 @@ class EachEvent:
 
 
 class Block(NamedTuple):
-    """Some of many events, by their number: those before, these, and all."""
+    """Part of many events, by their number: those before, these, and all."""
 
     before: int
     events: int

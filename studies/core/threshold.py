@@ -1,4 +1,4 @@
-"""Thresholds of claims as data, and the record of which of them stood before the events of a seed were drawn."""
+"""Thresholds of claims as data, and the record of which of them were set before the events of a seed were drawn."""
 
 import hashlib
 import json
@@ -11,15 +11,15 @@ from alloc.display import displayed
 from alloc.whole_file import write_whole
 
 FOLDER = "thresholds"
-"""Where a study's folder of results keeps them."""
+"""Folder of these records in a study's folder of results."""
 
 
 @displayed
 class Threshold(NamedTuple):
-    """A threshold on a metric: of the rule under test, or of another one, or the difference of two."""
+    """A threshold on a metric: of the rule under test, of another rule, or of the difference of two."""
 
     name: str
-    """Claim and, after a space, what it is for; unique in its table."""
+    """Claim and, after a space, the purpose; unique in its table."""
     metric: str
     """Column of the study's table."""
     direction: Literal["at least", "at most"]
@@ -28,18 +28,18 @@ class Threshold(NamedTuple):
     reason: str
     source: str
     rule: str = ""
-    """Rule whose metric it is, where it is not the one under test."""
+    """Rule whose metric it is, if that is not the rule under test."""
     less: str = ""
-    """Rule whose metric is taken off it, event by event."""
+    """Rule whose metric is subtracted, event by event."""
 
 
 def fingerprint(table: Sequence[Threshold]) -> str:
-    """Short SHA-256 of everything that a table of thresholds says."""
+    """Short SHA-256 of the content of a table of thresholds."""
     return hashlib.sha256(_text(table).encode()).hexdigest()[:16]
 
 
 def freeze(folder: Path, seed: int, table: Sequence[Threshold]) -> None:
-    """Keep the thresholds under which events of `seed` are drawn or judged in `folder`; what is kept is never changed."""
+    """Store in `folder` the thresholds under which events of `seed` are drawn or judged; what is stored is never changed."""
     path = folder / FOLDER / f"seed-{seed}-{fingerprint(table)}.json"
     if path.exists():
         return
@@ -50,7 +50,7 @@ def freeze(folder: Path, seed: int, table: Sequence[Threshold]) -> None:
 
 
 def frozen(folder: Path, seed: int) -> dict[str, str]:
-    """Since when events of `seed` in `folder` were judged by thresholds of which fingerprint, the first one first."""
+    """Fingerprints of the thresholds that judged events of `seed` in `folder`, and since when, the first one first."""
     found = {
         path.stem.rpartition("-")[2]: str(json.loads(path.read_text(encoding="utf-8"))["since"])
         for path in (folder / FOLDER).glob(f"seed-{seed}-*.json")

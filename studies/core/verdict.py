@@ -1,4 +1,4 @@
-"""From numbers to a verdict: thresholds stated as data, and the one place that decides."""
+"""From numbers to a verdict: thresholds stated as data, and the one place where verdicts are made."""
 
 import math
 from collections import Counter
@@ -24,20 +24,20 @@ from studies.core.statement import (
 )
 
 LEAST_EVENTS = 10
-"""A whole or a part of fewer events says nothing."""
+"""Smallest number of events on which a verdict about a whole or a part can rest."""
 
 Numbers = Mapping[str, "Interval | float | pd.Series[Any]"]
-"""Quantity, with its unit where it has one, and what `interval_of` makes its interval from."""
+"""Quantity, with its unit where it has one, and the data from which `interval_of` makes its interval."""
 Met = bool | None
-"""Whether something is met; None where that is undecided."""
+"""Whether a condition is met; None where that is undecided."""
 MET: Mapping[int, Met] = MappingProxyType({1: True, 0: None, -1: False})
-"""What `side` says."""
+"""Result of `side` in these terms."""
 
 
 def side(low: Any, high: Any, least: Any, most: Any = math.inf) -> NDArray[np.int_]:
-    """Where intervals lie: 1 wholly between two thresholds, -1 wholly beyond one, 0 where they contain one.
+    """Position of intervals: 1 wholly between two thresholds, -1 wholly beyond one, 0 where they contain one.
 
-    Every claim about random events is decided here. It is 0 where there is no interval.
+    Every claim about random events is decided here. The result is 0 where there is no interval.
     """
     inside = (np.asarray(low) > least) & (np.asarray(high) < most)
     outside = (np.asarray(high) < least) | (np.asarray(low) > most)
@@ -50,9 +50,9 @@ def decide(
     partly: bool = False,
     enough: bool = True,
 ) -> str:
-    """The verdict: it holds where everything is met, with conditions where only all that is essential is.
+    """The verdict: it holds where everything is met, and with conditions where only everything essential is met.
 
-    `partly`: with conditions too where something essential is not met. `enough`: whether there are events enough to say.
+    `partly`: with conditions too where something essential is not met. `enough`: whether there are enough events.
     """
     if not enough:
         return TOO_FEW
@@ -65,11 +65,11 @@ def decide(
 
 
 RANK: Mapping[str, int] = MappingProxyType({FAILS: 0, UNDECIDED: 1, CONDITIONS: 2, HOLDS: 3})
-"""Verdicts from the worst on."""
+"""Verdicts, starting with the worst."""
 
 
 def has_events(statement: Statement) -> bool:
-    """Whether it had events enough for a verdict."""
+    """Whether it had enough events for a verdict."""
     return statement.verdict != TOO_FEW
 
 
@@ -97,11 +97,11 @@ def intervals_of(numbers: Numbers) -> dict[str, Interval]:
 
 
 class Bound(NamedTuple):
-    """A mean over events, or a share of them, and the thresholds between which the claim puts it."""
+    """A mean over events, or a share of them, and the thresholds between which it is claimed to be."""
 
     text: str
     values: "pd.Series[Any]"
-    """A number per event, or a truth; nan where the event does not bear on it."""
+    """A number or truth value per event; nan where the event does not bear on it."""
     least: float = -math.inf
     most: float = math.inf
 
@@ -113,12 +113,12 @@ class Bound(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """Whether events enough bear on it."""
+        """Whether enough events bear on it."""
         return int(self.values.notna().sum()) >= LEAST_EVENTS
 
 
 def sides_of(bounds: Sequence[Bound]) -> list[tuple[int, ...]]:
-    """On which side of its thresholds the interval of each bound lies: of the events as drawn, then of each resample."""
+    """Side of its thresholds for the interval of each bound: of the events as drawn, then of each resample."""
     if not bounds:
         return [()]
     limits = resampled([bound.values for bound in bounds]).limits(1.0 - CONFIDENCE)
@@ -127,7 +127,7 @@ def sides_of(bounds: Sequence[Bound]) -> list[tuple[int, ...]]:
 
 
 Item = Met | Bound
-"""What a statement rests on: what is met or not as it stands, or a bound that 95 % intervals are to decide."""
+"""A condition of a statement: met or not, or a bound that a 95 % interval decides."""
 
 
 def decided(
@@ -141,7 +141,7 @@ def decided(
     some: bool = False,
     enough: bool = True,
 ) -> Statement:
-    """A statement over what is met or not, as `decide` has it: the words of what is not met are its conditions.
+    """A statement over conditions, by `decide`: the words of those that are not met are its conditions.
 
     `some`: with conditions where something essential is met. A bound on fewer than `LEAST_EVENTS` events is not enough.
     """
@@ -179,7 +179,7 @@ def over_cases(
     method: str = "",
     enough: bool = True,
 ) -> Statement:
-    """A statement over cases that count alike: with conditions where some are met, which are those not met in words."""
+    """A statement over cases of equal weight: with conditions where only some are met; the conditions name those not met."""
     return decided(name, claim, met, numbers, method, some=True, enough=enough)
 
 
@@ -191,7 +191,7 @@ def survives(
     without: str,
     method: str,
 ) -> Statement:
-    """Whether a finding is found again in other arms: its verdict there is no worse than where it was found, `without`."""
+    """Whether a finding also appears in other arms: its verdict there is no worse than the original one, `without`."""
     return over_cases(
         name,
         claim,
@@ -207,7 +207,7 @@ def survives(
 
 
 def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
-    """Conditions in words: with which cases it holds, and then with which it does not."""
+    """Conditions in words: the cases with which it holds, and then those with which it does not."""
     return (
         *(f"with {case}" for case, holds in met.items() if holds),
         *(f"not with {case}" for case, holds in met.items() if not holds),

@@ -1,4 +1,4 @@
-"""A train run over a real line: simulated on the plant, and what people ask of it afterwards."""
+"""A train run over a real line: simulated on the plant, with the results that users need."""
 
 import json
 import math
@@ -23,23 +23,23 @@ from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPa
 from studies.railtoolkit.vehicles import BRAKED_FALL
 
 ADHESION = 0.5
-"""Adhesion coefficient of the rail, assumed: the files say nothing of it and mean the effort to be what the rail carries.
-Dry rail with sand reaches 0.35 to 0.45."""
+"""Adhesion coefficient of the rail, assumed: the files do not state it, and their effort is meant to be within adhesion. Dry
+rail with sand reaches 0.35 to 0.45."""
 CONTROL_PERIOD = 0.1
-"""Control period [s]; twice or half of it changes the running time of 100 km by less than 0.1 s."""
+"""Control period [s]; doubling or halving it changes the running time of 100 km by less than 0.1 s."""
 LONGEST = 1.1
-"""Bound of the simulated time over the running time by distance steps; the two differ by less than 1 %."""
+"""Bound of the simulated time over the running time by distance steps; these two differ by less than 1 %."""
 MOST_AXLE_STEPS = 3e9
-"""Integration steps times wheelsets: ten times what other runs may have, for a heavy train on a hundred kilometres."""
+"""Integration steps times wheelsets: ten times the bound of other runs, for a heavy train on a hundred kilometres."""
 PAD_WEAR = 0.3e-6
 """Volume that brake pads or blocks lose per work [m3/MJ], assumed: of the order of organic material. It turns work into a
-size that workshops know; ratios between runs do not depend on it."""
+quantity that workshops use; ratios between runs do not depend on it."""
 
 
 @displayed
 @dataclass(frozen=True)
 class Passing:
-    """When [s] and how fast [m/s] a point of interest is passed; None if the train stops short of it."""
+    """Time [s] and speed [m/s] at a point of interest; None if the train stops short of it."""
 
     point: PointOfInterest
     time: float | None
@@ -51,7 +51,7 @@ class Passing:
 @displayed
 @dataclass(frozen=True)
 class Stop:
-    """A stop as it came out: arrival and departure [s], and how far beyond its place the train stood [m]."""
+    """A stop of the run: arrival and departure [s], and how far beyond its place the train stood [m]."""
 
     point: PointOfInterest
     arrival: float
@@ -59,7 +59,7 @@ class Stop:
     departure: float
     """[s]"""
     error: float
-    """How far beyond its place the train stood [m]."""
+    """Distance by which the train stopped beyond its place [m]."""
 
 
 @displayed
@@ -72,11 +72,11 @@ class LineRun:
     style: DrivingStyle
     legs: tuple[Leg, ...]
     run: xr.Dataset
-    """As `alloc.driving.drive` records it; its attributes hold the numbers below."""
+    """Recorded run of `alloc.driving.drive`; its attributes contain the numbers below."""
     running_time: float
-    """From the first motion to the last stop, with the stops between [s]."""
+    """Time from the first motion to the last stop, with the stops between [s]."""
     stops: tuple[Stop, ...]
-    """The last one is the end of the line."""
+    """Stops; the last one is the end of the line."""
     passings: tuple[Passing, ...]
     distance_time: float | None
     """Running time [s] that a program with distance steps of 20 m gives; None where its mass point at the front stalls."""
@@ -91,9 +91,10 @@ class LineRun:
         return found
 
     def energy(self) -> dict[str, float]:
-        """Where the energy of the run goes [J]: done by the motors, which is the sum of all others.
+        """Energy balance of the run [J]: the work of the motors, which is the sum of all other terms.
 
-        Those are lost by resistance and gradient, taken back by the electric brake, lost in brake shoes and by creep.
+        The other terms are lost by resistance and gradient, recovered by the electric brake, and lost in brake shoes and by
+        creep.
         """
         work = np.diff(self.run["motor_work"].values)
         last = self.run.isel(time=-1)
@@ -113,7 +114,8 @@ class LineRun:
 def line_model(path: RunningPath, stock: RollingStock, adhesion: float = ADHESION) -> Model:
     """The plant's model of this train on this line.
 
-    Raises `StudyError` if the effort asks for more than the `adhesion`, or the line falls more than the brake is made for.
+    Raises `StudyError` if the effort asks for more than the `adhesion`, or the line falls more steeply than the brake is
+    designed for.
     """
     steepest = min(path.sections, key=lambda section: section.grade)
     if steepest.grade < -BRAKED_FALL:
@@ -215,7 +217,7 @@ def _as_point(driver: MinimumTimeDriver, path: RunningPath, route: tuple[Leg, ..
 
 
 def passing(run: xr.Dataset, point: PointOfInterest, length: float) -> Passing:
-    """When a train of this `length` [m] passes `point` in `run`: between two instants it accelerates evenly."""
+    """Time and speed at which a train of this `length` [m] passes `point` in `run`, interpolated with even acceleration."""
     position, speed, time = (run[name].values for name in ("position", "speed", "time"))
     place = point.front_position(length)
     if place > position[-1] + 0.1:  # the stop may be some millimetres short of the end

@@ -35,7 +35,7 @@ from studies.logs.raw_channels import Recording
 
 
 class MappedColumn(Strict):
-    """What a column is: an entry of `[columns]`."""
+    """Meaning of a column: an entry of `[columns]`."""
 
     is_: str = Field(alias="is")
     unit: str | None = None
@@ -58,7 +58,7 @@ class MappedTime(Strict):
 
 @displayed
 class Mapping(Strict):
-    """The file."""
+    """Content of a mapping file."""
 
     columns: dict[str, MappedColumn]
     wheels: MappedWheels | None = None
@@ -82,7 +82,7 @@ class Mapping(Strict):
         return train.with_radius(radius)
 
     def assigned(self, recording: Recording, owner: str) -> list[Assigned]:
-        """What the columns of a recording are; raises `StudyError` for one that is not there."""
+        """Meaning of the columns of a recording; raises `StudyError` for a column that is not there."""
         found = []
         for name, one in self.columns.items():
             if name not in recording.channels:

@@ -1,4 +1,4 @@
-"""A log of a real train: read, brought to common instants and SI units, and checked; what is wrong is reported."""
+"""A log of a real train: read, brought to common instants and SI units, and checked; defects are reported."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,13 +28,13 @@ Floats = NDArray[np.float64]
 
 
 SLOW = 1.5
-"""Periods of the wheels from which on forces are slower than they."""
+"""Ratio of periods, of forces over wheels, above which forces count as slower."""
 
 
 @displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredLog:
-    """A log that can be analysed, and the remarks on it."""
+    """A log that is ready for analysis, and the remarks on it."""
 
     source: str
     run: MeasuredRun
@@ -43,15 +43,15 @@ class MeasuredLog:
     period: float
     """Median time between the instants of `run` [s]."""
     origin: str = ""
-    """What second 0 is, "" where the log does not say."""
+    """Absolute time of second 0, "" where the log does not say."""
     rows: int = 0
-    """Of the file; 0 where its channels have instants of their own."""
+    """Rows of the file; 0 where its channels have instants of their own."""
     pressure: Floats | None = None
     """Brake cylinders' pressure of each car [Pa], (instants, cars); None: not measured."""
     position: Floats | None = None
     """Station of the train's front [m], (instants,); None: not measured."""
     grade: Floats | None = None
-    """Rise per run where the train is, (instants,); None: not known."""
+    """Rise per run at the train, (instants,); None: unknown."""
 
 
 def read_log(
@@ -61,10 +61,10 @@ def read_log(
     line: GradientLine | None = None,
     owner: str = "mapping file",
 ) -> MeasuredLog:
-    """Read a file of a log; raises `StudyError` naming file, column and row for what cannot be analysed.
+    """Read a file of a log; raises `StudyError` naming file, column and row for a log that cannot be analysed.
 
-    `mapping` says which column is what, else names and units are guessed; `owner` names its file in messages. `line` gives
-    the gradient where the log has the position.
+    `mapping` gives the meaning of the columns, else names and units are guessed; `owner` names its file in messages. `line`
+    gives the gradient where the log has the position.
     """
     return measured(read_recording(Path(path)), train, mapping, line, owner)
 
@@ -76,7 +76,7 @@ def check_log(
     mapping: Mapping | None = None,
     line: GradientLine | None = None,
 ) -> MeasuredLog:
-    """The same of a table in memory."""
+    """The same for a table in memory."""
     return measured(recording_of(table, source), train, mapping, line)
 
 
@@ -87,7 +87,7 @@ def measured(
     line: GradientLine | None = None,
     owner: str = "mapping file",
 ) -> MeasuredLog:
-    """The same of what a file holds."""
+    """The same for the content of a file."""
     if mapping is not None:
         train = mapping.train(train, owner)
     sources = open_sources(recording, train, mapping, owner)

@@ -1,4 +1,4 @@
-"""Scenarios by name or path: those that ship, those of plug-ins, and files of one's own."""
+"""Scenarios by name or path: shipped ones, those of plug-ins, and your own files."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -26,19 +26,19 @@ def shipped_scenarios() -> list[str]:
 
 
 def default_scenarios() -> list[Scenario]:
-    """The shipped scenarios that a comparison runs without being told, in alphabetical order."""
+    """Shipped scenarios of the default comparison, in alphabetical order."""
     shipped = [load_scenario(name) for name in shipped_scenarios()]
     return [scenario for scenario in shipped if scenario.in_default_comparison]
 
 
 @cache
 def shipped_scenario(name: str) -> Scenario:
-    """A scenario that ships; read once, for random events are made from it by the million."""
+    """A shipped scenario; read once, because random events are made from it by the million."""
     return load_scenario(SHIPPED / f"{name}.toml")
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """A scenario by name, or any TOML file by path; paths inside it count from the file's folder.
+    """A scenario by name, or any TOML file by path; paths inside it are relative to the file's folder.
 
     Raises `StudyError` naming the file, the key and the reason.
     """
@@ -48,7 +48,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 
 def read_scenario(name_or_path: str | Path) -> dict[str, Any]:
-    """The keys of a scenario as its file has them, with its name; they are not checked. Raises as `load_scenario`."""
+    """Unchecked keys of a scenario as its file has them, with its name. Raises as `load_scenario`."""
     text = str(name_or_path)
     is_path = text.endswith(".toml") or "/" in text
     found = text if is_path else SCENARIOS.find(text)

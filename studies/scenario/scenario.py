@@ -1,8 +1,8 @@
 """Slip events as files: TOML in, `alloc.simulation.Event` out.
 
 A scenario fixes everything that rules and controllers share. The seed of `Scenario.event` draws the scatter of the rail, the
-errors of the sensors, the losses of telegrams, the phase of the receptivity and what `[variation]` names, and nothing else
-draws them: runs that differ in rule or controller alone meet the same event.
+errors of the sensors, the losses of telegrams, the phase of the receptivity and what `[variation]` names. Nothing else draws
+them, so runs that differ only in rule or controller meet the same event.
 """
 
 import hashlib
@@ -41,17 +41,17 @@ from studies.scenario.train_keys import (
 from studies.scenario.variation_keys import Day, VariationKeys
 
 NOT_HASHED = {"name", "title", "description", "case", "in_default_comparison"}
-"""Keys that say what a scenario is for; they do not change what happens."""
+"""Keys that describe the purpose of a scenario; they do not change the event."""
 
 SPEED_BOUND = 100.0
-"""No train here runs faster [m/s]; bounds the length of line that is tabulated."""
+"""Speed that no train here exceeds [m/s]; it bounds the length of line in the tables."""
 
 
 class CommandKeys(Strict):
     """Acceleration that the driver asks for on level track, from a time on: `[[command]]`. Source: the event's."""
 
     time_s: float
-    """Instant from which on it is asked for; commands stand in growing order. Before the first: none."""
+    """Instant from which the acceleration is asked for; commands are in increasing order of time. Before the first: none."""
     acceleration_kmhs: float
     """Acceleration on level track; negative: braking."""
 
@@ -63,7 +63,7 @@ def _named_by_file(schema: dict[str, Any]) -> None:
 
 @displayed
 class Scenario(Strict):
-    """A slip event as its file describes it; `event` gives what the simulation runs. Source: this project."""
+    """A slip event as its file describes it; `event` gives the input of the simulation. Source: this project."""
 
     model_config = ConfigDict(json_schema_extra=_named_by_file)
 
@@ -72,21 +72,22 @@ class Scenario(Strict):
     title: str
     """One line that says what happens."""
     description: str = ""
-    """More about it."""
+    """Longer description."""
     case: Literal["none", "A", "B"] | None = None
-    """Case of the allocation that the event is meant to bring about: none, plan out of reach (A), or plan within reach (B).
-    Left out: nothing is meant. Source: JP5484215."""
+    """Case of the allocation that the event is meant to cause: none, plan out of reach (A), or plan within reach (B). Left
+    out: no particular case. Source: JP5484215."""
     in_default_comparison: bool = True
-    """Whether `readhesion compare` runs it without being told; faults that single functions meet stay out."""
+    """Whether it is in the default comparison of `readhesion compare`; events with faults that concern single functions are
+    not."""
     train: Annotated[str, Names(lambda: SETS, FILES)]
-    """Name of a train set, or path of a file counted from the scenario's folder: a train file in TOML, or of railtoolkit."""
+    """Name of a train set, or path of a file relative to the scenario's folder: a train file in TOML, or of railtoolkit."""
     load_t: tuple[float, ...] | None = None
     """Pay load of each car in the order in which the train is described, also where it runs `reversed`. Left out: that
     of the train."""
     load_transfer: bool | None = None
     """Axle loads change with the car's rail force. Left out: as the train says."""
     reversed: bool = False
-    """The train runs the other way round: its last car leads."""
+    """Whether the train runs in the other direction: its last car leads."""
     inverter_group: InverterGroup | None = None
     """Motors per inverter in place of the train's own: a unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M). Left out:
     the train's own."""
@@ -104,7 +105,7 @@ class Scenario(Strict):
     receptivity: ReceptivityKeys = ReceptivityKeys()
     """How much regenerated power the line takes up. Left out: all of it."""
     variation: VariationKeys | None = None
-    """What differs between days; an empty table has bounds that fit most events. Left out: a seed draws only what the other
+    """Differences between days; an empty table has bounds that fit most events. Left out: a seed draws only what the other
     tables leave to chance."""
     command: tuple[CommandKeys, ...] = Field(min_length=1, max_length=10_000)
     """Accelerations that the driver asks for."""
@@ -119,7 +120,7 @@ class Scenario(Strict):
     initial_speed_kmh: float = Field(default=0.0, ge=0.0, le=3.6 * SPEED_BOUND)
     """Speed at the start."""
     target_speed_kmh: float | None = Field(default=None, ge=0.0)
-    """Speed to which time and distance are measured. Left out: neither is measured."""
+    """Speed up to which time and distance are measured. Left out: neither is measured."""
     step_s: float | None = Field(default=None, gt=0.0)
     """Longest integration step. Left out: 0.002 s, with noise on the speed sensors 0.001 s."""
     record_period_s: float = Field(default=0.01, gt=0.0)
@@ -132,7 +133,7 @@ class Scenario(Strict):
         return self
 
     def event(self, seed: int = 0) -> Event:
-        """What the simulation runs; `seed` >= 0 gives all random draws. Raises `StudyError` where it cannot exist."""
+        """Input of the simulation; `seed` >= 0 determines all random draws. Raises `StudyError` for an impossible event."""
         if seed < 0:
             raise StudyError(f"seed = {seed}: must be 0 or greater")
         try:
@@ -200,7 +201,7 @@ class Scenario(Strict):
         return (*train, *(CURVES.origin(kind) for kind in dict.fromkeys(curves)))
 
     def hash(self) -> str:
-        """Hash of all that decides the event: equal content gives equal hashes, wherever the file lies."""
+        """Hash of everything that determines the event: equal content gives equal hashes, wherever the file is."""
         if not is_file(self.train) and self.line.file is None:
             return self.hash_of_keys
         content = json.loads(self.keys_as_text)
@@ -212,7 +213,7 @@ class Scenario(Strict):
 
     @cached_property
     def keys_as_text(self) -> str:
-        """The keys that decide the event, as JSON."""
+        """The keys that determine the event, as JSON."""
         return json.dumps(self.model_dump(mode="json", exclude=NOT_HASHED), sort_keys=True)
 
     @cached_property
@@ -221,11 +222,11 @@ class Scenario(Strict):
         return _short_hash(self.keys_as_text)
 
     def draws(self) -> bool:
-        """Whether anything that happens depends on the seed."""
+        """Whether anything in the event depends on the seed."""
         return inputs_hash(self.event(1)) != inputs_hash(self.event(2))
 
     def changed(self, **values: Any) -> "Scenario":
-        """A copy with other top-level values, checked anew."""
+        """A copy with other top-level values, checked again."""
         try:
             return Scenario.model_validate(self.model_dump() | values)
         except ValidationError as error:
@@ -233,7 +234,7 @@ class Scenario(Strict):
 
 
 def safe_name(text: str) -> str:
-    """`text` as part of a scenario's name, which is part of file names: without blanks and the like."""
+    """`text` as part of a scenario's name, which is part of file names: without blanks and similar characters."""
     return re.sub(r"[^\w.+-]", "-", text)
 
 
