@@ -21,7 +21,7 @@ def address_of(function: Any, kind: types.FunctionType) -> int:
 
 
 def function_at(kind: types.FunctionType) -> Any:
-    """Compiled function of an address (int64) that returns what stands there as a function of `kind`."""
+    """Compiled function that takes an address (int64) and returns the function of `kind` stored there."""
 
     def at(typingctx, address):
         def generate(context, builder, signature, args):

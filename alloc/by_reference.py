@@ -1,8 +1,8 @@
-"""Nested records of arrays for compiled code, handed over as one address.
+"""Nested records of arrays for compiled code, passed as one address.
 
-Numba hands a `NamedTuple` over by value, field by field, seven numbers per array: with the hundreds of arrays of a run
-this was most of what compiling took, and more than the work of a short step. Here compiled code gets the address of a
-block that holds the numbers and where the arrays begin; it reads fields as those of the `NamedTuple`.
+Numba passes a `NamedTuple` by value, field by field, seven numbers per array. With the hundreds of arrays of a run this took
+most of the compile time, and more time than the work of a short step. Here compiled code gets the address of a block with
+the numbers and the addresses of the arrays; it reads fields as those of the `NamedTuple`.
 """
 
 import hashlib

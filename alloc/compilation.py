@@ -1,7 +1,7 @@
-"""How this project compiles: one set of Numba options and a cache that cannot go stale.
+"""Compilation in this project: one set of Numba options, and a cache that cannot become stale.
 
-Numba's own cache looks at the file of the compiled function alone, so a change to an equation in another file would go
-unnoticed, and any comment would cost minutes.
+Numba's own cache checks only the file of the compiled function. A change to an equation in another file would go unnoticed,
+and a changed comment would cost minutes.
 """
 
 import hashlib
@@ -60,7 +60,7 @@ class _Said:
 
 
 KEPT_DAYS = 30.0
-"""Kernels that were not used for so long are deleted when new ones are made."""
+"""Kernels that were not used for this many days are deleted when new ones are made."""
 
 
 class _Place(CompileResultCacheImpl):
@@ -183,4 +183,4 @@ equation = register_jitable(**INLINED)
 called: Any = register_jitable(
     **{name: on for name, on in INLINED.items() if name != "forceinline"}
 )
-"""Decorator of a law that is called, not inlined: one so long that the call costs nothing and inlining it much."""
+"""Decorator of a law that is called, not inlined: one so long that the call costs little and inlining costs much."""

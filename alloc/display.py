@@ -21,7 +21,7 @@ LONGEST_TEXT = 60
 FEW = 4
 """Numbers that are written one by one; of more, their range is."""
 MOST_ROWS = 60
-"""Rows of a table; a record may hold a mapping of thousands."""
+"""Largest number of rows of a table; a record may contain a mapping of thousands."""
 
 
 class _Field(NamedTuple):
@@ -107,7 +107,7 @@ def brief(value: Any) -> str:
 
 
 def cut(text: str, most: int = LONGEST_TEXT) -> str:
-    """The text in one line, of so many characters at most."""
+    """The text in one line, with at most this many characters."""
     text = " ".join(text.split())
     return text if len(text) <= most else f"{text[: most - 1]}…"
 

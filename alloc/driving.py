@@ -1,7 +1,7 @@
-"""A run that a driver makes: torques and brake pressures set directly, without the train's traction computers.
+"""A run with a driver: torques and brake pressures are set directly, without the train's traction computers.
 
-For brake tests, speed control and minimum-time driving. The plant and what is recorded of it are as in `alloc.simulation`;
-the driver, a person or a speed controller, is a Python object that is asked once per control period.
+For brake tests, speed control and minimum-time driving. The plant and its record are as in `alloc.simulation`. The driver, a
+person or a speed controller, is a Python object that is called once per control period.
 """
 
 from collections.abc import Callable
@@ -34,10 +34,10 @@ def drive(
 ) -> xr.Dataset:
     """Let `driver` drive the train for `duration` [s], or until it ends the run; returns the recorded run.
 
-    `period`: control period [s]; `step`: integration step [s] at most; `record_period`
-    [s]: a multiple of `period` (default: `period` itself). The run holds those of `alloc.recorded_variables.VARIABLES`
-    that the plant and the driver decide.
-    More than `most_axle_steps` are refused. Raises `SimulationError` for what cannot be run, `PlantError` from the model.
+    `period`: control period [s]; `step`: longest integration step [s]; `record_period` [s]: a multiple of `period` (default:
+    `period` itself). The run has those of `alloc.recorded_variables.VARIABLES` that depend on the plant and the driver. More
+    than `most_axle_steps` are refused. Raises `SimulationError` for input that cannot be simulated, `PlantError` from the
+    model.
     """
     record_period = period if record_period is None else record_period
     times = {"duration": duration, "period": period, "step": step, "record_period": record_period}

@@ -1,7 +1,7 @@
-"""What a field or a key means, from one place: the docstring below it, in a record or in a class of keys.
+"""The meaning of a field or a key, from one place: the docstring below it, in a record or in a class of keys.
 
-Such a docstring says the meaning. Where it helps, "Left out:" says what holds without the key, and "Source:" says where
-meaning and value come from; both end it. A unit in brackets is that of the field, which a key may give in another.
+Such a docstring states the meaning. Where useful, "Left out:" says what applies without the key, and "Source:" gives the
+source of meaning and value; both come at the end. A unit in brackets is that of the field; a key may use another unit.
 """
 
 import re
@@ -24,7 +24,7 @@ class Meaning:
     unit: str = ""
     """That of the field; the key's own where its name has no ending."""
     left_out: str = ""
-    """What holds where the key is left out, if that is no plain number."""
+    """What applies where the key is left out, if that is no plain number."""
     source: str = ""
 
     def with_names(self, names: Mapping[str, str]) -> "Meaning":
@@ -50,7 +50,7 @@ def meanings(kind: type) -> dict[str, Meaning]:
 
 
 def meant(docstring: str) -> Meaning:
-    """What a docstring says: its text, and the parts that are marked."""
+    """Content of a docstring: its text, and the marked parts."""
     text, *parts = PARTS.split(" ".join(docstring.split()))
     said = {mark: part.strip() for mark, part in zip(parts[::2], parts[1::2], strict=True)}
     unit = UNIT.search(text)

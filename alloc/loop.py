@@ -1,7 +1,7 @@
-"""The closed loop: a plant that runs control period by control period, and who is asked on the way.
+"""The closed loop: a plant that runs control period by control period, with calls to parts in Python on the way.
 
-The loop is compiled. It returns to Python only where something lives there (a driver, a rule with a QP solver, an MPC),
-says what it needs, and goes on with the answer; so compiled and hosted parts see exactly the same run.
+The loop is compiled. It returns to Python only where a part lives there (a driver, a rule with a QP solver, an MPC). It
+states what it needs, and continues with the answer. So compiled and hosted parts work in exactly the same run.
 """
 
 import math
@@ -258,7 +258,8 @@ class ClosedLoop:
     ) -> None:
         """Run to the end: `go(stop)` runs to tick `stop`, or returns what one of `parts` must answer.
 
-        `on_progress` is told the share done, 0 to 1. `until_speed` [m/s]: end before where no body is faster, or soon after.
+        `on_progress` is called with the share done, 0 to 1. `until_speed` [m/s]: the run ends once no body is faster, at the
+        latest soon after.
         """
         watched = on_progress is not None or until_speed is not None
         chunk = max(1, self.ticks // CHUNKS) if watched else self.ticks

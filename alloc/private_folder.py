@@ -54,9 +54,9 @@ def cache_part(name: str) -> Path:
 
 
 def private(folder: Path) -> Path:
-    """`folder`, made if need be, for its user alone.
+    """`folder`, created if necessary, for its user alone.
 
-    Raises `OSError` where it cannot be written, others may write to it or replace it, or it holds what is not the user's.
+    Raises `OSError` where it cannot be written, others may write to it or replace it, or it contains another user's files.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)

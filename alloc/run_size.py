@@ -1,4 +1,4 @@
-"""How large a run may be: what would take hours or more memory than a machine has is refused before it starts."""
+"""Limit of a run's size: a run that would take hours, or more memory than a machine has, is refused before it starts."""
 
 from alloc.errors import SimulationError
 from alloc.plant.model import STABLE_STEP, Model

@@ -1,4 +1,4 @@
-"""Stretches of a series in which something holds."""
+"""Stretches of a series in which a condition is true."""
 
 from collections.abc import Callable
 

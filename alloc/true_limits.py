@@ -11,7 +11,7 @@ USED = 0.995
 """Share of the true adhesion that the oracle's units use. At the very peak a torque is not held."""
 
 AHEAD = 0.02
-"""Time [s] by which the oracle looks ahead: its torque stands for a control period and lags behind its command."""
+"""Time [s] by which the oracle looks ahead: its torque is kept for a control period and lags behind its command."""
 
 
 @inlined_jit

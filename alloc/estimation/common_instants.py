@@ -1,7 +1,7 @@
 """Channels of a log at common instants, each from its own samples, with a standard deviation.
 
-The instants are those of the wheel that is sampled most often. A channel is interpolated on straight lines between two of
-its own samples, over `BRIDGED` or one and a half of its own periods; what lies farther apart is a gap, and stays one.
+The instants are those of the wheel with the highest sampling rate. A channel is interpolated linearly between two of its own
+samples, over `BRIDGED` or one and a half of its own periods. A longer distance is a gap, and remains one.
 """
 
 from collections.abc import Iterable

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 LEARNED, NOT_LEARNABLE = "learned", "not learnable from this run"
 LEAST_PART = 1e-3
-"""Part of a regressor's square, apart from the other regressors, below which it cannot be told from them."""
+"""Independent part of a regressor's square below which the regressor cannot be distinguished from the others."""
 LARGEST_DEVIATION = 0.05
 """Standard deviation of a learnt weight, relative to the weight, above which it is not called learnt."""
 LEAST_SAMPLES = 20
@@ -20,7 +20,7 @@ LEAST_SAMPLES = 20
 
 @dataclass(frozen=True)
 class WeightStatus:
-    """What a run says about one weight."""
+    """Information of a run on one weight."""
 
     name: str
     status: str
@@ -55,9 +55,10 @@ class Excitation:
 def judge_excitation(regressors: ArrayLike, force: ArrayLike, names: tuple[str, ...]) -> Excitation:
     """Judge samples F = W Z: `regressors` (samples, weights), `force` (samples,) [N].
 
-    A weight is learned if it is excited (`LEAST_SAMPLES`), told apart from the others (`LEAST_PART`) and determined well
-    enough against what the weights leave (`LARGEST_DEVIATION`). Residuals follow each other: of n samples whose
-    residuals correlate by r from one to the next, n (1 - r)/(1 + r) count. Raises `EstimationError` for data that are none.
+    A weight is learned under three conditions: it is excited (`LEAST_SAMPLES`), distinguished from the others
+    (`LEAST_PART`), and accurate compared with the residuals of the force (`LARGEST_DEVIATION`). Residuals are correlated: if
+    neighbouring ones of n samples correlate by r, n (1 - r)/(1 + r) samples count. Raises `EstimationError` for impossible
+    data.
     """
     z = finite_series("excitation: regressors", regressors, (None, len(names)))
     f = finite_series("excitation: force", force, z.shape[:1])

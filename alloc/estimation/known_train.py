@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 @displayed
 @dataclass(frozen=True, eq=False)
 class MeasuredTrain:
-    """What must be known of a train to make forces of its series; axles and cars from the front."""
+    """Data of a train that are needed to compute forces from its series; axles and cars from the front."""
 
     name: str
     car_mass: Floats

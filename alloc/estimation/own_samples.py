@@ -1,7 +1,8 @@
-"""The samples that a channel of a log really has: rows may repeat a value, or lie on straight lines between two of them.
+"""The samples that a channel of a log really has: rows may repeat a value, or be interpolated between two of them.
 
 A logger writes all channels at one rate. A slower channel is then empty in between, held at its last value, or interpolated.
-What is filled in is no measurement: taken for one, a speed held for a second makes slips of up to its change in that second.
+These filled-in values are no measurements: if they were used as such, a speed held for a second would show slips of up to
+its change in that second.
 """
 
 import math
@@ -16,23 +17,23 @@ Numbers = NDArray[np.int64]
 Kind = Literal["sampled", "held", "interpolated", "quantised"]
 
 FEWEST = 4
-"""Own samples from which on a pattern can be told."""
+"""Smallest number of own samples in which a pattern can be detected."""
 REPEATED = 0.4
-"""Share of rows that repeat the one before, from which on a channel may be held."""
+"""Share of rows that repeat the one before, above which a channel may be held."""
 REGULAR = 0.9
 """Share of the distances between own samples that must be multiples of one of them."""
 STRAIGHT = 0.02
-"""Noise [m/s, of forces N] above which no straight lines are told."""
+"""Noise [m/s, of forces N] above which straight lines cannot be detected."""
 COARSE = 0.02
-"""Step of a rounded speed [m/s] from which on it matters."""
+"""Step of a rounded speed [m/s] above which rounding matters."""
 STAYS = 1.0
-"""Time [s] from a change from which on a rounded speed of 0 is one at rest."""
+"""Time [s] after a change from which on a rounded speed of 0 counts as standstill."""
 LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
 SEEN = 0.15
-"""Time [s] between knots from which on straight lines are told from a smooth motion; below, they do no harm."""
+"""Time [s] between knots above which straight lines differ from a smooth motion; below it they do no harm."""
 PIECES, PIECE = 20, 5000
-"""Of a long series, how many pieces of how many values its noise is told from."""
+"""Number of pieces of a long series from which its noise is estimated, and number of values in a piece."""
 MEDIAN_DEVIATION = 1.4826
 """Standard deviation over the median of the magnitude, of normally distributed numbers."""
 
@@ -87,7 +88,7 @@ def noise_of(values: Floats) -> float:
 
 
 def excerpt(values: Floats) -> Floats:
-    """The values, or of very many as many as tell their noise: pieces of `PIECE` from all over."""
+    """The values, or for a very long series as many as its noise requires: pieces of `PIECE` from all over."""
     if values.size <= PIECES * PIECE:
         return values
     starts = np.linspace(0, values.size - PIECE, PIECES).astype(np.int64)

@@ -2,8 +2,8 @@
 
     v(t) = s p(t) + b(t),    db/dt = c,    dc = q dW,    z_k = v(t_k) + noise
 
-The shape p is what the forces, or the wheels, say of the speed, with a scale s near 1. The drift b has what they leave
-out: gradient, resistance, sensors' offsets. A measurement beyond `OUTLIER` deviations is not used.
+The shape p is the speed that follows from the forces, or from the wheels, with a scale s near 1. The drift b has everything
+else: gradient, resistance, sensors' offsets. A measurement beyond `OUTLIER` deviations is not used.
 """
 
 import math

@@ -1,9 +1,9 @@
-"""Wheel speeds from pulses and from noisy sensors: integrated to a way, and differentiated over a longer time.
+"""Wheel speeds from pulses and from noisy sensors: integrated to a distance, and differentiated over a longer time.
 
-A speed that is a count of pulses over the time of a row steps by one pulse: at 80 pulses a turn and 20 ms by 1.7 m/s. The
-sum of counts is right to one pulse at all times. So the slope of a straight line through the ways of `SPAN` seconds T is the
-speed. Where pulses and rows are in step, as with nearly one pulse a row, rounding errors do not average: for pulses of p
-metres its error then reaches 1.5 p / T, and `ALIASED` p / T is stated as its standard deviation.
+A speed computed as a count of pulses over the time of a row steps by one pulse: at 80 pulses a turn and 20 ms by 1.7 m/s.
+The sum of counts is right to one pulse at all times. So the speed is the slope of a straight line through the distances of
+`SPAN` seconds T. Where pulses and rows are in step, as with nearly one pulse a row, rounding errors do not average out. For
+pulses of p metres the error then reaches 1.5 p / T, and `ALIASED` p / T is stated as its standard deviation.
 """
 
 import math
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 SPAN = 0.2
 """Time [s] over which a speed of pulses is the slope of the way: a slip grows within some tenths of a second."""
 COARSE = 0.05
-"""Step [m/s] from which on the multiples of one step count as pulses."""
+"""Step [m/s] above which the multiples of one step count as pulses."""
 NOISY = 0.03
 """Standard deviation [m/s] of a wheel's speed above which it is smoothed, over `SPAN` at most."""
 LEAST_SPAN = 5

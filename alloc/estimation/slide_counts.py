@@ -1,7 +1,8 @@
-"""Slides counted per axle, and the table that stands for those of JP5484215 (12) to (14).
+"""Slides counted per axle, and the table that represents those of JP5484215 (12) to (14).
 
-Under automatic brake whose force follows the planned coefficient, measured coefficients scatter about it as a normal
-distribution. Half of all brakings make an axle of the lead car slide, fewer an axle whose rail was wiped before.
+Under an automatic brake whose force follows the planned coefficient, measured coefficients scatter about it as a normal
+distribution. Half of all brake applications make an axle of the lead car slide; fewer make an axle slide whose rail was
+wiped before.
 """
 
 from dataclasses import dataclass

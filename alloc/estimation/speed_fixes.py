@@ -1,11 +1,11 @@
-"""The speed of a train from measurements of it that are late, rare or lost, such as those of a satellite receiver.
+"""The speed of a train from measurements of it that are late, sparse or lost, such as those of a satellite receiver.
 
-How late they are is what makes them fit best to the shape that the forces, or the wheels, give the speed
-(`alloc.estimation.speed_shape`); between them the shape is followed. Noise of the measurements and drift of the shape are
-those of the greatest likelihood (`alloc.estimation.random_slope`).
+Their delay is the one with the best fit to the shape that the forces, or the wheels, give the speed
+(`alloc.estimation.speed_shape`); between measurements the speed follows the shape. Noise of the measurements and drift of
+the shape are maximum-likelihood estimates (`alloc.estimation.random_slope`).
 
-A delay shows where the acceleration changes. A log with one and the same acceleration throughout does not have it, and the
-stated deviation of the delay says so.
+A delay is visible only where the acceleration changes. A log with constant acceleration throughout gives no information on
+it, and the stated deviation of the delay says so.
 """
 
 import math
@@ -31,11 +31,11 @@ NOISES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Drifts that are tried [m/s2 per root second]: from a level line to forces that are half wrong."""
 SPARSE = 0.15
-"""Time between measurements [s] from which on the shape is followed between them."""
+"""Time between measurements [s] above which the speed follows the shape between them."""
 MEAN_TIME = 0.2
 """Time [s] over which measurements that lie closer are averaged to find their delay."""
 MOST = 6_000
-"""Measurements that a delay is found from; of more, every so many."""
+"""Largest number of measurements used to find a delay; of a longer series every n-th."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
 SYSTEMATIC = 0.002

@@ -2,9 +2,9 @@
 
     M v + sum_i J_i / R_i^2 (R_i omega_i) = integral of (sum_i F_i - resistance - M g grade) dt
 
-So forces and wheel speeds give the speed but for a constant and for what is not known: gradient, resistance, errors of the
-forces. Creep and slides do not enter. An axle that rolls freely turns as the train runs. Where there is neither, the fastest
-wheel stands for the train under braking and the slowest under traction; creep then counts as the train's.
+So forces and wheel speeds give the speed except for a constant and for what is unknown: gradient, resistance, errors of the
+forces. Creep and slides have no effect. An axle that rolls freely turns as the train runs. Without either, the fastest wheel
+represents the train under braking and the slowest under traction; creep then counts as the train's motion.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ FREE = 2e-3
 ALWAYS = 0.98
 """Share of the instants at which one must."""
 RATE_TIME = 2.0
-"""Time [s] over which the train's acceleration tells braking from traction."""
+"""Time [s] over which the train's acceleration distinguishes braking from traction."""
 
 
 def shape_of_forces(
@@ -36,10 +36,10 @@ def shape_of_forces(
     train: MeasuredTrain,
     grade: Floats | None,
 ) -> Floats | None:
-    """What the forces say of the speed [m/s], (instants,), but for a constant; None without forces.
+    """Speed [m/s] by the forces, (instants,), except for a constant; None without forces.
 
     `speed` (instants,) is a first guess, for the resistance alone; `rim` [m/s] and `force` [N] (instants, axles), nan where
-    not known; `grade` (instants,), the rise per run.
+    unknown; `grade` (instants,), the rise per run.
     """
     told = np.isfinite(force).any(axis=0)
     if not told.any():
@@ -75,7 +75,7 @@ def shape_of_forces(
 
 
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
-    """What the wheels say of the speed [m/s], (instants,): their fastest under braking, their slowest under traction."""
+    """Speed [m/s] by the wheels, (instants,): the fastest wheel under braking, the slowest under traction."""
     known = rim[:, np.isfinite(rim).any(axis=0)]
     fastest, slowest = (
         _filled(time, _extreme(known, np.fmax)),
@@ -92,7 +92,7 @@ def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
 def shape_of_free_wheels(
     time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> Floats | None:
-    """What axles say of the speed [m/s] that nothing pulls or brakes, (instants,); None unless one nearly always does."""
+    """Speed [m/s] of axles that nothing pulls or brakes, (instants,); None unless nearly always one rolls freely."""
     count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
     for i in range(rim.shape[1]):
         free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])

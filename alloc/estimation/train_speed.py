@@ -14,7 +14,7 @@ from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, 
 Floats = NDArray[np.float64]
 
 SURE = 3.0
-"""Deviations from which on a delay is none of chance."""
+"""Number of deviations above which a delay is not due to chance."""
 LATE, LATE_OF_MEANS = 0.006, 0.02
 """Delay [s] from which on a dense speed is followed less its delay; the second where wheels are means over a time."""
 ROWS = 0.6
@@ -22,13 +22,13 @@ ROWS = 0.6
 LATE_OF_SHAPE, UNLIKE = 0.1, 0.02
 """The same [s] where the speed is not that of the shape, by a drift from this on [m/s2 per root second]."""
 NOISY = 0.03
-"""Standard deviation of a measurement [m/s] from which on the shape is followed."""
+"""Standard deviation of a measurement [m/s] above which the speed follows the shape."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
 """Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3
-"""Standard deviation [m/s] from which on a speed counts as not known."""
+"""Standard deviation [m/s] above which a speed counts as unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class MeasuredSpeed:
     deviation: Floats
     """Standard deviation [m/s]."""
     delay: Delay | None
-    """How late the measurements are; None if it cannot be told."""
+    """Delay of the measurements; None if it cannot be determined."""
     followed: bool
     """Whether the speed is that of the shape between measurements, else it is as measured."""
     shape: str

@@ -1,9 +1,9 @@
 """From the units' limits to their torque targets and the brakes' cylinder pressures.
 
 Driving and without blended brakes: limits (6) and (6') of JP5484215, load compensation, the motor's limit. Blended braking,
-embodiment 3: the electric brake first, the air brake fills what the line does not take. A unit that receives limits
-fills up to its limit in the same way. Its motors do not follow the pattern then (par. 0078): they brake with the limit
-less the air brake's force, and so make up at once for what the cylinders lag.
+embodiment 3: the electric brake comes first, and the air brake supplies what the line does not take. The air brake of a unit
+that receives limits fills up to the limit in the same way. Its motors do not follow the pattern then (par. 0078): they brake
+with the limit less the air brake's force, and so make up at once for the lag of the cylinders.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""What a controller in Python lets the units tell each other: numbers added to the train's periodic telegrams.
+"""Numbers that a controller in Python adds to the train's periodic telegrams, so that its units can exchange them.
 
-Reports and limits are sent in any case (`alloc.onboard.reports`, `alloc.onboard.distribution`). What a controller adds is
-part of the same telegram. So it is counted once, it is late or lost with the telegram, and a seed loses the same telegrams
+Reports and limits are sent in any case (`alloc.onboard.reports`, `alloc.onboard.distribution`). The added numbers are part
+of the same telegram. So they are counted once and are late or lost together with it, and a seed loses the same telegrams
 whatever controls the train.
 """
 
@@ -11,10 +11,10 @@ from alloc.plant.model import Floats
 
 
 class Attachment(NamedTuple):
-    """Numbers added to the telegrams of one direction, a row per unit. The leader tells itself without a telegram."""
+    """Numbers added to the telegrams of one direction, a row per unit. The leader reaches itself without a telegram."""
 
     told: Floats
-    """What the next telegram will say, (units, numbers); it is sent until it is changed."""
+    """Numbers of the next telegram, (units, numbers); they are sent until they are changed."""
     read: Floats
     """What the newest telegram that has arrived said, (units, numbers); nan before the first."""
     heard: Floats

@@ -1,7 +1,7 @@
-"""Readhesion controllers of single units that the loop calls as compiled code, without a way through Python.
+"""Readhesion controllers of single units that the loop calls as compiled code, without going through Python.
 
-The loop does not know what they are: it has the address of a function of one signature, and that of a record of whatever
-the controller keeps, which it hands back. So a package that this one must not import can add one.
+The loop does not depend on them. It has the address of a function of one signature, and that of a record with the
+controller's data, which it passes to the function. So a package that this one must not import can add such a controller.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from alloc.plant.structure import Floats, Ints
 READING = named_record(
     "time", "speed", "torque", "target", "drive_limit", "brake_limit", "coefficient", slipping=np.int64
 )  # fmt: skip
-"""What a unit's computer reads at a control instant, as `UnitSense`; but for the angular speeds of its axles."""
+"""Readings of a unit's computer at a control instant, as `UnitSense`, except for the angular speeds of its axles."""
 ANSWER = named_record("torque", "solve_time", "residual", usable=np.int64, status=np.int64)
 """What a controller answers, as `TorqueDecision`: `usable` 0 or 1, and `status` by its number; 0 is "ok"."""
 

@@ -1,4 +1,4 @@
-"""Whoever drives a train directly, as `alloc.driving.drive` asks it: a person, or a speed control."""
+"""Interface of a driver of `alloc.driving.drive`: a person, or a speed control."""
 
 from typing import NamedTuple, Protocol
 
@@ -38,7 +38,7 @@ class Controls(NamedTuple):
 
 
 class Driver(Protocol):
-    """Whoever drives the train."""
+    """A person or a speed control that drives the train."""
 
     def __call__(self, sense: TrainSense, controls: Controls) -> bool:
         """Set `controls` for the coming control period; False ends the run."""

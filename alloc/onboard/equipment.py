@@ -1,4 +1,4 @@
-"""What the train's computers know of their train: believed values, never the plant's state."""
+"""The computers' description of their train: believed values, never the plant's state."""
 
 import math
 from typing import Any, NamedTuple

@@ -46,7 +46,7 @@ class TrainMemory(NamedTuple):
 
 
 class LeadMemory(NamedTuple):
-    """What the foremost unit that works holds for the train, (1,) each."""
+    """Values that the foremost unit that works stores for the train, (1,) each."""
 
     unit: NDArray[np.int64]  # its number
     estimate: Floats  # coefficient at its last detection

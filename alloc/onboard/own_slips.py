@@ -1,7 +1,7 @@
-"""Slips of all units that a rule asked on slip hears of: JP5484215 with embodiment 2's reports at their best.
+"""Slips of all units, for a rule that is called on slip: JP5484215 with embodiment 2's reports at their best.
 
 There every unit estimates its coefficient at its own detection and sends it to the foremost one (par. 0063), which learns
-increments from it after some stations. Taken at once, as if one datum were enough, it is the unit's cap (5) itself.
+increments from it after some stations. If it is used at once, as if one datum were enough, it is the unit's cap (5) itself.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from alloc.onboard.reports import DETECTED, ESTIMATE
 
 @inlined_jit
 def count_slips(st, m, time):
-    """Note which detections are no older than the hold time; returns whether there are any, and whether they changed."""
+    """Note which detections are within the hold time; returns whether there are any, and whether they changed."""
     some, changed = False, False
     for j in range(m.cap.size):
         detected = m.report.line.read[j, DETECTED]
@@ -25,7 +25,7 @@ def count_slips(st, m, time):
 
 @inlined_jit
 def caps_by_own_slips(st, m, time):
-    """Where a unit has slipped within the hold time, its cap is what its own slip has shown, and no increment is needed."""
+    """Set the cap of each unit that slipped within the hold time to its own slip's coefficient, without an increment."""
     told = m.report.line.read
     for j in range(m.cap.size):
         if time - told[j, DETECTED] <= st.hold_time:

@@ -24,7 +24,7 @@ def quantity(
 def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
     """Named tuple `kind` of the fields of `source` that have the same names, and of `others`.
 
-    Every number gets the type that its field states: for another type all that is compiled would be compiled anew.
+    Every number gets the type that its field states: another type would make Numba compile everything again.
     """
     values = {}
     for name, stated in kind.__annotations__.items():

@@ -35,13 +35,13 @@ class RuleSettings(NamedTuple):
     needs_truth: bool
     """Whether it reads the truth; who knows the rail need not wait for slip."""
     always: bool
-    """Whether it is asked whether or not a unit is limited."""
+    """Whether it is called whether or not a unit is limited."""
     on_slip: bool
-    """Whether it is asked at the foremost unit's slip, whatever units report."""
+    """Whether it is called at the foremost unit's slip, whatever units report."""
     own_caps: bool
-    """Whether its caps are what the units themselves find, else what the foremost one implies."""
+    """Whether its caps are what the units themselves find; otherwise they follow from that of the foremost unit."""
     own_slips: bool = False
-    """Whether, asked on slip, it hears of every unit's detections."""
+    """Whether, called on slip, it receives every unit's detections."""
 
 
 class DetectorSettings(NamedTuple):

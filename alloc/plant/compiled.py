@@ -116,7 +116,7 @@ def inlined_advance(w, time, step, steps, state, inputs):
 def advance(w, time, step, steps, state, inputs):
     """Advance `state` (rows,) in place by `steps` steps with constant `inputs`; return the new time [s].
 
-    The workspace `w` remembers what the rail and the brakes' dead time do; `w.noted` holds the adhesion field and the
+    The workspace `w` stores the memory of the rail and of the brakes' dead time; `w.noted` has the adhesion field and the
     accelerations at the first instant.
     """
     return inlined_advance(w, time, step, steps, state, inputs)

@@ -54,7 +54,7 @@ def _greater(builder: Any, a: Any, b: Any) -> Any:
 
 
 where = _operation(np.where, "if_else")
-"""`a` where `condition` holds, else `b`; both are evaluated."""
+"""`a` where `condition` is true, else `b`; both are evaluated."""
 simd.chosen(where)
 minimum = _emitted(np.minimum, "fmin", 2, _lesser)
 maximum = _emitted(np.maximum, "fmax", 2, _greater)

@@ -1,4 +1,4 @@
-"""The shape of an adhesion curve of one's own as a table, which the plant interpolates."""
+"""The shape of a user's own adhesion curve as a table, which the plant interpolates."""
 
 from functools import lru_cache
 from typing import Protocol

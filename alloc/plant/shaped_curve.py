@@ -13,7 +13,7 @@ from alloc.plant.shape_table import KNOTS, shape_table
 
 @dataclass(frozen=True)
 class ShapedCurve(AdhesionCurve):
-    """A curve of one's own: a subclass gives its `shape`; level, sign and table follow.
+    """Base class of a user's own curve: a subclass gives its `shape`; level, sign and table follow.
 
     The adhesion field gives the peak, so only ratios of the shape count. It depends on the slip velocity alone. The plant
     interpolates it linearly between the knots of `alloc.plant.shape_table`, to about 1e-5 of the peak.

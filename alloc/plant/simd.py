@@ -22,7 +22,7 @@ WIDTH = 8
 
 
 def padded(size: int) -> int:
-    """The least number of whole blocks, at least one, that holds `size` numbers; in numbers."""
+    """The smallest number of whole blocks, at least one, that has room for `size` numbers; in numbers."""
     return max(1, -(-size // WIDTH)) * WIDTH
 
 
@@ -134,7 +134,7 @@ for _function, _sign in (
 
 
 def chosen(function: Any) -> None:
-    """Let compiled code call `function` (condition, a, b) for `a` where the condition holds, else `b`."""
+    """Let compiled code call `function` (condition, a, b) for `a` where the condition is true, else `b`."""
 
     class Template(AbstractTemplate):
         key = function

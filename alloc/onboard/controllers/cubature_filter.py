@@ -63,7 +63,7 @@ def prediction(model: Any) -> Any:
 
 @called
 def correct(state, covariance, root, a, measured, variance):
-    """Correct by a measurement of element `a` that errs by `variance`; returns what it told anew (innovation)."""
+    """Correct by a measurement of element `a` with the error variance `variance`; returns the innovation."""
     n = state.size
     told = measured - state[a]
     total = covariance[a, a] + variance

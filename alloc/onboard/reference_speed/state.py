@@ -1,4 +1,4 @@
-"""What the reference speed's estimate is told of train and sensors, and what it remembers."""
+"""Input of the reference speed's estimate about train and sensors, and its memory."""
 
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple

@@ -6,7 +6,7 @@ from alloc.onboard.detector import differentiate
 from alloc.onboard.slide_protection.fuzzy import HOLD, RELEASE, SUPPLY, infer, valve_action
 
 LOWEST_SPEED = 1.0
-"""Speed [m/s] below which slip ratios are taken of this speed, since a ratio to nothing says nothing."""
+"""Speed [m/s] below which slip ratios are relative to this speed, since a ratio to zero is meaningless."""
 
 STANDING_SPEED = 0.1
 """Rim speed [m/s] below which an axle counts as standing; sensors see no less."""

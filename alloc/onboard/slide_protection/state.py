@@ -1,4 +1,4 @@
-"""What the slide protection of a run is told, and what it remembers."""
+"""Input of the slide protection of a run, and its memory."""
 
 from typing import NamedTuple
 

@@ -9,8 +9,8 @@ from alloc.errors import OnboardError
 class Feedback:
     """Current command I_FB [A] from the speed difference V_d = V_c - V [m/s].
 
-    `proportional` [A s/m]; `integral` [A/m], 0 for P control. Anti-windup by conditional integration: while the motors
-    give less than is asked of them, the integrator does not move further that way.
+    `proportional` [A s/m]; `integral` [A/m], 0 for P control. Anti-windup by conditional integration: while the motors give
+    less than the command, the integrator does not move further in that direction.
     """
 
     proportional: float

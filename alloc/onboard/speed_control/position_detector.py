@@ -22,11 +22,11 @@ GREATEST_SCALE = 0.5
 class Odometer:
     """Distance and speed by the turns of wheels, as the source has them from the motor's; not in the source: its errors.
 
-    `scale_error`: share by which the wheels' radius is taken too large; distance and speed come out too large by it. Creep
-    of the wheels that are counted adds to it: `axles` by their number from the front, the mean of all where none is
-    named. When the front passes one of `stations` [m], which must grow, the position is set to that of the station, off by
-    its entry of `residuals` [m] (none: by nothing). A station behind the start of the run counts: the train has come from
-    it. Where there is none the run begins at its true position.
+    `scale_error`: share by which the assumed wheel radius is too large; distance and speed are too large by the same share.
+    Creep of the counted wheels adds to it: `axles` by their number from the front, the mean of all where none is named. When
+    the front passes one of `stations` [m], which must increase, the position is set to that of the station, off by its entry
+    of `residuals` [m] (none: without error). A station behind the start of the run counts, because the train has come from
+    it. Without any, the run begins at its true position.
     """
 
     scale_error: float = 0.0

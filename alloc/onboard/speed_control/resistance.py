@@ -3,8 +3,9 @@
 F = (W1 or W2) V^2 + W3 (a + g sin(theta)), W1 in the open, W2 in tunnels. Beyond the source: + A + B V, the rest of a
 running resistance, where five weights are used instead of three.
 
-W3 stands for two masses that a train does not have equal: gravity pulls its mass M, acceleration takes M and the mass that
-its turning wheelsets add, M_r. Where M_r is known (it does not change with the load) M_r a is taken apart and W3 is M.
+W3 represents two masses of a train that are not equal: gravity pulls its mass M, while acceleration moves M and the
+equivalent mass of its turning wheelsets, M_r. Where M_r is known (it does not change with the load) M_r a is computed
+separately and W3 is M.
 """
 
 from typing import NamedTuple

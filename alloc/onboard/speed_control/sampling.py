@@ -23,7 +23,7 @@ class Regression(NamedTuple):
 
 
 SETTLED = 3.0
-"""Time constants after which the filter's output holds noise that is filtered as well as it ever will be."""
+"""Number of time constants after which the noise in the filter's output is filtered as well as possible."""
 
 
 class RegressionFilter:

@@ -13,9 +13,10 @@ LEARN, USE = 1, 2
 class LearnThenUse:
     """Switches to `USE` when the root mean square error over `window` [s] falls below `small` [N], back above `large` [N].
 
-    The error is what (6) and (7) leave of I_FB / K_i while learning, and I_FB / K_i itself while what was learnt is used.
-    The source gives no thresholds. `feedback`: whether I_FB still acts while what was learnt is used; as printed it does not
-    (the output switch 185 makes the feedforward alone the current command), and nothing then holds the speed.
+    The error is the residual of I_FB / K_i by (6) and (7) during learning, and I_FB / K_i itself while the learnt weights
+    are used. The source gives no thresholds. `feedback`: whether I_FB still acts while the learnt weights are used. As
+    printed it does not (the output switch 185 makes the feedforward alone the current command), and then nothing holds the
+    speed.
     """
 
     small: float

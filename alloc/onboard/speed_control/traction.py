@@ -1,4 +1,4 @@
-"""Current, force and torque: what the speed control's current makes of all motors of the train."""
+"""Current, force and torque: from the speed control's current to all motors of the train."""
 
 from dataclasses import dataclass
 

@@ -77,7 +77,7 @@ def sanded(train: Train, sanders: dict[int, Sander]) -> Train:
 
 
 def train(units: int = 2) -> Train:
-    """So many units; each has a sander of fixed rate at its third axle."""
+    """A train of this many units; each has a sander of fixed rate at its third axle."""
     cars = CARS_PER_UNIT * units
     bare = Train(
         name=f"gb-unit-{cars}car",

@@ -66,7 +66,7 @@ REAR_GAIN, REAR_FALL = 0.56088, 0.11272
 
 
 def rail() -> Rail:
-    """Wet rail as the text tells it: lower and more dependent on speed in front, raised behind wheels that slide."""
+    """Wet rail as the text describes it: lower and more dependent on speed in front, higher behind wheels that slide."""
     rear = FRONT_ADHESION * (1.0 + REAR_GAIN)
     return Rail(
         level=1.0,
