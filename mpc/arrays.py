@@ -44,9 +44,9 @@ def sweep(signature: Any) -> Callable[[Any], Any]:
 def inlined(function: Any) -> Any:
     """Decorator of a part of a control period, which is inlined where it is called.
 
-    A part that is called, and compiled when its caller is, would be one symbol with two texts: its own, and the copy that
-    was optimised together with the caller. Which of them runs, and so the rounding, would depend on whether this process
-    compiled them or loaded them.
+    A part that is called, and compiled when its caller is, would be one symbol with two versions: its own, and the copy that
+    was optimised together with the caller. The version that runs, and so the rounding, would depend on whether this process
+    compiled or loaded them.
     """
     return compiled(
         function, error_model="numpy", fastmath=FASTMATH, nogil=True, _nrt=False, forceinline=True

@@ -1,8 +1,8 @@
-"""The compiled model of several cars, put together from that of a car.
+"""The compiled model of several cars, assembled from that of a car.
 
-On one rigid body cars meet in the speed alone: its rate is the sum of what each car's forces contribute, and everything
-else belongs to one car. Compiling the expression of a whole train takes minutes, that of a car seconds; so the functions
-of a train are loops over its cars, written beside Numba's cache like those of the car.
+Cars on one rigid body are coupled by the speed alone: its rate is the sum of the contributions of each car's forces, and
+everything else belongs to one car. Compiling the expression of a whole train takes minutes, that of a car seconds. So the
+functions of a train are loops over its cars, written beside Numba's cache like those of the car.
 """
 
 from itertools import groupby

@@ -1,9 +1,10 @@
 """A convex quadratic program within bounds, compiled and without allocation: minimise x.H x / 2 + g.x, lower <= x <= upper.
 
 Newton's steps on the free variables, projected on the bounds (Bertsekas: Projected Newton methods for optimization problems
-with simple constraints, SIAM J. Control and Optimization 20 (1982) 221-246). Where the projection spoils a step, it ends at
-the first bound that it meets, and what lies at bounds is held until the minimum of the free variables is reached: a primal
-active set method (Nocedal, Wright: Numerical optimization, 2nd ed., algorithm 16.3), which ends after finitely many steps.
+with simple constraints, SIAM J. Control and Optimization 20 (1982) 221-246). Where the projection spoils a step, the step
+ends at the first bound that it meets, and variables at bounds are held until the minimum of the free variables is reached.
+This is a primal active set method (Nocedal, Wright: Numerical optimization, 2nd ed., algorithm 16.3), which ends after
+finitely many steps.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from alloc.plant.structure import Floats, Ints
 from mpc.arrays import MATRIX, VECTOR, sweep
 
 TOLERANCE = 1e-12
-"""Residual at which a point is taken for the solution, see `solve_box_qp`."""
+"""Residual at which a point is accepted as the solution, see `solve_box_qp`."""
 
 ACCEPTED = 1e-10
 """Residual that is good enough where rounding leaves no smaller one."""
@@ -135,7 +136,7 @@ def projected_step(hessian, lower, upper, x, number, work):
 
 @sweep(boolean(VECTOR, VECTOR, VECTOR, int64, WORKSPACE))
 def step_to_a_bound(lower, upper, x, number, work):
-    """Go along the step until the first bound, and hold what lies there; False if the whole step meets none."""
+    """Go along the step until the first bound, and hold the variables there; False if the whole step meets none."""
     length, met = 1.0, False
     for a in range(number):
         i, d = work.free[a], work.direction[a]
@@ -155,11 +156,11 @@ def step_to_a_bound(lower, upper, x, number, work):
 
 @sweep(int64(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, WORKSPACE))
 def solve_box_qp(hessian, gradient, lower, upper, x, work):
-    """Solve from `x` on, whose bounds are the first guess of the active ones; returns the number of steps, or -1.
+    """Solve, starting at `x`, whose bounds are the first guess of the active ones; returns the number of steps, or -1.
 
-    The residual is the greatest violation of the conditions of optimality: a slope that is not zero, or at a bound points
-    inwards, over the size of the terms that make it up. -1: it stays above `ACCEPTED`, or something is no number; `x` is
-    then of no use. The Hessian is symmetric and positive semidefinite, and lower <= upper; a variable without bounds needs
+    The residual is the largest violation of the conditions of optimality: a slope that is not zero, or at a bound points
+    inwards, over the size of the terms that make it up. -1: it stays above `ACCEPTED`, or a value is not a number; `x` is
+    then useless. The Hessian is symmetric and positive semidefinite, and lower <= upper; a variable without bounds needs
     curvature.
     """
     n = gradient.size

@@ -61,7 +61,7 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
 def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
     """Compile `model` by way of "numba" or "c", once per process; a cache keeps the result across processes.
 
-    Raises `CompilerError` where "c" is asked for and cannot be had.
+    Raises `CompilerError` where "c" is asked for and not available.
     """
     key = (id(model), code)
     if key not in _compiled:

@@ -21,7 +21,7 @@ def filled_by_air(unit: UnitContext, in_service: bool, target: float) -> bool:
 
 
 class LostShare:
-    """What a group lacks of the driver's plan because motors have failed."""
+    """Part of the driver's plan that a group does not deliver because motors have failed."""
 
     def __init__(self, units: Sequence[UnitContext]) -> None:
         self._mass = np.array([unit.mass for unit in units])

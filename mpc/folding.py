@@ -1,8 +1,9 @@
-"""A model's functions without what depends on its parameters alone: that is computed once per control period.
+"""A model's functions without the parts that depend on its parameters alone: those are computed once per control period.
 
-Parameters are constant over a horizon, along which a model is evaluated hundreds of times. What follows from them alone
-becomes a vector of constants, which the function "prepare" fills. A division by one of them becomes a multiplication.
-`casadi.extract_parametric` does the first, but leaves divisions, and CasADi takes a product with 1 / x for a division by x.
+Parameters are constant over a horizon, along which a model is evaluated hundreds of times. Expressions of parameters alone
+become a vector of constants, which the function "prepare" fills. A division by one of them becomes a multiplication.
+`casadi.extract_parametric` does the first, but leaves divisions, and CasADi turns a product with 1 / x back into a division
+by x.
 """
 
 from collections.abc import Callable

@@ -50,7 +50,7 @@ from mpc.arrays import VECTOR, on_stack, sweep
 
 
 class TranslationError(NotImplementedError):
-    """An expression holds an operation that has no translation; the message names it."""
+    """An expression contains an operation without a translation; the message names it."""
 
 
 def _body(function: cs.Function) -> str:

@@ -1,8 +1,8 @@
 """From CasADi expressions to C: CasADi writes, the system's compiler compiles, Numba calls.
 
 An alternative to `mpc.generated` with the same functions, for machines that have a C compiler. CasADi's C functions take
-tables of pointers; a few lines of C around each of them take the plain vectors instead, so that a call allocates
-nothing, and a Numba function of one line hands them over by the symbol's name, which Numba can cache.
+tables of pointers. A few lines of C around each of them take the plain vectors instead, so that a call does not allocate. A
+Numba function of one line passes the vectors on by the symbol's name, which Numba can cache.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ TIME_LIMIT = 300.0
 
 
 class CompilerError(MpcError):
-    """C code was asked for and there is no compiler, or it fails; the message says which and what to do."""
+    """C code was asked for, but there is no compiler or it fails; the message says which and what to do."""
 
 
 def find_compiler() -> list[str]:

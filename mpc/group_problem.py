@@ -1,4 +1,4 @@
-"""The problem of several units in one: its solver, and what is asked of it in a period."""
+"""The problem of several units in one: its solver, and its targets and limits in a period."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -83,12 +83,12 @@ class GroupProblem:
 def even_split(
     target: Floats, carried: Floats, limit: Floats, scale: Floats, share: Floats
 ) -> Floats:
-    """Torques [N m] that give the total of `target` at one coefficient, but for units that cannot; (units,).
+    """Torques [N m] that give the total of `target` at one coefficient, except for units that cannot; (units,).
 
-    The exact level that par. 0050 of JP5484215 names, with what the units are believed to carry for caps. What a unit that
-    has not slipped is believed to carry is a guess. To load units in proportion to it sends those that are untested to
-    their peak; one level asks of them no more than the total needs. `carried` and motor `limit` [N m], torque
-    `scale` [N m] and `share` of the mass, (units,).
+    This is the exact level that par. 0050 of JP5484215 names, with what the units are believed to carry as caps. For a unit
+    that has not slipped, that belief is a guess. Loads in proportion to it would send untested units to their peak; one
+    level asks no more of them than the total needs. `carried` and motor `limit` [N m], torque `scale` [N m] and `share` of
+    the mass, (units,).
     """
     split = np.empty_like(target)
     exact_limits(carried / scale, float(share @ (target / scale)), share, limit / scale, split)

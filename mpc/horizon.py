@@ -1,7 +1,7 @@
-"""The optimal control problem of one control period: what is asked of a solver, and what it answers.
+"""The optimal control problem of one control period: the solver's input and its answer.
 
-Everything counts positive in the direction of the demand, so braking and driving are one problem. One unit or a group: what
-has an entry per unit may be a plain number where there is one.
+Everything counts positive in the direction of the demand, so braking and driving are one problem. The problem is for one
+unit or a group; with one unit, plain numbers may replace entries per unit.
 """
 
 from typing import NamedTuple

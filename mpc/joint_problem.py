@@ -1,7 +1,7 @@
-"""What the leader does for the train: from reports of some age to torques that all units should give.
+"""The leader's work for the train: from reports of some age to torques for all units.
 
-It predicts every unit over the delay under the commands it knows are on their way, and solves one problem over all of them
-from the instant on at which its orders can act.
+It predicts every unit over the delay under the commands that are already on their way. It then solves one problem over all
+units from the instant at which its orders can act.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from mpc.telegrams import Report
 from mpc.unit_model import air_place, curve_place, parameters, substeps, torque_per_coefficient
 
 NO_SLIP_LIMIT = 1e3
-"""Slip limit [m/s] of the train's problem: which slip is best every unit searches for itself, and better than a report of
-some age can tell. What binds is the torque that a unit is believed to carry."""
+"""Slip limit [m/s] of the train's problem: every unit searches for its best slip itself, with newer information than a
+report gives. The binding constraint is the torque that a unit is believed to carry."""
 
 
 class UnitForecast:
@@ -98,11 +98,11 @@ class JointProblem:
     ) -> tuple[Floats, HorizonSolution]:
         """Torque to ask of each unit [N m], (units,), and the solution behind it; the body has the speed of the `leader`.
 
-        `commands`: per unit, what is known to be commanded in each control period from its report until the orders act.
-        Asked for is the torque at the end of the time for which an order stands: what precedes it is the units' own to do. A
-        unit that is bound by its rail is asked for more than it is believed to carry: its own controller knows its rail
-        better than a report of some age, and only an axle that is pushed finds out that adhesion has come back. Nobody is
-        asked for more than its motors can.
+        `commands`: per unit, the commands known for each control period from its report until the orders act. The result is
+        the torque at the end of the time for which an order is in force; the course before that is left to the units. A unit
+        that is limited by its rail is asked for more than it is believed to carry. Its own controller has newer information
+        on its rail than a report gives, and only an axle that is pushed finds out that adhesion has returned. No unit is
+        asked for more than its motors can deliver.
         """
         pairs = list(zip(reports, commands, strict=True))
         states = [f.state(*pair) for f, pair in zip(self._forecasts, pairs, strict=True)]

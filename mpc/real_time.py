@@ -83,7 +83,7 @@ class RealTimeIteration:
         shift(self._period)
 
     def restart(self, torque: float | np.ndarray) -> None:
-        """Forget the guess: hold `torque` [N m], (units,), over the horizon."""
+        """Discard the guess: hold `torque` [N m], (units,), over the horizon."""
         self._terms.unit.before[:] = torque
         hold(self._period)
 

@@ -1,11 +1,11 @@
 """Single shooting over the horizon: states, their sensitivities, and the second-order terms, compiled.
 
-From the measured state on, the torques alone decide the trajectory, so they are the only unknowns. Slip below the
-peak is strongly stable and slip beyond it grows by a factor of three or so over the horizon: no need to keep the
-states as unknowns too.
+From the measured state on, the torques alone determine the trajectory, so they are the only unknowns. Slip below the peak is
+strongly stable, and slip beyond it grows by a factor of about three over the horizon. So the states need not be unknowns
+too.
 
-Torques of several units lie step by step in one vector (horizon * units,), so that a single unit has no dimension more.
-Sensitivities are rows of whole blocks of `alloc.plant.simd.WIDTH` numbers, to be taken a block at a time.
+Torques of several units are stored step by step in one vector (horizon * units,), so that a single unit has no further
+dimension. Sensitivities are rows of whole blocks of `alloc.plant.simd.WIDTH` numbers, to be processed a block at a time.
 """
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""What the units of a train tell each other under the joint MPC, as the numbers that their telegrams carry.
+"""Content of the telegrams that the units of a train exchange under the joint MPC, as numbers.
 
 Reports go to the leader and orders come from it; the rules' own report and limit are in the same telegrams.
 """
@@ -16,7 +16,7 @@ from mpc.failed_motors import filled_by_air
 
 
 class Report(NamedTuple):
-    """What a unit tells the leader; in the direction of the demand."""
+    """Report of a unit to the leader; in the direction of the demand."""
 
     time: float
     """Instant of its readings [s]."""
@@ -28,7 +28,7 @@ class Report(NamedTuple):
     target: float
     """Torque that the driver wants of it [N m]; signed in a telegram, for it says which direction that is."""
     limit: float
-    """What its motors can give [N m]."""
+    """Largest torque of its motors [N m]."""
     peak: Floats
     """Believed peak coefficient of its axles, (axles,)."""
     peak_slip: float
@@ -67,7 +67,7 @@ def write_report(report: Report, numbers: Floats) -> None:
 
 
 def read_report(numbers: Floats, axles: int) -> Report | None:
-    """Report of a unit with so many `axles` in the `numbers` of a telegram; None if there is none."""
+    """Report of a unit with this number of `axles` in the `numbers` of a telegram; None if there is none."""
     if math.isnan(numbers[0]):
         return None
     fields: dict[str, Any] = dict(zip(PER_UNIT, numbers.tolist(), strict=False))

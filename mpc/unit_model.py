@@ -1,8 +1,8 @@
 """Prediction model of a traction unit, or of a group of them: the plant's own equations on symbols, with believed values.
 
-A group is the smallest train of the plant: one rigid body with the units' share of the train's mass, their cars and
-driven axles, one group of motors each. Only states that decide slip are kept. What differs between groups is a parameter,
-so all of the same shape and kind of adhesion curve share one expression and one compilation.
+A group is the smallest train of the plant: one rigid body with the units' share of the train's mass, their cars and driven
+axles, one group of motors each. Only the states that determine slip are kept. Differences between groups are parameters, so
+all groups of the same shape and kind of adhesion curve share one expression and one compilation.
 """
 
 from collections.abc import Sequence
@@ -268,9 +268,9 @@ def slip_matrix(units: Units) -> Floats:
 
 
 def torque_per_coefficient(context: UnitContext) -> float:
-    """Motor torque [N m] that holds a tangential coefficient of 1 on every axle of the unit without slip.
+    """Motor torque [N m] for a tangential coefficient of 1 on every axle of the unit without slip.
 
-    It carries the rail forces and accelerates the wheelsets along with the train.
+    It includes the rail forces and the acceleration of the wheelsets along with the train.
     """
     rim = context.inertia * context.axles / (context.radius**2 * context.mass)
     return context.axle_load * context.radius / context.gear_ratio * (1.0 + rim)

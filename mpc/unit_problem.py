@@ -23,7 +23,7 @@ class UnitProblem(NamedTuple):
     carried: float
     """Greatest torque per believed coefficient, headroom included [N m], at the motor as is `per_coefficient`."""
     per_coefficient: float
-    """Torque that holds a coefficient of 1 [N m]."""
+    """Torque for a coefficient of 1 [N m]."""
     air: int
     """Place of other brakes' torque among the parameters of the model, see `mpc.unit_model.air_place`."""
     curve: int
@@ -60,7 +60,7 @@ UNIT_PROBLEM = ByReference(empty_problem()).kind
 
 @sweep(void(UNIT_PROBLEM, float64, float64))
 def pose(u, target, limit):
-    """Write the problem of this period, but for the state; in the direction of the demand. `limit` [N m]: of the motors."""
+    """Write the problem of this period, except the state; in the direction of the demand. `limit` [N m]: of the motors."""
     now, axles, search = u.solver.now, u.belief.axles, u.belief.search
     least, most_slip = np.inf, slip_limit(search)
     for i in range(axles.peak.size):

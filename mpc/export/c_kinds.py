@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 
 class TranslationError(NotImplementedError):
-    """A compiled function holds what has no translation to C; the message names file, line and construct."""
+    """A compiled function contains a construct without a translation to C; the message names file, line and construct."""
 
 
 class Number(NamedTuple):

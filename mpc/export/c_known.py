@@ -25,7 +25,7 @@ OF_C: dict[Any, tuple[str, Number]] = {
     math.isnan: ("isnan", TRUTH), np.isnan: ("isnan", TRUTH),
     math.isfinite: ("isfinite", TRUTH), np.isfinite: ("isfinite", TRUTH),
 }  # fmt: skip
-"""Functions of one number, by what the Python source calls: of `math.h`, and the kind of what they give."""
+"""Functions of one number, by the Python function that the source calls: the one of `math.h`, and the kind of its result."""
 
 FOLDED: dict[Any, Callable[[str, str], str]] = {
     # Python's: the first stands where neither is less, and where the second is no number

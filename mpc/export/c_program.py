@@ -67,7 +67,7 @@ class Program:
         return next((v for one, v in self._stands_for.items() if one is function), None)
 
     def begin(self) -> None:
-        """The function that is being translated begins anew."""
+        """Restart the function that is being translated."""
         self._uses[-1].clear()
 
     def use(self, what: str, which: Any) -> None:
@@ -208,7 +208,7 @@ def structure(name: str, kind: np.dtype) -> Structure:
 
 
 def result_text(kind: Any) -> str:
-    """What a function of C gives."""
+    """Type of a C function's result."""
     return "void" if kind is None else kind.name
 
 

@@ -1,4 +1,4 @@
-"""The Python source of a compiled function, and what its names stand for."""
+"""The Python source of a compiled function, and the meaning of its names."""
 
 import ast
 import inspect
@@ -16,7 +16,7 @@ class Source(NamedTuple):
 
     tree: ast.FunctionDef
     space: dict[str, Any]
-    """What its names stand for."""
+    """Objects of its names."""
     file: str
     module: str
     defaults: tuple[Any, ...]

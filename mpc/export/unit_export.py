@@ -49,9 +49,9 @@ class ExportedController(NamedTuple):
 def export_unit(
     context: UnitContext, settings: MpcSettings | None = None, name: str = ""
 ) -> ExportedController:
-    """The controller of a unit in C; `name` says of which unit, for the reader.
+    """The controller of a unit in C; `name` tells the reader which unit it is.
 
-    Raises `mpc.export.c_kinds.TranslationError` where the controller holds what has no translation.
+    Raises `mpc.export.c_kinds.TranslationError` where the controller contains a construct without a translation.
     """
     settings = replace(settings or MpcSettings(), code="numba")
     record = compiled_unit(context, settings).kept[0]

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import pandas as pd
 
 COMPARED = ("cut-and-ramp", "perturb-observe")
-"""Controllers under which rules are compared where nothing else is said: one waits for a slip signal, one limits torque
-without any. Rules differ by what they need to act."""
+"""Default controllers for a comparison of rules: one waits for a slip signal, one limits torque without any. Rules differ in
+what they need to act."""
 
 
 class Arm(NamedTuple):

@@ -45,7 +45,7 @@ def write_checked(beginning: Path, suffix: str, write: Callable[[Path], object])
 
 
 def read_checked(path: Path) -> bytes:
-    """What a file holds; one that is not as it was written is set aside. Raises `Gone` where nothing is left to read."""
+    """Content of a file; one that has changed since it was written is set aside. Raises `Gone` if nothing is left to read."""
     content = read_present(path)
     if hashlib.sha256(content).hexdigest()[:DIGITS] != path.stem[-DIGITS:]:
         set_aside(path, "it is not as it was written")
@@ -54,7 +54,7 @@ def read_checked(path: Path) -> bytes:
 
 
 def read_present(path: Path) -> bytes:
-    """What a file holds; raises `Gone` where there is none."""
+    """Content of a file; raises `Gone` where there is none."""
     try:
         return path.read_bytes()
     except OSError as error:

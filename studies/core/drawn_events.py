@@ -41,7 +41,7 @@ class DrawnEvents:
     quantities: Mapping[str, Quantity]
     """In the order of drawing."""
     stream: tuple[int, ...] = ()
-    """Numbers that tell the draws from those of other studies."""
+    """Numbers that distinguish the draws from those of other studies."""
     numbered: bool = False
     """Whether the number is among what is drawn: other quantities take turns by it."""
 

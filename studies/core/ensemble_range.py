@@ -32,10 +32,10 @@ def median_of(members: Iterable[float]) -> Interval:
 
 
 def over_members(own: Statement, others: Sequence[Statement]) -> Statement:
-    """The statement of the set in use, with what its members say of the same claim.
+    """The statement of the set in use, with the verdicts of its members on the same claim.
 
-    Its numbers get the members' range. What holds of the set in use, but of fewer than `MOST` of
-    them, holds with conditions.
+    Its numbers get the members' range. If the claim holds for the set in use, but for fewer than `MOST` of them, it holds
+    with conditions.
     """
     if not others:
         return own

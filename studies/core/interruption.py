@@ -9,7 +9,7 @@ _asked: list[type[KeyboardInterrupt]] = []
 
 
 class Termination(KeyboardInterrupt):
-    """SIGTERM: like an interrupt, but for the exit code."""
+    """SIGTERM: like an interrupt, except for the exit code."""
 
 
 def listen() -> None:

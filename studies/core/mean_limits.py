@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit  # scipy.stats takes a second to import
 
 LEAST, MOST = 8, 1000
-"""Events with a bootstrap. Of fewer it is too narrow. Of 1000 it is hardly another than Student's t: limits move by a tenth
-of the half-width with slip times, by 3 to 7 % with the others above."""
+"""Numbers of events with a bootstrap. With fewer it is too narrow. With 1000 it is almost Student's t: limits move by a
+tenth of the half-width with slip times, by 3 to 7 % with the others above."""
 RESAMPLES = 1999
 """Another seed moves a limit by 4 % of the half-width."""
 SEED = 0

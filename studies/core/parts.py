@@ -33,9 +33,9 @@ SCHEMA = 2
 FULL = 4096
 """Rows of a file to which no more are added."""
 MANY, LARGE = 64, 32_768
-"""So many files that are not full are joined into files of about so many rows."""
+"""If this many files are not full, they are joined into files of about this many rows."""
 AGE = 600.0
-"""Files are joined that nobody has lengthened for so long [s]."""
+"""Only files that no process has lengthened for this time [s] are joined."""
 NAME = re.compile(rf"\d{{20}}-[0-9a-f]{{{DIGITS}}}\.parquet")
 TRIES = 20
 """How often a folder is listed again whose list names files that are gone; a network file system may be late."""
@@ -55,7 +55,7 @@ class Index(NamedTuple):
 
 
 Choice = Callable[[Index], NDArray[np.int64]]
-"""Which rows of an index are asked for, in their order."""
+"""Requested rows of an index, in their order."""
 
 
 class Parts:
@@ -86,10 +86,10 @@ class Parts:
             replaced.unlink(missing_ok=True)
 
     def index(self) -> Index:
-        """The rows that count, by what the folder holds now.
+        """The valid rows, by the present content of the folder.
 
-        A list of a folder in which others join files may miss some. It is asked for again while a cell is missing that was
-        there before or was added here.
+        A list of a folder in which others join files may miss some. It is read again while a cell is missing that was there
+        before or was added here.
         """
         before, complete = self._index.cell, not self._added
         for _ in range(TRIES):

@@ -56,9 +56,9 @@ class Means:
 
 
 def resampled(quantities: Sequence["pd.Series[Any]"]) -> Means:
-    """Means of quantities, one number per event each; nan where the event does not bear on it.
+    """Means of quantities, one number per event each; nan where the event does not bear on the quantity.
 
-    Events are told apart by the index, and drawn with all their quantities: as many as there are, with replacement.
+    Events are distinguished by the index, and drawn with all their quantities: as many as there are, with replacement.
     """
     share = np.array([values.dtype == bool for values in quantities])
     columns = [values.astype(float).rename(k) for k, values in enumerate(quantities)]

@@ -17,7 +17,7 @@ DEGRADED = "degraded"
 
 
 def run_status(run: xr.Dataset) -> dict[str, Any]:
-    """What a row says of its run: nothing while failures are few, else status and reason with the share that failed."""
+    """Status columns of a row: none while failures are few, else status and reason with the share that failed."""
     told = attributes_of(run)
     messages = json.loads(told["messages"])
     for part, calls, count, failed in (

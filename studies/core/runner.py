@@ -1,4 +1,4 @@
-"""Run the cells that a store lacks, in parallel, and keep every row as it comes."""
+"""Run the cells that a store lacks, in parallel, and store every row as soon as it is computed."""
 
 import os
 import time
@@ -26,8 +26,8 @@ FLUSH_INTERVAL = 2.0
 TASKS_EACH = 4
 """Tasks that each worker should get at least: it may get longer ones than another."""
 AHEAD = 2
-"""Tasks per worker that are handed out at once: nobody waits for the next. The processes' own queue holds so many, and is
-quiet about them when it is killed."""
+"""Tasks per worker that are handed out at once, so that no worker waits for the next. The processes' own queue has room for
+as many, and ends quietly when it is killed."""
 
 
 def run_cells(
@@ -39,11 +39,11 @@ def run_cells(
     on_row: OnRow | None = None,
     check: Callable[[], None] | None = None,
 ) -> pd.DataFrame:
-    """Run the cells that `store` does not hold yet; returns the rows of all, in their order.
+    """Run the cells that `store` does not have yet; returns the rows of all, in their order.
 
     `jobs`: processes, or workers that the caller has. `keep`: patterns of labels, such as ``wet-*/exact/*/0``, whose runs
-    are recorded as netCDF. Cells that failed are kept with their reason and not run again unless `retry_failed`. On an
-    interrupt what is computed is kept. `check` is called first if anything is to be run. Raises `StudyError` where a worker
+    are recorded as netCDF. Cells that failed are kept with their reason and not run again unless `retry_failed`. After an
+    interrupt, computed rows are kept. `check` is called first if anything is to be run. Raises `StudyError` where a worker
     is lost.
     """
     keys = [key_of(cell) for cell in cells]

@@ -1,4 +1,4 @@
-"""A share of a study's events for one job of many: jobs that know nothing of each other do each event once."""
+"""A share of a study's events for one job of many: independent jobs that do each event once."""
 
 import re
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ MOST_SHARDS = 100_000
 
 
 class Shard(NamedTuple):
-    """Share number `number`, from 1 on, of so many `shares`."""
+    """Share number `number`, counted from 1, of `shares` shares."""
 
     number: int
     shares: int
@@ -23,7 +23,7 @@ class Shard(NamedTuple):
         return f"{self.number}/{self.shares}"
 
     def of(self, items: Sequence[Item]) -> Sequence[Item]:
-        """Every so many-th item: slow and quick ones spread over all shares."""
+        """Every n-th item of n shares: slow and quick ones spread over all shares."""
         return items[self.number - 1 :: self.shares]
 
     def of_cells(self, cells: Sequence[Cell]) -> list[Cell]:

@@ -29,7 +29,7 @@ CHECKED_RUN = re.compile(rf".*-[0-9a-f]{{{DIGITS}}}\.nc")
 
 
 class Counts(NamedTuple):
-    """What a folder holds in all its stores after a union."""
+    """Content of a folder in all its stores after a union."""
 
     cells: int
     runs: int
@@ -38,8 +38,8 @@ class Counts(NamedTuple):
 def unite(folders: Sequence[Path], out: Path) -> Counts:
     """Copy the tables and recorded runs of `folders`, and of all folders in them, to `out`.
 
-    Rows of a cell that differ, but for times of computing, bring a `StoreWarning`; those added later count. Raises
-    `StudyError` for a folder that holds no table.
+    If rows of a cell differ, except for computing times, a `StoreWarning` is given; the rows that were added later count.
+    Raises `StudyError` for a folder without a table.
     """
     found = {folder: sorted(_stores(folder)) for folder in folders}
     for folder, stores in found.items():

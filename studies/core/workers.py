@@ -21,11 +21,11 @@ from typing import Any
 from studies.files.study_error import StudyError
 
 PARENT_PERIOD = 0.5
-"""How often a worker looks whether its parent lives [s], where the system does not tell it."""
+"""Period at which a worker checks whether its parent lives [s], where the system does not notify it."""
 CONNECT_TIME = 10.0
 """Time [s] within which a scheduler must answer, and have a worker."""
 TOGETHER = 32
-"""Cells of a task for a cluster, whose scheduler takes milliseconds for one."""
+"""Number of cells in a task for a cluster, whose scheduler takes milliseconds per task."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -43,9 +43,9 @@ class Workers:
 
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
-    """`count` processes of this machine, begun with the first task. Left by an error or an interrupt, it kills them.
+    """`count` processes of this machine, started with the first task. Leaving by an error or an interrupt kills them.
 
-    On Linux they are forks, which have what this process has imported and compiled; elsewhere they begin anew.
+    On Linux they are forks, which have what this process has imported and compiled; elsewhere they start from the beginning.
     """
     from joblib.externals.loky.process_executor import ProcessPoolExecutor
 

@@ -17,7 +17,7 @@ def effort_limit(
 ) -> TorqueLimit:
     """Limit of each of `motors` motors that together have these efforts [N] at the rims of wheels of `radius` [m].
 
-    Linear between the given speeds [km/h]; before the first and beyond the last the nearest effort holds.
+    Linear between the given speeds [km/h]; before the first and beyond the last the nearest effort applies.
     """
     speed = np.arange(min(EFFORT_TABLE_LENGTH, math.ceil(speeds_kmh[-1]) + 1))
     torque = radius / (gear_ratio * motors) * np.interp(speed, speeds_kmh, efforts)

@@ -65,7 +65,7 @@ def add(said: Schema, meaning: Meaning, unit: str, default: Any) -> None:
 
 
 def in_unit(value: Any, factor: float) -> Any:
-    """A value in SI units as a file gives it; None for what no file can say."""
+    """A value in SI units as a file states it; None for a value that no file can state."""
     if isinstance(value, tuple):
         return tuple(in_unit(one, factor) for one in value)
     if isinstance(value, bool) or not isinstance(value, int | float):

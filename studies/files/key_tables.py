@@ -23,7 +23,7 @@ class Key:
 
     @property
     def meaning(self) -> str:
-        """What it says."""
+        """Meaning of the key."""
         return str(self.said.get("x-meaning", ""))
 
     @property
@@ -33,7 +33,7 @@ class Key:
 
     @property
     def left_out(self) -> str:
-        """What holds where it is left out, if that is no plain value."""
+        """What applies where it is left out, if that is no plain value."""
         return str(self.said.get("x-left-out", ""))
 
     @property
@@ -43,17 +43,17 @@ class Key:
 
     @property
     def table(self) -> str | None:
-        """Name of the table that it holds, one or several of; None if it holds none."""
+        """Name of the table that the key contains, one or several of; None if it contains none."""
         return _table_of(self.said)
 
     @property
     def several(self) -> bool:
-        """Whether it holds several tables in a row."""
+        """Whether it contains several tables in a row."""
         return self.said.get("type") == "array"
 
     @property
     def named(self) -> bool:
-        """Whether it holds tables under names of one's own."""
+        """Whether it contains tables under names that the user chooses."""
         return isinstance(self.said.get("additionalProperties"), dict)
 
 

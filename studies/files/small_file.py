@@ -3,7 +3,7 @@
 from studies.files.study_error import StudyError
 
 MOST_BYTES = 1_000_000
-"""A line of twenty thousand sections has half of it; reading YAML takes ten seconds for this much."""
+"""Twice the size of a line of twenty thousand sections; reading YAML of this size takes ten seconds."""
 
 
 def small_text(path: str, what: str, hint: str = "") -> str:

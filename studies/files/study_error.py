@@ -1,4 +1,4 @@
-"""What is raised when a study is asked for something that cannot be done: one line, naming the thing and the remedy."""
+"""Error of a study that is asked for something impossible: one line, naming the thing and the remedy."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -9,7 +9,7 @@ class StudyError(ValueError):
 
 
 class FileWarning(UserWarning):
-    """What a file leaves open, or says in vain, and what was made of it: one line that names file and key."""
+    """An entry that a file lacks or has in vain, and how it was treated: one line that names file and key."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -1,4 +1,4 @@
-"""What the study `headroom` says: what each rule gains over alone, by headroom and train, and whether the goals are met."""
+"""Statements of the study `headroom`: gain of each rule over alone, by headroom and train; whether the goals are met."""
 
 import math
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ def pairs_of(table: pd.DataFrame, controller: str) -> pd.DataFrame:
 
 
 def rules_of(events: pd.DataFrame) -> tuple[str, ...]:
-    """Which rules the pairs of a controller hold."""
+    """Rules in the pairs of a controller."""
     return tuple(rule for rule in RULES if f"bound_use@{rule}" in events)
 
 

@@ -12,8 +12,8 @@ TRAINS: dict[str, tuple[str, dict[str, Any]]] = {
     "locomotive, 6 units": ("freight-start", {}),
     "8 cars, 8 units": ("wet-start", {"inverter_group": "1C2M"}),
 }  # fmt: skip
-"""Train -> the shipped scenario whose train and command it is, and what is changed of it. The 16 cars are asked for less
-than 2.6 km/h/s, at which motors have a tenth in hand."""
+"""Train -> the shipped scenario whose train and command it has, and the changes to it. The 16 cars are asked for less than
+2.6 km/h/s, at which motors have a reserve of a tenth."""
 SOURCES = ("growth", "bad front", "bad rear", "failed motors")
 """What makes most of the headroom."""
 WANTED = ((0.0, 0.015), (0.025, 0.05), (0.065, 0.10), (0.10, 0.18))

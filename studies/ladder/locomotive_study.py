@@ -15,7 +15,7 @@ from studies.ladder.study import RULE
 HOSTED = ("mpc", "mpc-car")
 """An axle's own problem, and one problem of all axles with load transfer."""
 BELOW = "cut-and-ramp"
-"""The simplest controller that answers a slip signal: what another one is worth is told by the difference."""
+"""The simplest controller that responds to a slip signal: the difference from it shows what another one is worth."""
 
 
 def _kind(rail: str, motors: str) -> Part:

@@ -9,11 +9,11 @@ from alloc.metrics.search import shortage, unit_shares
 INTERVAL = 0.3
 """Time [s] over which slip is averaged: that of a searching controller's step."""
 OFF_PEAK = 0.3
-"""Distance from the peak, as a share of its slip, from which on a step has a right direction."""
+"""Distance from the peak, as a share of its slip, above which a step has a right direction."""
 NOTICEABLE = 2e-3
 """Change of the mean slip [m/s] below which nothing has moved."""
 CHANGED = 0.01
-"""Change of the adhesion from interval to interval, as a share of it, from which on the rail counts as changing."""
+"""Change of the adhesion from interval to interval, as a share of it, above which the rail counts as changing."""
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""What the ladder says: published yardsticks, each rung against the one below, and the weaknesses ascribed to searching."""
+"""Statements of the ladder: published yardsticks, each rung against the one below, weaknesses ascribed to searching."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -30,7 +30,7 @@ YARDSTICKS = {
 }
 """Share of adhesion used, and whose it is."""
 NOTICED = 0.01
-"""Fluctuation of torque, as a share of the plan's, from which on a search shows in it."""
+"""Fluctuation of torque, as a share of the plan's, above which a search is visible in it."""
 STUDENT = f"{INTERVALS_OF_MEANS}, {CONFIDENCE:.0%}, after Holm over all claims"
 PERCENT = in_words("{:.1f} % [{:.1f}, {:.1f}] (n = {})", 100)
 SECONDS = in_words("{:.2f} s [{:.2f}, {:.2f}] (n = {})")

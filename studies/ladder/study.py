@@ -8,7 +8,7 @@ from studies.ladder.measures import measure
 from studies.ladder.statements import LADDER, ladder_statements
 
 RULE = "alone"
-"""No unit hears of another: what a run yields is its readhesion controller's doing."""
+"""Units exchange nothing: the result of a run depends on its readhesion controller alone."""
 
 
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:

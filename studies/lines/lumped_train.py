@@ -7,9 +7,10 @@ from alloc.plant.train import Train
 
 
 def lumped(train: Train) -> Train:
-    """The same train for a line run, whose wheels do not slip: masses, inertias and brake forces of each car stay.
+    """The same train for a line run, whose wheels do not slip: masses, inertias and brake forces of each car are kept.
 
-    All wheelsets of a car that rolls have the same speed, so one stands for them. Those of cars that drive stay as they are.
+    All wheelsets of a car that rolls have the same speed, so one wheelset represents them. Those of driving cars are
+    unchanged.
     """
     cars = tuple(car if car.motors else _on_one_wheelset(car) for car in train.cars)
     return replace(train, cars=cars)

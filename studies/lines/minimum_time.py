@@ -25,7 +25,7 @@ ARRIVING = 0.2
 ROLLING_BACK = -0.05
 """Speed [m/s] at which a train that cannot climb is seen to be lost."""
 HANDING_OVER = 0.2
-"""Time [s] by which the air brake is asked ahead of the electric brake's fading: the lag of the assumed brake."""
+"""Time [s] by which the air brake is commanded ahead of the electric brake's fading: the lag of the assumed brake."""
 HOLDING = 0.01
 """Brake force that holds the train at a stop, beyond that against the gradient, as a share of the weight."""
 
@@ -39,15 +39,15 @@ class Halt(NamedTuple):
 
 
 class MinimumTimeDriver:
-    """Drives `model` along its `legs`, as line and train allow and the `style` asks.
+    """Drives `model` along its `legs`, within the bounds of line and train and of the `style`.
 
-    From the acceleration he wants he finds the force by `TrainForces` (feedforward of resistance and gradient); a deviation
-    of speed is taken back with `FOLLOWING_TIME`. So he holds a speed with an effort equal to the resistance, without limit
-    cycle, and the whole deceleration on the braking curve is the profile's. The electric brake gives what it can, the air
-    brake the rest.
+    From the wanted acceleration he computes the force by `TrainForces` (feedforward of resistance and gradient);
+    `FOLLOWING_TIME` corrects a deviation of speed. So he holds a speed with an effort equal to the resistance, without limit
+    cycle, and follows the braking curve with the full deceleration of the profile. The electric brake gives what it can, the
+    air brake the rest.
 
-    He ends the run at the stop at the end of the line, or where the train rolls back; then `stalled` is true.
-    Raises `StudyError` if the train has no air brake.
+    He ends the run at the stop at the end of the line, or where the train rolls back; then `stalled` is true. Raises
+    `StudyError` if the train has no air brake.
     """
 
     def __init__(self, model: Model, legs: Sequence[Leg], style: DrivingStyle = FASTEST) -> None:

@@ -19,7 +19,7 @@ FILE_ENDINGS = (".toml", ".yaml", ".yml", ".json")
 
 
 def shipped(folder: Path) -> dict[str, str]:
-    """Name of each line or train that ships, and what its first line says."""
+    """Name of each shipped line or train, and the first line of its file."""
     files = sorted(folder.glob("*.toml"))
     return {file.stem: file.read_text("utf-8").partition("\n")[0].lstrip("# ") for file in files}
 

@@ -25,7 +25,7 @@ class Assigned:
     number: int = 0
     """From 1; 0 for a quantity of the whole train."""
     factor: float | None = 1.0
-    """To SI; None: the values must tell it."""
+    """Factor to SI; None: it must be determined from the values."""
     sign: int = 1
     turning: bool = False
     """Whether it is a turning speed [rad/s], which takes the wheel's radius."""

@@ -1,4 +1,4 @@
-"""What a log says of its axles: speeds of wheels, and what acts at their rims."""
+"""Data of a log on its axles: speeds of wheels, and forces at their rims."""
 
 from typing import NamedTuple
 

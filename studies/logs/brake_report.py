@@ -17,7 +17,7 @@ from studies.logs.measured_log import MeasuredLog
 Floats = NDArray[np.float64]
 
 BRAKING = 0.1
-"""Deceleration [m/s2] from which on a train counts as braking."""
+"""Deceleration [m/s2] above which a train counts as braking."""
 SHORTEST = 2.0
 """Time [s] that a braking must last."""
 LEAST_NOISE = {"acceleration": 1e-3, "coupler": 10.0}

@@ -22,7 +22,7 @@ IMPLAUSIBLE = 0.01
 LARGEST_COEFFICIENT = 1.0
 """Force over axle load that no wheel on a rail carries (dry rail: 0.3 to 0.6)."""
 MOVING = 1.0
-"""Speed [m/s] from which on a speed has a sign."""
+"""Speed [m/s] above which a speed has a sign."""
 
 
 def numbers(values: NDArray[Any], name: str, source: str) -> Floats:

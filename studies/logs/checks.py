@@ -133,9 +133,9 @@ def without_stuck(
 def cut_out_stuck(
     names: dict[int, str], time: Floats, speed: Floats | None, rim: Floats
 ) -> list[Remark]:
-    """Cut out, in place, speeds of wheels that do not move while the train does; one at rest may be locked and stays.
+    """Cut out, in place, speeds of wheels that do not move while the train does; one at rest may be locked and is kept.
 
-    Without the train's speed the wheels' median stands for it.
+    Without the train's speed the wheels' median replaces it.
     """
     remarks = []
     speed = _median(rim) if speed is None else speed
@@ -188,7 +188,7 @@ def check_radius(
 
 
 class Balance(NamedTuple):
-    """Momentum that a train gains beside what its forces give it."""
+    """Momentum that a train gains beyond the effect of its forces."""
 
     ratio: float
     """The former over the latter."""
@@ -204,7 +204,7 @@ def momentum_balance(
     train: MeasuredTrain,
     grade: Floats | None,
 ) -> Balance | None:
-    """The balance of momentum; None where it cannot be told."""
+    """The balance of momentum; None where it cannot be determined."""
     time, part = instants
     width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
     rotating = train.inertia / train.radius**2
@@ -260,7 +260,7 @@ def check_balance(
     train: MeasuredTrain,
     grade: Floats | None = None,
 ) -> list[Remark]:
-    """Whether the train gains the momentum that its forces give it; says nothing where a force is missing."""
+    """Whether the train gains the momentum of its forces; gives no remark where a force is missing."""
     time, part = instants
     used = 0.0
     if np.isfinite(force).any():

@@ -19,15 +19,15 @@ Floats = NDArray[np.float64]
 EPOCHS = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "µs"), (1e11, 1e-3, "ms"))
 """Least value, factor and unit of an epoch that is not in seconds."""
 EPOCH = 1e8
-"""Seconds from which on a time counts from 1970."""
+"""Seconds above which a time counts from 1970."""
 LONGEST_BACK = 2.0
 """Time [s] by which a row may be out of order; beyond, a clock was set back."""
 FEWEST_STAMPS = 3
-"""Different time stamps of which a period is told, where many rows share one."""
+"""Smallest number of different time stamps from which a period can be determined, where many rows share one."""
 SHARED = 0.5
-"""Share of rows that have the time stamp of the row before, from which on they are spread."""
+"""Share of rows with the time stamp of the row before, above which they are spread."""
 COARSE = 0.05
-"""Rounding of single precision over the period of the rows, from which on the rows are evened out."""
+"""Rounding of single precision over the period of the rows, above which the rows are spread evenly."""
 PERIODS = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0)
 """Periods of loggers [s], of which one is chosen where it must be concluded."""
 
@@ -54,7 +54,7 @@ class Clock:
 def read_clock(
     raw: NDArray[Any], name: str, unit: str, source: str, period: float | None = None
 ) -> Clock:
-    """The clock of a time column; `period` [s]: of the rows, where the column does not tell it. Raises `Faulty`."""
+    """The clock of a time column; `period` [s]: of the rows, where the column does not state it. Raises `Faulty`."""
     single = raw.dtype == np.float32
     seconds, origin, shown = _seconds(raw, name, unit, source)
     remarks = [Remark("time", name, shown)] if shown else []

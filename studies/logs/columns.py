@@ -76,18 +76,18 @@ QUANTITIES: dict[str, Quantity] = {
         kind="pressure",
     ),
 }
-"""Quantity by the stem of its column; N and K stand for numbers. A turning speed takes the train's radius."""
+"""Quantity by the stem of its column; N and K represent numbers. A turning speed uses the train's radius."""
 
 TURNING = ("rads", "rpm")
 """Endings of turning speeds."""
 WHEEL = ("axleN_speed", "axleN_pulses")
-"""Quantities that tell how fast a wheel turns: an axle has one of them."""
+"""Quantities from which the speed of a wheel follows: an axle has one of them."""
 EFFORT = ("axleN_torque", "axleN_force", "axleN_pressure")
-"""Quantities that tell what acts on an axle: an axle has one of them."""
+"""Quantities from which the force on an axle follows: an axle has one of them."""
 
 
 class Column(NamedTuple):
-    """What the name of a column says."""
+    """Meaning of a column's name."""
 
     name: str
     quantity: str
@@ -106,7 +106,7 @@ def column_names() -> dict[str, str]:
 
 
 def parse_column(name: str) -> Column | None:
-    """What a column's name says; None if it is none of `QUANTITIES`."""
+    """Meaning of a column's name; None if it is none of `QUANTITIES`."""
     for stem, quantity in QUANTITIES.items():
         pattern = re.sub(r"(?<=[a-z])[NK](?=_)", r"([1-9]\\d*)", stem)
         found = re.fullmatch(rf"{pattern}_({'|'.join(quantity.units)})", name)

@@ -31,7 +31,7 @@ MOST_SPOILT = 0.02
 NOTHING = [
     "", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-", "--", "---", "INVALID", "invalid"
 ]  # fmt: skip
-"""What stands for no value."""
+"""Texts for a missing value."""
 BROKEN = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
 IN_BRACKETS = re.compile(r"^[\[({<]?\s*(.*?)\s*[\])}>]?$")
 

@@ -12,9 +12,9 @@ from studies.logs.remarks import Remark, faulty
 Floats = NDArray[np.float64]
 
 BLIND_TIME = 2.0
-"""Time [s] from which on it is reported that no axle tells the speed."""
+"""Time [s] after which it is reported that no axle measures the speed."""
 MOMENT = 0.2
-"""Time [s] for which an axle that tells it in between does not count."""
+"""Time [s] for which an axle that measures it in between does not count."""
 
 
 def estimated_speed(

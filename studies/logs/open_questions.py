@@ -6,7 +6,7 @@ from studies.logs.measured_log import MeasuredLog
 from studies.logs.remarks import Remark
 
 MOVED = 0.05
-"""Share of Q that a delay moves, from which on the log is flagged."""
+"""Share of Q by which a delay changes it, above which the log is flagged."""
 
 
 def moved_by_delay(log: MeasuredLog, found: Findings) -> float | None:

@@ -1,7 +1,7 @@
-"""The period of rows whose time stamps do not tell it, as an epoch in single precision: by the train's momentum.
+"""The period of rows whose time stamps do not determine it, such as an epoch in single precision: from the train's momentum.
 
-The speed that the forces give the train in so many rows is the one that it has gained, if the rows are the right time apart.
-A gradient and the resistance are a constant force beside them, which is found too; loggers have round periods.
+The speed that the forces give the train over a number of rows equals the speed gained, if the rows are the right time apart.
+A gradient and the resistance act as a constant force beside them, which is estimated too; loggers have round periods.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ AS_GOOD = 1.5
 
 
 def conclude_period(sources: Sources) -> None:
-    """Give the clock of `sources` its period; raises `Faulty` where nothing tells it."""
+    """Give the clock of `sources` its period; raises `Faulty` where nothing determines it."""
     clock = sources.clock
     assert clock is not None
     column = sources.assigned["time", 0].column

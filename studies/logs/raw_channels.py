@@ -1,4 +1,4 @@
-"""What a file of a log holds before anything of it is understood: channels by name, with the units that it states."""
+"""Content of a log file before interpretation: channels by name, with the units that it states."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -32,7 +32,7 @@ KINDS = {
 @displayed
 @dataclass(frozen=True)
 class Remark:
-    """Something to know of a log that does not prevent its analysis; times in s, rows from 1 below the header."""
+    """Remark on a log that does not prevent its analysis; times in s, rows from 1 below the header."""
 
     kind: str
     column: str

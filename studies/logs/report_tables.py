@@ -1,4 +1,4 @@
-"""What the analysis of logs prints for people, from what `studies.logs.report.content` gives."""
+"""Printed tables of the analysis of logs, from the result of `studies.logs.report.content`."""
 
 from pathlib import Path
 from typing import Any

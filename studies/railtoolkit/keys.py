@@ -111,8 +111,8 @@ class MeasuredPoint(Foreign):
 class NamedPathKeys(Foreign):
     """A running path of 2024.07, whose sections and points have named keys.
 
-    The schema leaves open what holds where a section lacks one of its two values; here it is that of the section before.
-    Before the first value the line is level, and has no limit of its own.
+    The schema leaves open which value applies where a section lacks one of its two values; here it is that of the section
+    before. Before the first value the line is level, and has no limit of its own.
     """
 
     unused: ClassVar[frozenset[str]] = frozenset({"UUID", "name"})

@@ -24,8 +24,8 @@ ROLLING_STOCK = "https://railtoolkit.org/schema/rolling-stock.json"
 def read_path(path: str | Path) -> RunningPath:
     """Read the first running path of a file; raises `StudyError` naming file, key and reason.
 
-    Gradient and speed limit of a section hold to the start of the next one; the last entry only marks the end of the line.
-    Warns of further paths, and of keys that the format does not know.
+    Gradient and speed limit of a section apply up to the start of the next one; the last entry only marks the end of the
+    line. Warns of further paths, and of keys that the format does not have.
     """
     content = _document(path, RUNNING_PATH, "running path")
     named = str(content["schema_version"]) == "2024.07"

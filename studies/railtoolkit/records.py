@@ -65,7 +65,7 @@ class RunningPath:
     def line(
         self, tunnels: tuple[tuple[float, float], ...] = (), tunnel_factor: float = 1.0
     ) -> Line:
-        """The plant's line; running paths know no tunnels, so they come from outside."""
+        """The plant's line; running paths have no tunnels, so these are arguments."""
         return Line(
             stations=tuple(section.start for section in self.sections),
             grades=tuple(section.grade for section in self.sections),

@@ -29,8 +29,8 @@ DRIVEN_INERTIA_RATIO = 2.0
 SERVICE_PRESSURE = 380e3
 """Cylinder pressure [Pa] of a full service application, as usual in Europe."""
 BRAKE_LAG = 0.2
-"""Time constant [s] of the brake cylinders, assumed: the format knows a deceleration without build-up, so the brake is taken
-as quick as a good electropneumatic one and the driver sees the rest coming."""
+"""Time constant [s] of the brake cylinders, assumed: the format has a deceleration without build-up. So the brake is assumed
+to be as quick as a good electropneumatic one, and the driver anticipates the rest."""
 BRAKED_FALL = 0.05
 """Fall (per run) on which the full brake still reaches `a_braking`, assumed: the format gives the deceleration alone, on
 whatever gradient. Running paths of standard railways stay below 0.04."""

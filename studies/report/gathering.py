@@ -1,4 +1,4 @@
-"""Everything that a page is made of, got from the results folder, or run where that lacks it."""
+"""All data of a page, from the results folder, or run where it lacks them."""
 
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ REPLAYS = "replays"
 def gather(
     grid: Grid, results: Path, command: str, workers: Workers | None = None, on_row: OnRow | None = None
 ) -> Material:  # fmt: skip
-    """The comparison and a replay of each of its lines on the first seed; what `results` lacks is run and kept."""
+    """The comparison and a replay of each of its lines on the first seed; runs that `results` lacks are made and stored."""
     table = run_cells(
         grid.jobs(), Store(results), workers, on_row=on_row, check=partial(check_rules, grid.rules)
     )

@@ -42,7 +42,7 @@ class EventOrigin:
 
 
 def facts(table: pd.DataFrame, command: str) -> dict[str, str]:
-    """What a reader needs to make the same page: name -> value."""
+    """Data that a reader needs to make the same page: name -> value."""
     found = provenance()
     versions = [
         f"{name.removeprefix('version_')} {value}"
@@ -65,7 +65,7 @@ def facts(table: pd.DataFrame, command: str) -> dict[str, str]:
 
 
 def hash_of_rows(table: pd.DataFrame) -> str:
-    """Hash of the cells, their status and their metrics, but for those that measure time of computing."""
+    """Hash of the cells, their status and their metrics, except for those that measure computing time."""
     names = sorted(name for name in METRICS if name in table and name not in TIMED)
     digest = hashlib.sha256()
     for row in table[["cell", "status", *names]].itertuples(index=False):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 MOST_STEPS = 32_000
 """Steps of the resolution up to which a number is kept; where a series goes beyond, its steps are longer."""
 NOTHING = -32_768
-"""Stands for a number that is none, such as a limit that is not set."""
+"""Represents a missing number, such as a limit that is not set."""
 
 
 @dataclass(frozen=True)

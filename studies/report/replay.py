@@ -40,7 +40,7 @@ KEPT: dict[str, float] = {
 
 @dataclass(frozen=True)
 class ReplayCell:
-    """A job's run, kept for its replay; its row holds that as JSON."""
+    """A job's run, kept for its replay; its row has the replay as JSON."""
 
     job: Job
 
@@ -88,7 +88,7 @@ class Replay:
     plan_use: float
     """Effort, the plan at most, over the plan (`studies.headroom`); nan where the run failed."""
     run: Mapping[str, Any]
-    """What `kept` gives; nothing where the run failed."""
+    """Replay of the run in `kept`; nothing where the run failed."""
 
     def content(self) -> dict[str, Any]:
         """The same as plain values, as the page keeps them."""
@@ -105,7 +105,7 @@ def kept(run: xr.Dataset) -> dict[str, Any]:
 
 
 def replays_of(cells: Sequence[ReplayCell], table: pd.DataFrame) -> list[Replay]:
-    """The replays that the rows of `cells` hold, in their order."""
+    """The replays in the rows of `cells`, in their order."""
     found = []
     for cell, row in zip(cells, table.to_dict("records"), strict=True):
         failed = row["status"] == "failed"

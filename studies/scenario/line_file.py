@@ -1,4 +1,4 @@
-"""A line of one's own as a TOML file: sections with speed limit and gradient, and points to pass or to stop at."""
+"""A user's own line as a TOML file: sections with speed limit and gradient, and points to pass or to stop at."""
 
 from typing import Literal
 

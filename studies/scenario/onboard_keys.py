@@ -1,4 +1,4 @@
-"""What a scenario file says about the equipment on board, and what the train believes."""
+"""Keys of a scenario file on the equipment on board, and on what the train believes."""
 
 from contextlib import suppress
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a scenario file says about rail and line."""
+"""Keys of a scenario file on rail and line."""
 
 from dataclasses import MISSING, fields, replace
 from typing import Annotated, Any, Literal, get_type_hints
@@ -218,7 +218,7 @@ class RailKeys(Strict):
         return self
 
     def rail(self, axles: int, seed: int) -> Rail:
-        """The plant's rail for a train of so many axles; `seed` draws the scatter."""
+        """The plant's rail for a train with this number of axles; `seed` draws the scatter."""
         values = si(self) | {"patches": tuple(patch.patch() for patch in self.patches)}
         values["level"] = values.pop("law_factor", self.level)
         return Rail(
@@ -270,7 +270,7 @@ class LineKeys(Strict):
     """Path of a line in place of the sections, counted from the scenario's folder: a line file in TOML, or a
     railtoolkit running path. Left out: the sections count."""
     sections: tuple[SectionKeys, ...] = Field(default=(), max_length=50_000)
-    """Sections of constant gradient; before the first and beyond the last the nearest holds. Left out: a level line."""
+    """Sections of constant gradient; before the first and beyond the last the nearest applies. Left out: a level line."""
     tunnels: tuple[TunnelKeys, ...] = Field(default=(), max_length=1000)
     """Tunnels. Left out: none."""
     tunnel_factor: float = 1.0

@@ -1,4 +1,4 @@
-"""A train of one's own as a TOML file: kinds of cars, and the formation that they stand in."""
+"""A user's own train as a TOML file: kinds of cars, and their order in the formation."""
 
 import math
 from itertools import pairwise
@@ -67,7 +67,7 @@ class MotorKeys(Strict):
         return self
 
     def motors(self, radius: float, count: int) -> Motors:
-        """The plant's motors of a car with so many, on wheels of `radius` [m]."""
+        """The plant's motors of a car with this number of motors, on wheels of `radius` [m]."""
         if self.effort_speed_kmh:
             efforts = [1e3 * effort for effort in self.effort_kn]
             speeds = self.effort_speed_kmh
@@ -95,7 +95,7 @@ class AirBrakeKeys(Strict):
     dead_time_s: float = 0.05
     """Time from the command to the first change of pressure. Source: assumed."""
     friction_factor: float = 1.0
-    """Friction of the shoes over that of the design; the train's computers do not know of it."""
+    """Friction of the shoes over that of the design; the train's computers have no information on it."""
 
     def air_brake(self) -> AirBrake:
         """The plant's brake."""

@@ -1,4 +1,4 @@
-"""What a scenario file says about the train."""
+"""Keys of a scenario file on the train."""
 
 import re
 

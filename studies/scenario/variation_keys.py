@@ -21,10 +21,10 @@ class Day:
 
 
 class VariationKeys(Strict):
-    """What a seed of 1 or more draws, evenly within bounds: `[variation]`. Seed 0 is the event as the file states it.
+    """Draws of a seed of 1 or more, uniform within bounds: `[variation]`. Seed 0 is the event as the file states it.
 
-    The bounds are assumed. JP5484215 (on (12) to (15)) has a scatter of 0.012 of the coefficient, of rail of all kinds; here
-    it is the same kind of rail, so `level` bounds a factor of a few per cent.
+    The bounds are assumed. JP5484215 (on (12) to (15)) has a scatter of 0.012 of the coefficient, over rail of all kinds.
+    Here the rail is of one kind, so `level` bounds a factor of a few per cent.
 
     Source: assumed.
     """
