@@ -45,7 +45,7 @@ def write_checked(beginning: Path, suffix: str, write: Callable[[Path], object])
 
 
 def read_checked(path: Path) -> bytes:
-    """Content of a file; one that has changed since it was written is set aside. Raises `Gone` if nothing is left to read."""
+    """Content of a file; one that has changed since it was written is set aside. Raises `Gone` if nothing is left."""
     content = read_present(path)
     if hashlib.sha256(content).hexdigest()[:DIGITS] != path.stem[-DIGITS:]:
         set_aside(path, "it is not as it was written")
