@@ -33,7 +33,7 @@ class AdhesionUse(NamedTuple):
     used: NDArray[np.float64]
     """Force between wheels and rail over load, its magnitude."""
     limit: NDArray[np.float64]
-    """What the rule allows; of several units the mean weighted by their loads."""
+    """Limit by the rule; of several units the mean weighted by their loads."""
 
 
 def use_of_units(run: xr.Dataset, units: list[int]) -> AdhesionUse:

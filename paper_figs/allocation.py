@@ -35,7 +35,7 @@ def caps(coefficient: float) -> NDArray[np.float64]:
 
 
 def problem(coefficient: float) -> AllocationProblem:
-    """What every rule is asked where `coefficient` is found: true caps, limits in force at the plan."""
+    """Problem of every rule where `coefficient` is found: true caps, limits in force at the plan."""
     cap = caps(coefficient)
     return AllocationProblem(
         cap=cap, expected=EXPECTED, delivered=np.minimum(cap, EXPECTED), truth=cap

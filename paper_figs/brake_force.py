@@ -25,7 +25,7 @@ BEFORE = 1.0
 """Time shown before the driver's command [s]."""
 DAY = 0
 FEW_DAYS = 3
-"""Days of tests with wagons cut out that are run where the results hold none."""
+"""Days of tests with wagons cut out that are run where the results have none."""
 FAULT = Fault(3, (0,))
 
 

@@ -1,4 +1,4 @@
-"""The claims of JP5484215 over random events: what they claim, and for which events it holds."""
+"""The claims of JP5484215 over random events: what they claim, and for which events they hold."""
 
 from collections.abc import Mapping
 
@@ -41,13 +41,13 @@ from studies.core.statement import CONFIDENCE, mean_interval
 from studies.core.verdict import LEAST_EVENTS
 
 FEW_EVENTS = 24
-"""Events that are run where the results hold fewer: enough to see what a figure shows, not to believe it. `readhesion
-sweep claims` runs as many as the statements need."""
+"""Events that are run where the results have fewer: enough to show the form of a figure, not to support a conclusion.
+`readhesion sweep claims` runs as many as the statements need."""
 CLAIM_TABLE = study("claims", FEW_EVENTS)
 RULE, CONTROLLER = "greedy-literal", "cut-and-ramp"
 """Of which these figures show the claims: the patent as printed."""
 SEASON_MARKERS = {"summer": ("o", "#222222"), "winter": ("s", "#999999")}
-"""Marker and colour of a season; greys, since colours stand for rules."""
+"""Marker and colour of a season; greys, since colours represent rules."""
 SHARE_95 = 0.95
 """Share of the adhesion that claim (c) says is used."""
 AXES = {

@@ -24,7 +24,7 @@ from paper_figs.style import (
 from studies.differences.statements import closed_loop
 
 FEW_PROBLEMS = 100
-"""Problems of each kind that are run where the results hold none."""
+"""Problems of each kind that are run where the results have none."""
 SHOWN = ("greedy", "greedy-claim")
 NO_EVENT = "no event"
 """Where a kind of problem has no events in closed loop."""

@@ -1,4 +1,4 @@
-"""What rules gain over `alone` by how much there is to gain, and what it costs (sweep headroom)."""
+"""Gain of rules over `alone` by headroom, and its cost (sweep headroom)."""
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ from studies.core.statement import mean_interval
 from studies.headroom.statements import RULES, SHARERS, STRATA, gain, in_stratum, pairs_of, rules_of
 
 FEW_EVENTS = 20
-"""Events that are run for the figure where the results hold fewer: every train in every class of headroom."""
+"""Events that are run for the figure where the results have fewer: every train in every class of headroom."""
 COSTS = (
     Panel("slip_time", "slip over axles,\nless alone [s]"),
     Panel("damage", "wheel damage Q,\nless alone [kJ]"),

@@ -47,7 +47,7 @@ LEARNERS = {
 }
 """Arms that learn, and the colour of each."""
 FEW_EVENTS = 12
-"""Station starts that are run for the figure where the results hold none: six in each direction."""
+"""Station starts that are run for the figure where the results have none: six in each direction."""
 AXLE = "axle from the front"
 
 

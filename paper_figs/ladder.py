@@ -1,4 +1,4 @@
-"""Readhesion controllers over random events, from none to MPC, and what several adhesion curves make of differences."""
+"""Readhesion controllers over random events, from none to MPC, and the effect of several adhesion curves on differences."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ from studies.curves.statements import CURVES, PAIRS, paired_difference
 from studies.ladder.statements import LADDER, LOCOMOTIVE, YARDSTICKS
 
 FEW_EVENTS = 6
-"""Events that are run for the figure where the results hold fewer: two of each train."""
+"""Events that are run for the figure where the results have fewer: two of each train."""
 PANELS = (
     Panel("utilisation_short", "adhesion used\nwhere short [%]", 100.0),
     Panel("effort_ratio", "effort\nover plan [%]", 100.0),
@@ -44,7 +44,7 @@ PANELS = (
 BELOW = 0.17
 """Distance of the single events from their mean, in rows: no mark stands on another."""
 FEW_OF_CURVES = 4
-"""Events that are run for the figure where the results hold fewer."""
+"""Events that are run for the figure where the results have fewer."""
 CURVE_LOOKS: dict[str, Look] = {
     "piecewise": {"color": "#222222", "marker": "o", "linestyle": "none"},
     "flat piecewise": {"color": BLUE, "marker": "s", "linestyle": "none"},

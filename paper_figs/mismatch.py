@@ -18,7 +18,7 @@ from studies.mismatch.settings import DELAYED, GIVEN, MIDDLE, NOISES, REFERENCE,
 from studies.mismatch.statements import difference
 
 FEW_EVENTS = 2
-"""Events that are run for the figure where the results hold fewer: one of each train."""
+"""Events that are run for the figure where the results have fewer: one of each train."""
 COLOURS = LinearSegmentedColormap.from_list("worse to better", [VERMILION, "#ffffff", BLUE])
 """From worse than the reference through equal to better."""
 

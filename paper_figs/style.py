@@ -31,14 +31,14 @@ STYLE_FILE = Path(__file__).parent / "readhesion.mplstyle"
 TRAIN_COLOURS = LinearSegmentedColormap.from_list(
     "train", ["#0b2a5b", "#3f7fb5", "#7fb7a0", "#e3b23c"]
 )
-"""From the front of the train (dark) to its rear (light); lightness alone tells them apart."""
+"""From the front of the train (dark) to its rear (light); they differ by lightness alone."""
 BOUND: Look = {"color": DARK, "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 """Look of the line that a statement is judged by."""
 
 BAND = 0.18
 """Opacity of what shows an ensemble's range."""
 CONTROLLER_FILL: dict[str, str] = {"none": "bottom", "cut-and-ramp": "full", "mpc": "none"}
-"""How a rule's marker is filled tells the readhesion controller, of those that are compared under several rules."""
+"""Fill of a rule's marker by readhesion controller, for those that are compared under several rules."""
 
 
 class Panel(NamedTuple):
@@ -170,7 +170,7 @@ def sides_of(found: Interval, factor: float) -> list[list[float]] | None:
 
 
 def along_train(count: int) -> NDArray[np.float64]:
-    """Colours of so many units, axles or cars from the front."""
+    """Colours of this number of units, axles or cars from the front."""
     return np.asarray(TRAIN_COLOURS(np.linspace(0.0, 1.0, count)))
 
 

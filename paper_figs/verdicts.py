@@ -1,4 +1,4 @@
-"""Verdicts over their thresholds: what decides a statement, how sure it is, and what it says."""
+"""Verdicts over their thresholds: what decides a statement, how certain it is, and its result."""
 
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple

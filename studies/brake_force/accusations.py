@@ -20,7 +20,7 @@ SHORTFALLS = (0.0, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3)
 SOUND = 0.05
 """A car that truly falls short by less than this share of its allocated force is sound: to accuse it is wrong."""
 WHOLE = 0.01
-"""A car that truly falls short by less than this share delivers its force, but for what nobody measures."""
+"""A car whose true shortfall is below this share delivers its force, except for what nobody measures."""
 DRAWS = 10
 """Measurements of each stop of the passenger train, with sensor errors of their own."""
 FEW_DRAWS = 3

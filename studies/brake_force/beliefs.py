@@ -1,8 +1,8 @@
-"""What the estimator may have wrong: its friction law, resistance, gradient and pressure sensors, apart from the plant.
+"""Possible errors of the estimator: its friction law, resistance, gradient and pressure sensors, apart from the plant.
 
-Plant and estimator share their formulas, and the locomotive's 60 kN went into the plant. So an agreement of the two shows
-that the estimator is consistent, not that a real train would agree with it. These arms part them: the plant stays as it is
-(but for the gradient, which it has), and the estimator reads a stop with one thing wrong.
+Plant and estimator share their formulas, and the locomotive's 60 kN is an input of the plant. So an agreement of the two
+shows that the estimator is consistent, not that a real train would agree with it. These arms separate them: the plant is
+unchanged (except for the gradient, which it has), and the estimator reads a stop with one thing wrong.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ class Misbelief:
     """Standard deviation of its zero [Pa], drawn for each car."""
 
     def applied(self, measured: Measured, seed: int) -> Measured:
-        """What an estimator with this belief makes its forces of; `seed` draws the pressure sensors."""
+        """Inputs of an estimator with this belief; `seed` draws the pressure sensors."""
         draw = np.random.default_rng([seed, 46]).standard_normal((2, measured.pressure.shape[1]))
         pressure = measured.pressure * (1.0 + self.pressure_gain * draw[0])
         a = measured.acceleration

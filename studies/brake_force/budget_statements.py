@@ -9,7 +9,7 @@ from studies.core.statement import Statement
 from studies.core.verdict import Bound, over_cases, survives
 
 SURE, RARE = 0.95, 0.05
-"""Share of stops in which a car that lacks a tenth must be found, and a sound one may be accused."""
+"""Share of stops in which a car that lacks a tenth must be found, and in which a sound one may be accused."""
 Judge = Callable[[Mapping[str, pd.DataFrame]], Sequence[Statement]]
 
 

@@ -13,7 +13,7 @@ WIDTH = 1.96
 
 
 def averages(result: TestResult) -> dict[str, object]:
-    """The wagons' sum averaged, with its uncertainty and the truth [kN], and which 95 % intervals hold it."""
+    """Mean of the wagons' sum, with its uncertainty and the truth [kN], and which 95 % intervals contain it."""
     w, found = result.window, estimate(result)
     truth = float(result.true_force[w, 1:].sum(axis=1).mean())
     first, own = stop_mean(found.wagons[w], moving=True), stop_mean(found.wagons_own[w])
@@ -51,9 +51,9 @@ def _constant(result: TestResult, own: bool) -> float:
 
 
 def smoothed_intervals(result: TestResult, found: SmoothedForces) -> dict[str, float]:
-    """How right the smoother's intervals are within the window.
+    """Accuracy of the smoother's intervals within the window.
 
-    `covered_smooth`: share of instants and cars at which that of 95 % holds the true force; `smooth_ratio`: root mean
+    `covered_smooth`: share of instants and cars whose 95 % interval contains the true force; `smooth_ratio`: root mean
     square of its changing errors over the deviation stated for them.
     """
     w, m = result.window, result.measured

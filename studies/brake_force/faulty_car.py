@@ -59,9 +59,9 @@ SLIDING = 0.04
 USUAL = 0.2
 """Coefficient under the other wheels then, where it is not `SLIPPERY` too: damp rails that carry any share."""
 SLID = 0.05
-"""Share of the window from which on a car counts as sliding."""
+"""Share of the window above which a car counts as sliding."""
 SHARE_SCATTER = 0.02
-"""Relative standard deviation of what sound shoes give of the allocated force; assumed."""
+"""Relative standard deviation of the force of sound shoes over the allocated force; assumed."""
 GREATEST_LOAD = 12e3
 """Passengers of a car [kg], at most; drawn for each."""
 

@@ -8,7 +8,7 @@ from studies.core.statement import Statement
 from studies.core.verdict import Bound, decided, judged
 
 COVERAGE = (0.93, 0.97)
-"""Within which the share of 95 % intervals that hold the truth must lie."""
+"""Bounds of the share of 95 % intervals that contain the truth."""
 RARE = 0.05
 """Share of stops in which a sliding trailer may be accused."""
 SURE = 0.95
@@ -40,7 +40,7 @@ def stated_uncertainty(tests: Mapping[str, pd.DataFrame]) -> Statement:
 
 
 def sliding_trailer(rows: pd.DataFrame) -> Statement:
-    """A trailer that slides: not accused, while another one whose brake is cut out still is."""
+    """A trailer that slides: it is not accused, while another one whose brake is cut out still is."""
     sound, faulty = (rows[rows["kind"] == kind] for kind in ("sound", "another's brake cut out"))
     return judged(
         "sliding trailer not accused",

@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 class MeasuringSystem:
     """Sampling and sensor errors; all assumed, of the order of good strain gauges and servo accelerometers.
 
-    Noise is white, per sample, and drawn for every channel; `calibration`: what stays constant over a run, drawn once per
-    run and channel, offsets being those that are left after zeroing while the train coasts.
+    Noise is white, per sample, and drawn for every channel. `calibration`: errors that are constant over a run, drawn once
+    per run and channel; offsets are those that remain after zeroing while the train coasts.
     """
 
     period: float = 0.02

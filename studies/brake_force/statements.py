@@ -25,13 +25,13 @@ CUT_OUT = {"all": 5.0, "4 wagons": 4.0, "3 wagons": 3.0, "2.5 wagons": 2.5}
 BOGIE = 0.5
 """One bogie, in wagons: the resolution that the report claims at least."""
 LACKING = 0.05
-"""Share of its allocated force from which on a car counts as short."""
+"""Share of its allocated force above which a car counts as short."""
 SURE = 0.95
 """Share of stops in which a faulty car must be found."""
 RARE = 0.05
 """Share of stops in which a sound car may be accused."""
 TENTH = 0.1
-"""Share of a car's brake force from which on it is claimed to be missed."""
+"""Share of a car's brake force above which the claim says that its loss is found."""
 
 
 def brake_force_statements(table: pd.DataFrame) -> list[Statement]:

@@ -106,7 +106,7 @@ def _with_neighbours(module: str) -> tuple[str, ...]:
 
 
 def module_text(module: str) -> str:
-    """What the file of a module says; nothing where there is no file."""
+    """Text of a module's file; empty where there is no file."""
     path = path_of(module)
     return "" if path is None else path.read_text(encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""`readhesion new-scenario`: a scenario file of one's own to begin with."""
+"""`readhesion new-scenario`: a scenario file of your own to begin with."""
 
 from pathlib import Path
 

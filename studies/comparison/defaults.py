@@ -1,4 +1,4 @@
-"""The grid that `readhesion compare` runs when it is told nothing else."""
+"""The default grid of `readhesion compare`."""
 
 from collections.abc import Sequence
 
@@ -13,8 +13,9 @@ from studies.scenario.scenario import Scenario
 DEFAULT_SEEDS = 5
 """Seeds of every event in which something is drawn; the first, 0, is the event as its file states it."""
 SLOW_RULES = ("qp-cvxpy", "qp-robust")
-"""Rules left out unless asked for, for they repeat `qp`: milliseconds a call the one; the other tens of microseconds, and
-another answer only where the train believes in deviations of its caps, which no shipped scenario does."""
+"""Rules left out unless asked for, because they repeat `qp`. One takes milliseconds a call. The other takes tens of
+microseconds, and its answer differs only where the train believes in deviations of its caps, which no shipped scenario
+does."""
 SLOW_CONTROLLER = "mpc"
 """What joins in where nothing is said about controllers, on the first seed alone: it takes tens of times as long as what is
 compiled into the loop."""
@@ -42,10 +43,10 @@ def make_grid(
     controllers: Sequence[str] | None,
     seeds: int | None,
 ) -> Grid:
-    """The grid for these parts; None stands for the default.
+    """The grid for these parts; None represents the default.
 
-    With nothing said about controllers the MPC joins in under every rule, on the first seed of every event. Raises
-    `StudyError` where several seeds are asked for and a scenario leaves nothing to them.
+    Where no controllers are named, the MPC is added under every rule, on the first seed of every event. Raises `StudyError`
+    where several seeds are asked for and a scenario leaves nothing to them.
     """
     if seeds is not None and seeds < 1:
         raise StudyError(f"--seeds {seeds}: give the number of seeds, 1 or more")

@@ -47,7 +47,7 @@ COLUMNS = (
     Column(RULE_CALL_TIME, "rule\nms/call", 1.0, 2, spare=7),
     Column("controller_median", "control\nms/step", 1.0, 2, spare=8),
 )
-"""What is printed, from left to right; the JSON and the parquet file hold every metric."""
+"""Printed columns, from left to right; the JSON and the parquet file have every metric."""
 
 DIFFERENCES = (
     Column("effort_ratio", "effort\npoints", 100.0, 2),

@@ -14,7 +14,7 @@ DURATION = 7.0
 
 
 class Start(NamedTuple):
-    """A shipped start whose train and command are taken, and what the plan needs there."""
+    """A shipped start with its train and command, and the coefficient that the plan needs there."""
 
     scenario: str
     planned: float

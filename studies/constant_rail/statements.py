@@ -1,4 +1,4 @@
-"""What the sweep over constant rails says: does slip stay bounded, and does torque come to rest?"""
+"""Statements of the sweep over constant rails: does slip stay bounded, and does torque settle?"""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ CONTROLLERS = ("mpc", "perturb-observe", "cut-and-ramp")
 SLIP = 2.0
 """Slip [m/s] that no axle should exceed."""
 CYCLE = 0.005
-"""Amplitude over the mean torque, beside the swing of the search, from which on torque counts as cycling."""
+"""Amplitude over the mean torque, without the swing of the search, above which torque counts as cycling."""
 AMPLITUDES = {
     "swinging": "amplitude of torque with the swing",
     "beside_swing": "amplitude of torque beside the swing",

@@ -1,4 +1,4 @@
-"""What the sweep over adhesion curves says: which conclusions keep their sign, and under which curves they do not."""
+"""Statements of the sweep over adhesion curves: which conclusions keep their sign, and under which curves they do not."""
 
 from typing import Any, NamedTuple
 

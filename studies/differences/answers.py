@@ -1,4 +1,4 @@
-"""What rules answer to random problems, beside the exact level and what the bounds allow."""
+"""Answers of rules to random problems, compared with the exact level and with what the bounds allow."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def problem_rows(seed: int, kind: str, first: int, end: int) -> list[dict[str, o
 
 
 def answer_rows(asked: AllocationProblem) -> list[dict[str, object]]:
-    """What each rule answers to a problem, all relative to the plan's coefficient.
+    """Answer of each rule to a problem, all relative to the plan's coefficient.
 
     - case: that of the patent, which counts caps alone.
     - within_reach: whether caps, torque and rate allow the plan, with masses counted.

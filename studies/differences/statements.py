@@ -1,4 +1,4 @@
-"""What the study of differences says: thresholds, verdicts and numbers."""
+"""Thresholds, verdicts and numbers of the study of differences."""
 
 import math
 
@@ -8,7 +8,7 @@ from studies.core.statement import Interval, Statement, mean_interval, share_int
 from studies.core.verdict import LEAST_EVENTS, Bound, decide, decided, with_and_without
 
 MATTERS = 0.01
-"""Difference of effort, as a share of the plan, from which on it matters: what a driver could notice in a timetable."""
+"""Difference of effort, as a share of the plan, above which it matters: what a driver could notice in a timetable."""
 RARE = 0.05
 """Share of problems below which a difference that matters is rare."""
 EQUAL = 1e-5

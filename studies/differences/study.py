@@ -11,7 +11,8 @@ from studies.differences.kinds import EVENTS, KINDS, event, event_name
 from studies.differences.statements import difference_statements
 
 PROBLEMS_PER_EVENT = 50
-"""One closed-loop event of each kind for so many problems; two at least. Problems are answered in blocks of as many."""
+"""One closed-loop event of each kind per this number of problems; at least two. Problems are answered in blocks of this
+size."""
 
 
 def cells(seed: int, problems: int, duration: float | None = None) -> list[Cell]:

@@ -1,4 +1,4 @@
-"""What the study `joint` says: does an arm reach the effort of the joint optimum, and what does it cost besides?"""
+"""Statements of the study `joint`: does an arm reach the effort of the joint optimum, and what else does it cost?"""
 
 import pandas as pd
 

@@ -11,7 +11,7 @@ from studies.joint.statements import ARMS, OPTIMUM, joint_statements
 
 
 def cells(seed: int, k: int, duration: float = DURATION) -> list[Job]:
-    """Event `k` of the claims in every arm; rules are asked as the patent is printed, at the foremost unit's slip."""
+    """Event `k` of the claims in every arm; rules are called as the patent is printed, at the foremost unit's slip."""
     one = scenario(seed, k, duration)
     one = one.changed(onboard=one.onboard.model_dump(exclude_unset=True) | {"trigger": "slip"})
     return [Job(one, *arm, k, measure) for arm in (*ARMS, OPTIMUM)]

@@ -7,7 +7,7 @@ from alloc.onboard.increment_learning import IncrementLearning
 Reference = Literal["received", "held"]
 
 NEVER = 1_000_000_000
-"""N_min of arms that keep what they believe; they take data all the same, and own slips are in force under them too."""
+"""N_min of arms that keep their belief; they collect data all the same, and own slips cap units under them too."""
 
 
 class Arm(NamedTuple):
@@ -34,8 +34,8 @@ ARMS: dict[str, Arm] = {
     "Gaussian": Arm("gaussian", reference="held"),
     "Gaussian, robust": Arm("gaussian", rule="qp-robust", reference="held"),
 }
-"""Arms by name: "no learning" keeps the stored values, "truth" has the true ones; with "truth, held" it runs the same and
-takes other data. "running mean" is the patent's learning with the patent's data; "held" takes the leader's estimate at its
-last slip for reference, as the Gaussian learners do, whose model has no room for biased data."""
+"""Arms by name: "no learning" keeps the stored values, "truth" has the true ones; "truth, held" runs in the same way and
+collects other data. "running mean" is the patent's learning with the patent's data. "held" uses the leader's estimate at
+its last slip as reference, as the Gaussian learners do, whose model has no room for biased data."""
 EXACT: dict[Reference, str] = {"received": "truth", "held": "truth, held"}
 """Arms whose data show what a reference gives where the stored increments are right."""

@@ -23,9 +23,9 @@ PARTS: dict[str, Part] = {kind.words: _of(kind) for kind in KINDS}
 def per_series(table: pd.DataFrame) -> pd.DataFrame:
     """One row per series; columns "<quantity>, <arm>".
 
-    Means over the second half of the stations of effort, slip time, damage and detections; `error` (largest of a unit),
-    `bias` (mean) and `deviation` after the last station; `stations`: station after which the error stays within `TOLERANCE`
-    (nan: never), `coarse` the same for `COARSE`; `data`: number of them, `excess`: mean of what they exceed the truth by.
+    Means over the second half of the stations of effort, slip time, damage and detections. After the last station: `error`
+    (largest of a unit), `bias` (mean) and `deviation`. `stations`: station after which the error stays within `TOLERANCE`
+    (nan: never), `coarse` the same for `COARSE`; `data`: number of data, `excess`: their mean excess over the truth.
     """
     wide: dict[str, pd.Series] = {}
     for arm, rows in table.groupby("arm", sort=False):

@@ -1,8 +1,8 @@
 """Learning the increments of adhesion along the train, station by station (JP5484215, embodiment 2).
 
-A train with wrong increments stored starts from station after station. In each start the leader learns from the units'
-reports, and the next start begins with what it has learnt, read from the file in which the train keeps it. Every arm
-(learner, rule, kind of data) meets the same rails with the same noise; trains, directions, rails, cases and kinds of wrong
+A train with wrong stored increments starts from station after station. In each start the leader learns from the units'
+reports, and the next start begins with the learnt values, read from the file in which the train stores them. Every arm
+(learner, rule, kind of data) meets the same rails with the same noise. Trains, directions, rails, cases and kinds of wrong
 values are drawn independently of each other.
 """
 
@@ -51,8 +51,8 @@ class Case(NamedTuple):
     """What differs from the rule of the patent on a train in which everything works."""
 
     trigger: Literal["slip", "limited"] = "slip"
-    """The rule is asked at the leader's detection, as printed. Asked while units report that they are limited, it caps each
-    of them by its own mark, and increments count for the others alone: they are learnt, but decide little."""
+    """The rule is called at the leader's detection, as printed. If it is called while units report that they are limited, it
+    caps each of them by its own mark, and increments matter for the others alone: they are learnt, but decide little."""
     loss: float = 0.0
     """Share of the telegrams that are lost."""
     fails: float | None = None

@@ -1,4 +1,4 @@
-"""What the sweep `learning` says, computed from its table; a series (one train, one direction) is one event."""
+"""Statements of the sweep `learning`, computed from its table; a series (one train, one direction) is one event."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal

@@ -9,7 +9,7 @@ from studies.mismatch.rails import RAILS
 NOISES = (0.0, 0.02, 0.04)
 """Standard deviation of measured axle speeds [km/h]."""
 MIDDLE = 0.02
-"""Noise at which an MPC runs that holds a given slip."""
+"""Noise in the runs of an MPC that holds a given slip."""
 OWN = "its own"
 """Believed curve: that of the rail."""
 USUAL = "piecewise"
@@ -51,7 +51,7 @@ GIVEN = (
         for curve in ("piecewise", "Polach wet", "slip ratio")
     ),
 )
-"""MPC that holds the slip of a believed curve's peak, as Railway Sciences 4(1):22 (2025) supposes it known: that of the
+"""MPC that holds the slip of a believed curve's peak, which Railway Sciences 4(1):22 (2025) assumes to be known: that of the
 rail's own curve, right and wrong by half, and that of another curve."""
 SAME_BELIEF = tuple(
     Setting(f"mpc, believes {curve}", "mpc", {}, curve) for curve in ("Polach wet", "slip ratio")

@@ -1,10 +1,9 @@
-"""Which values of what the readhesion paper does not print make its controller do what the paper says?
+"""Which values of the parameters that the readhesion paper does not print make its controller do what the paper says?
 
-Unknown are mu_inf/mu_max, T_u, T_d, tau and whether a_0 and a_w are km/h/s or m/s2. Sets are drawn by a Latin hypercube
-over wide ranges, then around the best of them, which the simplex method refines; the objective is the sum of the
-misfits of `studies.readhesion_paper.findings`. What is found so lies in a heap about the best set. Walkers
-(`studies.core.walkers`) then go from there, in each unit, wherever as many findings are met, so that the sets
-cover what the paper leaves open.
+Unknown are mu_inf/mu_max, T_u, T_d, tau and whether a_0 and a_w are km/h/s or m/s2. Sets are drawn by a Latin hypercube over
+wide ranges, then around the best of them, and the simplex method refines these. The objective is the sum of the misfits of
+`studies.readhesion_paper.findings`. The sets found in this way are close to the best set. Walkers (`studies.core.walkers`)
+then continue from there, in each unit, wherever as many findings are met, so that the sets cover what the paper leaves open.
 """
 
 import math
@@ -51,7 +50,7 @@ CALIBRATION_STEP = 2.5e-4
 MARGINS, WIDTHS = (0.0, 0.4, 0.9), (0.2, 0.3, 0.5, 0.6)
 """a_0 and a_w of the grid that a sample is tried on: the ends, and both sides of the a_w from which all fails."""
 DECISIVE = ("slips at the drop", "A readheres", "B first slip", "B diverges")
-"""Without these the two cases are not those of the paper: nothing else is asked."""
+"""Findings without which the two cases are not those of the paper: the others are then not computed."""
 MOST_WALKERS = 14
 """Walkers in each unit."""
 LEAST_MET = 16

@@ -1,7 +1,7 @@
-"""What the readhesion paper found, each as a number that a run of its scenario gives and a bound that says "as printed".
+"""Findings of the readhesion paper, each as a number from a run of its scenario and a bound that represents "as printed".
 
-Calibration seeks what is not printed by the misfits; the sweep states which findings hold. Bounds are this project's where
-the paper has words ("about", "order of"); each is named here.
+Calibration uses the misfits to find values that are not printed; the sweep states which findings hold. Where the paper has
+words ("about", "order of"), the bounds are this project's; each is named here.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ SETTLING, SETTLING_BAND = 3.0, 1.0
 FACTOR_BAND = 0.02
 """A torque factor rests where it stays this close to its last value."""
 NEVER_FROM = 0.6
-"""a_w from which on readhesion is never possible."""
+"""a_w above which readhesion is never possible."""
 USED_SPREAD = 0.005
 """Largest difference of mu_use over a_0 that is "of the order of 0.001"."""
 HALF_SLIP_LIMIT, HALF_SLIP_WIDTHS = 0.16, (0.2, 0.3)
@@ -46,7 +46,7 @@ WORST = 3.0
 """Largest misfit of a single finding, so that none hides the others."""
 
 UNMET = 0.5
-"""What a finding adds to the objective by not being met, beside its misfit: a set is to show what the paper says."""
+"""Addition to the objective for a finding that is not met, beside its misfit: a set should show what the paper says."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Many runs of one driven axle under the torque table, advanced together: for sweeps and calibration.
 
-The closed loop of `alloc.simulation` without what a single axle lacks (allocation, telegrams, slip detector, couplers,
-brakes), by the plant's own laws. A lane is one number of a vector: rail and table differ from lane to lane. The results
-are those of runs one by one.
+The closed loop of `alloc.simulation` without the parts that a single axle does not need (allocation, telegrams, slip
+detector, couplers, brakes), by the plant's own laws. A lane is one element of a vector: rail and table differ from lane to
+lane. The results equal those of separate runs.
 """
 
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ class TableRuns:
     plan: float
     """Torque of the plan: the driver's target."""
     torque_per_coefficient: float
-    """Torque that holds a coefficient of 1 on the axle that accelerates with the train."""
+    """Torque for a coefficient of 1 on the axle that accelerates with the train."""
 
 
 class Axle(NamedTuple):

@@ -40,7 +40,7 @@ PERIODS = 40
 """Most periods that a prediction follows until it repeats itself."""
 
 SWINGS = 24
-"""Swings followed to tell how they grow; the second half counts."""
+"""Number of swings followed to find their growth; the second half counts."""
 
 Mode = tuple[int, int, int]
 """Region of slip: micro, macro, residual; of the table: full, sloping, none; of the filter: falling, rising."""
@@ -199,7 +199,7 @@ class ReducedModel:
 def reduced_model(
     train: Train, table: TorqueTable, curve: PiecewiseCurve, peak: float, acceleration: float
 ) -> ReducedModel:
-    """Reduce `train` (one driven axle) to what the limit cycle needs; `acceleration` [m/s2] is the driver's command."""
+    """Reduce `train` (one driven axle) to the states of the limit cycle; `acceleration` [m/s2] is the driver's command."""
     model = build(train, Rail(peak, curve=curve))
     s = model.structure
     eq = equipment(model, Onboard())
@@ -222,8 +222,8 @@ def reduced_model(
 def growth(table: TorqueTable, lag: float, gain: float) -> float:
     """Factor by which a small swing about the runaway equilibrium changes from one swing to the next; 1: it persists.
 
-    About the equilibrium the loop has three states (torque, deviation, filtered command) and no scale, for its only
-    nonlinearity is the filter's two time constants; a swing keeps its shape and changes its size. 0: no swing at all.
+    About the equilibrium the loop has three states (torque, deviation, filtered command) and no scale, because its only
+    nonlinearity is the filter's two time constants. A swing keeps its shape and changes its size. 0: no swing at all.
     """
     step = 0.05 * lag  # a swing takes tens of lags
     matrices = []
@@ -254,5 +254,5 @@ def critical_gain(table: TorqueTable, lag: float) -> float:
 
 
 def critical_width(model: ReducedModel) -> float:
-    """Width a_w of the table [m/s2] from which on the table settles while the wheels run away, on every rail alike."""
+    """Width a_w of the table [m/s2] above which the table settles while the wheels run away, on every rail alike."""
     return model.torque_gain * model.target / critical_gain(model.table, model.lag)

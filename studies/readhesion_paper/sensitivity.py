@@ -29,7 +29,7 @@ TOLERANCE = 5e-4
 
 
 class Cases:
-    """Indices of the cases asked for; each is run once."""
+    """Indices of the requested cases; each is run once."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the sweep `readhesion` says: the paper's findings one by one, and what this plant's reading of them does."""
+"""Statements of the sweep `readhesion`: the paper's findings one by one, and the result of this plant's reading of them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -58,7 +58,7 @@ def _of_a_set(rows: pd.DataFrame) -> dict[str, Statement]:
 def in_both_units(own: Statement, members: Mapping[str, Sequence[Statement]]) -> Statement:
     """A finding of the set in use, with the range of its unit's members, and beside it the same in the other unit.
 
-    The paper does not say which unit is meant, so what holds in one of them alone holds with conditions.
+    The paper does not say which unit is meant. So a finding that holds in only one of them holds with conditions.
     """
     said = over_members(own, members.get(UNIT_IN_USE, []))
     numbers, conditions = dict(said.numbers), list[str]()

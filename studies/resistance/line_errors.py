@@ -58,7 +58,7 @@ TYPICAL = LineErrors(
     gradient_deviation=0.05,
     air_deviation=0.1,
 )
-"""Assumed. Half a per cent is 4 mm of wear on wheels of 0.86 m that was not told to the odometer."""
+"""Assumed. Half a per cent corresponds to 4 mm of wear on wheels of 0.86 m that was not entered in the odometer."""
 NONE, ODOMETER, DELAY, PLACES, GRADIENTS, AIR, ALL = (
     "none", "odometer", "delay", "places in the map", "gradients in the map", "air resistance", "all",
 )  # fmt: skip

@@ -32,7 +32,7 @@ from studies.resistance.routes import Route
 LEAD = 0.4
 """Share of the way from the point before by which disturbances are looked at earlier, and later: positions are wrong."""
 STREAM = 16
-"""Tells the draws of this study from those of `studies.resistance.events`."""
+"""Distinguishes the draws of this study from those of `studies.resistance.events`."""
 ALONE = {3: f"{SQUARES}, 3", 5: f"{SQUARES}, 5"}
 """Stand-alone learner by its number of weights."""
 

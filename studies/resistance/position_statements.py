@@ -1,4 +1,4 @@
-"""What the sweep `line-position` says: each claim with each error of odometer, signals and map, and what it survives."""
+"""Statements of the sweep `line-position`: each claim with each error of odometer, signals and map."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal

@@ -28,7 +28,7 @@ class Point(NamedTuple):
 
 
 class LineBelief(NamedTuple):
-    """What the train takes its line to be."""
+    """Line that the train believes in."""
 
     line: Line
     """Gradients and tunnels; `tunnel_factor` and curves are not read."""
@@ -38,9 +38,9 @@ class LineBelief(NamedTuple):
 
 @dataclass(frozen=True)
 class Route:
-    """A run to be made: a loaded train on its line under a speed command.
+    """Specification of a run: a loaded train on its line under a speed command.
 
-    `stations` [m]: where an odometer is set anew. `belief`: what the train takes the line to be, the line itself if None.
+    `stations` [m]: where an odometer is reset. `belief`: the line that the train believes in, the line itself if None.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What the sweep `resistance` says: claims and effects of JP H07-322414 against thresholds that are stated here."""
+"""Statements of the sweep `resistance`: claims and effects of JP H07-322414 against thresholds that are stated here."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal
@@ -20,7 +20,7 @@ CONVERGED = 0.05
 AS_GOOD = 1.25
 """Disturbance with learnt weights over that with the true ones, below which learning counts as having arrived."""
 DRIFT = 1.0
-"""Error of the speed [m/s] from which on nothing holds the speed."""
+"""Error of the speed [m/s] above which nothing holds the speed."""
 METHOD = (
     "one random run of each case per event (studies/resistance/events.py), common random numbers; "
     f"{INTERVALS_OF_MEANS}; shares after Wilson, 95 %; after Holm over all claims"
@@ -74,7 +74,7 @@ def mean_claim(
     table: pd.DataFrame, name: str, claim: str, quantity: Quantity, side: Literal["<", ">"],
     threshold: float, label: str, numbers: Mapping[str, Quantity], method: str = METHOD,
 ) -> Claim:  # fmt: skip
-    """Whether the mean of a quantity lies on its side of the threshold; `numbers` go along."""
+    """Whether the mean of a quantity is on its side of the threshold; `numbers` are added to the statement."""
     test = Test(quantity, threshold, 1 if side == ">" else -1)
     quantities = {label: quantity} | dict(numbers)
     return Claim(

@@ -1,4 +1,4 @@
-"""What the sweep `sanders` says: the trial's rows, the best placement, and what sharing the brake force adds."""
+"""Statements of the sweep `sanders`: the trial's rows, the best placement, and the gain of sharing the brake force."""
 
 import pandas as pd
 

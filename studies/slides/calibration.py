@@ -66,7 +66,7 @@ def undisclosed_of(row: "Mapping[Any, Any] | pd.Series[Any]") -> Undisclosed:
 
 
 def draw(sets: int, seed: int) -> list[Undisclosed]:
-    """So many plausible sets, drawn evenly over the ranges (Sobol's sequence, scrambled); more add to them."""
+    """`sets` plausible sets, drawn uniformly over the ranges (Sobol's sequence, scrambled); more of them extend fewer."""
     engine = qmc.Sobol(len(BOUNDS), rng=seed)
     found: list[Undisclosed] = []
     while len(found) < sets:

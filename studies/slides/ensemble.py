@@ -37,7 +37,7 @@ KEPT = 12
 IMPLAUSIBLE = 1e4
 """Misfit from which implausible sets are ranked by how far they are from plausible; none that is run has as much."""
 SHARPNESS = 2.0
-"""Of the posterior, whose logarithm is so many times minus the misfit."""
+"""Sharpness of the posterior, whose logarithm is this multiple of minus the misfit."""
 DISORDER = 10.0
 """What slips out of the source's order take from it: such a set is taken once in e^10 times."""
 
@@ -59,7 +59,7 @@ def tried_row(undisclosed: Undisclosed) -> Row:
 def search(start: Undisclosed, seed: int, leave_out: str | None, evaluations: int) -> list[Row]:
     """Rows of the last and best sets of CMA-ES from `start`, which ends at the first that reaches all targets.
 
-    `evaluations`: sets run at most. The target `leave_out` is not asked for.
+    `evaluations`: largest number of sets to run. The target `leave_out` is not required.
     """
     cma = needed("cma")
     strategy = cma.CMAEvolutionStrategy(
@@ -98,7 +98,7 @@ def _tried(
 
 
 def sample(walkers: Sequence[Row], seed: int, leave_out: str | None, steps: int) -> list[Row]:
-    """A row per walker after so many `steps` of the sampler from there; and one per set on the way that reaches all."""
+    """A row per walker after this number of `steps` of the sampler; and one per set on the way that reaches all targets."""
     column = _column(leave_out)
     points = np.array([to_unit_cube(undisclosed_of(row)) for row in walkers])
     most = 2.0 * float(np.median([float(row[column]) for row in walkers])) + HOPELESS
@@ -134,9 +134,9 @@ def _log_posterior(row: Row, column: str) -> float:
 
 
 def around(found: Sequence[Row], seed: int, draws: int) -> list[Row]:
-    """Rows of the sets that reach all, of so many drawn around those `found`, each from one of these.
+    """Rows of the sets that reach all targets, among sets drawn around those `found`, each about one of these.
 
-    Valves that switch make the misfit rough, so that of the sets near a good one few reach all, however near they are.
+    Switching valves make the misfit rough. So few of the sets near a good one reach all targets, however near they are.
     """
     rng = np.random.default_rng(seed)
     rows = []

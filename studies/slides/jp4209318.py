@@ -31,7 +31,7 @@ STEP, HALVED_STEP = 1e-3, 2.5e-4
 DURATIONS = {1: 38.0, 2: 35.0, 3: 32.0}
 """Time [s] by number of cars, longer than any stop of a set near the source's distances."""
 FULL_BRAKE = -3.0
-"""Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder is filled to the 550 kPa of Table 2."""
+"""Deceleration asked for [m/s2]: more than the brakes give, so that every cylinder fills to the 550 kPa of Table 2."""
 FASTEST = 100.0
 """Speed [km/h] up to which adhesion is held plausible."""
 
@@ -65,9 +65,9 @@ class Undisclosed:
     slip_medium: float = _within(0.02, 0.10, 0.077716)
     """Slip ratio at which the fuzzy set "medium" peaks."""
     slip_large: float = _within(0.06, 0.30, 0.17027)
-    """Slip ratio from which on slip is "large"."""
+    """Slip ratio above which slip is "large"."""
     rate_growing: float = _within(0.3, 4.0, 3.5912)
-    """Slip acceleration [m/s2] from which on slip is "growing", and below whose negative "falling"."""
+    """Slip acceleration [m/s2] above which slip is "growing", and below whose negative it is "falling"."""
     pole: float = _within(3.0, 20.0, 6.6789)
     """Pole [1/s] of the filter that differentiates the slip."""
     sensitivity_low: float = _within(0.6, 0.99, 0.915)
@@ -134,7 +134,7 @@ def brake_event(
     protection: SlideProtection | None = None,
     step: float = STEP,
 ) -> Event:
-    """A full brake application of so many `cars` from 100 km/h to standstill; `protection` replaces the fuzzy one."""
+    """A full brake application of this number of `cars` from 100 km/h to standstill; `protection` replaces the fuzzy one."""
     if protection is None:
         protection = slide_protection(law="fuzzy", fuzzy=undisclosed.fuzzy(sensitivity))
     braking = Braking(slide_protection=protection, release_speed=0.0)

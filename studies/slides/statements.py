@@ -41,7 +41,7 @@ def tables(table: pd.DataFrame, part: str = "tables") -> dict[str, float]:
 
 
 def slide_statements(table: pd.DataFrame) -> list[Statement]:
-    """All statements of the sweep: those of the set in use, each with what the ensemble's members say."""
+    """All statements of the sweep: those of the set in use, each with the verdicts of the ensemble's members."""
     own = table[table["member"].isna()]
     members = [rows for _, rows in table[table["member"].notna()].groupby("member", sort=True)]
     of_members = [_of_a_set(rows) for rows in members]

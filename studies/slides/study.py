@@ -32,7 +32,7 @@ from studies.slides.targets import outcomes
 SENSITIVITIES = tuple(float(x) for x in np.geomspace(0.4, 12.0, 33))
 """Of the front of distance against Q; 1 is medium."""
 THRESHOLDS = ((0.01, 0.02), (0.02, 0.04), (0.03, 0.06), (0.05, 0.10), (0.08, 0.15), (0.12, 0.25))
-"""Slip ratios above which the plain threshold holds, and releases."""
+"""Slip ratios above which the plain threshold law holds and releases the pressure."""
 
 Stop = tuple[dict[str, Any], SlideProtection, int, float]
 """Identity of a row; protection, cars and step of its run."""

@@ -61,14 +61,14 @@ TARGETS: dict[str, Target] = {
 """Every target by name. That of "longer low" is reached wherever low does not brake longer."""
 
 OUTCOMES = (*TARGETS, "locked", "time-outs", "slides")
-"""Names of what `outcomes` gives."""
+"""Names of the results of `outcomes`."""
 HOLD_OUT = "distance 2"
 """Left out of a fit to be predicted by it."""
 HOLD_OUT_TOLERANCE = 0.01 * TABLE_3[2]
 
 
 RUNS = ((3, "medium"), (3, "high"), (3, "low"), (1, "medium"), (2, "medium"))
-"""Cars and setting of every stop that the tables have; those that tell a bad set soonest come first."""
+"""Cars and setting of every stop in the tables; those that reveal a bad set soonest come first."""
 CAP = 15.0
 """Most tolerances that one deviation counts, so that none hides the others."""
 
@@ -163,7 +163,7 @@ def unreached(found: Mapping[str, float]) -> list[str]:
 
 
 def implausible(undisclosed: Undisclosed) -> float:
-    """By how much adhesion leaves `LEAST_PEAK` to `GREATEST_PEAK` (0: nowhere), plus what `slip_large` lacks.
+    """Amount by which adhesion leaves `LEAST_PEAK` to `GREATEST_PEAK` (0: nowhere), plus the shortfall of `slip_large`.
 
     The orderings (lower in front, less dependent on speed further back, raised by conditioning) hold by construction for
     every set within its bounds.

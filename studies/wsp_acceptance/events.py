@@ -90,7 +90,7 @@ def rail_of(curve: str, levels: Levels, train: Train) -> Rail:
 
 
 class Stop(NamedTuple):
-    """A stop asked for, and the perfect one from the same speed."""
+    """Specification of a stop, and the perfect stop from the same speed."""
 
     event: Event
     perfect: PerfectStop

@@ -15,7 +15,8 @@ from studies.wsp_acceptance.events import Stop
 from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered
 
 STANDSTILL = 0.05
-"""Speed [m/s] from which on a train stands. Down a slope it creeps, slower than this; on level rail it has 6 mm to go."""
+"""Speed [m/s] below which a train counts as standing. Down a slope it creeps, slower than this; on level rail it has 6 mm to
+go."""
 
 
 def stopped_run(event: Event) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""What the sweep `wsp-acceptance` says: aims set beforehand, each over the stops that bear on it."""
+"""Statements of the sweep `wsp-acceptance`: aims set beforehand, each over the stops that bear on it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from studies.wsp_acceptance.stop_cases import BELIEF, DRAWN, LEVELS, UNIFORM, di
 POINTS = 0.025
 """Most by which the adhesion used may fall short of that with the true speed."""
 LEAST_USED = {0.03: 0.85, 0.0: 0.82}
-"""Adhesion from which on, and the share of it that must be used at least."""
+"""Adhesion above which a share must be used, and the smallest share of it."""
 MOST_DAMAGE = 5e3
 """Wheel damage [kJ] of the three-car train."""
 ROUNDING = 0.005

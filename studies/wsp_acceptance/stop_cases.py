@@ -1,4 +1,4 @@
-"""Which stops the study makes: the table of levels and curves and what surrounds it, drawn stops, and stops asked for."""
+"""Stops of the study: the table of levels and curves and its surroundings, drawn stops, and stops that the user asks for."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ GRADE = 0.03
 FRICTION_ERROR = 0.15
 """Share by which shoe friction is above or below what the computers believe."""
 JUMP_AT = 0.3
-"""Share of the perfect stop's distance on the first level after which another one begins."""
+"""Share of the perfect stop's distance on the first level after which another level begins."""
 PATCH_LEVELS = {0.08: 0.02, 0.05: 0.02, 0.03: 0.08, 0.02: 0.05}
 """Level of the rail and that of its patches."""
 PATCHES, PATCH_LENGTH = 8, 30.0
@@ -81,7 +81,7 @@ class StopCase:
 
     @property
     def columns(self) -> dict[str, Any]:
-        """What tells the row from others."""
+        """Columns that distinguish the row from others."""
         return {
             "part": self.part,
             "train": self.train.name,
