@@ -241,7 +241,7 @@ def train_acceleration(run: MeasuredRun, window: float) -> Floats:
 
 
 def applied_force(run: xr.Dataset, train: Train) -> Floats:
-    """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles), as a real train logs it from torques.
+    """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles): a real train's log has it as torques.
 
     `train` is the one of the run; raises `EstimationError` for any other number of axles.
     """

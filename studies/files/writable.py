@@ -8,7 +8,7 @@ from pathlib import Path
 from studies.files.study_error import StudyError
 
 RUN, FIGURE, LOG, PAGE = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet"), (".html",)
-"""Endings of files by their content."""
+"""Endings of files by what they hold."""
 
 
 def check_file(path: Path | None, endings: Sequence[str]) -> None:

@@ -45,7 +45,7 @@ LEAST_SHARE = 0.1
 """Smallest share of its adhesion that a wheel is assumed to use: its own inertia makes even a free wheel creep."""
 
 FALLING = 3.0
-"""Rim acceleration [m/s2] of a sounded wheel that is still returning to the train's speed."""
+"""Rim acceleration [m/s2] of a sounded wheel that is still on its way back."""
 
 COMMON_ERROR = 0.7
 """Correlation of the errors of speed and unknown force where the force has changed without being noticed."""

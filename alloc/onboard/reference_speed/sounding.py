@@ -1,7 +1,7 @@
-"""Sounding: force is taken from a few wheels for a moment, so that they roll and show the train's speed.
+"""Sounding: force is taken from a few wheels for a moment, so that they roll and tell the train's speed.
 
-Where every axle may slide, the deviation of the estimate grows. Motors respond at once: units are cut for some hundredths of
-a second, one after the other. Cylinders do not: a bogie is released until the speed is known again.
+Where every axle may slide the estimate's deviation grows. Motors answer at once: a unit is cut for some tenths of a
+second, one after the other. Cylinders do not: a bogie is released until the speed is known again.
 """
 
 import math
@@ -15,7 +15,7 @@ LEAST_SPEED = 8.0
 """Speed [m/s] below which the deviations of air brakes do not shrink any further."""
 
 PULLING = 0.01
-"""Coefficient above which a unit's motors act, so that relieving it gives information."""
+"""Coefficient from which on a unit's motors act, so that relieving it tells something."""
 
 
 @inlined_jit
@@ -82,7 +82,7 @@ def _sound_group(eq, st, m, deviation):
 
 @inlined_jit
 def sound(eq, st, m, anyone):
-    """Relieve a unit or a brake group where the estimate has become uncertain; `anyone`: an axle has measured the speed."""
+    """Relieve a unit or a brake group where the estimate has grown vague; `anyone`: whether an axle has told the speed."""
     deviation, k = m.train.reference_deviation[0], m.estimate.sounding
     by_motors = False
     if eq.axles.size > 0:
