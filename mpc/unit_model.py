@@ -227,9 +227,11 @@ def stiffness_of(units: Units, step: float) -> Stiffness:
 
 
 def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats:
-    """Parameters of the model: peak coefficient of each axle, gradient (which stands for all drag), mass, each of the
-    `CONSTANTS` of all units, their `creep_stiffnesses`, the torque of other brakes at each wheelset of a unit [N m], 0 here,
-    the six parameters of the adhesion curve; where axle loads change, unloading of each axle.
+    """Vector of the model's parameters.
+
+    Its order is: peak coefficient of each axle, gradient (which represents all drag), mass, each of the `CONSTANTS` of all
+    units, their `creep_stiffnesses`, the torque of other brakes at each wheelset of a unit [N m], 0 here, and the six
+    parameters of the adhesion curve. Where axle loads change, the unloading of each axle follows.
 
     `peak`: one for all axles, or (axles,).
     """

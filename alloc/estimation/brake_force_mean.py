@@ -3,7 +3,7 @@
 The mean of (2) over a window of N samples has errors of three origins:
 
 - Noise of the sensors is independent from sample to sample: s^2 / N. s^2 is computed from second differences, which a slowly
-  changing force does not enter: the mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz 1986,
+  changing force does not enter. The mean of (x_(k-1) - 2 x_k + x_(k+1))^2 is 6 s^2 (Gasser, Sroka and Jennen-Steinmetz 1986,
   Biometrika 73; its variance is 35 s^4 / 9 N, so 18 N / 35 degrees of freedom). A change of the force itself within the
   window does not make its mean uncertain. The scatter of batch means would count it, however they are detrended.
 - Relative motion matters where another car's acceleration stands for that of a stretch, as in (5). The error at an instant

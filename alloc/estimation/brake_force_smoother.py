@@ -7,13 +7,13 @@ motion is not a state here. Neighbours share the noise of the coupler between th
 coordinates in which that noise and the walk are both diagonal this is one scalar series per coordinate.
 
 The rate of each force is a random walk, and the force is its integral, not a walk itself. That decides the stated deviation.
-For a force that is a random walk, noise and walk make up half of the posterior variance each: with noise of variance s2 per
-sample and a walk of q per step the smoother weighs by h = 1 / (1 + w^2 s2/q) over frequency w; noise leaves s2 h^2 of it,
-the walk (1 - h)^2 q / w^2, the sum is s2 h, and the integral of h^2 is half that of h. But a brake force is smooth: a
-cylinder builds it up, then friction changes with the speed. Its own part of the error was almost zero, so the stated
-variance was twice that of the errors. With the integral of a walk h = 1 / (1 + w^4 s2/q), of whose integral the noise has
-3/4; the rest is the smoother's bias where the force bends, averaged over the stop (Wahba 1983, J. R. Statist. Soc. B 45;
-Nychka 1988, JASA 83). Measured likelihoods prefer it too.
+For a force that is a random walk, noise and walk make up half of the posterior variance each. With noise of variance s2 per
+sample and a walk of q per step the smoother weighs by h = 1 / (1 + w^2 s2/q) over frequency w. Noise leaves s2 h^2, the walk
+leaves (1 - h)^2 q / w^2, and the sum is s2 h. The integral of h^2 is half that of h. But a brake force is smooth: a cylinder
+builds it up, then friction changes with the speed. Its own part of the error was almost zero, so the stated variance was
+twice that of the errors. With the integral of a walk h = 1 / (1 + w^4 s2/q), of whose integral the noise has 3/4; the rest
+is the smoother's bias where the force bends, averaged over the stop (Wahba 1983, J. R. Statist. Soc. B 45; Nychka 1988, JASA
+83). Measured likelihoods prefer it too.
 
 All samples together are a Gaussian with a banded precision, (noise)^-1 + D' D / q with second differences D. Its Cholesky
 factor gives the forces and the likelihood, and the recursion of Takahashi (Erisman and Tinney 1975, Comm. ACM 18) the

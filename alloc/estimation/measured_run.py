@@ -13,9 +13,9 @@ readheres) by sampling and by white noise of all speeds:
     10 ms, 0.02 km/h       0.0013  0.0007      0.006  0.0019        0.6 %    0.05 %
     10 ms, 0.1 km/h        0.0035  0.0033      0.006  0.025         2.8 %    0.3 %
 
-The patch's larger errors are those of a rail that changes within the window of the forces, and of torques that jump
-between two rows. A car's brake force is right to 3 N of 24 kN by the car's own acceleration without noise, and to 640 N
-(rms) where that has noise of 0.02 m/s2; by the train's acceleration, to 320 N (rms), and on average over a braking to 1 N.
+The patch's larger errors are those of a rail that changes within the window of the forces, and of torques that jump between
+two rows. By the car's own acceleration, a car's brake force is right to 3 N of 24 kN without noise, and to 640 N (rms) with
+noise of 0.02 m/s2. By the train's acceleration it is right to 320 N (rms), and to 1 N on average over a brake application.
 """
 
 from collections.abc import Iterator

@@ -1,14 +1,14 @@
 """Tangential force of each axle and wheel damage Q from measured series, JP4209318 (2) to (4) and (28).
 
-Signs as in the plant: speeds >= 0, forces on the train positive in traction and negative in braking, slip velocity
-R omega - v. The source counts the brake force F_b and the tangential force F^_m as magnitudes and speeds negative; with
-speeds made positive its bracket F_b - (J/R) d omega/dt reads F_b + (J/R) d omega/dt, and so it does here with F = -F_b:
+Signs as in the plant: speeds >= 0, forces on the train positive in traction and negative in braking, slip velocity R omega -
+v. The source counts the brake force F_b and the tangential force F^_m as magnitudes and speeds negative. With positive
+speeds its bracket F_b - (J/R) d omega/dt reads F_b + (J/R) d omega/dt, and so it does here with F = -F_b:
 
     tangential force  F_t = F - (J/R) d omega/dt                                        (2), (4)
     wheel damage      Q = sum_i integral of F_t (R omega - v) dt, >= 0 driving and braking     (28)
 
-No measured speed is differentiated. The mean of F_t over a window is the impulse of F less the wheelset's gain of
-momentum, and the inertia's part of Q is the Stieltjes integral of the slip velocity over omega.
+No measured speed is differentiated. The mean of F_t over a window is the impulse of F less the wheelset's gain of momentum,
+and the inertia's part of Q is the Stieltjes integral of the slip velocity over omega.
 """
 
 import numpy as np
@@ -78,10 +78,10 @@ def wheel_damage(
 ) -> Floats:
     """Wheel damage Q [J] of each axle accumulated since the first instant, (instants, axles); JP4209318 (28).
 
-    `speed` [m/s] of the train (instants,), or at each axle (instants, axles); the rest as in `tangential_force`. The
-    train's Q is the sum over the axles of the last row. Without slide, R omega = v, it is 0 (29).
+    `speed` [m/s] of the train (instants,), or at each axle (instants, axles); the rest as in `tangential_force`. The train's
+    Q is the sum over the axles of the last row. Without slide, R omega = v, it is 0 (29).
 
-    Exact for series that are linear between instants; the error of smooth ones falls with the square of the sampling: in
+    Exact for series that are linear between instants. The error of smooth series falls with the square of the sampling: in
     braked runs of the plant 2e-5 at records of 10 ms and 9e-4 at 100 ms. A force that jumps between two instants adds half
     the jump over that time: 6e-4 and 2e-2 where a driver cuts the torque of slipping wheels. Independent white noise of the
     speeds does not bias Q, since no noise is multiplied by its own change. A relative error of the radius or of the train's

@@ -2,8 +2,8 @@
 
 Each one works on NumPy arrays and floats, on CasADi expressions, and inside Numba code on floats and on vectors of
 `alloc.plant.simd`, so an equation is stated once for all of them. In Numba they are branch-free polynomials that agree with
-the C library to a few units in the last place: that library knows no vectors, and the wheels of Numba on PyPI come
-without Intel's vector mathematics library.
+the C library to a few units in the last place. That library has no vectors, and the wheels of Numba on PyPI come without
+Intel's vector mathematics library.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Eight axles at once: a compiled value that holds `WIDTH` numbers, and how it comes from arrays and goes to them.
 
-The plant's laws are elementwise, so they take such a value as they take a float or a NumPy array; LLVM makes of it what
-the processor has: one register with AVX-512, two with AVX2, four with less. Arrays that are taken in blocks end on
-a whole block. Compiled code only.
+The plant's laws are elementwise, so they take such a value as they take a float or a NumPy array. LLVM maps it to the
+registers of the processor: one with AVX-512, two with AVX2, four with less. Arrays that are taken in blocks end on a whole
+block. Compiled code only.
 """
 
 import operator

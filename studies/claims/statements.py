@@ -17,7 +17,7 @@ from studies.core.statement import INTERVALS_OF_MEANS, Interval, Statement, in_w
 from studies.core.verdict import Numbers
 
 LAYERS = ("greedy-literal", "greedy-tuned", "greedy", "cooperative")
-"""The patent judged in four layers: as printed, asked at the foremost unit's slip; at its best within its words; its caps
+"""The patent judged in four layers: as printed, called at the foremost unit's slip; at its best within its words; its caps
 and its level on what all units report; its idea, that the rear makes up for the front, on what each unit finds itself."""
 ARMS = tuple(Arm(rule, controller) for controller in COMPARED for rule in LAYERS)
 """Rules under their controllers of which the patent's claims are claims: each claim of each is one of the family."""

@@ -9,8 +9,8 @@ wheel_inertia_kgm2 = [155.0, 155.0, 65.0, 65.0]   # of each wheelset with everyt
 driven = [true, true, false, false]
 axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
 
-What follows is for logs without the speed over ground, and may be left out: the running resistance of each car, and the
-draft gear between the cars, one for each coupler; without it the train counts as rigid.
+The following tables are for logs without the speed over ground, and may be left out. They state the running resistance of
+each car, and the draft gear between the cars, one for each coupler. Without the latter the train counts as rigid.
 
 [[cars]]
 resistance_n = 400.0

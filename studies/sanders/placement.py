@@ -41,8 +41,9 @@ PLACEMENTS: dict[str, tuple[int, ...]] = {
 }
 """Axles ahead of which the sand is laid in equal parts, 0 = foremost of the train."""
 SHARINGS = ("equal", "raised", "by sand")
-"""How the brake force is shared: as planned; raised where sand is believed to carry more than the plan, as far as the other
-cars are believed to carry less; and, in addition, with no car asked for more than it is believed to carry."""
+"""How the brake force is shared. First: as planned. Second: raised where sand is believed to carry more than the plan, as
+far as the other cars are believed to carry less. Third: in addition, no car is asked for more than it is believed to
+carry."""
 CURVES = ("slip-ratio", "polach")
 """Curves that events take turns with."""
 EVENTS = DrawnEvents(

@@ -4,10 +4,15 @@ From the source (abstract): an adaptive cubature Kalman filter, whose square roo
 estimates the train's speed. With it an extremum-seeking algorithm keeps the wheels near the largest adhesion. Above 90 % of
 it is used while the rail changes and under noise.
 
-Assumed: the state, which is rim speed, train speed and the height of an adhesion curve; the curve, 2 x / (1 + x^2) of slip
-over a fixed slip; a noise of the measurement that adapts to the innovations; Cholesky's square roots; and seeking by a sine
-added to the creep reference, the classical method. The curve only has to be right where the wheels are, because its height
-adapts.
+Assumed are
+
+- the state, which is rim speed, train speed and the height of an adhesion curve;
+- the curve, 2 x / (1 + x^2) of slip over a fixed slip;
+- a noise of the measurement that adapts to the innovations;
+- Cholesky's square roots;
+- seeking by a sine added to the creep reference, the classical method.
+
+The curve only has to be right where the wheels are, because its height adapts.
 """
 
 import math
@@ -147,8 +152,8 @@ _SEEKING: Remembered = {
 class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     """Creep control on the slip that a cubature Kalman filter estimates, with extremum seeking of its reference.
 
-    The reference is a sine about a centre, which moves after every cycle with the slope that the cycle showed. Of fourteen
-    sets of these parameters, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag, this one used most over 24 events of
+    The reference is a sine about a centre, which moves after every cycle with the slope that the cycle showed. Fourteen sets
+    of these parameters were tried, mostly of cycle (0.2, 0.3, 0.5 s), gain and lag. This one used most over 24 events of
     `studies.ladder.events` (seed 1000): 97.1 % where short on the multiple units, and 95.2 % at 0.5 s and a gain of 0.05.
 
     Source: Applied Sciences 15, 10524; values tuned on 24 events of `studies.ladder.events` (seed 1000).

@@ -5,7 +5,8 @@ operates together with a swarm of models, each with an estimate of the greatest 
 model's adhesion-slip curve is the controller's reference. It is better than a fixed slip on a tram wheel test stand.
 
 Assumed: models are compared with the observer's coefficient at the slips of the last intervals, not by their own simulated
-speeds; a model is the curve peak * 2 x / (1 + x^2), x = slip / optimum slip; the number of models, and the bounds.
+speeds. A model is the curve peak * 2 x / (1 + x^2), x = slip / optimum slip. The number of models and the bounds are assumed
+too.
 """
 
 import math

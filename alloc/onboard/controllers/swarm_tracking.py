@@ -3,9 +3,9 @@
 From the source (only the abstract could be read): it has two strategies that overcome the limitations of perturb-observe and
 steepest gradient. One of them finds the slip of the largest adhesion by particle swarm optimisation.
 
-Assumed, as the abstract prints no algorithm: one particle after the other is held as the creep reference for an interval, as
-is usual in tracking the power of solar cells; the coefficient is its fitness; best values fade, because the rail changes; a
-swarm that has gathered rests at its best place until the coefficient changes.
+The algorithm is assumed, as the abstract prints none. One particle after the other is held as the creep reference for an
+interval, as is usual in tracking the power of solar cells. The coefficient is its fitness. Best values fade, because the
+rail changes. A swarm that has gathered rests at its best place until the coefficient changes.
 """
 
 import math

@@ -15,13 +15,13 @@ from alloc.plant.model import Floats
 class LineMemory:
     """Section memory 72 and gradient memory 75.
 
-    `stations` [m] are the starts of sections with `gradients` [%] (the source's Y: rise per run times 100), before the
-    first and beyond the last the nearest holds; `tunnels`: start and end of each [m]. `offsets` [m]: where along the train
-    the memory is read, relative to the position that is reported. The source reads at one position, (0.0,); the middle of
-    every car is nearer to a long train, which passes a tunnel mouth gradually (not in the source): `air_shares` of the air
-    resistance and `mass_shares` of the mass lie at each of `offsets`, equal ones where none are given. Without
-    feedback, a change of d [m/s2] met by a train of length L at speed V moves the speed by d L / (2 V) for a while if the
-    memory is read at the front, by d L / (8 V) if it is read in the middle.
+    `stations` [m] are the starts of sections with `gradients` [%] (the source's Y: rise per run times 100), before the first
+    and beyond the last the nearest holds; `tunnels`: start and end of each [m]. `offsets` [m]: where along the train the
+    memory is read, relative to the position that is reported. The source reads at one position, (0.0,); the middle of every
+    car is nearer to a long train, which passes a tunnel mouth gradually (not in the source): `air_shares` of the air
+    resistance and `mass_shares` of the mass belong to each of `offsets`, equal ones where none are given. Without feedback,
+    a change of d [m/s2] met by a train of length L at speed V changes the speed for a while. The change is d L / (2 V) if
+    the memory is read at the front, d L / (8 V) if it is read in the middle.
     """
 
     stations: tuple[float, ...] = (0.0,)
