@@ -119,11 +119,11 @@ def test_a_log_is_compared_with_a_recorded_run(call, tmp_path):
 
     save(run.drop_vars("unit_gear"), tmp_path / "part.nc")
     (tmp_path / "text.nc").write_text("time_s;v")
-    save(run.assign_attrs(train_mass=1e5), tmp_path / "light.nc")
+    save(run.assign_attrs(train_mass=2e5), tmp_path / "light.nc")
     for name, words in (
         ("part.nc", "has no 'unit_gear'"),
         ("text.nc", "is no file of netCDF"),
-        ("light.nc", "100.0 t, that of the log"),
+        ("light.nc", "200.0 t, that of the log"),
         ("none.nc", "does not exist"),
     ):
         code, _, err = call(*options, tmp_path / name)
