@@ -28,6 +28,7 @@ from studies.core.job import Job, simulate_job
 from studies.core.statement import Statement
 from studies.core.union import MEASURED
 from studies.scenario.loading import load_scenario, shipped_scenarios
+from studies.slides.ensemble_study import Effort
 from tests.studies.brake_tables import brake_table
 from tests.studies.ladder_tables import curve_table, ladder_table
 from tests.studies.learning_tables import synthetic
@@ -61,6 +62,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "resistance": (1, {}),
     "line-position": (1, {"arms": ("none", "all")}),
     "slide-protection": (1, {}),
+    "slide-calibration": (1, {"effort": Effort(12, 1, 1, 1, 6)}),
 }
 """Study -> events and settings of its small run."""
 

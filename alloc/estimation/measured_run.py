@@ -36,7 +36,6 @@ from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
 from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
-from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
 from alloc.spans import spans
 
@@ -240,17 +239,18 @@ def train_acceleration(run: MeasuredRun, window: float) -> Floats:
     return rate
 
 
-def applied_force(run: xr.Dataset, train: Train) -> Floats:
+def applied_force(run: xr.Dataset, train: Train | MeasuredTrain) -> Floats:
     """Force [N] of motors and shoes at the rims of a recorded run, (instants, axles): a real train's log has it as torques.
 
     `train` is the one of the run; raises `EstimationError` for any other number of axles.
     """
-    s, n = structure_of(train)
-    if run.sizes["axle"] != n.axles:
+    known = MeasuredTrain.of(train) if isinstance(train, Train) else train
+    if run.sizes["axle"] != known.radius.size:
         raise EstimationError(
-            f"run of {run.sizes['axle']} axles: train {train.name!r} has {n.axles}"
+            f"run of {run.sizes['axle']} axles: train {known.name!r} has {known.radius.size}"
         )
-    driven = s.axle_unit >= 0
+    unit = run["axle_unit"].values
+    driven = unit >= 0
     motor = np.zeros(run["rail_force"].shape)
-    motor[:, driven] = run["motor_torque"].values[:, s.axle_unit[driven]] * s.gear[driven]
-    return np.asarray(motor / s.radius - run["brake_force"].values)
+    motor[:, driven] = (run["motor_torque"].values * run["unit_gear"].values)[:, unit[driven]]
+    return np.asarray(motor / known.radius - run["brake_force"].values)

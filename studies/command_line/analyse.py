@@ -35,7 +35,8 @@ class Further:
     resistance: bool = False
     """Learn the running resistance (JP H07-322414, claims 6 and 7)."""
     against: str | None = None
-    """Compare with a simulated run of the same train: a log that `readhesion simulate --log` wrote, or a scenario."""
+    """Compare with a simulated run of the same train: what `readhesion simulate` wrote by `--log` or `--out` (.nc), or a
+    scenario."""
 
 
 SLIPS_ALONE = Further()

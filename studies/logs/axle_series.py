@@ -13,6 +13,10 @@ from studies.logs.remarks import Remark
 from studies.logs.told_channels import Sources
 
 Floats = NDArray[np.float64]
+AROUND = 10
+"""Rows before and after one in which a counter goes back, which tell how much it gained."""
+FEW_PULSES = 3.0
+"""By which a row may differ from those around."""
 
 
 def wheel_speeds(sources: Sources, fixes: Samples | None) -> dict[int, RimSpeed]:
@@ -43,15 +47,39 @@ def _pulses(sources: Sources, number: int) -> RimSpeed:
     time, count = sources.series(("wheel", number))
     known = np.isfinite(count)
     time, count = time[known], count[known] * one.sign
-    change = np.diff(count)
-    if np.mean(change >= 0.0) < 0.9:  # neither is a counter that runs backwards
+    if np.mean(np.diff(count) >= 0.0) < 0.9:  # neither is a counter that runs backwards
         way = np.cumsum(np.abs(count))
     else:
-        turn = 2.0 ** np.ceil(np.log2(max(float(np.abs(count).max()), 1.0) + 1.0))
-        way = np.concatenate([[0.0], np.cumsum(np.where(change < 0.0, change + turn, change))])
+        change, bridged = _gained(time, count)
+        way = np.concatenate([[0.0], np.cumsum(change)])
+        if bridged:
+            text = f"counter set back {bridged} time{'s' if bridged > 1 else ''}: bridged by the speed around"
+            sources.remarks.append(Remark("sampling", one.column, text))
     radius = float(sources.train.radius[number - 1])
     pulse = 2.0 * np.pi * radius / float(one.pulses_per_turn or 1.0)
     return of_way(time, way * pulse, pulse)
+
+
+def _gained(time: Floats, count: Floats) -> tuple[Floats, int]:
+    """Pulses from row to row of a counter, and how often it was set back.
+
+    A counter of so many bits goes on from 0; what was counted then is known. One that was set back, or that has another
+    number of digits, gained what it gains around.
+    """
+    change, step = np.diff(count), np.diff(time)
+    turn = 2.0 ** np.ceil(np.log2(max(float(np.abs(count).max()), 1.0) + 1.0))
+    forwards = change >= 0.0
+    bridged = 0
+    for k in np.flatnonzero(~forwards):
+        near = slice(max(k - AROUND, 0), k + AROUND + 1)
+        known = forwards[near]
+        spent = float(step[near][known].sum())
+        usual = float(change[near][known].sum()) / spent * step[k] if spent > 0.0 else 0.0
+        change[k] += turn
+        if abs(change[k] - usual) > max(FEW_PULSES, 0.5 * usual):
+            change[k] = usual
+            bridged += 1
+    return change, bridged
 
 
 def at_instants(wheel: RimSpeed, instants: Instants) -> Series:

@@ -34,6 +34,8 @@ RADIUS_ERROR = 0.005
 """Deviation of a rolling wheel's speed from the train's that its radius explains and that spoils Q."""
 ROLLING = 0.01
 """Force over load below which a wheel without a motor rolls; a driven one pulls as much on a climb."""
+OTHER_UNIT = 1.5
+"""Factor between two speeds from which on their units differ: less than that between miles and kilometres."""
 BALANCE = (0.6, 1.6)
 """Momentum gained over impulse of the forces, between which a log agrees with itself."""
 STEEPEST = 0.045
@@ -82,18 +84,23 @@ def check_constant(name: str, force: Floats, time: Floats) -> list[Remark]:
 
 
 def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: str) -> None:
-    """Raise where wheels and train differ by the factor between m/s and km/h all the time."""
+    """Raise where wheels and train differ all the time by a factor that no slip has: that between two units."""
     moving = np.isfinite(rim) & np.isfinite(speed) & (speed > 2.0)
     if moving.sum() < FEWEST_ROWS:
         return
     low, middle, high = np.quantile(rim[moving] / speed[moving], (0.25, 0.5, 0.75))
-    for factor in (3.6, 1.0 / 3.6):
-        if abs(middle / factor - 1.0) < 0.08 and high - low < 0.1 * middle:
-            raise faulty(
-                source, name, None,
-                f"{middle:.3g} times the train's speed in column {train_name!r} all the time: "
-                "km/h and m/s are mixed up",
-            )  # fmt: skip
+    if high - low >= 0.1 * middle or 1.0 / OTHER_UNIT < middle < OTHER_UNIT:
+        return
+    known = any(abs(middle / factor - 1.0) < 0.08 for factor in (3.6, 1.0 / 3.6))
+    reason = (
+        "km/h and m/s are mixed up"
+        if known
+        else "their units do not agree; say them in a mapping file"
+    )
+    raise faulty(
+        source, name, None,
+        f"{middle:.3g} times the train's speed in column {train_name!r} all the time: {reason}",
+    )  # fmt: skip
 
 
 def stuck(values: Floats, other: Floats, time: Floats, least: int = FEWEST_ROWS) -> Iterator[slice]:

@@ -22,6 +22,8 @@ EPOCH = 1e8
 """Seconds above which a time counts from 1970."""
 LONGEST_BACK = 2.0
 """Time [s] by which a row may be out of order; beyond, a clock was set back."""
+DAY, HOUR = 86400.0, 3600.0
+"""[s] A clock that goes back by a day less an hour at most has no date and passed midnight."""
 FEWEST_STAMPS = 3
 """Smallest number of different time stamps from which a period can be determined, where many rows share one."""
 SHARED = 0.5
@@ -68,6 +70,11 @@ def read_clock(
         rows = np.flatnonzero(np.isfinite(seconds))
         seconds = seconds[rows]
     step = np.diff(seconds)
+    if np.any(step < HOUR - DAY):
+        seconds = np.unwrap(seconds, period=DAY)  # rows of two recorders may interleave here too
+        row = int(np.argmin(step)) + 2
+        remarks.append(Remark("time", name, "the time of day passes midnight: a day added", row))
+        step = np.diff(seconds)
     unsure = single or _of_single_precision(seconds)
     if step.size and np.mean(step == 0.0) > SHARED:
         seconds, known, text = _spread(seconds, period)

@@ -4,18 +4,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run, train_acceleration
 from alloc.estimation.slip_events import SlipCriterion
 from studies.files.study_error import StudyError
+from studies.files.writable import RUN
 from studies.logs.brake_report import BRAKING
 from studies.logs.csv_table import is_text
+from studies.logs.export import log_table
 from studies.logs.measured_log import MeasuredLog, check_log, read_log
 from studies.logs.recorder_files import ENDINGS
 
 RULE, CONTROLLER = "greedy", "cut-and-ramp"
 """Of a scenario that is simulated for a comparison."""
+NEEDED = (
+    "time",
+    "speed",
+    "rim_speed",
+    "rail_force",
+    "motor_torque",
+    "brake_force",
+    "axle_unit",
+    "unit_gear",
+)
+"""Variables of a recorded run that make a log."""
+ALIKE = 0.1
+"""Difference of mass, as a share, up to which two trains count as the same."""
 QUANTITIES = {
     "duration_s": "duration [s]", "first_speed_kmh": "first speed [km/h]", "last_speed_kmh": "last speed [km/h]",
     "braking_ms2": "mean deceleration, braking [m/s2]", "driving_ms2": "mean acceleration, driving [m/s2]",
@@ -26,30 +42,58 @@ QUANTITIES = {
 
 
 def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
-    """The run to compare with: a log that `readhesion simulate --log` wrote, or a scenario, simulated.
+    """The run to compare with: a log or a run that `readhesion simulate` wrote, or a scenario, simulated.
 
     Raises `StudyError` where the run is of another train.
     """
     path = Path(name)
+    if path.suffix.lower() in RUN:
+        run = recorded_run(path)
+        _check_train(
+            name, train, str(run.attrs["train"]), run.sizes["axle"], run.attrs["train_mass"]
+        )
+        return check_log(log_table(run, train), train, name)
     if path.suffix.lower() in ENDINGS or is_text(path):
         return read_log(path, train)
     from studies.core.job import Job, simulate_job
-    from studies.logs.export import log_table
     from studies.scenario.loading import load_scenario
 
     scenario = load_scenario(name)
     own = scenario.event(0).model.train
     other = MeasuredTrain.of(own)
-    alike = other.radius.size == train.radius.size and other.car_mass.size == train.car_mass.size
-    if not (alike and np.allclose(other.car_mass, train.car_mass, rtol=0.1)):
-        mine, theirs = (
-            f"{t.radius.size} axles, {1e-3 * t.car_mass.sum():.1f} t" for t in (train, other)
-        )
-        raise StudyError(
-            f"--against {name}: its train {other.name!r} has {theirs}, that of the log {mine}; give a run of the same train"
-        )
+    _check_train(name, train, other.name, other.radius.size, float(other.car_mass.sum()))
     run = simulate_job(Job(scenario, RULE, CONTROLLER, 0))
     return check_log(log_table(run, own), other, name)
+
+
+def recorded_run(path: Path) -> xr.Dataset:
+    """A run that `readhesion simulate --out` or `run-line --out` wrote; raises `StudyError` where it is none."""
+    from alloc.recording import load
+
+    if not path.is_file():
+        raise StudyError(f"run {str(path)!r} does not exist")
+    try:
+        run = load(path)
+    except (OSError, ValueError) as error:
+        raise StudyError(f"run {str(path)!r} is no file of netCDF: {error}") from None
+    missing = [one for one in NEEDED if one not in run] or [
+        one for one in ("train", "train_mass") if one not in run.attrs
+    ]
+    if missing:
+        raise StudyError(
+            f"run {str(path)!r} has no {missing[0]!r}; give a run that `readhesion simulate --out` wrote"
+        )
+    return run
+
+
+def _check_train(name: str, train: MeasuredTrain, other: str, axles: int, mass: float) -> None:
+    own = float(train.car_mass.sum())
+    if train.radius.size == axles and abs(mass - own) <= ALIKE * own:
+        return
+    raise StudyError(
+        f"--against {name}: its train {other!r} has {axles} axles, {1e-3 * mass:.1f} t, that of the log "
+        f"{train.radius.size} axles, {1e-3 * own:.1f} t; give a run of the same train"
+    )
 
 
 def compared(

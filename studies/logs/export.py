@@ -18,7 +18,7 @@ DECIMALS = {"s": 4, "kmh": 3, "kn": 3, "ms2": 4}
 """Decimals of a CSV file by unit: a tenth of a millimetre per second, 1 N."""
 
 
-def log_table(run: xr.Dataset, train: Train, every: int = 1) -> pd.DataFrame:
+def log_table(run: xr.Dataset, train: Train | MeasuredTrain, every: int = 1) -> pd.DataFrame:
     """The log of `run`, every so many of its records; `train` is the one that it was made with.
 
     Raises `EstimationError` if it is another.

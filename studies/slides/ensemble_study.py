@@ -1,6 +1,7 @@
 """Which sets of undisclosed parameters reach the tables of JP4209318, and what do they say of two cars if not told?"""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,17 +22,28 @@ STARTS = 1
 """Points of the prior from which sets are sought in each arm; `--events` asks for more."""
 NEAR, NEARBY = 23, 0.02
 """Walkers that begin near the set in use, and the standard deviation of their distance as a share of every range."""
-EVALUATIONS = 2500
-"""Sets that a search may run; one in ten or fewer needs more."""
-GENERATIONS, STEPS = 4, 10
-"""Pieces of work of the sampler, and its steps in each."""
-CLOUDS, DRAWS = 10, 60
-"""Pieces of work that draw sets around those found, and draws in each."""
 
 
-def first_cells(
-    seed: int, starts: int, evaluations: int = EVALUATIONS, generations: int = GENERATIONS
-) -> list[Task]:  # fmt: skip
+@dataclass(frozen=True)
+class Effort:
+    """How much is run; a small one is for tests."""
+
+    evaluations: int = 2500
+    """Sets that a search may run; one in ten or fewer needs more."""
+    generations: int = 4
+    """Pieces of work of the sampler."""
+    steps: int = 10
+    """Its steps in each."""
+    clouds: int = 10
+    """Pieces of work that draw sets around those found."""
+    draws: int = 60
+    """Draws in each."""
+
+
+WHOLE = Effort()
+
+
+def first_cells(seed: int, starts: int, effort: Effort = WHOLE) -> list[Task]:
     """The shipped set, and a search from each start of the prior in each arm."""
     for package in ("cma", "emcee"):
         needed(package)
@@ -43,7 +55,7 @@ def first_cells(
         ),
         *(
             Task(
-                f"{arm}/start/{k}", search, (one, _number(seed, arm, k), leave_out, evaluations),
+                f"{arm}/start/{k}", search, (one, _number(seed, arm, k), leave_out, effort.evaluations),
                 (("arm", arm), ("stage", "start"), ("start", k)),
             )
             for k, one in enumerate(draw(starts, seed))
@@ -59,14 +71,13 @@ def noisy_row(undisclosed: Undisclosed, seed: int, k: int) -> Row:
 
 
 def later_cells(
-    generation: int, seed: int, starts: int, table: pd.DataFrame,
-    evaluations: int = EVALUATIONS, generations: int = GENERATIONS,
-) -> list[Task]:  # fmt: skip
+    generation: int, seed: int, starts: int, table: pd.DataFrame, effort: Effort = WHOLE
+) -> list[Task]:
     """The sampler's next steps from where the walkers are; the first from the set in use, near it, and what searches found.
 
     Only with all targets: walkers that start from fits of two cars would be long in forgetting them.
     """
-    if generation >= generations:
+    if generation >= effort.generations:
         return []
     own = table[table["arm"] == "all"]
     if generation:
@@ -78,22 +89,24 @@ def later_cells(
     return [
         Task(
             f"all/generation/{generation}", sample,
-            (walkers, _number(seed, "all", starts + generation), None, STEPS),
+            (walkers, _number(seed, "all", starts + generation), None, effort.steps),
             (("arm", "all"), ("stage", "sampled"), ("generation", generation)),
         )
     ]  # fmt: skip
 
 
 def cloud_cells(
-    cloud: int, seed: int, starts: int, table: pd.DataFrame,
-    evaluations: int = EVALUATIONS, generations: int = GENERATIONS,
-) -> list[Task]:  # fmt: skip
+    cloud: int, seed: int, starts: int, table: pd.DataFrame, effort: Effort = WHOLE
+) -> list[Task]:
     """More sets around all that reach everything so far."""
+    if cloud >= effort.clouds:
+        return []
     found = distinct(table[table["arm"] == "all"])
     if found.empty:
         return []
-    arguments = (found[list(PASSED)].to_dict("records"), _number(seed, "all", 1000 + cloud), DRAWS)
-    columns = (("arm", "all"), ("stage", "around"), ("generation", GENERATIONS + cloud))
+    number = _number(seed, "all", 1000 + cloud)
+    arguments = (found[list(PASSED)].to_dict("records"), number, effort.draws)
+    columns = (("arm", "all"), ("stage", "around"), ("generation", WHOLE.generations + cloud))
     return [Task(f"all/around/{cloud}", around, arguments, columns)]
 
 
@@ -110,8 +123,8 @@ SLIDE_CALIBRATION = Study(
     step=STARTS,
     cells=first_cells,
     later=(
-        *(partial(later_cells, generation) for generation in range(GENERATIONS)),
-        *(partial(cloud_cells, cloud) for cloud in range(CLOUDS)),
+        *(partial(later_cells, generation) for generation in range(WHOLE.generations)),
+        *(partial(cloud_cells, cloud) for cloud in range(WHOLE.clouds)),
     ),
     judge=ensemble_statements,
     whole=True,

@@ -153,6 +153,8 @@ def test_applied_force_is_torque_at_the_rim_less_the_shoes():
             "rail_force": (("time", "axle"), np.zeros((2, layout.axles))),
             "brake_force": (("time", "axle"), shoes),
             "motor_torque": (("time", "unit"), torque),
+            "axle_unit": (("axle",), structure.axle_unit),
+            "unit_gear": (("unit",), structure.unit_gear),
         }
     )
     found = applied_force(logged, train)
@@ -160,6 +162,7 @@ def test_applied_force_is_torque_at_the_rim_less_the_shoes():
         motor = 100.0 * (1 + unit) * structure.gear[i] / structure.radius[i] if unit >= 0 else 0.0
         assert found[:, i] == pytest.approx(motor - 10.0 * i)
     measured = MeasuredTrain.of(train)
+    np.testing.assert_array_equal(applied_force(logged, measured), found)
     np.testing.assert_array_equal(measured.driven, structure.axle_unit >= 0)
     np.testing.assert_array_equal(measured.axle_load, structure.static_load)
     assert measured.car_mass.sum() == pytest.approx(train.mass)

@@ -5,6 +5,7 @@ import json
 import pandas as pd
 import pytest
 
+from alloc.recording import save
 from studies.logs.export import write_log
 from studies.logs.remarks import MOST
 from tests.simulation.slides import TRAIN, braked, readhering
@@ -102,6 +103,32 @@ def test_a_log_is_compared_with_a_run_of_the_same_train_alone(call, log):
     code, _, err = call("analyse", log, "--train", "jp4209318-3car", "--against", "wet-stop")
     assert code == 2
     assert "give a run of the same train" in err
+
+
+def test_a_log_is_compared_with_a_recorded_run(call, tmp_path):
+    run = braked(readhering, duration=6.0)
+    path, recorded = tmp_path / "slide.csv", tmp_path / "slide.nc"
+    write_log(run, TRAIN, path)
+    save(run, recorded)
+    options = ("analyse", path, "--train", tmp_path / "slide.train.toml", "--json", "--against")
+    code, out, _ = call(*options, recorded)
+    content = json.loads(out)["comparison"]
+    assert code == 0
+    for name in ("duration_s", "damage_kj", "slides"):
+        assert content["log"][name] == pytest.approx(content["simulated"][name], rel=2e-3)
+
+    save(run.drop_vars("unit_gear"), tmp_path / "part.nc")
+    (tmp_path / "text.nc").write_text("time_s;v")
+    save(run.assign_attrs(train_mass=2e5), tmp_path / "light.nc")
+    for name, words in (
+        ("part.nc", "has no 'unit_gear'"),
+        ("text.nc", "is no file of netCDF"),
+        ("light.nc", "200.0 t, that of the log"),
+        ("none.nc", "does not exist"),
+    ):
+        code, _, err = call(*options, tmp_path / name)
+        assert code == 2
+        assert words in " ".join(err.split())
 
 
 def test_the_columns_of_a_log_are_listed(call):

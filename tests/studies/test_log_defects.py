@@ -145,6 +145,17 @@ def test_a_climb_is_no_fault_of_the_wheels(logs):
     assert not [remark for remark in told.remarks if remark.kind == "balance"]
 
 
+def counter(axle, total):
+    """Of so many bits, since the row before, of three digits, set back in the middle, in turn."""
+    middle = total.size // 2
+    return (
+        total % 4096,
+        np.diff(total, prepend=0.0),
+        total % 1000,
+        np.where(np.arange(total.size) < middle, total, total - total[middle]),
+    )[axle % 4]
+
+
 def test_counts_since_the_start_or_the_row_before_are_speeds(logs):
     clean = logs["braked"]
     speeds = [name for name in clean.table if name.endswith("_speed_kmh")]
@@ -155,12 +166,22 @@ def test_counts_since_the_start_or_the_row_before_are_speeds(logs):
         rim = clean.table[f"axle{i}_speed_kmh"].to_numpy() / 3.6
         way = np.concatenate([[0.0], np.cumsum(0.5 * (rim[1:] + rim[:-1]) * np.diff(time))])
         total = np.floor(way / (2.0 * np.pi * radius) * 80.0)
-        counts[f"imp{i}"] = total % 4096 if i % 2 else np.diff(total, prepend=0.0)
+        counts[f"imp{i}"] = counter(i, total)
         names[f"imp{i}"] = {"is": f"axle{i}_pulses", "pulses_per_turn": 80}
         names[f"axle{i}_force_kn"] = {"is": f"axle{i}_force", "unit": "kN"}
     log = check_log(counts, clean.train, "log", Mapping.model_validate({"columns": names}))
     found = analyse_run(log.run, log.train)
     assert found.total_damage == pytest.approx(clean.damage, rel=SHARE)
+
+
+def test_a_time_of_day_goes_on_past_midnight(logs):
+    clean = logs["driven"]
+    first = 86400.0 - 0.5 * clean.table["time_s"].iloc[-1]
+    of_day = (first + clean.table["time_s"]) % 86400.0
+    words = pd.to_timedelta(of_day, unit="s").astype(str).str.removeprefix("0 days ")
+    for time in (of_day, words):
+        _, found = clean.found(clean.table.assign(time_s=time))
+        assert found.total_damage == pytest.approx(clean.damage, rel=1e-3)
 
 
 def test_a_clock_that_is_set_back_is_refused(logs):

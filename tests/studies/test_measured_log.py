@@ -245,6 +245,10 @@ FAULTS = {
         lambda t: t.rename(columns={"speed_ms": "speed_kmh"}),
         "3.6 times the train's speed in column 'speed_kmh'",
     ),
+    "miles as kilometres": (
+        lambda t: t.assign(axle3_speed_ms=t["axle3_speed_ms"] / 1.609344),
+        "'axle3_speed_ms': 0.621 times the train's speed in column 'speed_ms' all the time: their units do not agree",
+    ),
     "too fast": (
         lambda t: t.assign(speed_ms=10 * t["speed_ms"]),
         "'speed_ms', row 1: 250 m/s is faster than any train",

@@ -22,7 +22,7 @@ from studies.slides.calibration import (
 )
 from studies.slides.ensemble import KEPT, search
 from studies.slides.ensemble_statements import ensemble_statements
-from studies.slides.ensemble_study import SLIDE_CALIBRATION
+from studies.slides.ensemble_study import SLIDE_CALIBRATION, Effort
 from studies.slides.jp4209318 import BOUNDS, CALIBRATED
 from studies.slides.targets import (
     HOLD_OUT,
@@ -117,7 +117,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def table(stub, folder):
-    return SLIDE_CALIBRATION.run(folder, 2, 4, generations=3)
+    return SLIDE_CALIBRATION.run(folder, 2, 4, effort=Effort(generations=3))
 
 
 def test_walkers_stay_where_the_posterior_is(table):
@@ -152,8 +152,8 @@ def test_an_interrupted_sweep_goes_on_as_one_that_was_not(stub, table, tmp_path)
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        SLIDE_CALIBRATION.run(tmp_path, 2, 4, on_row=told, generations=3)
-    again = SLIDE_CALIBRATION.run(tmp_path, 2, 4, generations=3)
+        SLIDE_CALIBRATION.run(tmp_path, 2, 4, on_row=told, effort=Effort(generations=3))
+    again = SLIDE_CALIBRATION.run(tmp_path, 2, 4, effort=Effort(generations=3))
     pd.testing.assert_frame_equal(again.drop(columns="wall_time"), table.drop(columns="wall_time"))
 
 
