@@ -24,7 +24,15 @@ from paper_figs.adhesion_use import (
     use_handles,
     use_of_units,
 )
-from paper_figs.axle_maps import ADHESION_SHADES, AXLE, SLIP_SHADES, axle_map, name_units, shade_bar
+from paper_figs.axle_maps import (
+    ADHESION_SHADES,
+    AXLE,
+    LEAST_SLIP,
+    SLIP_SHADES,
+    axle_map,
+    name_units,
+    shade_bar,
+)
 from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
@@ -56,7 +64,7 @@ def slip_event(*runs: xr.Dataset) -> Figure:
     heights = (*MAP_HEIGHTS, *(len(units) + 1) * [STRIP_HEIGHT])
     shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": heights}
     drawn, axes = new_panels(width, 0.9 + sum(heights), len(heights), len(runs), **shape)
-    adhesion, slip = (_norm(runs, name) for name in ("adhesion_limit", "slip_velocity"))
+    adhesion, slip = _norm(runs, "adhesion_limit"), _norm(runs, "slip_velocity", LEAST_SLIP)
     for column, run in zip(axes.T, runs, strict=True):
         time = run["time"].values
         rail = axle_map(
@@ -88,9 +96,9 @@ def _explain_strips(drawn: Figure, strips: Sequence[Axes]) -> None:
     drawn.legend(handles=use_handles(), loc="outside lower center", ncols=3)
 
 
-def _norm(runs: Sequence[xr.Dataset], name: str) -> Normalize:
-    """A scale from 0 to the largest magnitude in any run."""
-    return Normalize(0.0, max(float(np.abs(run[name].values).max()) for run in runs))
+def _norm(runs: Sequence[xr.Dataset], name: str, least: float = 0.0) -> Normalize:
+    """A scale from 0 to the largest magnitude in any run, or to `least`."""
+    return Normalize(0.0, max(least, *(float(np.abs(run[name].values).max()) for run in runs)))
 
 
 def _run_title(run: xr.Dataset) -> str:
@@ -116,7 +124,13 @@ def _use_strips(panels: Sequence[Axes], run: xr.Dataset, units: list[int]) -> No
         draw_use(axes, use_of_units(run, group), colour)
         axes.set_ylim(0.0, top)
         axes.annotate(
-            name, (0.0, 0.0), (3.0, 3.0), "axes fraction", "offset points", fontweight="bold"
+            name,
+            (1.0, 0.0),
+            (-3.0, 3.0),
+            "axes fraction",
+            "offset points",
+            ha="right",
+            fontweight="bold",
         )
 
 

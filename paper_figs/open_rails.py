@@ -46,7 +46,10 @@ def open_rails_coefficient(slip: NDArray[np.float64], coded: bool) -> NDArray[np
 
 @figure("open-rails", "Polach's law in Open Rails, as coded and corrected, and in this plant")
 def open_rails() -> Figure:
-    """Left: coefficients over the slip velocity on wet rail, each with its peak. Right: creep stiffness over the wheel load."""
+    """Left: coefficients over the slip velocity on wet rail, with their peaks.
+
+    Right: creep stiffness over the wheel load.
+    """
     drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2)
     slip = np.geomspace(1e-3, SPEED, 1000)
     curve = PolachByFrictionCurve()

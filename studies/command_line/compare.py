@@ -15,6 +15,7 @@ from studies.command_line.options import (
     Whole,
     Work,
     check_whole,
+    command_of,
     process_count,
     split_names,
 )  # fmt: skip
@@ -75,7 +76,7 @@ def compare(
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash
-    from studies.comparison.defaults import KEPT_RUNS, make_grid
+    from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
     from studies.core.runner import check_rules, run_cells
@@ -86,8 +87,10 @@ def compare(
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_place(out)
-    chosen = _scenarios(split_names(scenario), line, train)
-    grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
+    given = {"scenario": scenario, "rules": rules, "controllers": controllers}
+    parts = {name: split_names(words) for name, words in given.items()}
+    chosen = _scenarios(parts["scenario"], line, train)
+    grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
     cells = shard.of_cells(grid.jobs())
     kept = KEPT_RUNS if keep is None else keep
     check = partial(check_rules, grid.rules)
@@ -114,9 +117,14 @@ def compare(
             screen.print(item)
         screen.print(f"{counted(table, 'runs')}{of_shard(work)}; table in {store.path}")
     if figures and not work.shard:
-        from studies.core.gallery import draw_comparison
+        from studies.core.gallery import Asked, draw_comparison
 
-        written = draw_comparison(table, store, store.folder / "figures")
+        more = {"line": line, "train": train, "out": None if out == Path("results") else str(out)}
+        command = command_of(
+            "compare", **parts, **{name: [word] for name, word in more.items() if word}
+        )
+        whole = seeds is None or seeds >= DEFAULT_SEEDS or not any(one.draws() for one in chosen)
+        written = draw_comparison(table, store, store.folder / "figures", Asked(command, whole))
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED
