@@ -63,12 +63,16 @@ def _saved(entry: FigureEntry[Any], source: Source, out: Path) -> Saved:
     return Saved(entry.name, tuple(save_figure(drawn, out / entry.name, legend)), legend.draft)
 
 
-def draw_one(name: str, path: str | Path, *data: Any, origins: Sequence[Origin] = ()) -> None:
-    """Draw a figure from `data` into one file; its ending (pdf, png, svg) gives the format. `origins`: of the data.
+def draw_one(
+    name: str, path: str | Path, *data: Any, origins: Sequence[Origin] = (), command: str = ""
+) -> None:
+    """Draw a figure from `data` into one file; its ending (pdf, png, svg) gives the format.
 
+    `origins`: of the data; or the `command` that gives all of them, where no seed is in it.
     The ending gif is for a figure that moves. Nothing is written beside it: a log that is drawn may well be NAME.csv itself.
     """
-    drawn, legend = FIGURES[name].of_data(data, origins)
+    given = [Origin(command, "as given", ())] if command else origins
+    drawn, legend = FIGURES[name].of_data(data, given)
     try:
         with mpl.rc_context(fname=STYLE_FILE):
             save_image(drawn, Path(path), legend, data_of(drawn))

@@ -28,8 +28,11 @@ class Origin:
     @property
     def words(self) -> str:
         """What is drawn, from which seeds, and where it comes from."""
-        seeds = "seed" if len(self.seeds) == 1 else "seeds"
-        return f"{self.shown}, {seeds} {', '.join(map(str, self.seeds))}; `{self.command}`"
+        shown = self.shown
+        if self.seeds:
+            seeds = "seed" if len(self.seeds) == 1 else "seeds"
+            shown += f", {seeds} {', '.join(map(str, self.seeds))}"
+        return f"{shown}; `{self.command}`"
 
 
 def of_study(study: Study, events: int | None) -> Origin:

@@ -17,6 +17,7 @@ from studies.command_line.options import (
     check_whole,
     command_of,
     process_count,
+    said,
     split_names,
 )  # fmt: skip
 from studies.command_line.terminal import console, counted, of_shard, progress
@@ -119,10 +120,8 @@ def compare(
     if figures and not work.shard:
         from studies.core.gallery import Asked, draw_comparison
 
-        more = {"line": line, "train": train, "out": None if out == Path("results") else str(out)}
-        command = command_of(
-            "compare", **parts, **{name: [word] for name, word in more.items() if word}
-        )
+        more = {"line": said(line), "train": said(train), "out": said(out, Path("results"))}
+        command = command_of("compare", **parts, **more)
         whole = seeds is None or seeds >= DEFAULT_SEEDS or not any(one.draws() for one in chosen)
         written = draw_comparison(table, store, store.folder / "figures", Asked(command, whole))
         if written and not as_json:

@@ -64,8 +64,17 @@ def command_of(name: str, *words: str, **options: Sequence[str] | None) -> str:
     from studies.core.plugins import plugin_files
 
     begin = ["readhesion", *(word for file in plugin_files() for word in ("--plugin", file)), name]
-    told = [word for key, values in options.items() if values for word in (f"--{key}", *values)]
+    told = [word for key, values in options.items() if values for word in (_option(key), *values)]
     return shlex.join([*begin, *words, *told])
+
+
+def said(value: object, default: object = None) -> list[str] | None:
+    """The words of an option's value for `command_of`; None where it is the `default`."""
+    return None if value == default else [f"{value:g}" if isinstance(value, float) else str(value)]
+
+
+def _option(field: str) -> str:
+    return f"--{field.replace('_', '-')}"
 
 
 def split_numbers(option: str, values: Sequence[str]) -> list[float]:

@@ -72,8 +72,8 @@ class Gallery(Protocol):
     ) -> list[str]:
         """Draw the figures of a comparison; returns their names."""
 
-    def draw_one(self, name: str, path: str | Path, *data: Any) -> None:
-        """Draw a figure from data that the caller has."""
+    def draw_one(self, name: str, path: str | Path, *data: Any, command: str = "") -> None:
+        """Draw a figure from data that the caller has, made by `command`."""
 
     def draw_run(
         self, run: "xr.Dataset", path: str | Path, job: "Job | None" = None, command: str = ""

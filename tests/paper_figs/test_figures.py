@@ -191,6 +191,14 @@ def test_the_line_shows_the_run_below_what_is_permitted(drawn, line_run):
     assert (speed.get_ydata() - allowed).max() < 2.0  # between two points of the drawn curve
 
 
+def test_stops_of_a_line_are_named_as_points_passed_are(line_run):
+    stops = {one.point.name for one in line_run.stops}
+    assert stops
+    named = [text.get_text() for text in FIGURES["real-line"](line_run).axes[0].texts]
+    assert stops <= set(named)
+    assert len(named) == len(set(named))
+
+
 def test_a_comparisons_figures_are_drawn_with_it(source, tmp_path):
     names = draw_comparison(source.table, source.store, tmp_path)
     assert names == [name for name, entry in FIGURES.items() if entry.of_comparison]

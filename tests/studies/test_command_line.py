@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 import alloc.rules.qp
 from alloc.metrics import METRICS
@@ -135,6 +136,25 @@ def test_one_event_is_simulated(call, short_file, tmp_path):
     assert all(name in out for name in METRICS)
     assert load(tmp_path / "run.nc").attrs["rule"] == "exact"
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
+
+
+def test_a_figure_of_a_line_or_a_log_names_the_command_that_gives_it(call, short_file, tmp_path):
+    place = tmp_path / "figure.png"
+
+    def told(*arguments):
+        assert call(*arguments, "--figure", place)[0] == 0
+        return Image.open(place).text["Source"]
+
+    log = tmp_path / "a log.csv"
+    call("simulate", short_file, "--log", log)
+    train = tmp_path / "a log.train.toml"
+    source = told("analyse", log, "--train", train, "--slip-kmh", 1.0)
+    words = shlex.join(
+        ["readhesion", "analyse", str(log), "--train", str(train), "--slip-kmh", "1"]
+    )
+    assert source == f"as given; `{words}`"
+    source = told("simulate", short_file, "--rule", "exact", "--seed", 2)
+    assert f"readhesion simulate {shlex.quote(str(short_file))} --rule exact" in source
 
 
 def test_one_event_as_json(call, short_file):
