@@ -60,7 +60,8 @@ def _panels(figure: Figure) -> dict[str, Axes]:
     found: dict[str, Axes] = {}
     for k, axes in enumerate(figure.axes, 1):
         if axes.get_visible() and axes.get_label() != "<colorbar>":
-            title = _plain(axes.get_title() or axes.get_title("left"))
+            titles = (axes.get_title(side) for side in ("center", "left", "right"))
+            title = _plain(next(filter(None, titles), ""))
             found[f"{k} {title}".strip()] = axes
     return found
 
