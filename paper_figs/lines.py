@@ -60,8 +60,8 @@ def _name_points(axes: Axes, found: LineRun) -> None:
     start, end = found.path.span
     room = NAME_WIDTH * (end - start)
     taken = start
-    points = {one.point.station: one.point for one in (*found.passings, *found.stops)}
-    for _, point in sorted(points.items()):
+    marked = [*(one.point for one in found.passings), *(one.point for one in found.stops)]
+    for _, point in sorted({point.station: point for point in marked}.items()):
         axes.axvline(1e-3 * point.station, ymax=0.86, color=GREY, linewidth=0.6, linestyle=":")
         left = point.station - room >= taken
         if not left and point.station < taken:
