@@ -16,6 +16,8 @@ SLIP_SHADES = LinearSegmentedColormap.from_list(
     "slip", ["#ffffff", "#fdae61", "#a63603", "#4d1a00"]
 )
 """From a wheel that rolls (white) to one that spins or slides (dark)."""
+LEAST_SLIP = 0.1
+"""Slip velocity [m/s] that the darkest shade stands for at least: less is creep, and no wheel spins."""
 COEFFICIENT_SHADES = LinearSegmentedColormap.from_list(
     "coefficient", ["#ffffff", "#74c0a8", "#00441b"]
 )

@@ -16,6 +16,7 @@ from paper_figs.palette import BAND_GREY, ZERO
 from paper_figs.registry import figure
 from paper_figs.source import comparison
 from paper_figs.style import (
+    COLUMN,
     CONTROLLER_FILL,
     PAGE,
     Look,
@@ -50,10 +51,12 @@ BESIDES = (
 )
 ABREAST = 3
 """Controllers side by side; more of them stand below each other."""
-ROW, BETWEEN = 0.056, 0.95
-"""Heights [inches] of a rule's row, and of what stands above and below the rows."""
+ROW, BETWEEN, LEAST_BANDS = 0.056, 0.95, 0.45
+"""Heights [inches] of a rule's row, of what stands above and below the rows, and of all rows of one event alone."""
 COLUMNS = 3
 """Panels side by side, of a panel per event."""
+MARK: Look = {"markersize": 3.2, "elinewidth": 0.8, "markeredgewidth": 0.4, "clip_on": False}
+"""Of a rule's row; the first and the last stand at the panel's edge, and are not cut there."""
 SIZE = 3.6
 """Of the marks of adhesion used against damage, and the least distance of two of them [points]."""
 NO_PAIRS = f"differences need the\nrule {REFERENCE} beside others"
@@ -93,7 +96,8 @@ def _changes(table: pd.DataFrame, changes: Sequence[Change]) -> Figure:
     controllers = list(dict.fromkeys(line.controller for line in lines))
     blocks = math.ceil(len(controllers) / ABREAST)
     abreast = math.ceil(len(controllers) / blocks)
-    height = blocks * (BETWEEN + max(ROW * max(len(rules), 3), 0.14) * len(scenarios))
+    bands = max(ROW * max(len(rules), 3), 0.14) * len(scenarios)
+    height = blocks * (BETWEEN + max(bands, LEAST_BANDS))
     shape = {"sharey": True, "squeeze": False}
     drawn, panels = new_panels(PAGE, height, blocks, abreast * len(changes), **shape)
     limits = {change: _limits(change, lines) for change in changes}
@@ -128,7 +132,7 @@ def _change(
         if found is None or not math.isfinite(found.value):
             continue
         y = scenarios.index(line.scenario) + offsets[line.rule]
-        look = rule_look(line.rule) | {"markersize": 3.2, "elinewidth": 0.8, "markeredgewidth": 0.4}
+        look = rule_look(line.rule) | MARK
         axes.errorbar(change.factor * found.value, y, xerr=sides_of(found, change.factor), **look)
     if not any(line.differences for line in lines):
         axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
@@ -176,15 +180,20 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
     """
     lines = summarise(table)
     scenarios = list(dict.fromkeys(line.scenario for line in lines))
-    rows = math.ceil(len(scenarios) / COLUMNS)
-    drawn, axes = new_panels(PAGE, 0.9 + 1.6 * rows, rows, COLUMNS, squeeze=False)
+    handles = [
+        *rule_handles(dict.fromkeys(line.rule for line in lines)),
+        *controller_handles(dict.fromkeys(line.controller for line in lines)),
+    ]
+    columns = min(COLUMNS, len(scenarios))
+    rows = math.ceil(len(scenarios) / columns)
+    width, abreast = (COLUMN, 3) if columns == 1 else (PAGE, 5)
+    height = 0.9 + 1.6 * rows + 0.14 * max(0, math.ceil(len(handles) / abreast) - 4)
+    drawn, axes = new_panels(width, height, rows, columns, squeeze=False)
     panels = dict(zip(scenarios, axes.flat, strict=False))
     marks = {scenario: _marks(lines, scenario) for scenario in scenarios}
     for k, (scenario, one) in enumerate(panels.items()):
         for line in (line for line in lines if line.scenario == scenario):
             damage, used = line.metrics["damage"], line.metrics["utilisation"]
-            if damage.count < 2:
-                continue
             one.errorbar(
                 damage.value, 100.0 * used.value, xerr=sides_of(damage, 1.0), yerr=sides_of(used, 100.0),
                 **_look(line), elinewidth=0.5, markersize=0.0,
@@ -194,17 +203,13 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
         one.update_datalim([(mark.x, mark.y) for mark in marks[scenario]])
         one.autoscale_view()
         one.autoscale(enable=False)
-        if k % COLUMNS == 0:
+        if k % columns == 0:
             one.set_ylabel("adhesion used [%]")
-        if k + COLUMNS >= len(scenarios):
+        if k + columns >= len(scenarios):
             one.set_xlabel("wheel damage Q [kJ]")
     for one in axes.flat[len(scenarios) :]:
         one.set_visible(False)
-    handles = [
-        *rule_handles(dict.fromkeys(line.rule for line in lines)),
-        *controller_handles(dict.fromkeys(line.controller for line in lines)),
-    ]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
+    drawn.legend(handles=handles, loc="outside lower center", ncols=min(abreast, len(handles)))
     marks_apart(drawn, [(one, marks[name]) for name, one in panels.items()], SIZE)
     return drawn
 

@@ -17,6 +17,8 @@ from matplotlib.patches import Rectangle, StepPatch
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter
 
+from paper_figs.thinning import MOST_CELLS, shown_points, stretches
+
 Rows = Iterator[dict[str, Any]]
 COLUMNS = (
     "panel", "kind", "series", "x_axis", "y_axis", "place", "x", "x_low", "x_high", "y", "y_low", "y_high", "value",
@@ -30,6 +32,7 @@ def drawn_data(figure: Figure) -> pd.DataFrame:
     """Rows of every panel: what kind of mark, whose, and its numbers in the units of the axes.
 
     A series has the mark's `gid`, or its label in the legend. What spans an axis, such as a threshold, has one number.
+    Of long lines and of maps it has what the picture can show, see `paper_figs.thinning`.
     """
     rows = [
         {"panel": name, **row} for name, axes in _panels(figure).items() for row in rows_of(axes)
@@ -57,7 +60,8 @@ def _panels(figure: Figure) -> dict[str, Axes]:
     found: dict[str, Axes] = {}
     for k, axes in enumerate(figure.axes, 1):
         if axes.get_visible() and axes.get_label() != "<colorbar>":
-            title = _plain(axes.get_title() or axes.get_title("left"))
+            titles = (axes.get_title(side) for side in ("center", "left", "right"))
+            title = _plain(next(filter(None, titles), ""))
             found[f"{k} {title}".strip()] = axes
     return found
 
@@ -112,7 +116,7 @@ def _intervals(container: ErrorbarContainer) -> Rows:
 
 
 def _line(axes: Axes, line: Line2D) -> Rows:
-    """Points of a line; of one that spans an axis its one number."""
+    """Points of a line that decide how it looks; of one that spans an axis its one number."""
     x, y = (np.ravel(values) for values in (line.get_xdata(orig=False), line.get_ydata(orig=False)))
     spans_x, spans_y = (not has for has in line.get_transform().contains_branch_seperately(axes.transData))  # fmt: skip
     name = _series(line)
@@ -123,29 +127,48 @@ def _line(axes: Axes, line: Line2D) -> Rows:
             yield {"kind": "bound", "series": name, **({"y": y[0]} if spans_x else {"x": x[0]})}
         return
     kind = "point" if line.get_linestyle() == "None" else "line"
+    if kind == "line":
+        shown = shown_points(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        x, y = x[shown], y[shown]
     for one, other in zip(x, y, strict=True):
         yield {"kind": kind, "series": name, "x": one, "y": other}
 
 
 def _cells(image: AxesImage | QuadMesh) -> Rows:
-    """Cells with their middle: in the units of the axes where an image has an extent, else their numbers."""
+    """Cells with their middle: in the units of the axes where an image has an extent, else their numbers.
+
+    Of a map of many cells, neighbours in a row that have one shade are one row of the table.
+    """
     cells = np.ma.filled(np.ma.asarray(image.get_array(), dtype=np.float64), np.nan)
     cells = np.atleast_2d(cells)
     up, across = (np.arange(count, dtype=np.float64) for count in cells.shape)
     if isinstance(image, AxesImage):
         left, right, bottom, top = image.get_extent()
         first, last = (bottom, top) if image.origin == "lower" else (top, bottom)
-        across = left + (across + 0.5) * (right - left) / cells.shape[1]
+        width = (right - left) / cells.shape[1]
+        across = left + (across + 0.5) * width
         up = first + (up + 0.5) * (last - first) / cells.shape[0]
+        if cells.size > MOST_CELLS:
+            for one in stretches(image, cells):
+                ends = {"x_low": left + one.first * width, "x_high": left + one.end * width}
+                yield {"kind": "cells", "series": "", **ends, "y": up[one.row], "value": one.value}
+            return
     for (row, column), value in np.ndenumerate(cells):
         yield {"kind": "cell", "series": "", "x": across[column], "y": up[row], "value": value}
 
 
 def _area(area: FillBetweenPolyCollection) -> Rows:
-    """A filled area, by its corners."""
+    """A filled area: its two edges along the axis that it follows."""
+    along, across = ("x", "y") if area.t_direction == "x" else ("y", "x")  # type: ignore[attr-defined]
     for path in area.get_paths():
-        for x, y in np.asarray(path.vertices):
-            yield {"kind": "area", "series": _series(area), "x": x, "y": y}
+        corners = np.asarray(path.vertices)[:, [0, 1] if along == "x" else [1, 0]]
+        count = (len(corners) - 3) // 2  # there, back, the two ends and the first corner again
+        there, back = corners[1 : count + 1], corners[count + 2 : 2 * count + 2][::-1]
+        shown = np.union1d(shown_points(*there.T), shown_points(*back.T))
+        edges = np.sort(np.stack([there[shown, 1], back[shown, 1]], axis=1), axis=1)
+        for place, (low, high) in zip(there[shown, 0], edges, strict=True):
+            ends = {f"{across}_low": low, f"{across}_high": high}
+            yield {"kind": "area", "series": _series(area), along: place, **ends}
 
 
 def _rectangle(series: str, bar: Rectangle) -> dict[str, Any]:

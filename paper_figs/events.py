@@ -24,7 +24,15 @@ from paper_figs.adhesion_use import (
     use_handles,
     use_of_units,
 )
-from paper_figs.axle_maps import ADHESION_SHADES, AXLE, SLIP_SHADES, axle_map, name_units, shade_bar
+from paper_figs.axle_maps import (
+    ADHESION_SHADES,
+    AXLE,
+    LEAST_SLIP,
+    SLIP_SHADES,
+    axle_map,
+    name_units,
+    shade_bar,
+)
 from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure
@@ -37,8 +45,8 @@ UNIT = 0
 """The unit whose detection is shown."""
 BEFORE, AFTER = 0.5, 0.8
 """Time shown around the onset of its longest signal [s]."""
-MAP_HEIGHTS, STRIP_HEIGHT = (1.05, 1.05), 0.66
-"""Of pictures of all axles, and of a unit's strip [inches]."""
+MAP_HEIGHTS, STRIP_HEIGHT, NAME_HEIGHT = (1.05, 1.05), 0.66, 0.13
+"""Of pictures of all axles, of a unit's strip, and of the name above it [inches]."""
 BLENDED = 30.0
 """Time of blended braking shown [s]: until the last limits have been lifted."""
 
@@ -55,8 +63,10 @@ def slip_event(*runs: xr.Dataset) -> Figure:
     width = PAGE if len(runs) > 1 else COLUMN
     heights = (*MAP_HEIGHTS, *(len(units) + 1) * [STRIP_HEIGHT])
     shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": heights}
-    drawn, axes = new_panels(width, 0.9 + sum(heights), len(heights), len(runs), **shape)
-    adhesion, slip = (_norm(runs, name) for name in ("adhesion_limit", "slip_velocity"))
+    drawn, axes = new_panels(
+        width, 0.9 + sum(heights) + (len(units) + 1) * NAME_HEIGHT, len(heights), len(runs), **shape
+    )
+    adhesion, slip = _norm(runs, "adhesion_limit"), _norm(runs, "slip_velocity", LEAST_SLIP)
     for column, run in zip(axes.T, runs, strict=True):
         time = run["time"].values
         rail = axle_map(
@@ -88,9 +98,9 @@ def _explain_strips(drawn: Figure, strips: Sequence[Axes]) -> None:
     drawn.legend(handles=use_handles(), loc="outside lower center", ncols=3)
 
 
-def _norm(runs: Sequence[xr.Dataset], name: str) -> Normalize:
-    """A scale from 0 to the largest magnitude in any run."""
-    return Normalize(0.0, max(float(np.abs(run[name].values).max()) for run in runs))
+def _norm(runs: Sequence[xr.Dataset], name: str, least: float = 0.0) -> Normalize:
+    """A scale from 0 to the largest magnitude in any run, or to `least`."""
+    return Normalize(0.0, max(least, *(float(np.abs(run[name].values).max()) for run in runs)))
 
 
 def _run_title(run: xr.Dataset) -> str:
@@ -115,9 +125,7 @@ def _use_strips(panels: Sequence[Axes], run: xr.Dataset, units: list[int]) -> No
     for axes, (name, group) in zip(panels, groups.items(), strict=False):
         draw_use(axes, use_of_units(run, group), colour)
         axes.set_ylim(0.0, top)
-        axes.annotate(
-            name, (0.0, 0.0), (3.0, 3.0), "axes fraction", "offset points", fontweight="bold"
-        )
+        axes.set_title(name, loc="right", pad=2.0)  # above: inside it would lie on a line
 
 
 @figure("sharing-wanders", "limits, torque and jerk of dynamic sharing beside the reference rule",
@@ -128,7 +136,9 @@ def sharing_wanders(*runs: xr.Dataset) -> Figure:
     units = shown_units(runs[0])
     heights = (*len(units) * [STRIP_HEIGHT], 1.1)
     shape = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": heights}
-    drawn, axes = new_panels(PAGE, 0.9 + sum(heights), len(heights), len(runs), **shape)
+    drawn, axes = new_panels(
+        PAGE, 0.9 + sum(heights) + len(units) * NAME_HEIGHT, len(heights), len(runs), **shape
+    )
     for column, run in zip(axes.T, runs, strict=True):
         rule = attributes_of(run)["rule"]
         _use_strips(column[:-1], run, units)

@@ -64,7 +64,10 @@ def late_passages(of: Route) -> Passages:
         made(lambda: route("high-speed", load_share=0.5)),
         made(lambda: late_passages(route("high-speed", load_share=0.5))), study("line-position", FEW_EVENTS))  # fmt: skip
 def line_position(of: Route, passages: Passages, table: pd.DataFrame) -> Figure:
-    """(a) A tunnel with a position that is behind. (b) Benefit over the odometer's error. (c) The same with each error."""
+    """(a) A tunnel with a position that is behind. (b) Benefit over the odometer's error. (c), (d) The same with each error.
+
+    Ratios are means over the routes, with 95 % intervals; 1 is the feedback alone, and less is better.
+    """
     drawn = new_figure(PAGE, 5.6)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.0, 1.15])).tolist()
     passage, benefit = above.subplots(1, 2)
@@ -89,7 +92,8 @@ def _passage(axes: Axes, of: Route, passages: Passages) -> None:
         shown = slice(*np.searchsorted(time, (arrived - BEFORE, arrived + AFTER)))
         off = (done.run["speed"].values - done.log["commanded_speed"].values)[shown]
         colour, dashes = (GREY, "-") if late is None else LATE_LOOKS[late]
-        label = "feedback only" if late is None else f"position {late:g} m behind"
+        behind = f"{late:g} m behind" if late else "right"
+        label = "feedback only" if late is None else f"position {behind}"
         axes.plot(time[shown] - arrived, off - off[0], dashes, color=colour, label=label)
     axes.set(xlabel="time since the front arrives [s]", ylabel="speed off command [m/s]")
     axes.set_title(f"(a) tunnel, train of {of.length:g} m")
@@ -107,7 +111,8 @@ def _benefit(axes: Axes, table: pd.DataFrame) -> None:
         for case in (RIGHT, CARS):
             found = ratio(quantity, case, FEEDBACK)
             means = [mean_interval(found(own[own["arm"] == arm])) for _, arm in arms]
-            look = {**CASE_LOOKS[case], "linestyle": dashes, "markersize": 3.5}
+            look = {**CASE_LOOKS[case], "linestyle": dashes, "markersize": 4.5}
+            look["fillstyle"] = "full" if dashes == "-" else "none"  # some points lie on each other
             axes.plot(x, [one.value for one in means], label=f"{train}, {NAMES[case]}", **look)
             if min(one.count for one in means) > 1:
                 low, high = [one.low for one in means], [one.high for one in means]
@@ -115,7 +120,7 @@ def _benefit(axes: Axes, table: pd.DataFrame) -> None:
     axes.axhline(1.0, **BOUND)
     axes.set(xlabel="bound of the odometer's error [%]", ylabel=f"{label}, over feedback alone [–]")
     axes.set(title="(b) odometer alone", ylim=(0.0, 1.7))
-    axes.legend(loc="upper left", fontsize=NOTE)
+    axes.legend(loc="upper left", fontsize=NOTE, handlelength=3.4)
 
 
 def _arms(axes: Axes, table: pd.DataFrame, arms: list[str], quantity: str) -> None:

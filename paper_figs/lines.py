@@ -56,11 +56,12 @@ def _draw_speed(axes: Axes, found: LineRun, edges: np.ndarray) -> None:
 
 
 def _name_points(axes: Axes, found: LineRun) -> None:
-    """Mark the points of interest; a name stands left of its mark, or right of it, where there is room."""
+    """Mark points passed and stops; a name stands left of its mark, or right of it, where there is room."""
     start, end = found.path.span
     room = NAME_WIDTH * (end - start)
     taken = start
-    for point in sorted((passed.point for passed in found.passings), key=lambda p: p.station):
+    marked = [*(one.point for one in found.passings), *(one.point for one in found.stops)]
+    for _, point in sorted({point.station: point for point in marked}.items()):
         axes.axvline(1e-3 * point.station, ymax=0.86, color=GREY, linewidth=0.6, linestyle=":")
         left = point.station - room >= taken
         if not left and point.station < taken:

@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
-from paper_figs.axle_maps import AXLE, COEFFICIENT_SHADES, SLIP_SHADES, axle_map, shade_bar
+from paper_figs.axle_maps import (
+    AXLE,
+    COEFFICIENT_SHADES,
+    LEAST_SLIP,
+    SLIP_SHADES,
+    axle_map,
+    shade_bar,
+)
 from paper_figs.direct_labels import label_lines
-from paper_figs.palette import BLACK, BLUE, GREY, VERMILION
+from paper_figs.palette import BLACK, BLUE, DARK, GREY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import Source
-from paper_figs.style import PAGE, new_figure
+from paper_figs.style import NOTE, PAGE, new_figure
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.scenario.loading import load_scenario
@@ -25,6 +32,7 @@ SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"
 
 MAP_HEIGHT = 1.35
 """Of a picture of all axles [inches]."""
+NO_ONSET = "no slip or\nslide was found"
 DEVIATIONS = 2
 """Standard deviations that are drawn of an estimated speed."""
 
@@ -119,7 +127,7 @@ def _error(log: MeasuredLog) -> str:
 def _slips(drawn: Figure, axes: Axes, log: MeasuredLog, found: Findings) -> None:
     """Slip of every axle, and a ring where each slip found is largest."""
     time, slip = log.run.time, np.abs(found.slip_velocity)
-    image = axle_map(axes, time, slip, SLIP_SHADES, Normalize(0.0, _top(slip)))
+    image = axle_map(axes, time, slip, SLIP_SHADES, Normalize(0.0, max(LEAST_SLIP, _top(slip))))
     marks = []
     for event in found.events:
         inside = np.flatnonzero((time >= event.start) & (time <= event.end))
@@ -153,6 +161,10 @@ def _onsets(axes: Axes, found: Findings) -> None:
     _mark(axes, places, "D")
     axes.set(title="adhesion at onset", xlabel="coefficient [–]")
     axes.set_xlim(0.0, 1.15 * max((place[0] for place in places), default=1.0))
+    if not places:
+        axes.text(
+            0.5, 0.5, NO_ONSET, transform=axes.transAxes, ha="center", va="center", fontsize=NOTE, color=DARK,
+        )  # fmt: skip
 
 
 def _per_axle(axes: Axes, values: NDArray[np.float64], label: str) -> None:

@@ -21,20 +21,38 @@ NOTHING = "nothing to draw:\nnone of these events\nbears on it"
 def mark_as_draft(drawn: Figure, words: str) -> None:
     """Add a strip under the figure that says what the draft lacks; panels keep their size."""
     width, height = drawn.get_size_inches()
-    lines = wrap(words, int(width / LETTER))
+    lines = wrap(words, int(width / LETTER), break_on_hyphens=False)  # a command stays in one piece
     strip = LINE * (len(lines) + 0.5)
-    drawn.set_size_inches(width, height + strip)
-    low = strip / (height + strip)
-    above = (0.0, low, 1.0, 1.0 - low)
     engine = drawn.get_layout_engine()
+    below, over = _room_of_legends(drawn)
+    drawn.set_size_inches(width, height + strip)
+    whole = height + strip
+    low = strip / whole
+    above = (0.0, low, 1.0, 1.0 - low)
     if isinstance(engine, ConstrainedLayoutEngine):
-        engine.set(rect=above)
+        # a legend with an anchor is left out of the layout: its room is kept here
+        engine.set(rect=(0.0, low + below / whole, 1.0, 1.0 - low - (below + over) / whole))
     for legend in drawn.legends:  # those of subfigures move with them
         legend.set_bbox_to_anchor(above, transform=drawn.transFigure)
     line = drawn.text(
         0.5, 0.5 * low, "\n".join(lines), ha="center", va="center", fontsize=NOTE, color=DRAFT,
     )  # fmt: skip
     line.set_in_layout(False)
+
+
+def _room_of_legends(drawn: Figure) -> tuple[float, float]:
+    """Heights that legends outside of the panels take, below and above them [inches]."""
+    engine = drawn.get_layout_engine()
+    if not isinstance(engine, ConstrainedLayoutEngine):
+        return 0.0, 0.0
+    drawn.draw_without_rendering()
+    room = {"lower": 0.0, "upper": 0.0}
+    for legend in drawn.legends:
+        side = legend._outside_loc  # type: ignore[attr-defined]  # no public name says it
+        if side in room:
+            high = legend.get_window_extent().height / drawn.dpi + 2.0 * engine.get()["h_pad"]
+            room[side] = max(room[side], high)
+    return room["lower"], room["upper"]
 
 
 def say_where_nothing_is_drawn(drawn: Figure) -> None:

@@ -46,19 +46,22 @@ def open_rails_coefficient(slip: NDArray[np.float64], coded: bool) -> NDArray[np
 
 @figure("open-rails", "Polach's law in Open Rails, as coded and corrected, and in this plant")
 def open_rails() -> Figure:
-    """Left: coefficients over the slip velocity on wet rail. Right: creep stiffness over the wheel load."""
+    """Left: coefficients over the slip velocity on wet rail, with their peaks.
+
+    Right: creep stiffness over the wheel load.
+    """
     drawn, (left, right) = new_panels(PAGE, 3.0, 1, 2)
     slip = np.geomspace(1e-3, SPEED, 1000)
     curve = PolachByFrictionCurve()
     plant = -curve.coefficient(-slip, FRICTION, SPEED, curve.contact(LOAD, RADIUS))
-    for label, values, colour, dashes in (
-        ("Open Rails as coded", open_rails_coefficient(slip, True), VERMILION, "-"),
-        ("Open Rails corrected", open_rails_coefficient(slip, False), BLACK, "-"),
-        ("this plant", plant, BLUE, "--"),
+    for label, values, colour, dashes, size in (
+        ("Open Rails as coded", open_rails_coefficient(slip, True), VERMILION, "-", 4),
+        ("Open Rails corrected", open_rails_coefficient(slip, False), BLACK, "-", 7),
+        ("this plant", plant, BLUE, "--", 4),
     ):
         left.semilogx(slip, values, color=colour, linestyle=dashes, label=label)
         top = int(values.argmax())
-        left.plot(slip[top], values[top], "o", color=colour, markersize=4)
+        left.plot(slip[top], values[top], "o", color=colour, markersize=size, gid=f"{label}, peak")
     left.set(
         xlim=(slip[0], slip[-1]), ylim=(0.0, 0.32), xlabel="slip velocity [m/s]",
         ylabel="tangential force coefficient [–]", title="(a) wet rail, 72 km/h, 100 kN per wheel",

@@ -7,6 +7,8 @@ import pandas as pd
 
 from studies.comparison.defaults import DEFAULT_SEEDS, default_rules
 from studies.core.arms import COMPARED
+from studies.core.gallery import Asked
+from studies.core.job import Job
 from studies.core.study import Study
 from studies.scenario.loading import SCENARIOS, default_scenarios, load_scenario
 
@@ -26,8 +28,11 @@ class Origin:
     @property
     def words(self) -> str:
         """What is drawn, from which seeds, and where it comes from."""
-        seeds = "seed" if len(self.seeds) == 1 else "seeds"
-        return f"{self.shown}, {seeds} {', '.join(map(str, self.seeds))}; `{self.command}`"
+        shown = self.shown
+        if self.seeds:
+            seeds = "seed" if len(self.seeds) == 1 else "seeds"
+            shown += f", {seeds} {', '.join(map(str, self.seeds))}"
+        return f"{shown}; `{self.command}`"
 
 
 def of_study(study: Study, events: int | None) -> Origin:
@@ -37,23 +42,29 @@ def of_study(study: Study, events: int | None) -> Origin:
     return Origin(f"readhesion sweep {study.name}", shown, (0,), events is None or events < whole)
 
 
-def of_run(scenario: str, rule: str, controller: str, seed: int) -> Origin:
-    """Origin of a recorded run."""
-    words = f"{scenario} --rule {rule} --controller {controller} --seed {seed}"
-    return Origin(f"readhesion simulate {words}", f"one run of {scenario}", (seed,))
+def of_job(job: Job, command: str = "") -> Origin:
+    """Origin of a recorded run, made by `command`; without one the scenario is told by its name."""
+    name = job.scenario.name
+    words = f"{name} --rule {job.rule} --controller {job.controller} --seed {job.seed}"
+    return Origin(command or f"readhesion simulate {words}", f"one run of {name}", (job.seed,))
 
 
-def of_comparison(table: pd.DataFrame) -> Origin:
-    """Origin of the rows of a comparison; a draft where events that draw something have fewer seeds than by default."""
+def of_comparison(table: pd.DataFrame, asked: Asked | None = None) -> Origin:
+    """Origin of the rows of a comparison; a draft where events that draw something have fewer seeds than by default.
+
+    Unless it is known how they were `asked` for, a command is told that names the same parts.
+    """
     seeds = tuple(sorted({int(seed) for seed in table["seed"]}))
     scenarios = list(dict.fromkeys(table["scenario"]))
-    drawing = [name for name in scenarios if name not in SCENARIOS or load_scenario(name).draws()]
-    fewer = bool(drawing) and len(seeds) < DEFAULT_SEEDS
+    if asked is None:
+        drawing = any(name not in SCENARIOS or load_scenario(name).draws() for name in scenarios)
+        asked = Asked(_command_of(table, scenarios), not drawing or len(seeds) >= DEFAULT_SEEDS)
+    fewer = not asked.whole
     events = f"{len(scenarios)} event{'s' * (len(scenarios) != 1)}"
-    shown = f"{events} of up to {len(seeds)} seeds"
+    shown = f"{events} of up to {len(seeds)} seeds" if len(seeds) > 1 else f"{events} of 1 seed"
     if fewer:
         shown = f"{events}, {len(seeds)} of {DEFAULT_SEEDS} seeds each"
-    return Origin(_command_of(table, scenarios), shown, seeds, fewer)
+    return Origin(asked.command, shown, seeds, fewer)
 
 
 def _command_of(table: pd.DataFrame, scenarios: Sequence[str]) -> str:

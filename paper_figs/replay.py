@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from alloc.run_attributes import attributes_of
 from paper_figs.adhesion_use import AVAILABLE, LIMIT, ROOM, AdhesionUse, draw_use, use_of_units
-from paper_figs.axle_maps import ADHESION_SHADES, SLIP_SHADES, UNKNOWN
+from paper_figs.axle_maps import ADHESION_SHADES, LEAST_SLIP, SLIP_SHADES, UNKNOWN
 from paper_figs.moving import Motion, MovingFigure
 from paper_figs.palette import BLACK, DARK
 from paper_figs.registry import figure
@@ -34,6 +34,8 @@ PLACES = 700
 CAR, WHEEL, RAIL = (0.42, 0.5), 0.3, 0.16
 """Bottom and height of a car, place of its wheels, and height of the rail, in the height of their panel."""
 MOTOR_CAR = "#eef2f6"
+MOST_WHEELS = 32
+"""Axles that have room beside each other; wheels of longer trains are drawn smaller."""
 MOST_NAMED = 10
 """Cars of a train up to which the name of a unit has room in its cars."""
 
@@ -170,9 +172,10 @@ def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -
                 -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1], _of_units(int(driven.min()), int(driven.max())), fontsize=NOTE,
                 ha="center", va="center_baseline",
             )  # fmt: skip
+    size = min(1.0, MOST_WHEELS / behind.size)
     wheels = axes.scatter(
-        behind, np.full(behind.size, WHEEL), s=np.where(axle_unit >= 0, 13.0, 6.0), c=event.slip[0],
-        cmap=SLIP_SHADES, norm=Normalize(0.0, float(event.slip.max())), edgecolors=BLACK, linewidths=0.5,
+        behind, np.full(behind.size, WHEEL), s=size * np.where(axle_unit >= 0, 13.0, 6.0), c=event.slip[0],
+        cmap=SLIP_SHADES, norm=Normalize(0.0, _most(event.slip)), edgecolors=BLACK, linewidths=0.5,
         zorder=3,
     )  # fmt: skip
     axes.set_ylim(0.0, 1.0)
@@ -187,6 +190,11 @@ def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -
         wheels.set_array(event.slip[k])
 
     return move
+
+
+def _most(slip: Floats) -> float:
+    """End of a scale of slip velocities [m/s]."""
+    return max(LEAST_SLIP, float(slip.max()))
 
 
 def _of_units(first: int, last: int) -> str:
@@ -226,7 +234,7 @@ def _forces(axes: Axes, event: Event, train: Train, colour: str) -> Mover:
 def _slips(axes: Axes, event: Event, train: Train) -> Mover:
     """Slip of the worst axle of each unit."""
     centre, width = _centres(train, len(event.units))
-    top = float(event.worst.max())
+    top = _most(event.worst)
     bars = axes.bar(centre, 0.0, 0.55 * width)
     axes.set(ylim=(0.0, 1.05 * top), ylabel="slip [m/s]", xticks=[])
 

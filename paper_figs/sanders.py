@@ -50,7 +50,10 @@ BLANK: Look = {"linestyle": "none", "markersize": 4.5}
 @figure("sanders", "sanders: trials of RSSB T1107, places of the same sand, and sharing of the brake force",
         study("sanders"))  # fmt: skip
 def sanders(table: pd.DataFrame) -> Figure:
-    """Left: stopping distances of the trial. Middle: half of the sand at each of two cars. Right: placement and sharing."""
+    """(a) Stopping distances of the trial; that without sanders did not end. (b) Half of the sand at each of two cars.
+
+    The star has the shortest distance. (c) Placement and sharing: means over events with 95 % intervals.
+    """
     drawn = new_figure(PAGE, 3.4)
     trial, pairs, places = drawn.subplots(1, 3, width_ratios=[1.0, 1.05, 1.1])
     ok = table[table["status"] == "ok"]
@@ -76,7 +79,7 @@ def _draw_trial(rows: pd.DataFrame, axes: Axes) -> None:
     for k, ((units, curve), look) in enumerate(TRIAL_LOOKS.items()):
         found = rows[(rows["units"] == units) & (rows["curve"] == curve)].set_index("kind")
         metres = found["distance"].reindex(list(DISTANCES))
-        axes.plot(metres, np.arange(len(DISTANCES)) + 0.16 * (k - 1), **look, **BLANK)
+        axes.plot(metres, np.arange(len(DISTANCES)) + 0.2 * (k - 1), **look, **BLANK)
     name_rows(axes, list(DISTANCES))
     bare_rows(axes)
     axes.set(xlabel="stopping distance [m]", title="(a) 55 mph, friction 0.02", xlim=(0.0, None))
@@ -101,7 +104,7 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
     )
     inside = axes.inset_axes((0.5, 0.88, 0.45, 0.05))
     bar = drawn.colorbar(image, cax=inside, orientation="horizontal")
-    plain_ticks(bar.ax.xaxis, FixedLocator([400, 600, 900]))
+    plain_ticks(bar.ax.xaxis, FixedLocator([450, 600, 900]))
     bar.ax.tick_params(labelsize=NOTE)
     bar.set_label("stopping\ndistance [m]", fontsize=NOTE)
     bar.outline.set_visible(False)

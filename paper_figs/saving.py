@@ -17,6 +17,9 @@ from paper_figs.origin import Origin
 from paper_figs.style import STYLE_FILE
 from studies.files.study_error import StudyError
 
+MOVING = ".gif"
+"""Ending of files of a figure that moves."""
+
 
 @dataclass(frozen=True)
 class Legend:
@@ -75,9 +78,9 @@ def save_figure(drawn: Figure, path: Path, legend: Legend | None = None) -> list
         write_whole(files[2], lambda file: file.write_text(said.text(data), encoding="utf-8"))
         write_whole(files[3], lambda file: file.write_bytes(data))
         if isinstance(drawn, MovingFigure):
-            files.append(path.with_name(f"{path.name}.gif"))
+            files.append(path.with_name(path.name + MOVING))
             with mpl.rc_context(fname=STYLE_FILE):
-                write_whole(files[-1], drawn.save_motion)
+                save_image(drawn, files[-1], said, data)
     except OSError as error:
         raise StudyError(
             f"figure folder {str(path.parent)!r} cannot be written: {error.strerror}; choose another with --out"
@@ -87,6 +90,13 @@ def save_figure(drawn: Figure, path: Path, legend: Legend | None = None) -> list
 
 def save_image(drawn: Figure, path: Path, legend: Legend, data: bytes) -> None:
     """Write one image; its ending gives the format, and what a format can say of itself it says."""
+    if path.suffix.lower() == MOVING:
+        if not isinstance(drawn, MovingFigure):
+            raise StudyError(
+                f"figure {str(path)!r}: {legend.name} does not move; take .pdf, .png or .svg"
+            )
+        write_whole(path, drawn.save_motion)
+        return
     told = legend.fields(data)
     spell = _IN_FORMAT.get(path.suffix.lower())
     metadata = None if spell is None else spell(told)

@@ -163,7 +163,7 @@ def _band_handle() -> Line2D:
 def slide_pareto(table: pd.DataFrame) -> Figure:
     """Three cars. Small: every sensitivity tried; line: those that none beats in both; large: the three settings.
 
-    Band: where the fronts of 90 % of the ensemble lie.
+    Band: where the fronts of 90 % of the ensemble lie, over those Q that at least half of its members reach.
     """
     drawn, axes = new_panels(PAGE, 4.0)
     _members_front(axes, table)

@@ -9,10 +9,11 @@ import pandas as pd
 import xarray as xr
 
 from alloc.recording import load
-from paper_figs.origin import Origin, of_comparison, of_run, of_study
+from paper_figs.origin import Origin, of_comparison, of_job, of_study
 from studies.comparison.defaults import KEPT_RUNS, default_grid
 from studies.core.cell import OnRow, key_of
 from studies.core.collection import find_study, study_folder
+from studies.core.gallery import Asked
 from studies.core.job import Job, simulate_job
 from studies.core.runner import run_cells
 from studies.core.store import Store
@@ -28,8 +29,11 @@ class Source:
         table: pd.DataFrame | None = None,
         jobs: int = 1,
         on_row: OnRow | None = None,
+        asked: Asked | None = None,
     ) -> None:
         self.store = store
+        self.asked = asked
+        """How the table of the comparison was asked for, where this is known."""
         self.jobs = jobs
         self.on_row = on_row
         self._table = table
@@ -52,8 +56,8 @@ class Source:
 
     def run(self, scenario: str, rule: str, controller: str, seed: int = 0) -> xr.Dataset:
         """A recorded run of a shipped scenario, from its file or anew."""
-        self.origins.append(of_run(scenario, rule, controller, seed))
         job = Job(load_scenario(scenario), rule, controller, seed)
+        self.origins.append(of_job(job))
         path = self.store.run_path(key_of(job))
         return simulate_job(job) if path is None else load(path)
 
@@ -81,7 +85,7 @@ Need = Callable[[Source], Any]
 def comparison(source: Source) -> pd.DataFrame:
     """Need: the rows of the comparison."""
     if not source.table.empty:
-        source.origins.append(of_comparison(source.table))
+        source.origins.append(of_comparison(source.table, source.asked))
     return source.table
 
 

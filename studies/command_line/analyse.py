@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import ALL_FAILED, FilePath
+from studies.command_line.options import ALL_FAILED, FilePath, command_of, said
 from studies.command_line.terminal import console, progress
 from studies.files.study_error import StudyError
 from studies.files.writable import FIGURE, check_file, check_place, make_folder
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from studies.logs.mapping import Mapping
     from studies.logs.measured_log import MeasuredLog
 
+SLIP_KMH, SLIP_PERCENT = 0.72, 5.0
+"""Slip velocity and share of the speed from which on an axle slips."""
 BESIDE = "log.toml"
 """Mapping file that is used where it lies beside the log."""
 
@@ -51,8 +53,8 @@ def analyse(
     out: FilePath | None = None,
     events: FilePath | None = None,
     figure: FilePath | None = None,
-    slip_kmh: float = 0.72,
-    slip_percent: float = 5.0,
+    slip_kmh: float = SLIP_KMH,
+    slip_percent: float = SLIP_PERCENT,
     further: Further = SLIPS_ALONE,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int | None:
@@ -124,7 +126,11 @@ def analyse(
     )  # fmt: skip
     failed: dict[str, str] = {}
     if len(logs) == 1:
-        reports = [_one(logs[0], setting, figure)]
+        command = command_of(
+            "analyse", str(logs[0]), train=[train], mapping=said(mapping), line=said(line), start_m=said(start_m),
+            slip_kmh=said(slip_kmh, SLIP_KMH), slip_percent=said(slip_percent, SLIP_PERCENT),
+        )  # fmt: skip
+        reports = [_one(logs[0], setting, figure, command)]
     else:
         reports, failed = _batch(logs, setting)
     if out is not None:
@@ -148,8 +154,10 @@ class _Setting:
     further: Further
 
 
-def _one(path: Path, setting: _Setting, figure: Path | None = None) -> dict[str, Any]:
-    """The report of a log; raises `StudyError`."""
+def _one(
+    path: Path, setting: _Setting, figure: Path | None = None, command: str = ""
+) -> dict[str, Any]:
+    """The report of a log, and its figure, which `command` gives; raises `StudyError`."""
     from alloc.estimation.measured_run import analyse_run
     from studies.logs.mapping import read_mapping
     from studies.logs.measured_log import read_log
@@ -167,7 +175,7 @@ def _one(path: Path, setting: _Setting, figure: Path | None = None) -> dict[str,
     if figure is not None:
         from studies.core.gallery import gallery
 
-        gallery().draw_one("measured-log", figure, measured, found)
+        gallery().draw_one("measured-log", figure, measured, found, command=command)
     return report
 
 

@@ -15,7 +15,9 @@ from studies.command_line.options import (
     Whole,
     Work,
     check_whole,
+    command_of,
     process_count,
+    said,
     split_names,
 )  # fmt: skip
 from studies.command_line.terminal import console, counted, of_shard, progress
@@ -75,7 +77,7 @@ def compare(
     """
     from alloc.recording import provenance
     from alloc.sources import code_hash
-    from studies.comparison.defaults import KEPT_RUNS, make_grid
+    from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
     from studies.core.runner import check_rules, run_cells
@@ -86,8 +88,10 @@ def compare(
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_place(out)
-    chosen = _scenarios(split_names(scenario), line, train)
-    grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)
+    given = {"scenario": scenario, "rules": rules, "controllers": controllers}
+    parts = {name: split_names(words) for name, words in given.items()}
+    chosen = _scenarios(parts["scenario"], line, train)
+    grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
     cells = shard.of_cells(grid.jobs())
     kept = KEPT_RUNS if keep is None else keep
     check = partial(check_rules, grid.rules)
@@ -114,9 +118,12 @@ def compare(
             screen.print(item)
         screen.print(f"{counted(table, 'runs')}{of_shard(work)}; table in {store.path}")
     if figures and not work.shard:
-        from studies.core.gallery import draw_comparison
+        from studies.core.gallery import Asked, draw_comparison
 
-        written = draw_comparison(table, store, store.folder / "figures")
+        more = {"line": said(line), "train": said(train), "out": said(out, Path("results"))}
+        command = command_of("compare", **parts, **more)
+        whole = seeds is None or seeds >= DEFAULT_SEEDS or not any(one.draws() for one in chosen)
+        written = draw_comparison(table, store, store.folder / "figures", Asked(command, whole))
         if written and not as_json:
             console().print(f"figures in {store.folder / 'figures'}: {', '.join(written)}")
     return 0 if table.empty or (table["status"] == "ok").any() else ALL_FAILED

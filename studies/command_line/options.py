@@ -1,6 +1,7 @@
 """Values of command-line options, read and checked before anything is run."""
 
 import os
+import shlex
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -56,6 +57,24 @@ def split_names(values: Sequence[str] | None) -> list[str] | None:
     if not any(names):
         raise StudyError("an option for names was given without one; `readhesion list` has them")
     return names
+
+
+def command_of(name: str, *words: str, **options: Sequence[str] | None) -> str:
+    """A command as a person would type it; options that were not given are left out, plug-ins stand before it."""
+    from studies.core.plugins import plugin_files
+
+    begin = ["readhesion", *(word for file in plugin_files() for word in ("--plugin", file)), name]
+    told = [word for key, values in options.items() if values for word in (_option(key), *values)]
+    return shlex.join([*begin, *words, *told])
+
+
+def said(value: object, default: object = None) -> list[str] | None:
+    """The words of an option's value for `command_of`; None where it is the `default`."""
+    return None if value == default else [f"{value:g}" if isinstance(value, float) else str(value)]
+
+
+def _option(field: str) -> str:
+    return f"--{field.replace('_', '-')}"
 
 
 def split_numbers(option: str, values: Sequence[str]) -> list[float]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from studies.command_line.options import FilePath, Names, split_names
+from studies.command_line.options import FilePath, Names, command_of, said, split_names
 from studies.command_line.terminal import console, progress
 from studies.files.study_error import FileWarning, StudyError
 from studies.files.writable import FIGURE, RUN, check_file
@@ -88,7 +88,11 @@ def run_line(
     if figure is not None:
         from studies.core.gallery import gallery
 
-        gallery().draw_one("real-line", figure, found)
+        command = command_of(
+            "run-line", line=said(line), train=said(train), load=said(load, 1.0), stops=wanted, dwell=said(dwell),
+            effort=said(effort, 1.0), coasting=said(coasting, 0.0),
+        )  # fmt: skip
+        gallery().draw_one("real-line", figure, found, command=command)
     content = summary(found) | {"remarks": [str(one.message) for one in told]}
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))

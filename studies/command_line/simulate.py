@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.command_line.options import GREATEST_SEED, FilePath, Whole, check_whole
+from studies.command_line.options import GREATEST_SEED, FilePath, Whole, check_whole, command_of
 from studies.command_line.terminal import console
-from studies.files.writable import FIGURE, LOG, RUN, check_file
+from studies.files.writable import LOG, MOVING_FIGURE, RUN, check_file
 
 
 def simulate(
@@ -39,7 +39,7 @@ def simulate(
         File for a log (csv or parquet) as `readhesion analyse` reads it; the train's data go beside
         it, with the ending .train.toml.
     figure
-        File for a figure of the run (pdf, png or svg).
+        File for a figure of the run (pdf, png or svg), or for one that moves (gif).
     as_json
         Print JSON instead of a table.
     """
@@ -58,9 +58,10 @@ def simulate(
     check_rules([rule])
     check_whole("--seed", seed, 0, GREATEST_SEED)
     beside = None if log is None else train_beside(log)
-    for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, FIGURE)):
+    for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, MOVING_FIGURE)):
         check_file(path, endings)
-    run = simulate_job(Job(chosen, rule, controller, seed))
+    job = Job(chosen, rule, controller, seed)
+    run = simulate_job(job)
     values = evaluate(run)
     if out is not None:
         save(run, out)
@@ -69,7 +70,8 @@ def simulate(
     if figure is not None:
         from studies.core.gallery import gallery
 
-        gallery().draw_run(run, figure)
+        parts = {"rule": [rule], "controller": [controller], "seed": [str(seed)]}
+        gallery().draw_run(run, figure, job, command_of("simulate", scenario, **parts))
     if as_json:
         about = {"scenario": chosen.name, "rule": rule, "controller": controller, "seed": seed}
         numbers = {name: None if value != value else value for name, value in values.items()}

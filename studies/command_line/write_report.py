@@ -1,6 +1,5 @@
 """`readhesion report`: a comparison as one HTML file that opens offline."""
 
-import shlex
 from pathlib import Path
 
 from studies.command_line.options import (
@@ -10,6 +9,7 @@ from studies.command_line.options import (
     Names,
     Whole,
     check_whole,
+    command_of,
     process_count,
     split_names,
 )  # fmt: skip
@@ -71,8 +71,7 @@ def write_report(
         "controllers": controllers,
         "seeds": None if seeds is None else [str(seeds)],
     }
-    told = [word for name, values in parts.items() if values for word in (f"--{name}", *values)]
-    command = shlex.join(["readhesion", "report", *told])
+    command = command_of("report", **parts)
     with workers(count) as others, progress() as on_row:
         material = gather(grid, results, command, others, on_row)
     page = rendered(material)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from studies.core.cell import OnRow
+    from studies.core.job import Job
     from studies.core.store import Store
 
 GROUP, FURTHER = "readhesion.gallery", "readhesion.figures"
@@ -32,6 +33,15 @@ class Saved(NamedTuple):
     """PDF, PNG, caption and data."""
     draft: str
     """What it lacks and which command gives it; empty where it shows all."""
+
+
+class Asked(NamedTuple):
+    """How rows of a comparison were asked for."""
+
+    command: str
+    """What gives them, without the number of seeds."""
+    whole: bool
+    """Whether it gives no more seeds than there are."""
 
 
 class Gallery(Protocol):
@@ -53,14 +63,22 @@ class Gallery(Protocol):
     ) -> list[Saved]:
         """Draw figures by name [default: all] from `results`, in which what is missing is run first."""
 
-    def draw_comparison(self, table: "pd.DataFrame", store: "Store", out: str | Path) -> list[str]:
+    def draw_comparison(
+        self,
+        table: "pd.DataFrame",
+        store: "Store",
+        out: str | Path,
+        asked: Asked | None = None,
+    ) -> list[str]:
         """Draw the figures of a comparison; returns their names."""
 
-    def draw_one(self, name: str, path: str | Path, *data: Any) -> None:
-        """Draw a figure from data that the caller has."""
+    def draw_one(self, name: str, path: str | Path, *data: Any, command: str = "") -> None:
+        """Draw a figure from data that the caller has, made by `command`."""
 
-    def draw_run(self, run: "xr.Dataset", path: str | Path) -> None:
-        """Draw a recorded run over time."""
+    def draw_run(
+        self, run: "xr.Dataset", path: str | Path, job: "Job | None" = None, command: str = ""
+    ) -> None:
+        """Draw a recorded run over time, that of `job` and made by `command` where these are known."""
 
 
 def gallery() -> Gallery:
@@ -68,8 +86,13 @@ def gallery() -> Gallery:
     return cast(Gallery, _entry().load())
 
 
-def draw_comparison(table: "pd.DataFrame", store: "Store", out: Path) -> list[str]:
-    """Draw the figures of a comparison into `out`, unless those of the same rows by the same code are there; their names."""
+def draw_comparison(
+    table: "pd.DataFrame", store: "Store", out: Path, asked: Asked | None = None
+) -> list[str]:
+    """Draw the figures of a comparison into `out`; returns their names.
+
+    Those of the same rows, by the same code and asked for in the same words, are left as they are.
+    """
     mark = out / MARK
     parts = [
         _entry().module,
@@ -78,11 +101,11 @@ def draw_comparison(table: "pd.DataFrame", store: "Store", out: Path) -> list[st
     ]
     rows = " ".join(table["cell"] + table["status"])
     digest = hashlib.sha256(
-        f"{code_hash(*parts)} {version('matplotlib')} {rows}".encode()
+        f"{code_hash(*parts)} {version('matplotlib')} {asked} {rows}".encode()
     ).hexdigest()
     of, *names = mark.read_text().split() if mark.exists() else [""]
     if of != digest or not all((out / f"{name}.pdf").exists() for name in names):
-        names = gallery().draw_comparison(table, store, out)
+        names = gallery().draw_comparison(table, store, out, asked)
         if names:
             write_whole(mark, lambda path: path.write_text(" ".join([digest, *names])))
     return names

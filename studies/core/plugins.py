@@ -44,6 +44,13 @@ def plugin_modules() -> list[str]:
     return [module_name(file) for file in _files()]
 
 
+def plugin_files() -> list[str]:
+    """The files of the environment as a person would name them: those below the present folder from there."""
+    here = Path.cwd()
+    paths = map(Path, _files())
+    return [str(path.relative_to(here) if path.is_relative_to(here) else path) for path in paths]
+
+
 def _files() -> list[str]:
     return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 

@@ -9,6 +9,8 @@ from studies.files.study_error import StudyError
 
 RUN, FIGURE, LOG, PAGE = (".nc",), (".pdf", ".png", ".svg"), (".csv", ".parquet"), (".html",)
 """Endings of files by what they hold."""
+MOVING_FIGURE = (*FIGURE, ".gif")
+"""The same where a figure may move."""
 
 
 def check_file(path: Path | None, endings: Sequence[str]) -> None:

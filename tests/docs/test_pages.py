@@ -1,11 +1,14 @@
 """README and pages: their size, their links, their language, and what states the version."""
 
+import re
+import subprocess
 import tomllib
+from importlib.metadata import version
 
 import pytest
 import yaml
 
-from studies.command_line.main import app
+from studies.command_line.main import app, run
 from tests.docs.pages import PAGES, ROOT, anchors, blocks, links, sentences, without_code
 
 MOST_BYTES = 6000
@@ -72,13 +75,34 @@ def test_one_version_is_stated():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert str(cited["version"]) == project["version"]
-    assert (
-        f"({project['version']})" in PAGES["CHANGELOG.md"]
-        or f"## {project['version']}" in PAGES["CHANGELOG.md"]
-    )
+    heading = re.search(r"^## (.*)$", PAGES["CHANGELOG.md"], re.MULTILINE)[1]
+    released = re.fullmatch(r"(\d+\.\d+\.\d+) \((\d{4}-\d\d-\d\d)\)", heading)
+    if released:
+        assert released[1] == project["version"]
+        assert str(cited["date-released"]) == released[2]
+    else:
+        assert heading == f"Unreleased ({project['version']})"
     assert cited["license"] == project["license"]
     for key in ("cff-version", "message", "title", "authors"):
         assert cited[key], key
+
+
+def test_the_command_tells_the_version(capsys):
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert version("readhesion") == stated, "installed as another version; run `make setup`"
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.split() == [stated]
+
+
+def test_a_release_is_tagged_with_its_version():
+    """Tags of the present commit; a tree without git, or a clone without tags, has none."""
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    asked = ["git", "tag", "--points-at", "HEAD", "v[0-9]*"]
+    try:
+        told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    except OSError:
+        told = ""
+    assert set(told.split()) <= {f"v{stated}"}
 
 
 def test_every_command_has_an_example():

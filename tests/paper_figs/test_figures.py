@@ -7,16 +7,21 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from PIL import Image
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.rules import RULES
 from paper_figs.adhesion import PEAK
 from paper_figs.allocation import HIGH, LOW, SHOWN, allocate, caps
-from paper_figs.drawing import draw_comparison, draw_run, save_figure
+from paper_figs.drawing import draw_comparison, draw_one, draw_run, save_figure
+from paper_figs.events import slip_event
+from paper_figs.moving import MovingFigure
 from paper_figs.registry import FIGURES
 from paper_figs.style import CONTROLLER_FILL, STYLE_FILE, rule_colour
+from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
+from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 
@@ -185,6 +190,14 @@ def test_the_line_shows_the_run_below_what_is_permitted(drawn, line_run):
     assert (speed.get_ydata() - allowed).max() < 2.0  # between two points of the drawn curve
 
 
+def test_stops_of_a_line_are_named_as_points_passed_are(line_run):
+    stops = {one.point.name for one in line_run.stops}
+    assert stops
+    named = [text.get_text() for text in FIGURES["real-line"](line_run).axes[0].texts]
+    assert stops <= set(named)
+    assert len(named) == len(set(named))
+
+
 def test_a_comparisons_figures_are_drawn_with_it(source, tmp_path):
     names = draw_comparison(source.table, source.store, tmp_path)
     assert names == [name for name, entry in FIGURES.items() if entry.of_comparison]
@@ -207,6 +220,51 @@ def test_a_folder_that_cannot_be_written_is_refused(drawn, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
         save_figure(drawn["adhesion-curve"], tmp_path / "file" / "figure")
+
+
+def test_a_run_of_any_event_is_shown_as_it_happens(tmp_path, monkeypatch):
+    """Train, rule, controller and seed are those of the job, and the file's ending says that the figure moves."""
+    scenario = load_scenario("long-train").changed(duration_s=2.0)
+    job = Job(scenario, "exact", "none", 3)
+    run, shown = simulate_job(job), []
+    monkeypatch.setattr(
+        MovingFigure, "save_motion", lambda self, path: shown.append(self) or path.touch()
+    )
+    draw_run(run, tmp_path / "run.gif", job)
+    (figure,) = shown
+    line = figure.axes[0]
+    cars = [patch for patch in line.patches if patch.get_y() > 0.0]
+    assert len(cars) == len(scenario.event(3).model.train.cars)
+    assert line.get_title(loc="left").startswith("exact, none: ")
+    with pytest.raises(StudyError, match="not known of what event"):
+        draw_run(run, tmp_path / "run.gif")
+    with pytest.raises(StudyError, match="no motor"):
+        draw_run(
+            brake(replace(brake_event(DEMONSTRATION, 1), duration=1.0)), tmp_path / "run.gif", job
+        )
+    with pytest.raises(StudyError, match="does not move"):
+        draw_one("allocation-bars", tmp_path / "bars.gif")
+
+
+def test_a_runs_file_names_the_command_that_made_it(runs, tmp_path):
+    job = Job(load_scenario("very-low-adhesion"), "alone", "cut-and-ramp", 4)
+    for command, words in (
+        ("", "simulate very-low-adhesion --rule alone"),
+        ("readhesion simulate my/own.toml", "my/own.toml"),
+    ):
+        draw_run(runs[0], tmp_path / "run.png", job, command)
+        source = Image.open(tmp_path / "run.png").text["Source"]
+        assert words in source
+        assert "seed 4" in source
+
+
+def test_slip_that_is_no_more_than_creep_is_not_drawn_as_spinning(runs):
+    """The darkest shade stands for the greatest slip, or for one at which a wheel spins."""
+    run = runs[0].copy()
+    for factor in (1.0, 1e-3):
+        run["slip_velocity"] = factor * runs[0]["slip_velocity"]
+        slip = slip_event(run).axes[1].images[0]
+        assert slip.norm.vmax == max(0.1, float(abs(run["slip_velocity"]).max()))
 
 
 @pytest.mark.parametrize("cars", [1, 2])

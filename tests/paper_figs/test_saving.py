@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import studies.core.gallery as loader
-from paper_figs.drawing import draw_one, save_figure
+from paper_figs.drawing import draw_comparison, draw_one, save_figure
 from paper_figs.drawn_data import drawn_data
 from paper_figs.marks import NOTHING, say_where_nothing_is_drawn
 from paper_figs.origin import Origin, of_comparison, of_study
@@ -20,10 +20,11 @@ from paper_figs.source import Source
 from paper_figs.style import COLUMN, PAGE, STYLE_FILE, Width, new_figure, new_panels, rule_look
 from studies.command_line.figures import figures
 from studies.core.collection import find_study
-from studies.core.gallery import Saved
+from studies.core.gallery import Asked, Saved
 from studies.core.store import Store
 from studies.core.study import Study
 from tests.paper_figs.text_boxes import cut_off, overlapping, words_of
+from tests.studies.comparison_tables import RULES, SCENARIOS, comparison_table
 from tests.studies.headroom_tables import headroom_table
 from tests.studies.ladder_tables import ladder_table
 
@@ -125,6 +126,49 @@ def test_origin_of_a_comparison_names_its_own_parts():
     assert found.shown == "2 events, 2 of 5 seeds each"
     assert found.command == "readhesion compare --scenario wet-start wet-patch --rules alone --controllers mpc"  # fmt: skip
     assert not of_comparison(pd.concat([table, table.assign(seed=[2, 3])] * 2).assign(seed=[*range(8)])).draft  # fmt: skip
+
+
+ASKED = Asked("readhesion compare --scenario my/own.toml", whole=False)
+
+
+def test_a_comparison_names_the_command_as_it_was_given(tmp_path):
+    table = comparison_table(seeds=2)
+    assert of_comparison(table, ASKED) == Origin(
+        ASKED.command, "3 events, 2 of 5 seeds each", (0, 1), True
+    )
+    # an event that leaves nothing to the seed is complete with one
+    assert not of_comparison(table, ASKED._replace(whole=True)).draft
+    draw_comparison(table, Store(tmp_path), tmp_path, ASKED)
+    for name in ("rule-comparison", "utilisation-damage"):
+        assert f"in full: {ASKED.command}\n" in (tmp_path / f"{name}.txt").read_text()
+
+
+@pytest.mark.parametrize("events", [1, 2, 3])
+@pytest.mark.parametrize("name", ["rule-comparison", "utilisation-damage"])
+def test_few_events_as_a_draft_cover_nothing(events, name, tmp_path):
+    """Its legend stands between the panels and the line of the draft, however few panels there are."""
+    table = comparison_table(seeds=2)
+    table = table[table["scenario"].isin(SCENARIOS[:events])]
+    drawn = FIGURES[name].make(Source(Store(tmp_path), table, asked=ASKED))
+    with mpl.rc_context(fname=STYLE_FILE):
+        words = words_of(drawn)
+    assert any(one.text.startswith("draft: ") for one in words)
+    assert overlapping(words) == []
+    assert cut_off(drawn, words) == []
+    (legend,) = drawn.legends
+    high = legend.get_window_extent().y1
+    assert all(axes.get_tightbbox().y0 >= high for axes in drawn.axes if axes.get_visible())
+
+
+@pytest.mark.parametrize("events", [1, 3])
+def test_one_seed_has_its_numbers_beside_and_no_panel_is_said_to_be_empty(events):
+    table = comparison_table(seeds=1)
+    drawn = FIGURES["utilisation-damage"](table[table["scenario"].isin(SCENARIOS[:events])])
+    told = csv_of(drawn)
+    assert set(told["series"]) == {
+        f"{rule} under {one}" for rule in RULES for one in ("mpc", "cut-and-ramp")
+    }
+    assert not any(text.get_text() == NOTHING for axes in drawn.axes for text in axes.texts)
 
 
 def test_an_empty_panel_says_why():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -9,12 +10,15 @@ import time
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 import alloc.rules.qp
 from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.recording import load
 from alloc.rules import RULES
+from studies.command_line.options import command_of
+from studies.core.plugins import VARIABLE
 from studies.core.store import Store
 from studies.scenario.loading import shipped_scenarios
 
@@ -59,6 +63,28 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tm
         stem = tmp_path / "out" / "figures" / name
         assert stem.with_suffix(".png").read_bytes().startswith(PNG)
         assert stem.with_suffix(".pdf").read_bytes().startswith(PDF)
+
+
+def test_the_figures_name_the_command_as_it_was_given(call, small, short_file, tmp_path):
+    """Of fewer seeds they are drafts; what they name runs as it stands, with the path and not with the event's name."""
+    call("compare", *small, "--seeds", 2)
+    told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
+    given = [str(word) for word in small if word not in ("--jobs", 1)]
+    assert f"in full: {shlex.join(['readhesion', 'compare', *given])}\n" in told
+    call("compare", *small)
+    told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
+    assert "Status: complete" in told
+    assert f"--scenario {shlex.quote(str(short_file))}" in told
+
+
+def test_a_command_is_told_with_its_plug_ins_and_can_be_typed_again(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(VARIABLE, f"{tmp_path / 'my rule.py'}:/elsewhere/other.py")
+    told = command_of("compare", scenario=["a b.toml", "c.toml"], rules=None, out=["x"])
+    assert shlex.split(told) == [
+        "readhesion", "--plugin", "my rule.py", "--plugin", "/elsewhere/other.py", "compare",
+        "--scenario", "a b.toml", "c.toml", "--out", "x",
+    ]  # fmt: skip
 
 
 def test_json_is_all_that_is_printed_and_holds_every_metric(call, small):
@@ -110,6 +136,25 @@ def test_one_event_is_simulated(call, short_file, tmp_path):
     assert all(name in out for name in METRICS)
     assert load(tmp_path / "run.nc").attrs["rule"] == "exact"
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
+
+
+def test_a_figure_of_a_line_or_a_log_names_the_command_that_gives_it(call, short_file, tmp_path):
+    place = tmp_path / "figure.png"
+
+    def told(*arguments):
+        assert call(*arguments, "--figure", place)[0] == 0
+        return Image.open(place).text["Source"]
+
+    log = tmp_path / "a log.csv"
+    call("simulate", short_file, "--log", log)
+    train = tmp_path / "a log.train.toml"
+    source = told("analyse", log, "--train", train, "--slip-kmh", 1.0)
+    words = shlex.join(
+        ["readhesion", "analyse", str(log), "--train", str(train), "--slip-kmh", "1"]
+    )
+    assert source == f"as given; `{words}`"
+    source = told("simulate", short_file, "--rule", "exact", "--seed", 2)
+    assert f"readhesion simulate {shlex.quote(str(short_file))} --rule exact" in source
 
 
 def test_one_event_as_json(call, short_file):

@@ -225,7 +225,7 @@ def test_figures_of_the_same_rows_are_drawn_once(tmp_path, monkeypatch):
     drawn = []
 
     class Drawing:
-        def draw_comparison(self, table, store, out):
+        def draw_comparison(self, table, store, out, asked):
             drawn.append(len(table))
             out.mkdir(exist_ok=True)
             (out / "one.pdf").touch()
@@ -240,6 +240,9 @@ def test_figures_of_the_same_rows_are_drawn_once(tmp_path, monkeypatch):
     (out / "one.pdf").unlink()
     gallery.draw_comparison(rows.assign(status="ok"), None, out)
     assert drawn == [2, 1, 2, 2]
+    for _ in range(2):  # other words stand in them
+        gallery.draw_comparison(rows.assign(status="ok"), None, out, gallery.Asked("other", True))
+    assert drawn == [2, 1, 2, 2, 2]
 
 
 class Named(NamedTuple):

@@ -177,6 +177,13 @@ def test_caps_follow_from_the_mark_of_the_foremost_limited_unit():
     assert memory.cap == pytest.approx([0.16, PROBE * 0.15, PROBE * 0.02], rel=1e-12)
 
 
+def test_no_cap_is_below_zero():
+    """Unit 1 carries 0.01, which leaves -0.01 for the unit ahead of it, which slips; so none is left."""
+    memory = told([1], delivered=(0.16, 0.01, 0.16), slipping=[0])
+    prepare(memory, rules(), tick=20)
+    assert memory.cap == pytest.approx([0.0, PROBE * 0.01, 0.16], abs=1e-15)
+
+
 def test_a_limited_unit_that_slips_is_held_below_its_mark_for_the_hold_time():
     for time, cap in ((2.0, KEPT * 0.15), (7.0, KEPT * 0.15), (7.01, PROBE * 0.15)):
         memory = told([1], delivered=(0.16, 0.15, 0.16), slipping=[1])
