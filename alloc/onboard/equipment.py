@@ -13,6 +13,7 @@ from alloc.onboard.quantity import filled
 from alloc.onboard.sanding import Sanders
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import Floats, Model
+from alloc.plant.structure import Structure
 
 Numbers = NDArray[np.int64]
 
@@ -226,12 +227,29 @@ STABLE_ANGLE = 0.3
 """Angle [rad] by which the fastest mode of the believed draft gears may turn per step."""
 
 
+GEAR_DAMPING = 0.3
+"""Greatest relative damping that is believed of friction draft gears: more would be stiff."""
+
+
+def _springs(s: Structure, mass: Floats) -> Floats:
+    """Couplers (bodies - 1, 4) as springs between masses (bodies,) [kg], friction draft gears before they begin to slide."""
+    structure, damping = s.draft_gear[:, 0], s.draft_gear[:, -1]
+    coupler = s.coupler.copy()
+    rubs = structure > 0.0
+    between = 1.0 / (1.0 / mass[:-1] + 1.0 / mass[1:])
+    most = 2.0 * GEAR_DAMPING * np.sqrt(structure * between)
+    coupler[rubs, 0] = structure[rubs]
+    coupler[rubs, 2] = np.minimum(damping, most)[rubs]
+    return coupler
+
+
 def _chain(model: Model, onboard: Onboard, weights: _Weights) -> Chain:
     s, belief = model.structure, onboard.belief
     bodies = s.body_mass.size
     mass: Any = belief.mass_factor * np.bincount(s.car_body, weights.cars, bodies)
     resistance: Any = np.stack([np.bincount(s.car_body, x, bodies) for x in s.car_resistance.T])
-    coupler: Floats = s.coupler * np.array([belief.coupler_factor, belief.coupler_factor, 1.0, 1.0])
+    coupler = _springs(s, mass)
+    coupler[:, :2] *= belief.coupler_factor
     return Chain(
         mass, float(mass.sum()), belief.resistance_factor * resistance.T.copy(), coupler,
         stable_steps(coupler, mass, onboard.period), weights.turning, weights.loaded * GRAVITY,
