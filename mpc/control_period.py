@@ -95,7 +95,7 @@ class PredictiveController:
             self._before = np.maximum(sign * torque, 0.0)
             self._solver.restart(self._before)
             self._sign = sign
-        elif self._shifts:
+        elif self._shifts and self._solver.prepared is None:
             self._solver.shift()
         speed, omega, torque = sign * speed, sign * omega, sign * torque
         limit = drive_limit if sign > 0.0 else brake_limit
@@ -114,4 +114,13 @@ class PredictiveController:
             problem = self._solver.ahead(problem, self._period)
         solution = self._solver.solve(problem)
         self._before = solution.torques[: len(senses)].copy()
+        if self.settings.phases_apart and solution.status == "ok" and not self._late:
+            self._prepare(problem)
         return sign * self._before, solution.status, solution.residual, solution.iterations
+
+    def _prepare(self, problem: HorizonProblem) -> None:
+        """The preparation phase for the next readings, once the command is out."""
+        if self._shifts:
+            self._solver.shift()
+        if not self._solver.prepare(problem._replace(before=self._before), self._period):
+            self._sign = 0.0

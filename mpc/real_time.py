@@ -12,8 +12,10 @@ from alloc.by_reference import ByReference
 from mpc.arrays import CURVATURE, PREPARE, RATE, SLOPE, TANGENT
 from mpc.assembly import compiled_group
 from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
+from mpc.phases import feedback, preparation
 from mpc.settings import MpcSettings
 from mpc.sqp import (
+    ENDED,
     NO_EIGENVALUES,
     NO_SOLUTION,
     NOT_FINITE,
@@ -75,6 +77,9 @@ class RealTimeIteration:
         )
         self._period = ByReference(self.period)
         self._iterate = iterate
+        self.prepared: int | None = None
+        """SQP steps of the preparation for the coming problem; None: there was none."""
+        self._left = 0
         self.torques = self.period.guess.torques
         """The guess, [N m], (horizon * units,)."""
 
@@ -85,17 +90,21 @@ class RealTimeIteration:
     def restart(self, torque: float | np.ndarray) -> None:
         """Discard the guess: hold `torque` [N m], (units,), over the horizon."""
         self._terms.unit.before[:] = torque
+        self.prepared = None
         hold(self._period)
 
     def take(self, problem: HorizonProblem) -> None:
-        """Copy what is new in a period to where the compiled code reads it."""
+        """Copy what is new in a period to where the compiled code reads it, and set the model's parameters."""
+        self._write(problem)
+        prepare(self._period)
+
+    def _write(self, problem: HorizonProblem) -> None:
         now, axle, unit = self.period.now, self._terms.axle, self._terms.unit
         now.state[:], now.parameters[:] = problem.state, problem.parameters
         now.upper.reshape(-1, self.units)[:] = problem.upper
         axle.slip_limit[:] = problem.slip_limit
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
-        prepare(self._period)
 
     def ahead(self, problem: HorizonProblem, time: float) -> HorizonProblem:
         """The problem from the state on that is predicted after `time` [s] under the torques before."""
@@ -103,12 +112,29 @@ class RealTimeIteration:
         ahead(time, self._period)
         return problem._replace(state=self.period.now.state.copy())
 
+    def prepare(self, problem: HorizonProblem, time: float) -> bool:
+        """Prepare for readings `time` [s] after those of `problem`, the last solved; whether that succeeded.
+
+        See `mpc.phases`; with the steps that are left of `most`.
+        """
+        self.take(problem)
+        done, end = preparation(self._left, time, self._period)
+        self.prepared = done if end <= ENDED else None
+        return end <= ENDED
+
     def solve(self, problem: HorizonProblem) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
 
-        At most `most` in all. A solution with another status than "ok" must not be used; the guess is then to be restarted.
+        At most `most` in all; after a preparation, by one. A solution with another status than "ok" must not be used; the
+        guess is then to be restarted.
         """
-        self.take(problem)
-        cost, residual, done, end = self._iterate(self.most, self._period)
+        if self.prepared is None:
+            self.take(problem)
+            cost, residual, done, end = self._iterate(self.most, self._period)
+        else:  # the model's parameters stay those of the preparation
+            self._write(problem)
+            cost, residual, done, end = feedback(self._period)
+        self._left = self.most - done
+        done, self.prepared = done + (self.prepared or 0), None
         status = FAILURES.get(end, "ok")
         return HorizonSolution(self.torques.copy(), cost, residual, done, status)

@@ -84,6 +84,26 @@ def step(p):
     return True
 
 
+@sweep(types.Tuple((float64, float64, int64))(PERIOD))
+def quadratic_model(p):
+    """Condense the cost around the trajectory; returns cost, residual, and `ENDED`, or what went wrong."""
+    guess = p.guess
+    condense(p.around, guess.torques, p.terms, p.rules.exact, p.quadratic)
+    cost, residual = trajectory_cost(p.around.nodes, guess.torques, p.terms), optimality(p)
+    finite = abs(cost) < np.inf and residual < np.inf
+    return cost, residual, ENDED if finite else NOT_FINITE
+
+
+@sweep(int64(PERIOD))
+def quadratic_step(p):
+    """Leave the end of the quadratic model's step in the trial torques; returns `ENDED`, or what went wrong."""
+    if p.rules.exact:
+        second_derivatives(p)
+        if not reflect(p.quadratic.hessian, p.rules.least_curvature, p.eigen):
+            return NO_EIGENVALUES
+    return ENDED if step(p) else NO_SOLUTION
+
+
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
@@ -149,7 +169,7 @@ def iterate(most, p):
     Cost and residual are those before the last step. The first step is always taken, since it responds to the measurement.
     Further steps are taken while the residual before the last step exceeds the tolerance.
     """
-    guess, exact = p.guess, p.rules.exact
+    guess = p.guess
     prepare(p)
     cost, residual, done, known = np.nan, np.inf, 0, False
     for i in range(guess.torques.size):
@@ -157,20 +177,16 @@ def iterate(most, p):
     while done < most:
         if not known:
             linearise_at(guess.torques, p)
-        condense(p.around, guess.torques, p.terms, exact, p.quadratic)
-        cost, residual = trajectory_cost(p.around.nodes, guess.torques, p.terms), optimality(p)
-        if not (abs(cost) < np.inf and residual < np.inf):
-            return cost, residual, done, NOT_FINITE
+        cost, residual, end = quadratic_model(p)
+        if end > ENDED:
+            return cost, residual, done, end
         near = residual <= p.rules.tolerance
         if near and done > 0:
             return cost, residual, done, ENDED
         done += 1
-        if exact:
-            second_derivatives(p)
-            if not reflect(p.quadratic.hessian, p.rules.least_curvature, p.eigen):
-                return cost, residual, done, NO_EIGENVALUES
-        if not step(p):
-            return cost, residual, done, NO_SOLUTION
+        end = quadratic_step(p)
+        if end > ENDED:
+            return cost, residual, done, end
         trials, known = HALVINGS + 1, False
         if not near and done == 1 and most > 1:
             # nearly every first step is taken whole, and the second begins with its derivatives; later ones seldom are

@@ -11,7 +11,7 @@ from mpc.belief import UnitBelief, with_predicted_curve
 from mpc.control_period import PredictiveController
 from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
-from mpc.settings import MpcSettings
+from mpc.settings import MpcError, MpcSettings
 from mpc.unit_model import Units
 from mpc.unit_problem import pose, unit_problem
 
@@ -36,6 +36,10 @@ class MpcController(PredictiveController):
         iteration: Iteration = RealTimeIteration,
     ) -> None:
         settings = settings or MpcSettings()
+        if settings.phases_apart and iteration is not RealTimeIteration:
+            raise MpcError(
+                "mpc: phases_apart = True needs the project's own solver; set it to False"
+            )
         predicted = with_predicted_curve(context)
         solver = iteration(predicted, settings)
         super().__init__([context], settings, solver)

@@ -10,6 +10,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import int64, void
 
 from alloc.by_address import address_of, record_at
 from alloc.by_reference import ByReference
@@ -18,6 +19,7 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats, Ints
 from mpc.arrays import inlined, sweep
 from mpc.belief import belief_of, believe, with_predicted_curve
+from mpc.phases import feedback, preparation
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.sqp import ENDED, ahead, hold, iterate, shift
@@ -26,6 +28,9 @@ from mpc.unit_problem import UnitProblem, empty_problem, pose, unit_problem
 STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
 """Status by number: the ends of `mpc.sqp` from `ENDED` on, then those of the period itself."""
 NOT_A_NUMBER, LATE = len(STATUSES) - 2, len(STATUSES) - 1
+
+NONE = -1
+"""In place of a number of steps: there is no preparation."""
 
 
 class Times(NamedTuple):
@@ -45,6 +50,8 @@ class Times(NamedTuple):
     """Whether a command acts a period after the readings from which it was computed."""
     predicted: bool
     """Whether it is computed from the state predicted for that instant."""
+    apart: bool
+    """Whether preparation and feedback are apart, see `mpc.phases`."""
 
 
 class UnitState(NamedTuple):
@@ -58,6 +65,10 @@ class UnitState(NamedTuple):
     """Direction in which the observers count; 0: a reading was missed, (1,)."""
     found: Ints
     """Status of the command that will act next, if commands are delayed, (1,)."""
+    left: Ints
+    """Most steps of the preparation that is to follow; `NONE`: none is, (1,)."""
+    prepared: Ints
+    """Steps of the preparation before the readings; `NONE`: there was none, (1,)."""
 
 
 def times_of(context: UnitContext, settings: MpcSettings) -> Times:
@@ -67,15 +78,20 @@ def times_of(context: UnitContext, settings: MpcSettings) -> Times:
     delayed = settings.computing_delay > 0
     return Times(
         max(1, most), most < 1, shifts, float(settings.step_time), float(context.period),
-        delayed, bool(delayed and settings.compensated),
+        delayed, bool(delayed and settings.compensated), settings.phases_apart,
     )  # fmt: skip
+
+
+def _at_start(times: Times, problem: UnitProblem) -> UnitState:
+    """State of a unit's controller before its first period."""
+    zero, whole = np.zeros(1), np.zeros(1, dtype=np.int64)
+    return UnitState(times, problem, zero, zero.copy(), whole, whole + NONE, whole + NONE)
 
 
 def _kind() -> Any:
     """Numba's type of a `UnitState`."""
-    times = Times(1, False, True, 0.0, 0.0, False, False)
-    none = np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64)
-    return ByReference(UnitState(times, empty_problem(), *none)).kind
+    times = Times(1, False, True, 0.0, 0.0, False, False, False)
+    return ByReference(_at_start(times, empty_problem())).kind
 
 
 state_at = record_at(_kind())
@@ -104,8 +120,8 @@ def _start(u, reading):
     if sign != u.sign[0]:
         before[0] = max(sign * reading.torque, 0.0)
         hold(u.problem.solver)
-        u.sign[0] = sign
-    elif u.times.shifts:
+        u.sign[0], u.prepared[0] = sign, NONE
+    elif u.times.shifts and u.prepared[0] == NONE:
         shift(u.problem.solver)
 
 
@@ -138,20 +154,27 @@ def _decide(u, reading, omega, answer):
     pose(u.problem, sign * reading.target, limit)
     if u.times.predicted:
         ahead(u.times.period, p)
-    _, residual, done, end = iterate(u.times.most, p)
-    before[0] = p.guess.torques[0]
-    answer.residual, answer.solve_time = residual, done * u.times.step
+    if u.prepared[0] == NONE:
+        _, residual, done, end = iterate(u.times.most, p)
+        answer.solve_time = done * u.times.step
+    else:
+        _, residual, done, end = feedback(p)
+        answer.solve_time = (u.prepared[0] + done) * u.times.step
+    before[0], answer.residual = p.guess.torques[0], residual
     answer.torque = in_force if u.times.delayed else sign * before[0]
     if end > ENDED:
         return end - ENDED
+    if u.times.apart:
+        u.left[0] = u.times.most - done
     return LATE if u.times.late else 0
 
 
 @sweep(STEP.signature)
-def unit_step(address, reading, omega, answer):
-    """A control period, see `alloc.onboard.compiled_controller.STEP`; `address`: of a `UnitState`."""
+def unit_feedback(address, reading, omega, answer):
+    """What waits for the readings of a control period; parameters as those of `unit_step`."""
     u = state_at(address)
     answer.residual, answer.solve_time = np.nan, 0.0
+    u.left[0] = NONE
     status = _decide(u, reading, omega, answer)
     if status != 0:
         u.sign[0] = 0.0  # guess anew: what the unit does meanwhile is not known here, but observed
@@ -162,15 +185,35 @@ def unit_step(address, reading, omega, answer):
         answer.torque = 0.0
 
 
+@sweep(void(int64))
+def unit_preparation(address):
+    """What can be done before the next readings, once the command is out."""
+    u = state_at(address)
+    u.prepared[0] = NONE
+    if u.left[0] != NONE and u.sign[0] != 0.0:
+        if u.times.shifts:
+            shift(u.problem.solver)
+        done, end = preparation(u.left[0], u.times.period, u.problem.solver)
+        if end > ENDED:
+            u.sign[0] = 0.0
+        else:
+            u.prepared[0] = done
+
+
+@sweep(STEP.signature)
+def unit_step(address, reading, omega, answer):
+    """A control period, see `alloc.onboard.compiled_controller.STEP`; `address`: of a `UnitState`."""
+    unit_feedback(address, reading, omega, answer)
+    unit_preparation(address)
+
+
 def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> CompiledController:
     """The compiled readhesion MPC of a unit at the start of a run."""
     settings = settings or MpcSettings()
     predicted = with_predicted_curve(context)
     solver = RealTimeIteration(predicted, settings)
     problem = unit_problem(predicted, settings, belief_of(context, settings), solver.period)
-    zero, found = np.zeros(1), np.zeros(1, dtype=np.int64)
-    state = UnitState(times_of(context, settings), problem, zero, zero.copy(), found)
-    record = ByReference(state)
+    record = ByReference(_at_start(times_of(context, settings), problem))
     return CompiledController(
         address_of(unit_step, STEP), record.address, STATUSES, (record, solver)
     )

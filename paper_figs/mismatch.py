@@ -14,7 +14,16 @@ from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import NOTE, PAGE, new_panels
 from studies.mismatch.rails import RAILS
-from studies.mismatch.settings import DELAYED, GIVEN, MIDDLE, NOISES, REFERENCE, SEARCHER, SOUGHT
+from studies.mismatch.settings import (
+    APART,
+    DELAYED,
+    GIVEN,
+    MIDDLE,
+    NOISES,
+    REFERENCE,
+    SEARCHER,
+    SOUGHT,
+)
 from studies.mismatch.statements import difference
 
 FEW_EVENTS = 2
@@ -58,6 +67,7 @@ GROUPS: dict[str, Sequence[Column]] = {
             SEARCHER.name: SEARCHER,
             "mpc": SOUGHT,
             "mpc, a period late": DELAYED,
+            "mpc, phases apart": APART,
         }.items()
     },
     "mpc at own peak ×": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],

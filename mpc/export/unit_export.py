@@ -12,11 +12,19 @@ from mpc.compiled_model import CompiledModel, compiled_model
 from mpc.export import c_known as known
 from mpc.export.c_kinds import DOUBLE, Array, Record, Several, Value, number_text
 from mpc.export.c_memory import Memory
-from mpc.export.c_program import Program, structure
+from mpc.export.c_program import Instance, Program, structure
 from mpc.settings import MpcSettings
 from mpc.sqp_period import Addresses
 from mpc.unit_model import unit_model
-from mpc.unit_step import STATUSES, UnitState, compiled_unit, state_at, unit_step
+from mpc.unit_step import (
+    STATUSES,
+    UnitState,
+    compiled_unit,
+    state_at,
+    unit_feedback,
+    unit_preparation,
+    unit_step,
+)
 
 _FIELDS = {
     "time": "[s]; not used",
@@ -63,6 +71,10 @@ def export_unit(
     omega = Value(Array(DOUBLE, (context.axles,)), "omega", (str(context.axles),))
     nothing = Value(Record("address", None))
     first = program.first(unit_step, [nothing, reading, omega, answer])
+    phases = [
+        program.first(unit_feedback, [nothing, reading, omega, answer]),
+        program.first(unit_preparation, [nothing]),
+    ]
     functions, uses = program.reached(first)
     memory = Memory(state, uses["field"])
     parts = [
@@ -79,11 +91,11 @@ def export_unit(
         *([*f"static {known.HELPERS[one]}".split("\n"), ""] for one in _helpers(uses)),
         *([*one.lines, ""] for one in functions),
         _start(memory),
-        _step(first.name, [*first.parameters]),
+        _entries(first, phases if settings.phases_apart else []),
     ]
     code = "\n".join(line.rstrip() for part in parts for line in part) + "\n"
     contents = {
-        "controller.h": _header(context, memory, name),
+        "controller.h": _header(context, memory, name, settings.phases_apart),
         "controller.c": code,
         "README": _readme(name),
         "made-from.json": _made_from(context, settings, name),
@@ -148,18 +160,33 @@ def _start(memory: Memory) -> list[str]:
     return [*constants, "", *made, "void controller_init(void)", "{", *lines, "}", ""]
 
 
-def _step(first: str, passed: list[str]) -> list[str]:
-    given = ", ".join(passed)
+_FEEDBACK = "void controller_feedback(const ControllerReading *reading, ControllerAnswer *answer)"
+_PREPARE = "void controller_prepare(void)"
+_STEP = "void controller_step(const ControllerReading *reading, ControllerAnswer *answer)"
+
+
+def _entries(whole: Instance, phases: list[Instance]) -> list[str]:
+    """What the header declares; `phases`: feedback and preparation, if each is to be called for itself."""
+    lines = ["typedef char memory_is_as_stated[sizeof memory == CONTROLLER_MEMORY ? 1 : -1];"]
+    for head, of in zip((_STEP, _FEEDBACK, _PREPARE), (whole, *phases), strict=False):
+        lines += ["", head, "{"]
+        if "omega" in of.parameters:
+            lines += [
+                "  double omega[CONTROLLER_AXLES];",
+                "  for (int64_t i = 0; i < CONTROLLER_AXLES; i++) omega[i] = reading->omega[i];",
+            ]
+        lines += [f"  {of.name}({', '.join(of.parameters)});", "}"]
+    return lines
+
+
+def _phases() -> list[str]:
     return [
-        "typedef char memory_is_as_stated[sizeof memory == CONTROLLER_MEMORY ? 1 : -1];", "",
-        "void controller_step(const ControllerReading *reading, ControllerAnswer *answer)", "{",
-        "  double omega[CONTROLLER_AXLES];",
-        "  for (int64_t i = 0; i < CONTROLLER_AXLES; i++) omega[i] = reading->omega[i];",
-        f"  {first}({given});", "}",
+        "", "/* Or its two phases, each by a call: on the readings, and once the command is out. */",
+        f"{_FEEDBACK};", f"{_PREPARE};",
     ]  # fmt: skip
 
 
-def _header(context: UnitContext, memory: Memory, name: str) -> str:
+def _header(context: UnitContext, memory: Memory, name: str, apart: bool) -> str:
     read = structure("ControllerReading", READING).fields
     answered = structure("ControllerAnswer", ANSWER).fields
     status = [f"  CONTROLLER_{one.upper().replace(' ', '_')}," for one in STATUSES]
@@ -180,8 +207,7 @@ def _header(context: UnitContext, memory: Memory, name: str) -> str:
         "} ControllerAnswer;", "",
         "typedef enum {", *status, "} ControllerStatus;", "",
         "/* Once, before the first step, and to start anew. */", "void controller_init(void);", "",
-        "/* A control period. */",
-        "void controller_step(const ControllerReading *reading, ControllerAnswer *answer);", "",
+        "/* A control period. */", f"{_STEP};", *(_phases() if apart else []), "",
         "#ifdef __cplusplus", "}", "#endif", "", "#endif",
     ]  # fmt: skip
     return "\n".join(lines) + "\n"

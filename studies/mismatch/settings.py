@@ -40,7 +40,9 @@ SEARCHER = Setting("perturb-observe", "perturb-observe")
 SOUGHT = Setting("mpc", "mpc")
 DELAYED = Setting("mpc, delayed", "mpc", {"computing_delay": 1})
 """Its commands act a control period after the readings that they follow from."""
-EVERYWHERE = (REFERENCE, SEARCHER, SOUGHT, DELAYED)
+APART = Setting("mpc, phases apart", "mpc", {"phases_apart": True})
+"""Its commands are prepared before the readings, which then wait for a quadratic program alone."""
+EVERYWHERE = (REFERENCE, SEARCHER, SOUGHT, DELAYED, APART)
 """Those that meet every noise."""
 SHARES = {0.5: "half its peak", 1.0: "its peak", 1.5: "1.5 times its peak"}
 RIGHT = SHARES[1.0]

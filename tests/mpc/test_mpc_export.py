@@ -70,6 +70,7 @@ SETTINGS = {
     "exact": MpcSettings(exact_hessian=True, horizon=8),
     "delayed, longer steps": MpcSettings(computing_delay=1, step=0.025, horizon=10),
     "late and delayed": MpcSettings(computing_delay=1, step_time=0.02),
+    "apart": MpcSettings(phases_apart=True),
 }
 
 

@@ -86,7 +86,7 @@ def test_every_cell_is_met_and_no_run_twice():
     for curve in RAILS:
         for noise in NOISES:
             met = {one.name for one in settings_at(curve, noise)}
-            assert {REFERENCE.name, SEARCHER.name, SOUGHT.name, DELAYED.name} <= met
+            assert {one.name for one in EVERYWHERE} <= met
         assert RIGHT in {one.name for one in settings_at(curve, MIDDLE)}
 
 
