@@ -10,6 +10,7 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from alloc.rules.exact import exact_limits
 from mpc.belief import with_predicted_curve
+from mpc.demand import tracked_coefficient
 from mpc.horizon import HorizonProblem, cost_of
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
@@ -45,6 +46,7 @@ class GroupProblem:
         self.share, self._scale = terms.share, terms.scale
         self.unit = unit_of_axle(group)
         """Number of each axle's unit, (axles,)."""
+        self._first = np.flatnonzero(np.diff(self.unit, prepend=-1))
         self.radius = np.array([context.radius for context in group])[self.unit]
         """Of each axle's wheels [m], (axles,)."""
         self._parameters = parameters(group, settings.belief.initial)
@@ -69,6 +71,7 @@ class GroupProblem:
         self._parameters[: omega.size] = rail.peak
         self._parameters[self._curve] = no_steeper(curve[0], curve[1], rail.peak.max())
         self._parameters[self._air] = rail.air
+        target = self._tracked(target, rail)
         return HorizonProblem(
             state=np.concatenate([[speed], omega, torque]),
             parameters=self._parameters,
@@ -78,6 +81,20 @@ class GroupProblem:
             upper=np.minimum(limit, (1.0 + self._settings.headroom) * carried),
             reference=even_split(target, carried, limit, self._scale, self.share),
         )
+
+    def _tracked(self, target: Floats, rail: WheelsAndRail) -> Floats:
+        """What the group tracks of `target` [N m], (units,): its total as far as `mpc.demand` says of all units."""
+        scale, w = self._settings.weights.coefficient_scale, self._settings.weights
+        carried = rail.carried * scale / self._scale
+        slips = np.minimum.reduceat(rail.slip_limit, self._first)
+        most = np.array(
+            [
+                tracked_coefficient(held, slip, scale, w.tracking, w.slip, w.slip_scale)
+                for held, slip in zip(carried, slips, strict=True)
+            ]
+        )
+        wanted = float(self.share @ (target * scale / self._scale))
+        return target * min(1.0, float(self.share @ most) / wanted) if wanted > 0.0 else target
 
 
 def even_split(

@@ -53,6 +53,12 @@ AGAIN = 1.4
 """Number of them that is no change of the rail: a second one within `AWAY_TIME`."""
 SELDOM = 0.1
 """Number of them that is as good as none."""
+UNTESTED = 0.2
+"""Time [s] after which a peak is doubted that limits torque while slip stays far below the slip sought."""
+FULL = 0.9
+"""Share of that peak above which it does so."""
+DOUBTED_RISE = 8.0
+"""Logarithmic speed [1/s] at which it then rises."""
 FALLING = -0.5
 """Elasticity where slip runs away again and again."""
 
@@ -70,6 +76,23 @@ def runs_away(search, axles, noise):
         state.away += 1.0
     state.beyond = 1.0 if beyond else 0.0
     return beyond and state.away > AGAIN
+
+
+@inlined
+def doubt_peaks(search, axles, follows):
+    """Raise peaks that limit the torque and that no slip shows; `follows`: whether slip is near the one sought."""
+    pace, state = search.pace, search.state[0]
+    weakest = 0
+    for i in range(axles.peak.size):
+        if axles.peak[i] < axles.peak[weakest]:
+            weakest = i
+    used = axles.coefficient[weakest] > FULL * axles.peak[weakest]
+    # noise of so small a force makes single readings doubtful
+    below = state.below + (pace.period if used else -pace.period)
+    state.below = 0.0 if follows else max(below, 0.0)
+    if state.below > UNTESTED:
+        for i in range(axles.peak.size):
+            axles.peak[i] *= math.exp(DOUBTED_RISE * pace.period)
 
 
 @inlined

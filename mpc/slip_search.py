@@ -26,7 +26,8 @@ to the swing either. The axle asked is the one with the largest slip: it is at i
 
 *Start.* Before any elasticity is told, the slip sought is `USUAL_SHARE` of what `mpc.curve_filter` takes for the peak's: the
 rise of the torque has told the slope of the curve by then. Where the curve falls so steeply that slip runs away from its
-limit again and again, no swing is answered; but that it runs away tells that it is too large.
+limit again and again, no swing is answered; but that it runs away tells that it is too large. Where slip stays far
+below the one sought, what limits the torque is the peak believed; if that goes on, the belief is too low and rises.
 """
 
 import math
@@ -40,7 +41,15 @@ from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.arrays import inlined
 from mpc.curve_filter import steepness, take_in_elasticity
-from mpc.search_step import AWAY_TIME, FALLING, SWING_RATE, runs_away, size_swing, step_slip
+from mpc.search_step import (
+    AWAY_TIME,
+    FALLING,
+    SWING_RATE,
+    doubt_peaks,
+    runs_away,
+    size_swing,
+    step_slip,
+)
 from mpc.settings import SlipSearch
 
 LEAST_COEFFICIENT = 0.01
@@ -114,11 +123,12 @@ class Pace(NamedTuple):
 
 STATE = named_record(
     "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "error", "step_share",
-    "beyond", "away",
+    "beyond", "away", "below",
 )  # fmt: skip
 """`slip` sought [m/s]; size and `phase` of the swing; time since the unit is limited [s]; `elasticity`; how far it is
 `told`, 0 to 1; variance of ln mu across the answer; `error` of the elasticity at the last step, and its `step_share`, 1: a
-whole one; whether slip is `beyond` its limit, and how often it ran `away` of late."""
+whole one; whether slip is `beyond` its limit, how often it ran `away` of late, and for how long it was `below` the slip
+sought though the peak believed was used up [s]."""
 
 
 class Search(NamedTuple):
@@ -247,11 +257,12 @@ def search_slip(search, axles, curve, felt, noise, limited):
         return
     state.limited_for += pace.period
     i = _demodulate(search, axles, felt)
+    slip = math.exp(search.mean_slip[i]) if i >= 0 else 0.0
+    follows = slip > AT_LIMIT * state.slip
+    doubt_peaks(search, axles, follows)
     if i < 0:
         return
-    wanted = pace.price * state.slip
-    slip = math.exp(search.mean_slip[i])
-    rough, follows = noise / slip, slip > AT_LIMIT * state.slip
+    wanted, rough = pace.price * state.slip, noise / slip
     heard = _elasticity(search, i, wanted, rough, follows)
     if runs_away(search, axles, noise):
         heard = state.elasticity = FALLING

@@ -11,6 +11,7 @@ from alloc.plant.adhesion import PiecewiseCurve
 from mpc.arrays import sweep
 from mpc.belief import Belief, belief_of
 from mpc.curve_filter import predicted_curve
+from mpc.demand import tracked_coefficient
 from mpc.settings import MpcSettings
 from mpc.slip_search import slip_limit
 from mpc.sqp_period import Period, empty_period
@@ -76,4 +77,13 @@ def pose(u, target, limit):
     most = max(min(min(target, limit), least * u.carried - air * u.per_coefficient), 0.0)
     for k in range(now.upper.size):
         now.upper[k] = most
-    u.solver.terms.unit.target[0] = target
+    terms, w = u.solver.terms, u.solver.terms.weights
+    most = tracked_coefficient(
+        least - air,
+        most_slip,
+        terms.unit.scale[0] / u.per_coefficient,
+        w.tracking,
+        w.slip,
+        w.slip_scale,
+    )
+    terms.unit.target[0] = min(target, most * u.per_coefficient)
