@@ -68,6 +68,15 @@ class InC:
             ctypes.c_void_p(self.reading.ctypes.data), ctypes.c_void_p(self.answer.ctypes.data)
         )
 
+    def step_in_phases(self):
+        """The same by the two calls of a controller whose phases are apart."""
+        self.library.controller_feedback(
+            ctypes.c_void_p(self.reading.ctypes.data), ctypes.c_void_p(self.answer.ctypes.data)
+        )
+        answer = self.answer.tobytes()
+        self.library.controller_prepare()
+        assert self.answer.tobytes() == answer, "the command is out before the preparation"
+
 
 class InNumba:
     """The same compiled by Numba, as the simulation has it."""

@@ -7,8 +7,11 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.onboard.host import HostedController, each_unit
-from alloc.onboard.parameters import Sensors
-from alloc.simulation import simulate
+from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
+from alloc.plant.model import build
+from alloc.plant.rail import Rail
+from alloc.plant.sets import find_set
+from alloc.simulation import DriverCommand, Event, simulate
 from mpc.hosted import MPC
 from mpc.settings import MpcSettings
 from mpc.unit_controller import MpcController
@@ -45,6 +48,19 @@ def test_it_keeps_more_effort_than_cut_and_ramp(drop_run):
     run, _ = drop_run
     classic = simulate(drop_event(), "alone", "cut-and-ramp")
     assert evaluate(run)["effort_ratio"] > evaluate(classic)["effort_ratio"]
+
+
+def test_a_demand_far_beyond_the_rail_costs_no_adhesion():
+    """A locomotive before 70 wagons, asked for five times what a narrow peak carries."""
+    event = Event(
+        "heavy start", build(find_set("heavy-70"), Rail(0.12, scatter=0.02)), DriverCommand((0.2,), (0.3 / 3.6,)),
+        Onboard(reference=ReferenceSpeed(source="truth")), duration=12.0, initial_speed=10.0 / 3.6,
+    )  # fmt: skip
+    run = simulate(event, "alone", MPC)
+    found = evaluate(run)
+    assert found["effort_ratio"] < 0.25
+    assert found["bound_use"] > 0.98
+    assert found["slip_time"] < 1.0
 
 
 def test_bounds_hold_all_the_way(drop_run):

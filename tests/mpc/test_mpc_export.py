@@ -85,6 +85,17 @@ def test_every_answer_is_that_of_numba(context, senses, tmp_path, name):
 
 
 @needs_compiler
+def test_the_phases_one_by_one_are_a_step(context, senses, tmp_path):
+    one = InC(context, MpcSettings(phases_apart=True), tmp_path, "-O0")
+    whole = [one.decide(sense).tobytes() for sense in senses()]
+    one.start()
+    one.step = one.step_in_phases
+    assert [one.decide(sense).tobytes() for sense in senses()] == whole
+    header = export_unit(context).contents["controller.h"]
+    assert "controller_feedback" not in header, "a step alone has no phases"
+
+
+@needs_compiler
 @pytest.mark.parametrize("axles", [1, 6])
 def test_units_of_any_number_of_axles_are_exported(senses, tmp_path, axles):
     _same(make_unit(axles=axles), None, senses(axles), tmp_path)

@@ -182,7 +182,21 @@ class Unit:
         self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
         self.elasticity = self.told = self.air = 0.0
         self.step_share, self.error, self.away, self.beyond = 1.0, 0.0, 0.0, False
+        self.below = 0.0
         self.seen = set()
+
+    def doubt_peaks(self, follows):
+        weakest = min(self.axles, key=lambda one: one.peak)
+        if follows:
+            self.below = 0.0
+        elif weakest.mu > search_step.FULL * weakest.peak:
+            self.below += PERIOD
+        else:
+            self.below = max(self.below - PERIOD, 0.0)
+        if self.below > search_step.UNTESTED:
+            self.seen.add("doubted peak")
+            for a in self.axles:
+                a.peak *= math.exp(search_step.DOUBTED_RISE * PERIOD)
 
     def search(self, noise, limited):
         s = self.s
@@ -213,11 +227,14 @@ class Unit:
                 self.seen.add("jump")
             if listened:
                 heard.append(a)
+        a = max(heard, key=lambda one: one.mean[0]) if heard else None
+        slip = math.exp(a.mean[0]) if heard else 0.0
+        follows = slip > slip_search.AT_LIMIT * self.slip
+        self.doubt_peaks(follows)
         if not heard:
             self.seen.add("nothing heard")
             return
-        a, wanted = max(heard, key=lambda one: one.mean[0]), s.friction_price * self.slip
-        slip = math.exp(a.mean[0])
+        wanted = s.friction_price * self.slip
         along, across = (
             (a.of_slip * self.answer.conjugate()).real,
             (a.of_slip * self.answer.conjugate()).imag,
@@ -226,7 +243,6 @@ class Unit:
         coefficient = a.of_coefficient * self.answer.conjugate()
         share = 1.0 - math.exp(-PERIOD / slip_search.NOISE_TIME)
         rest = coefficient.imag - self.elasticity * across
-        follows = slip > slip_search.AT_LIMIT * self.slip
         if follows or rest**2 < self.noise:
             self.noise += share * (rest**2 - self.noise)
         # power of white noise at the swing's frequency, through the filter of the pairs and the memory of the answer
