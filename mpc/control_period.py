@@ -122,5 +122,9 @@ class PredictiveController:
         """The preparation phase for the next readings, once the command is out."""
         if self._shifts:
             self._solver.shift()
-        if not self._solver.prepare(problem._replace(before=self._before), self._period):
+        coming = problem._replace(
+            before=self._before,
+            slip_limit=np.broadcast_to(self.belief.coming_slip_limit, problem.slip_limit.shape),
+        )
+        if not self._solver.prepare(coming, self._period):
             self._sign = 0.0

@@ -1,7 +1,7 @@
 """The two phases of the real-time iteration, apart: what can be done before the readings, and what has to wait for them.
 
-*Preparation*, once a command is out: predict the state of the next readings, improve the guess from there, and leave its
-trajectory and their derivatives. *Feedback*, on the readings: move that trajectory to the measured state, to first order,
+*Preparation*, once a command is out: predict the state of the next readings and the slip limit then, improve the guess from
+there, and leave its trajectory and the derivatives. *Feedback*, on the readings: move that trajectory to the measured state, to first order,
 and solve the quadratic program. So no evaluation of the model stands between the readings and the command. Belief, slip
 limits and bounds are those of the readings in both; only the model's parameters are a control period old.
 

@@ -22,6 +22,7 @@ from mpc.belief import belief_of, believe, with_predicted_curve
 from mpc.phases import feedback, preparation
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.settings import MpcSettings
+from mpc.slip_search import coming_slip_limit
 from mpc.sqp import ENDED, ahead, hold, iterate, shift
 from mpc.unit_problem import UnitProblem, empty_problem, pose, unit_problem
 
@@ -193,6 +194,10 @@ def unit_preparation(address):
     if u.left[0] != NONE and u.sign[0] != 0.0:
         if u.times.shifts:
             shift(u.problem.solver)
+        coming = coming_slip_limit(u.problem.belief.search)
+        slip_limit = u.problem.solver.terms.axle.slip_limit
+        for i in range(slip_limit.size):
+            slip_limit[i] = coming
         done, end = preparation(u.left[0], u.times.period, u.problem.solver)
         if end > ENDED:
             u.sign[0] = 0.0
