@@ -93,8 +93,9 @@ class GroupProblem:
                 for held, slip in zip(carried, slips, strict=True)
             ]
         )
+        allowed = float(self.share @ most)
         wanted = float(self.share @ (target * scale / self._scale))
-        return target * min(1.0, float(self.share @ most) / wanted) if wanted > 0.0 else target
+        return target if wanted <= allowed else target * (allowed / wanted)
 
 
 def even_split(

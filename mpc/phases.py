@@ -1,9 +1,9 @@
 """The two phases of the real-time iteration, apart: what can be done before the readings, and what has to wait for them.
 
 *Preparation*, once a command is out: predict the state of the next readings and the slip limit then, improve the guess from
-there, and leave its trajectory and the derivatives. *Feedback*, on the readings: move that trajectory to the measured state, to first order,
-and solve the quadratic program. So no evaluation of the model stands between the readings and the command. Belief, slip
-limits and bounds are those of the readings in both; only the model's parameters are a control period old.
+there, and leave its trajectory and the derivatives. *Feedback*, on the readings: move that trajectory to the measured
+state, to first order, and solve the quadratic program. So no evaluation of the model stands between the readings and the
+command. Belief, slip limits and bounds are those of the readings; only the model's parameters are a control period old.
 
 Diehl, Bock, Schloeder: A real-time iteration scheme for nonlinear optimization in optimal feedback control, SIAM J. Control
 and Optimization 43 (2005) 1714-1736, section 3. The slip penalty is kept as it is, not linearised: the feedback phase

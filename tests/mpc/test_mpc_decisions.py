@@ -33,6 +33,7 @@ class Solver:
 
     def __init__(self, torques, status="ok"):
         self.calls, self.torques, self.status = [], np.asarray(torques, float), status
+        self.prepared = None
 
     def restart(self, torque):
         self.calls.append(("restart", np.asarray(torque).tolist()))
@@ -231,7 +232,7 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
     omega, torque = np.array([20.0, 21.0, 22.0]), np.array([100.0, 200.0])
     peak, slip_limit, carried = (
         np.array([0.1, 0.2, 0.3]),
-        np.array([0.01, 0.02, 0.03]),
+        np.array([0.1, 0.2, 0.3]),
         np.array([300.0, 500.0]),
     )
     target, before, limit = (
