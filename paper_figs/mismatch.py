@@ -56,7 +56,7 @@ PANELS = (
     Quantity("damage", "wheel damage Q [kJ]", 1.0, "{:.0f}", -1, 100.0),
     Quantity("slip_time", "slip over axles [s]", 1.0, "{:.1f}", -1, 10.0),
 )
-WHOSE = ("½", "1", "1½", "piece-\nwise", "Polach\nwet", "slip\nratio")
+WHOSE = ("½", "1", "1½", "piece-\nwise", "Pol.\nwet", "slip\nratio")
 """Names of the given slips at the axis: shares of that of the rail's own peak, then curves whose peak it is."""
 GIVEN_NAMES = tuple(zip(GIVEN, WHOSE, strict=True))
 GROUPS: dict[str, Sequence[Column]] = {
