@@ -8,7 +8,7 @@ import numpy as np
 from alloc.plant.equations import GRAVITY
 from alloc.plant.structure import structure_of
 from alloc.plant.train import Train
-from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.core.drawn_events import DrawnEvents, Quantity, log_uniform, sometimes, uniform
 from studies.core.drawn_rails import SHAPE_QUANTITIES, curve_of, drawn_curve, rail_offering
 from studies.files.units import stated
 from studies.lines.named_files import TRAINS as TRAIN_FILES
@@ -74,6 +74,9 @@ QUANTITIES: dict[str, Quantity] = {
         lambda _, d: CURVES[d["number"] % len(CURVES)],
     ),
     **SHAPE_QUANTITIES,
+    # air brakes slide wheels by metres per second, where the rational curve falls to nothing unless it is wide and steep
+    "peak_slip": log_uniform(0.15, 0.8, " m/s (rational)", "at 3 m/s three tenths of the peak are left, at least"),
+    "steepness": log_uniform(8.0, 20.0, " (rational)", "the same"),
     "load": uniform(0.0, 1.0, " of the greatest pay load of each car", "empty to full"),
     "speed": uniform(0.0, 1.0, " of the way from the least to the greatest speed of the train", "what it runs at"),
     "end_kmh": sometimes(

@@ -4,7 +4,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from alloc.metrics.registry import force_along, force_available, record_period, series
+from alloc.metrics.registry import (
+    force_along,
+    force_available,
+    record_period,
+    series,
+    under_demand,
+)
 from alloc.metrics.search import LEAST_EPISODE, shortage
 from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED
 
@@ -25,6 +31,7 @@ def measure(run: xr.Dataset) -> dict[str, float]:
       instants at which the error is at most `WITHIN` deviations. Both are nan where the computers have the true speed.
     - least_unit_use: adhesion used where short by the unit that uses least; nan where none is short for a second.
       least_unit: its number, 1 = foremost.
+    - air_of_units: air brake force commanded to the units, over their part of the plan; what motors could have done counts.
     - locked_driven [s]: time that driven wheels stood above 5 km/h, summed over axles.
     """
     error, deviation = reference_error(run)
@@ -46,6 +53,7 @@ def measure(run: xr.Dataset) -> dict[str, float]:
         else np.nan,
         "least_unit_use": float(np.nanmin(uses)) if short else np.nan,
         "least_unit": float(1 + np.nanargmin(uses)) if short else np.nan,
+        "air_of_units": air_of_units(run),
         "locked_driven": locked_driven(run),
     }
 
@@ -75,6 +83,15 @@ def unit_use(run: xr.Dataset) -> Floats:
             own = unit == j
             found[j] = force[counted][:, own].sum() / available[counted][:, own].sum()
     return found
+
+
+def air_of_units(run: xr.Dataset) -> float:
+    """Air brake force commanded to the units over what the plan asks of them, summed over time; nan without demand."""
+    asked = under_demand(run)
+    unit, load = series(run, "axle_unit"), series(run, "unit_static_load")
+    axles = np.bincount(unit[unit >= 0], minlength=run.sizes["unit"])
+    plan = float(series(run, "expected")[asked].sum() * load.sum())
+    return float((series(run, "air_brake_force")[asked] @ axles).sum() / plan) if plan else np.nan
 
 
 def locked_driven(run: xr.Dataset) -> float:

@@ -35,7 +35,7 @@ NARROW = 0.3
 """Slip velocity [m/s] of the peak, at 15 m/s, below which a peak counts as narrow."""
 NUMBERS = (
     "bound_use", "utilisation_short", "slip_time", "damage", "locked_driven", "reference_error", "reference_rms",
-    "reference_bias", "reference_ratio", "reference_within",
+    "reference_bias", "reference_ratio", "reference_within", "air_of_units",
 )  # fmt: skip
 DRAWN = ("event", "train", "curve", "peak", "radius_error")
 """Columns of a stop that parts are made by."""
@@ -45,6 +45,7 @@ WORDS = {
     "slip_time": "slip [axle s]",
     "damage": "wheel damage [kJ]",
     "locked_driven": "locked driven wheels [axle s]",
+    "air_of_units": "air over the plan of the driven cars",
 }
 """Metric -> what a statement calls it."""
 PARTS: dict[str, Part] = {
