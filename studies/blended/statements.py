@@ -136,11 +136,14 @@ def _absolute(events: pd.DataFrame, arms: Mapping[str, str]) -> dict[str, Interv
 
 def _estimate(events: pd.DataFrame, controller: str) -> Claim:
     own, true = (over_rules("bound_use", controller, source) for source in SOURCES)
+    lost = true(events) - own(events)
     return _claim(
         f"estimate: {controller}", f"the estimated speed costs {controller} at most a point of the bound",
         events, _test("estimate", lambda e: true(e) - own(e)),
         {
-            "bound used, less true speed": own(events) - true(events),
+            "bound lost": lost,
+            **{f"bound lost, {name}": lost[part(events)] for name, part in PARTS.items()},
+            "bound lost, worst stop": float(lost.max()),
             **{
                 f"{text}, {arm.rule}, less true speed": less(metric, arm_name(arm), arm_name(arm, TRUTH))(events)
                 for arm in ARMS if arm.controller == controller
