@@ -27,9 +27,9 @@ from paper_figs.style import (
     plain_ticks,
     rule_look,
 )
+from studies.blended.blended_thresholds import THRESHOLDS
 from studies.blended.events import CURVES, TRAINS
 from studies.blended.statements import CONTROLLERS, ESTIMATE, RULES, TRUTH, arm_name, less, pairs_of
-from studies.blended.thresholds import THRESHOLDS
 from studies.core.arms import Arm
 from studies.core.statement import column_interval, mean_interval
 

@@ -7,8 +7,8 @@ from typing import Literal
 import pandas as pd
 
 from alloc.metrics.registry import range_of
+from studies.blended.blended_thresholds import THRESHOLDS
 from studies.blended.events import HAULED, SOURCES
-from studies.blended.thresholds import THRESHOLDS
 from studies.core.arms import Arm
 from studies.core.drawn_events import paired
 from studies.core.family import Claim, Part, Test, compared
