@@ -107,7 +107,7 @@ def _lost(axes: Axes, events: pd.DataFrame) -> None:
             interval_mark(axes, mean_interval(values), y + shift, 100.0, look)
     axes.axvline(0.0, color=ZERO, linewidth=0.8, zorder=0)
     axes.axvline(100.0 * THRESHOLDS["estimate"].value, **BOUND)
-    axes.set_xlabel("lost to the estimate\n[points of the bound]")
+    axes.set_xlabel("lost to the estimate,\nof the bound [%]")
 
 
 def _stops(axes: Axes, events: pd.DataFrame, metric: str, label: str, bound: float) -> None:
