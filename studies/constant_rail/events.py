@@ -1,11 +1,9 @@
 """Random rails that stay as they are, for trains that ask for more than they offer; nothing is noisy."""
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from alloc.plant.adhesion import CURVES
-from alloc.plant.environment import level_for
 from studies.core.drawn_events import DrawnEvents, Quantity, uniform
+from studies.core.drawn_rails import SHAPE_QUANTITIES, drawn_curve, rail_offering
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
 
@@ -35,13 +33,6 @@ INVERTERS = {"one inverter per axle": "1C1M"}
 SHAPES = ("piecewise", "polach-dry", "polach-wet", "slip-ratio", "rational")
 
 
-def _log_uniform(low: float, high: float, words: str, reason: str) -> Quantity:
-    return Quantity(
-        f"uniform in its logarithm, {low:g} ... {high:g}{words}", reason,
-        lambda g, _: float(math.exp(g.uniform(math.log(low), math.log(high)))),
-    )  # fmt: skip
-
-
 QUANTITIES: dict[str, Quantity] = {
     "curve": Quantity(
         "each of five in its turn", "peaks and flanks of all shapes", lambda _, d: SHAPES[d["number"] % len(SHAPES)]
@@ -54,19 +45,10 @@ QUANTITIES: dict[str, Quantity] = {
     "load": uniform(0.0, 1.0, " of the load that the motors master", "axle load"),
     "share": uniform(0.3, 0.8, " of what the plan needs", "every unit is short of adhesion"),
     "speed_kmh": uniform(2.0, 40.0, " km/h at the begin", "beyond it the motors' power ends the shortage"),
-    "residual_ratio": uniform(0.3, 0.98, " of the peak (piecewise, slip ratio)", "steep to flat behind the peak"),
-    "peak_slip": _log_uniform(0.03, 0.8, " m/s (rational)", "the slips that the search is bound to"),
-    "peak_slip_ratio": _log_uniform(0.01, 0.1, " (slip ratio)", "the same by the speed"),
-    "steepness": _log_uniform(1.5, 20.0, " (rational)", "from the piecewise curve's shape to Polach's"),
+    **SHAPE_QUANTITIES,
 }  # fmt: skip
 """Every drawn quantity in the order of drawing."""
 EVENTS = DrawnEvents("constant-rail", QUANTITIES, stream=(17,), numbered=True)
-KEYS = {
-    "piecewise": ("residual_ratio",),
-    "slip-ratio": ("peak_slip_ratio", "residual_ratio"),
-    "rational": ("peak_slip", "steepness"),
-}
-"""Drawn parameters of each curve."""
 
 
 def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
@@ -74,11 +56,10 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
     d = EVENTS.draw(seed, k)
     start = STARTS[d["train"]]
     base = shipped_scenario(start.scenario)
-    curve: dict[str, Any] = {name: d[name] for name in KEYS.get(d["curve"], ())}
-    level = d["share"] * start.planned
-    if d["curve"].startswith("polach"):  # its level is the friction coefficient, above the peak
-        train = base.event().model.train
-        level = level_for(CURVES[d["curve"]](), level, d["speed_kmh"] / 3.6, train)
+    rail = rail_offering(
+        drawn_curve(d["curve"], d), d["share"] * start.planned, d["speed_kmh"] / 3.6,
+        base.event().model.train,
+    )  # fmt: skip
     return base.changed(
         name=EVENTS.event_name(seed, k),
         title=f"constant rail {k}",
@@ -89,8 +70,6 @@ def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:
         initial_speed_kmh=d["speed_kmh"],
         inverter_group=INVERTERS.get(d["train"]),
         load_t=(d["load"] * start.most_load,) * start.cars,
-        rail={
-            "level": level, "curve": {"kind": d["curve"]} | curve, "increments": {"law": "none"},
-        },
+        rail=rail | {"increments": {"law": "none"}},
         belief={"curve": {"kind": "piecewise"}},
     )  # fmt: skip

@@ -1,5 +1,6 @@
 """Events that are drawn at random, quantity by quantity, and the rows of a study's table that belong to one of them."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -20,6 +21,14 @@ def uniform(low: float, high: float, words: str, reason: str) -> Quantity:
     """Uniform from `low` to `high`; `words` follow: unit, or what the ends mean."""
     text = f"uniform, {low:g} ... {high:g}{words}"
     return Quantity(text, reason, lambda g, _: float(g.uniform(low, high)))
+
+
+def log_uniform(low: float, high: float, words: str, reason: str) -> Quantity:
+    """Uniform in its logarithm from `low` to `high`; `words` follow."""
+    return Quantity(
+        f"uniform in its logarithm, {low:g} ... {high:g}{words}", reason,
+        lambda g, _: float(math.exp(g.uniform(math.log(low), math.log(high)))),
+    )  # fmt: skip
 
 
 def sometimes(

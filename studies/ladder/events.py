@@ -3,10 +3,9 @@
 from functools import lru_cache
 from typing import Any
 
-from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.environment import level_for
 from alloc.plant.train import Train
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
+from studies.core.drawn_rails import drawn_curve, rail_offering
 from studies.files.units import stated
 from studies.scenario.loading import shipped_scenario
 from studies.scenario.scenario import Scenario
@@ -71,10 +70,8 @@ def train_of(name: str) -> Train:
 
 def rail_keys(curve: str, residual_ratio: float, level: float, train: Train) -> dict[str, Any]:
     """Keys of a rail that offers `level` to `train` at `REFERENCE_SPEED` under this curve."""
-    if curve == "polach":
-        rest = level_for(POLACH_WET, level, REFERENCE_SPEED, train)
-        return {"level": rest, "curve": {"kind": "polach"}}
-    return {"level": level, "curve": {"kind": "piecewise", "residual_ratio": residual_ratio}}
+    keys = drawn_curve(curve, {"residual_ratio": residual_ratio})
+    return rail_offering(keys, level, REFERENCE_SPEED, train)
 
 
 def scenario(seed: int, k: int, duration: float = DURATION) -> Scenario:

@@ -3,10 +3,11 @@
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from studies.core.drawn_rails import rail_offering
 from studies.files.units import stated
-from studies.ladder.events import TRAINS, draw, event_name, train_of
+from studies.ladder.events import REFERENCE_SPEED, TRAINS, draw, event_name, train_of
 from studies.ladder.events import scenario as ladder_event
-from studies.mismatch.rails import curve_keys, level_of
+from studies.mismatch.rails import curve_keys
 from studies.mismatch.settings import Setting
 from studies.scenario.scenario import Scenario, safe_name
 
@@ -46,8 +47,8 @@ def _base(seed: int, number: int, duration: float) -> Scenario:
 def _rail(seed: int, number: int, curve: str) -> dict[str, Any]:
     """Level and curve of its rail; the level of Polach's curves takes longer to find than all the rest of an event."""
     d = draw(seed, number)
-    level = level_of(curve, d["level"], train_of(d["train"]))
-    return {"level": level, "curve": curve_keys(curve, d["residual_ratio"])}
+    keys = curve_keys(curve, d["residual_ratio"])
+    return rail_offering(keys, d["level"], REFERENCE_SPEED, train_of(d["train"]))
 
 
 def scenario(place: Place, setting: Setting, duration: float = DURATION) -> Scenario:

@@ -12,6 +12,7 @@ from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
 from paper_figs.adhesion import adhesion_curve, adhesion_drop, planned_curves
 from paper_figs.allocation import SHOWN, allocation_bars
+from paper_figs.blended import blended
 from paper_figs.brake_force import (
     FAULT,
     brake_all_cars,
@@ -88,6 +89,7 @@ from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
 from tests.simulation.slides import TRAIN, braked, readhering
 from tests.studies.acceptance_tables import acceptance_table
+from tests.studies.blended_tables import blended_table
 from tests.studies.brake_tables import brake_table
 from tests.studies.example_line import EXAMPLE_PATH, example_stock
 from tests.studies.headroom_tables import headroom_table
@@ -249,5 +251,6 @@ def drawn(source, runs, stop, cases, half_slips, line_run, logged, passages) -> 
         "slide-pareto": slide_pareto(slide_table()),
         "slide-electric": slide_electric(slide_table()),
         "wsp-acceptance": wsp_acceptance(acceptance_table()),
+        "blended": blended(blended_table()),
         "sanders": sanders(sander_table()),
     }
