@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants, resample
+from alloc.estimation.force_reading import ForceReading, read_forces
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
-from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, shape_of_wheels
+from alloc.estimation.speed_shape import shape_of_free_wheels, shape_of_wheels
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +46,8 @@ class MeasuredSpeed:
     """Whether the speed is that of the shape between measurements, else it is as measured."""
     shape: str
     """Of what the shape was: forces, free wheels or wheels."""
+    forces: ForceReading | None = None
+    """What the forces are, as far as the speed says it; None without forces."""
 
 
 def measured_speed(
@@ -55,10 +58,12 @@ def measured_speed(
     train: MeasuredTrain,
     grade: Floats | None = None,
     least_delay: float = LATE,
+    at_contact: bool | None = None,
 ) -> MeasuredSpeed:
     """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
 
     `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
+    `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
     """
     plain = resample(fixes, instants.time)
     if fixes.time.size < FEWEST:
@@ -66,11 +71,13 @@ def measured_speed(
     time, part = instants
     guess = np.interp(time, fixes.time, fixes.value)
     shapes = {
-        "forces": shape_of_forces(time, guess, rim, force, train, grade),
         "free wheels": shape_of_free_wheels(time, rim, force, train),
         "wheels": shape_of_wheels(time, guess, rim),
     }
     found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
+    reading = read_forces(time, part, guess, rim, force, train, grade, fixes, at_contact)
+    if reading is not None:
+        shapes["forces"], found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
     # what happens between two rows, and what the shape does not follow, looks like a delay too
@@ -81,7 +88,7 @@ def measured_speed(
     as_measured = not (sparse or late or fixes.noise > NOISY)
     lacking = ~np.isfinite(plain.value)
     if as_measured and not lacking.any():
-        return MeasuredSpeed(*plain, delay, False, name)
+        return MeasuredSpeed(*plain, delay, False, name, reading)
     used = delay if late or sparse else delay._replace(value=0.0)
     shape = shapes[name]
     assert shape is not None
@@ -93,4 +100,4 @@ def measured_speed(
     by_delay = np.gradient(np.nan_to_num(speed), time) * delay.deviation
     # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
     speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
-    return MeasuredSpeed(speed, deviation, delay, not as_measured, name)
+    return MeasuredSpeed(speed, deviation, delay, not as_measured, name, reading)

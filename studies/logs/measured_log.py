@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.estimation.common_instants import Instants, common_instants, longest, resample
+from alloc.estimation.force_reading import at_rims, in_time
 from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import MeasuredRun, SpeedSource
+from alloc.estimation.measured_run import WINDOW, MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
@@ -137,13 +138,16 @@ def measured(
     smoothed = (rim_deviation * lasts)[spans > 0.0]
     noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
+    told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
     force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
     remarks += turned
     if turned and (speed.followed or fixes is None):
-        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
+        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
     remarks += extra
+    force, read = _as_read(instants, speed, rim, force, train, told)
+    remarks += read
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
@@ -188,6 +192,35 @@ def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> l
     return remarks
 
 
+def _as_read(
+    instants: Instants,
+    speed: MeasuredSpeed,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    told: bool | None,
+) -> tuple[Floats, list[Remark]]:
+    """The forces at the rims and in time with the wheels; `told`: whether they are said to act between wheel and rail."""
+    late, at_contact = 0.0, bool(told)
+    if speed.forces is not None:
+        late, at_contact = speed.forces.late, speed.forces.at_contact
+    remarks = []
+    if late:
+        how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
+        text = f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
+        remarks.append(Remark("delay", "axleN_force", text))
+        force = in_time(*instants, force, late)
+    if at_contact:
+        if told is None:
+            text = (
+                "the forces are those between wheel and rail, by the train's momentum; taken so (a mapping file may say "
+                "at = \"rim\" under [forces])"
+            )
+            remarks.append(Remark("guess", "axleN_force", text))
+        force = at_rims(instants.time, rim, force, train, WINDOW)
+    return force, remarks
+
+
 def _guess(fixes: Samples, instants: Instants) -> Floats:
     """The train's speed as it stands, on straight lines between its samples; nan where they are far apart."""
     if fixes.time.size < 2:
@@ -213,6 +246,7 @@ def _speed(
     grade: Floats | None,
     noise: float,
     least_delay: float,
+    told: bool | None,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train
@@ -220,7 +254,7 @@ def _speed(
         ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay)
+    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay, told)
     if not np.isfinite(found.speed[:, None] * rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []

@@ -1,0 +1,172 @@
+"""What the forces of a log are: at the rims or between wheel and rail, and recorded with the wheels or later.
+
+Forces at the rims, of motors and brakes, accelerate the train and its wheelsets; those between wheel and rail the train alone.
+And two computers may record forces and wheels with different delays. The right reading explains how the train's speed
+changes; the others do not, where wheels slip or forces change. The measured speed has a delay of its own, which is found
+together with them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.finite_series import mean_rate
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.own_samples import Samples
+from alloc.estimation.speed_fixes import Delay, find_delay
+from alloc.estimation.speed_shape import filled, shape_of_forces, standing
+
+Floats = NDArray[np.float64]
+
+DELAYS = np.round(np.arange(-0.5, 1.21, 0.1), 6)
+"""Delays of the forces that are tried [s]."""
+FINER = (0.04, 0.02)
+"""Steps [s] around the best of them."""
+AROUND = np.round(np.arange(-0.04, 0.041, 0.008), 6)
+"""Delays around it [s] through whose misfits a parabola is laid: noise and drift of each are found on a grid."""
+BETTER = 0.4
+"""Misfit per measurement by which another reading of the forces must explain the speed better."""
+LEAST = 0.015
+"""Delay [s] below which forces are in time."""
+POOR = 0.01
+"""Drift [m/s2 per root second] or noise [m/s] from which on a reading explains the speed poorly ..."""
+NOISIER = 1.7
+"""... if that noise also is so many times that of neighbouring measurements."""
+
+
+class ForceReading(NamedTuple):
+    """What the forces of a log are."""
+
+    late: float
+    """Time by which they are recorded later than the wheels [s]; below 0: earlier."""
+    at_contact: bool
+    """Whether they act between wheel and rail; else at the rims."""
+    shape: Floats
+    """Speed [m/s] by the forces in time, (instants,), except for a constant."""
+    delay: Delay
+    """That of the measured speed, with the forces in time; its deviation has what is not known of theirs."""
+
+
+class _Shapes:
+    """Speeds by the forces of a log, by their delay."""
+
+    def __init__(
+        self,
+        time: Floats,
+        guess: Floats,
+        rim: Floats,
+        force: Floats,
+        train: MeasuredTrain,
+        grade: Floats | None,
+        at_contact: bool,
+    ) -> None:
+        # the shape is linear in the forces: that without any, and what they give
+        none = np.where(np.isfinite(force), 0.0, force)
+        without = shape_of_forces(time, guess, rim, none, train, grade, at_contact)
+        assert without is not None
+        self.time, self.without = time, without
+        self.mass = float(train.car_mass.sum())
+        if not at_contact:
+            unknown = ~np.isfinite(rim).any(axis=0)
+            self.mass += float((train.inertia / train.radius**2)[unknown].sum())
+        self.total = np.zeros(time.size)
+        for i in np.flatnonzero(np.isfinite(force).any(axis=0)).tolist():
+            self.total += filled(time, force[:, i])
+        self.moves = ~standing(guess, rim)
+
+    def __call__(self, late: float) -> Floats:
+        moved = np.interp(self.time + late, self.time, self.total)
+        given = np.zeros(self.time.size)
+        given[1:] = 0.5 * (moved[1:] + moved[:-1]) * np.diff(self.time)
+        return np.asarray(self.without + np.cumsum(np.where(self.moves, given, 0.0)) / self.mass)
+
+
+def read_forces(
+    time: Floats,
+    part: NDArray[np.int64],
+    guess: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None,
+    fixes: Samples,
+    at_contact: bool | None = None,
+) -> ForceReading | None:
+    """The reading that explains the measured speed best, the usual one unless another is much better; None without forces.
+
+    Arguments as of `alloc.estimation.train_speed.measured_speed`.
+    """
+    shape = shape_of_forces(time, guess, rim, force, train, grade, bool(at_contact))
+    if shape is None:
+        return None
+    found = ForceReading(0.0, bool(at_contact), shape, find_delay(time, part, shape, fixes))
+    if not _poor(found.delay, fixes):
+        return found
+    arguments = (time, guess, rim, force, train, grade)
+    if at_contact is None:
+        other = shape_of_forces(*arguments, at_contact=True)
+        assert other is not None
+        delay = find_delay(time, part, other, fixes)
+        if delay.misfit < found.delay.misfit - BETTER:
+            found = ForceReading(0.0, True, other, delay)
+    if not _poor(found.delay, fixes):
+        return found
+    # both at once would explain too much: forces that nobody says to be at the contact are late at the rims
+    best = _late(_Shapes(*arguments, bool(at_contact)), part, fixes, bool(at_contact))
+    much = best.delay.misfit < found.delay.misfit - BETTER
+    return best if much and abs(best.late) >= LEAST else found
+
+
+def in_time(time: Floats, part: NDArray[np.int64], force: Floats, late: float) -> Floats:
+    """Forces (instants, axles) less their delay [s]; nan where that reaches out of a part."""
+    moved = np.full_like(force, np.nan)
+    bounds = np.flatnonzero(np.diff(part)) + 1
+    for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
+        t = time[begin:end]
+        for i in range(force.shape[1]):
+            own = np.interp(t + late, t, force[begin:end, i])
+            own[(t + late < t[0]) | (t + late > t[-1])] = np.nan
+            moved[begin:end, i] = own
+    return moved
+
+
+def at_rims(time: Floats, rim: Floats, force: Floats, train: MeasuredTrain, window: float) -> Floats:
+    """Forces at the rims (instants, axles) of those between wheel and rail: what accelerates the wheelsets comes to them."""
+    rotating = train.inertia / train.radius**2
+    rates = [mean_rate(time, rim[:, i], window) for i in range(rim.shape[1])]
+    return np.asarray(force + rotating * np.stack(rates, axis=1))
+
+
+def _poor(delay: Delay, fixes: Samples) -> bool:
+    """Whether a reading leaves much of the speed unexplained, or has it measured before it happens."""
+    noisy = delay.noise > max(NOISIER * fixes.noise, POOR)
+    return delay.drift >= POOR or not delay.sure or delay.value < -LEAST or noisy
+
+
+def _late(
+    shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, at_contact: bool
+) -> ForceReading:
+    """The reading with the delay of the forces that explains the speed best."""
+    tried: dict[float, Delay] = {}
+
+    def misfit(late: float) -> float:
+        if late not in tried:
+            tried[late] = find_delay(shapes.time, part, shapes(late), fixes)
+        return tried[late].misfit
+
+    best = min(DELAYS.tolist(), key=misfit)
+    for step in FINER:
+        best = min((round(best - step, 6), best, round(best + step, 6)), key=misfit)
+    near = [round(best + d, 6) for d in AROUND.tolist()]
+    curve = np.polynomial.Polynomial.fit(near, [misfit(d) for d in near], 2, domain=[-1, 1])
+    bend = float(curve.coef[2])
+    spread = FINER[-1]
+    if bend > 0.0:
+        best = float(np.clip(-0.5 * curve.coef[1] / bend, near[0], near[-1]))
+        spread = min(1.0 / math.sqrt(fixes.time.size * bend), spread)
+    own = shapes(best)
+    delay = find_delay(shapes.time, part, own, fixes)
+    unsure = math.hypot(delay.deviation, spread)
+    return ForceReading(best, at_contact, own, delay._replace(deviation=unsure))
