@@ -28,6 +28,8 @@ AROUND = np.round(np.arange(-0.04, 0.041, 0.008), 6)
 """Delays around it [s] through whose misfits a parabola is laid: noise and drift of each are found on a grid."""
 BETTER = 0.4
 """Misfit per measurement by which another reading of the forces must explain the speed better."""
+LESS = 2.5
+"""Ratio of noise or drift by which it must leave less unexplained."""
 LEAST = 0.015
 """Delay [s] below which forces are in time."""
 POOR = 0.01
@@ -109,14 +111,15 @@ def read_forces(
         other = shape_of_forces(*arguments, at_contact=True)
         assert other is not None
         delay = find_delay(time, part, other, fixes)
-        if delay.misfit < found.delay.misfit - BETTER:
+        if _explains_more(delay, found.delay):
             found = ForceReading(0.0, True, other, delay)
     if not _poor(found.delay, fixes):
         return found
     # both at once would explain too much: forces that nobody says to be at the contact are late at the rims
     best = _late(_Shapes(*arguments, bool(at_contact)), part, fixes, bool(at_contact))
-    much = best.delay.misfit < found.delay.misfit - BETTER
-    return best if much and abs(best.late) >= LEAST else found
+    # what happens between two rows looks like a delay too
+    least = max(LEAST, float(np.median(np.diff(time))))
+    return best if abs(best.late) >= least and _explains_more(best.delay, found.delay) else found
 
 
 def in_time(time: Floats, part: NDArray[np.int64], force: Floats, late: float) -> Floats:
@@ -145,6 +148,12 @@ def _poor(delay: Delay, fixes: Samples) -> bool:
     return delay.drift >= POOR or not delay.sure or delay.value < -LEAST or noisy
 
 
+def _explains_more(one: Delay, other: Delay) -> bool:
+    """Whether a reading leaves much less unexplained than another: noise, drift, and what is unknown from the start on."""
+    less = LESS * one.noise < other.noise or LESS * one.drift < other.drift or one.sure > other.sure
+    return one.misfit < other.misfit - BETTER and one.sure >= other.sure and less
+
+
 def _late(
     shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, at_contact: bool
 ) -> ForceReading:
@@ -166,7 +175,7 @@ def _late(
     if bend > 0.0:
         best = float(np.clip(-0.5 * curve.coef[1] / bend, near[0], near[-1]))
         spread = min(1.0 / math.sqrt(fixes.time.size * bend), spread)
-    own = shapes(best)
-    delay = find_delay(shapes.time, part, own, fixes)
+    best = min(best, *near, key=misfit)  # where the misfit is no parabola
+    own, delay = shapes(best), tried[best]
     unsure = math.hypot(delay.deviation, spread)
     return ForceReading(best, at_contact, own, delay._replace(deviation=unsure))

@@ -19,6 +19,7 @@ from studies.logs.axle_series import applied_forces, at_instants, typical, wheel
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
+from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.period import conclude_period
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
@@ -115,20 +116,20 @@ def measured(
     force, force_deviation, slowest = applied_forces(sources, instants)
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
-    plain = None if fixes is None else resample(fixes, instants.time).value
-    if fixes is not None and plain is not None:
+    if fixes is not None:
         fixes = checks.without_stuck(
             fixes, instants, rim, sources.assigned["speed", 0].column, remarks
         )
+        fixes = checks.without_outliers(fixes, sources.assigned["speed", 0].column, remarks)
         guess = _guess(fixes, instants)
         for number, name in names.items():
             own = rim[:, number - 1]
             checks.check_ratio(
                 name, own, sources.assigned["speed", 0].column, guess, recording.source
             )
-        remarks += checks.cut_out_stuck(names, instants.time, guess, rim)
+        remarks += checks.cut_out_stuck(names, instants.time, guess, rim, force, train)
     else:
-        remarks += checks.cut_out_stuck(names, instants.time, None, rim)
+        remarks += checks.cut_out_stuck(names, instants.time, None, rim, force, train)
     position = _other(sources, ("position", 0), instants)
     grade = _other(sources, ("gradient", 0), instants)
     if grade is None and line is not None:
@@ -140,11 +141,11 @@ def measured(
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
-    force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
+    as_measured = _median(rim) if fixes is None else guess
+    backwards = any(remark.kind == "sign" for remark in remarks)
+    force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
-    if turned and (speed.followed or fixes is None):
-        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
     remarks += extra
     force, read = _as_read(instants, speed, rim, force, train, told)
     remarks += read
@@ -152,7 +153,7 @@ def measured(
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
         remarks += checks.check_radius(name, own, speed.speed, share, speed.deviation)
-    remarks += checks.check_balance(instants, speed.speed, rim, force, train, grade)
+    remarks += check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
     pressure = _all_of(sources, "carK_pressure", train.car_mass.size, instants)

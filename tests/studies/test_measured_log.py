@@ -145,8 +145,13 @@ def test_a_stuck_speed_is_cut_out(table):
 
 def test_a_locked_wheel_is_a_slide_and_a_dead_sensor_is_not(table):
     table.loc[300:400, "axle1_speed_ms"] = 0.0
+    (dead,) = remarks(table, "stuck")
+    assert "dead sensor" in dead.text  # within one row no brake stops a wheelset
+    table.loc[280:300, "axle1_speed_ms"] = np.linspace(table["axle1_speed_ms"][280], 0.0, 21)
     (locked,) = remarks(table, "stuck")
     assert "locked wheel" in locked.text
+    (dead,) = remarks(table.assign(axle1_force_kn=0.0), "stuck")
+    assert "no brake holds the wheel" in dead.text
     found = analyse_run(check_log(table, TRAIN, "log").run, TRAIN)
     assert any(event.axle == 0 and event.slip_ratio == 1.0 for event in found.events)
     table["axle1_speed_ms"] = 0.0
@@ -177,7 +182,7 @@ def test_a_wheel_of_another_radius_is_seen_while_it_rolls(table):
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(-1.0, "wrong sign"), (1e-3, "0.0086 % of the axle load"), (0.3, "wrong unit")],
+    [(1e-3, "0.012 % of the axle load"), (0.3, "wrong unit"), (0.8, "1.3 ± 0.0034 times their impulse")],
 )
 def test_forces_that_do_not_fit_the_motion_are_seen(table, factor, words):
     for axle in range(1, 5):
