@@ -16,7 +16,7 @@ from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import Delay, find_delay
-from alloc.estimation.speed_shape import filled, shape_of_forces, standing
+from alloc.estimation.speed_shape import LOCKED, filled, locked_share, shape_of_forces, standing
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +34,8 @@ LEAST = 0.015
 """Delay [s] below which forces are in time."""
 POOR = 0.01
 """Drift [m/s2 per root second] or noise [m/s] from which on a reading explains the speed poorly ..."""
+UNLIKE = 0.02
+"""Drift [m/s2 per root second] from which on a reading contradicts the speed."""
 NOISIER = 1.7
 """... if that noise also is so many times that of neighbouring measurements."""
 
@@ -49,6 +51,8 @@ class ForceReading(NamedTuple):
     """Speed [m/s] by the forces in time, (instants,), except for a constant."""
     delay: Delay
     """That of the measured speed, with the forces in time; its deviation has what is not known of theirs."""
+    perhaps_late: float = 0.0
+    """As `late`, where that would explain more but the forces as recorded are not in contradiction to the speed."""
 
 
 class _Shapes:
@@ -68,6 +72,9 @@ class _Shapes:
         none = np.where(np.isfinite(force), 0.0, force)
         without = shape_of_forces(time, guess, rim, none, train, grade, at_contact)
         assert without is not None
+        locked = locked_share(guess, rim, force) > LOCKED
+        rise = np.diff(without, prepend=without[0])
+        without = np.cumsum(np.where(locked, np.diff(guess, prepend=guess[0]), rise))
         self.time, self.without = time, without
         self.mass = float(train.car_mass.sum())
         if not at_contact:
@@ -76,7 +83,7 @@ class _Shapes:
         self.total = np.zeros(time.size)
         for i in np.flatnonzero(np.isfinite(force).any(axis=0)).tolist():
             self.total += filled(time, force[:, i])
-        self.moves = ~standing(guess, rim)
+        self.moves = ~standing(guess, rim) & ~locked
 
     def __call__(self, late: float) -> Floats:
         moved = np.interp(self.time + late, self.time, self.total)
@@ -119,7 +126,12 @@ def read_forces(
     best = _late(_Shapes(*arguments, bool(at_contact)), part, fixes, bool(at_contact))
     # what happens between two rows looks like a delay too
     least = max(LEAST, float(np.median(np.diff(time))))
-    return best if abs(best.late) >= least and _explains_more(best.delay, found.delay) else found
+    if abs(best.late) < least or not _explains_more(best.delay, found.delay):
+        return found
+    if _unlike(found.delay, fixes):
+        return best
+    # soft couplers delay what the front feels of the forces, too: that is no reason to move them
+    return found._replace(perhaps_late=best.late)
 
 
 def in_time(time: Floats, part: NDArray[np.int64], force: Floats, late: float) -> Floats:
@@ -144,8 +156,13 @@ def at_rims(time: Floats, rim: Floats, force: Floats, train: MeasuredTrain, wind
 
 def _poor(delay: Delay, fixes: Samples) -> bool:
     """Whether a reading leaves much of the speed unexplained, or has it measured before it happens."""
+    return delay.drift >= POOR or delay.value < -LEAST or _unlike(delay, fixes)
+
+
+def _unlike(delay: Delay, fixes: Samples) -> bool:
+    """Whether a reading contradicts the speed: by a drift that no gradient has, by a wrong start, by noise."""
     noisy = delay.noise > max(NOISIER * fixes.noise, POOR)
-    return delay.drift >= POOR or not delay.sure or delay.value < -LEAST or noisy
+    return delay.drift >= UNLIKE or not delay.sure or noisy
 
 
 def _explains_more(one: Delay, other: Delay) -> bool:

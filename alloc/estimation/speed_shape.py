@@ -20,6 +20,8 @@ STANDING = 0.05
 """Speed of all wheels [m/s] below which a train stands, ..."""
 NEARLY = 1.0
 """... if it was measured below this."""
+LOCKED = 0.25
+"""Share of the forces on wheels that stand, from which on the forces do not tell how the train slows down."""
 FREE = 2e-3
 """Force over load below which an axle rolls freely."""
 ALWAYS = 0.98
@@ -74,7 +76,17 @@ def shape_of_forces(
     middle = np.zeros(time.size)
     middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
     rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
-    return np.asarray(np.cumsum(np.where(stands, rolled, (given - gained) / mass)))
+    rise = np.where(stands, rolled, (given - gained) / mass)
+    # the brake of a locked wheel gives what the rail carries, which nobody knows: there the measured speed goes on
+    locked = locked_share(speed, rim, force) > LOCKED
+    return np.asarray(np.cumsum(np.where(locked, np.diff(speed, prepend=speed[0]), rise)))
+
+
+def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
+    """Share of all forces that act on wheels that stand while the train moves, (instants,)."""
+    own = np.nan_to_num(np.abs(force))
+    at_rest = (np.abs(np.nan_to_num(rim, nan=np.inf)) < STANDING) & (speed > NEARLY)[:, None]
+    return np.asarray((own * at_rest).sum(axis=1) / np.maximum(own.sum(axis=1), 1e-9))
 
 
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:

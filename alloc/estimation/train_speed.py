@@ -1,5 +1,6 @@
 """The measured speed of a train at the instants of its wheels: as it stands, or from measurements that are late or rare."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ NOISY = 0.03
 """Standard deviation of a measurement [m/s] above which the speed follows the shape."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
 """Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
+SAMPLED = 0.15
+"""Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3
@@ -59,11 +62,12 @@ def measured_speed(
     grade: Floats | None = None,
     least_delay: float = LATE,
     at_contact: bool | None = None,
+    force_period: float = 0.0,
 ) -> MeasuredSpeed:
     """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
 
     `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
-    `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
+    `force_period` [s]: time between two samples of the forces. `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
     """
     plain = resample(fixes, instants.time)
     if fixes.time.size < FEWEST:
@@ -80,8 +84,13 @@ def measured_speed(
         shapes["forces"], found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
+    rows = float(np.median(np.diff(time)))
+    if name == "forces":
+        # between its samples a force is not known, and what it does there comes early or late
+        sampled = SAMPLED * max(force_period - rows, 0.0)
+        delay = delay._replace(deviation=math.hypot(delay.deviation, sampled))
     # what happens between two rows, and what the shape does not follow, looks like a delay too
-    of_rows = ROWS * float(np.median(np.diff(time)))
+    of_rows = ROWS * rows
     of_shape = LATE_OF_SHAPE if delay.drift > UNLIKE else 0.0
     late = abs(delay.value) > max(least_delay, SURE * delay.deviation, of_rows, of_shape)
     sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
@@ -90,6 +99,9 @@ def measured_speed(
     if as_measured and not lacking.any():
         return MeasuredSpeed(*plain, delay, False, name, reading)
     used = delay if late or sparse else delay._replace(value=0.0)
+    if reading is not None and name == "forces":
+        unsure = math.hypot(used.deviation, reading.perhaps_late)
+        used = used._replace(deviation=unsure)
     shape = shapes[name]
     assert shape is not None
     speed, deviation = follow(time, part, shape, fixes, used)

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.own_samples import Samples
@@ -29,10 +28,10 @@ HELD = 5e-3
 """Force over load below which nothing holds a wheel against the rail ..."""
 FREE_TIME = 0.5
 """... for so long [s]."""
-AROUND_TIME = 2.0
-"""Time [s] whose median says what the train's speed is, ..."""
-AWAY = 1.0
-"""... from which a measurement is away by so much [m/s] at least if it is wrong."""
+AWAY, HARDEST = 1.0, 4.0
+"""Jump of the train's speed [m/s], and braking or pulling [m/s2] beyond it, that no train reaches."""
+LOOKED_AHEAD = 20
+"""Jumps among which the one back is looked for."""
 MOST_AWAY = 0.2
 """Share of such measurements above which the speed itself is in doubt, and none is left out."""
 OFTEN = 0.1
@@ -145,23 +144,29 @@ def without_stuck(
 
 
 def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Samples:
-    """Measurements of the train's speed without those that no train reaches from the ones around them."""
-    count = fixes.time.size
-    half = max(round(0.5 * AROUND_TIME / fixes.period), 2) if count else 0
-    if count <= 4 * half:
-        return fixes
-    middle = median_filter(fixes.value, 2 * half + 1, mode="nearest")
-    away = np.abs(fixes.value - middle)
-    off = away > max(AWAY, 8.0 * fixes.noise)
+    """Measurements of the train's speed without those to which it jumps, and from which it jumps back, as no train does."""
+    time, value = fixes.time, fixes.value
+    least = max(AWAY, 8.0 * fixes.noise)
+
+    def reaches(i: int, k: int) -> bool:
+        return bool(abs(value[k] - value[i]) <= least + HARDEST * (time[k] - time[i]))
+
+    jumps = np.flatnonzero(np.abs(np.diff(value)) > least + HARDEST * np.diff(time))
+    off = np.zeros(value.size, dtype=bool)
+    for place, i in enumerate(jumps.tolist()):
+        if off[i]:
+            continue
+        back = next((k for k in jumps[place + 1 : place + LOOKED_AHEAD].tolist() if reaches(i, k + 1)), None)
+        if back is not None:
+            off[i + 1 : back + 1] = True
     if not off.any() or off.mean() > MOST_AWAY:
         return fixes
-    k = int(np.argmax(np.where(off, away, 0.0)))
+    k = int(np.flatnonzero(off)[0])
     text = (
-        f"{int(off.sum())} values that no train reaches from those around left out, the worst {fixes.value[k]:.4g} m/s at "
-        f"{fixes.time[k]:.6g} s"
+        f"{int(off.sum())} values to which no train jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
     )
-    remarks.append(Remark("faulty", name, text, None, float(fixes.time[k])))
-    return fixes._replace(time=fixes.time[~off], value=fixes.value[~off])
+    remarks.append(Remark("faulty", name, text, None, float(time[k])))
+    return fixes._replace(time=time[~off], value=value[~off])
 
 
 def cut_out_stuck(

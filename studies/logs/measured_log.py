@@ -117,10 +117,9 @@ def measured(
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
     if fixes is not None:
-        fixes = checks.without_stuck(
-            fixes, instants, rim, sources.assigned["speed", 0].column, remarks
-        )
-        fixes = checks.without_outliers(fixes, sources.assigned["speed", 0].column, remarks)
+        name = sources.assigned["speed", 0].column
+        fixes = checks.without_outliers(fixes, name, remarks)
+        fixes = checks.without_stuck(fixes, instants, rim, name, remarks)
         guess = _guess(fixes, instants)
         for number, name in names.items():
             own = rim[:, number - 1]
@@ -145,7 +144,7 @@ def measured(
     backwards = any(remark.kind == "sign" for remark in remarks)
     force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told)
+    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest)
     remarks += extra
     force, read = _as_read(instants, speed, rim, force, train, told)
     remarks += read
@@ -206,6 +205,11 @@ def _as_read(
     if speed.forces is not None:
         late, at_contact = speed.forces.late, speed.forces.at_contact
     remarks = []
+    perhaps = 0.0 if speed.forces is None else speed.forces.perhaps_late
+    if perhaps:
+        how = f"{abs(perhaps):.2g} s {'later' if perhaps > 0.0 else 'earlier'}"
+        text = f"the forces may be recorded {how} than the wheels, by the train's momentum: not made up for"
+        remarks.append(Remark("delay", "axleN_force", text))
     if late:
         how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
         text = f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
@@ -248,6 +252,7 @@ def _speed(
     noise: float,
     least_delay: float,
     told: bool | None,
+    force_period: float,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train
@@ -255,7 +260,9 @@ def _speed(
         ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay, told)
+    found = measured_speed(
+        instants, fixes, rim, force, train, grade, least_delay, told, force_period
+    )
     if not np.isfinite(found.speed[:, None] * rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []
