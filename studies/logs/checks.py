@@ -28,7 +28,7 @@ HELD = 5e-3
 """Force over load below which nothing holds a wheel against the rail ..."""
 FREE_TIME = 0.5
 """... for so long [s]."""
-AWAY, HARDEST = 1.0, 4.0
+AWAY, HARDEST = 0.3, 4.0
 """Jump of the train's speed [m/s], and braking or pulling [m/s2] beyond it, that no train reaches."""
 LOOKED_AHEAD = 20
 """Jumps among which the one back is looked for."""

@@ -117,15 +117,13 @@ def measured(
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
     if fixes is not None:
-        name = sources.assigned["speed", 0].column
-        fixes = checks.without_outliers(fixes, name, remarks)
-        fixes = checks.without_stuck(fixes, instants, rim, name, remarks)
+        of_train = sources.assigned["speed", 0].column
+        fixes = checks.without_outliers(fixes, of_train, remarks)
+        fixes = checks.without_stuck(fixes, instants, rim, of_train, remarks)
         guess = _guess(fixes, instants)
         for number, name in names.items():
             own = rim[:, number - 1]
-            checks.check_ratio(
-                name, own, sources.assigned["speed", 0].column, guess, recording.source
-            )
+            checks.check_ratio(name, own, of_train, guess, recording.source)
         remarks += checks.cut_out_stuck(names, instants.time, guess, rim, force, train)
     else:
         remarks += checks.cut_out_stuck(names, instants.time, None, rim, force, train)
