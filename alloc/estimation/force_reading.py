@@ -147,7 +147,9 @@ def in_time(time: Floats, part: NDArray[np.int64], force: Floats, late: float) -
     return moved
 
 
-def at_rims(time: Floats, rim: Floats, force: Floats, train: MeasuredTrain, window: float) -> Floats:
+def at_rims(
+    time: Floats, rim: Floats, force: Floats, train: MeasuredTrain, window: float
+) -> Floats:
     """Forces at the rims (instants, axles) of those between wheel and rail: what accelerates the wheelsets comes to them."""
     rotating = train.inertia / train.radius**2
     rates = [mean_rate(time, rim[:, i], window) for i in range(rim.shape[1])]

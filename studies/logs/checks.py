@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,6 @@ FREE_TIME = 0.5
 """... for so long [s]."""
 AWAY, HARDEST = 0.3, 4.0
 """Jump of the train's speed [m/s], and braking or pulling [m/s2] beyond it, that no train reaches."""
-LOOKED_AHEAD = 20
-"""Jumps among which the one back is looked for."""
 MOST_AWAY = 0.2
 """Share of such measurements above which the speed itself is in doubt, and none is left out."""
 OFTEN = 0.1
@@ -149,22 +148,29 @@ def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Sample
     least = max(AWAY, 8.0 * fixes.noise)
 
     def reaches(i: int, k: int) -> bool:
-        return bool(abs(value[k] - value[i]) <= least + HARDEST * (time[k] - time[i]))
+        return bool(abs(value[k] - value[i]) <= least + HARDEST * abs(time[k] - time[i]))
 
-    jumps = np.flatnonzero(np.abs(np.diff(value)) > least + HARDEST * np.diff(time))
-    off = np.zeros(value.size, dtype=bool)
-    for place, i in enumerate(jumps.tolist()):
-        if off[i]:
-            continue
-        back = next((k for k in jumps[place + 1 : place + LOOKED_AHEAD].tolist() if reaches(i, k + 1)), None)
-        if back is not None:
-            off[i + 1 : back + 1] = True
+    jumps = np.flatnonzero(np.abs(np.diff(value)) > least + HARDEST * np.diff(time)) + 1
+    if jumps.size == 0:
+        return fixes
+    bounds = [0, *jumps.tolist(), value.size]
+    stretches = list(pairwise(bounds))
+    longest_of = max(range(len(stretches)), key=lambda k: stretches[k][1] - stretches[k][0])
+    off = np.ones(value.size, dtype=bool)
+    off[slice(*stretches[longest_of])] = False
+    # from the longest stretch without a jump to both sides: what a train reaches from the last one that it reached
+    last = stretches[longest_of][1] - 1
+    for begin, end in stretches[longest_of + 1 :]:
+        if reaches(last, begin):
+            off[begin:end], last = False, end - 1
+    last = stretches[longest_of][0]
+    for begin, end in reversed(stretches[:longest_of]):
+        if reaches(last, end - 1):
+            off[begin:end], last = False, begin
     if not off.any() or off.mean() > MOST_AWAY:
         return fixes
     k = int(np.flatnonzero(off)[0])
-    text = (
-        f"{int(off.sum())} values to which no train jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
-    )
+    text = f"{int(off.sum())} values to which no train jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
     remarks.append(Remark("faulty", name, text, None, float(time[k])))
     return fixes._replace(time=time[~off], value=value[~off])
 

@@ -172,14 +172,14 @@ def _stamps(raw: NDArray[Any], name: str, source: str) -> NDArray[Any]:
             raise faulty(source, name, row + 1, f"{str(raw[row])!r} is not a number")
         return found.values
     words = texts.astype(str).str.replace(r",(\d+)", r".\1", regex=True)
+    # minutes and seconds alone, as a spreadsheet shows them
+    words = words.str.replace(r"^(\d{1,2}:\d{2}\.\d+)$", r"00:\1", regex=True)
     for options in ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True}):
         try:
             stamps = pd.to_datetime(words.where(texts.notna()), utc=True, **options)
             return stamps.dt.tz_localize(None).to_numpy()
         except (ValueError, TypeError, OverflowError):
             continue
-    # minutes and seconds alone, as a spreadsheet shows them
-    words = words.str.replace(r"^(\d{1,2}:\d{2}\.\d+)$", r"00:\1", regex=True)
     clock = pd.to_timedelta(words.where(texts.notna()), errors="coerce")
     if clock.notna().mean() > 0.9 * texts.notna().mean():
         return clock.to_numpy()

@@ -21,7 +21,14 @@ from studies.logs.number_texts import decimal_of, numbers_of
 from studies.logs.raw_channels import RawChannel, Recording
 from studies.logs.text_encoding import encoding_of
 
-COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4", ".xz": "xz", ".zip": "zip"}
+COMPRESSED = {
+    ".gz": "gzip",
+    ".bz2": "bz2",
+    ".zst": "zstd",
+    ".lz4": "lz4",
+    ".xz": "xz",
+    ".zip": "zip",
+}
 """Library's name of a compression by the ending of the file; a zip has one file."""
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".dat")
 SEPARATORS = (";", "\t", ",", "|")

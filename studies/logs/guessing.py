@@ -242,7 +242,11 @@ def _with_letters(tokens: list[str]) -> list[str]:
     """Words with the letter after a car's word as a number: car A is car 1."""
     return [
         str(ord(t) - ord("a") + 1)
-        if len(t) == 1 and "a" <= t <= "h" and k and tokens[k - 1] in WORDS["car"] and len(tokens[k - 1]) > 1
+        if len(t) == 1
+        and "a" <= t <= "h"
+        and k
+        and tokens[k - 1] in WORDS["car"]
+        and len(tokens[k - 1]) > 1
         else t
         for k, t in enumerate(tokens)
     ]

@@ -142,7 +142,9 @@ def measured(
     backwards = any(remark.kind == "sign" for remark in remarks)
     force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest)
+    speed, extra = _speed(
+        sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
+    )
     remarks += extra
     force, read = _as_read(instants, speed, rim, force, train, told)
     remarks += read
@@ -210,14 +212,16 @@ def _as_read(
         remarks.append(Remark("delay", "axleN_force", text))
     if late:
         how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
-        text = f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
+        text = (
+            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
+        )
         remarks.append(Remark("delay", "axleN_force", text))
         force = in_time(*instants, force, late)
     if at_contact:
         if told is None:
             text = (
                 "the forces are those between wheel and rail, by the train's momentum; taken so (a mapping file may say "
-                "at = \"rim\" under [forces])"
+                'at = "rim" under [forces])'
             )
             remarks.append(Remark("guess", "axleN_force", text))
         force = at_rims(instants.time, rim, force, train, WINDOW)

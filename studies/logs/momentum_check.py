@@ -160,8 +160,14 @@ def forwards_too(
         sure = balance is not None and -BALANCE[1] < balance.ratio < -BALANCE[0]
     if not sure:
         return force, []
-    how = "turned round with the speeds" if turned else "braking counts positive in the log; turned round"
-    return -force, [Remark("sign", "axleN_force", f"by the motion the forces count the other way round: {how}")]
+    how = (
+        "turned round with the speeds"
+        if turned
+        else "braking counts positive in the log; turned round"
+    )
+    return -force, [
+        Remark("sign", "axleN_force", f"by the motion the forces count the other way round: {how}")
+    ]
 
 
 def check_balance(

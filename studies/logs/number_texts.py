@@ -14,9 +14,7 @@ Floats = NDArray[np.float64]
 GROUPS = "'’\u00a0\u202f\u2009 "
 """Signs between groups of three digits that are nothing else; a comma or a point may be the decimal sign."""
 PLAIN = re.compile(r"[+-]?\d+")
-GROUPED = {
-    sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in ",."
-}
+GROUPED = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in ",."}
 DECIMAL = {
     sign: re.compile(
         rf"[+-]?(?:\d*|[1-9]\d{{0,2}}(?:{re.escape(other)}\d{{3}})+){re.escape(sign)}\d+(?:[eEdD][+-]?\d+)?"
@@ -64,7 +62,13 @@ def decimal_of(columns: Iterable[list[str]]) -> str:
 def numbers_of(texts: NDArray[Any], decimal: str = ".") -> Numbers:
     """Numbers of a column of texts, (rows,); `decimal` is the file's sign."""
     column = pd.Series(texts, dtype=object)
-    values = pd.to_numeric(column, errors="coerce").to_numpy(float).copy()
+    # where the decimal sign is a comma, a point stands between groups: the library would take it for the sign
+    plain = (
+        column
+        if decimal == "."
+        else column.where(~column.astype(str).str.contains(".", regex=False))
+    )
+    values = pd.to_numeric(plain, errors="coerce").to_numpy(float).copy()
     left = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
     words: Counter[str] = Counter()
     wrong = None

@@ -92,9 +92,7 @@ def _mdf(path: Path) -> Recording:
                 group = file.groups[signal.group_index].channel_group
                 name = str(getattr(group, "acq_name", "") or f"group {signal.group_index + 1}")
                 unit = str(signal.unit or "")
-                found.append(
-                    _Channel(name, signal.name, unit, signal.samples, signal.timestamps)
-                )
+                found.append(_Channel(name, signal.name, unit, signal.samples, signal.timestamps))
     return _recording(path, found)
 
 
@@ -126,7 +124,9 @@ def _recording(path: Path, found: list[_Channel]) -> Recording:
     same_start = len(starts) < len(found) or len(set(starts)) < 2
     notes = []
     if starts and len(starts) < len(found) and len(set(starts)) > 1:
-        notes.append("some channels state when they begin, others do not: all are taken to begin together")
+        notes.append(
+            "some channels state when they begin, others do not: all are taken to begin together"
+        )
     times = Counter(one.name for one in found)
     channels: dict[str, RawChannel] = {}
     for one in found:

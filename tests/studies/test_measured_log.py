@@ -38,7 +38,9 @@ def make_table(count=600, period=0.02) -> pd.DataFrame:
         slip = slide if axle == 2 else np.zeros(count)
         table[f"axle{axle}_speed_ms"] = speed - slip
         # the rail gives every axle the same; the brake also turns the wheelset
-        table[f"axle{axle}_force_kn"] = 1e-3 * (force - INERTIA / RADIUS**2 * np.gradient(slip, time))
+        table[f"axle{axle}_force_kn"] = 1e-3 * (
+            force - INERTIA / RADIUS**2 * np.gradient(slip, time)
+        )
     return table
 
 
@@ -182,7 +184,11 @@ def test_a_wheel_of_another_radius_is_seen_while_it_rolls(table):
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(1e-3, "0.012 % of the axle load"), (0.3, "wrong unit"), (0.8, "1.3 ± 0.0034 times their impulse")],
+    [
+        (1e-3, "0.012 % of the axle load"),
+        (0.3, "wrong unit"),
+        (0.8, "1.3 ± 0.0034 times their impulse"),
+    ],
 )
 def test_forces_that_do_not_fit_the_motion_are_seen(table, factor, words):
     for axle in range(1, 5):
