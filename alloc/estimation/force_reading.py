@@ -1,7 +1,7 @@
 """What the forces of a log are: at the rims or between wheel and rail, and recorded with the wheels or later.
 
-Forces at the rims, of motors and brakes, accelerate the train and its wheelsets; those between wheel and rail the train alone.
-And two computers may record forces and wheels with different delays. The right reading explains how the train's speed
+Forces at the rims, of motors and brakes, accelerate the train and its wheelsets; those between wheel and rail the train
+alone. And two computers may record forces and wheels with different delays. The right reading explains how the train's speed
 changes; the others do not, where wheels slip or forces change. The measured speed has a delay of its own, which is found
 together with them.
 """

@@ -67,7 +67,8 @@ def measured_speed(
     """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
 
     `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
-    `force_period` [s]: time between two samples of the forces. `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
+    `force_period` [s]: time between two samples of the forces.
+    `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
     """
     plain = resample(fixes, instants.time)
     if fixes.time.size < FEWEST:

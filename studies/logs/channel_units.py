@@ -78,8 +78,8 @@ def factor(unit: str, kind: str) -> float | None:
         return 1e-3
     scaled = SCALED.fullmatch(text)
     if scaled and text.lower() not in SPELT:
-        one = factor(scaled[2], kind)
-        return None if one is None else float(scaled[1]) * one
+        whole = factor(scaled[2], kind)
+        return None if whole is None else float(scaled[1]) * whole
     units, number = registry(), _number(unit)
     try:
         one = units.Quantity(number, "") if number else units.Quantity(1.0, _spelt(unit))

@@ -63,7 +63,7 @@ def numbers(values: NDArray[Any], name: str, source: str) -> tuple[Floats, list[
 
 
 def _in_place_of_none(values: Floats) -> list[float]:
-    """Numbers such as -9999 that stand for no value: an end of the range, far from all others, that comes again and again."""
+    """Numbers such as -9999 that stand for no value: an end of the range, far from all others, again and again."""
     found: list[float] = []
     for _ in range(2):
         known = values[np.isfinite(values) & ~np.isin(values, found)]

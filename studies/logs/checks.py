@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
-from alloc.estimation.own_samples import Samples
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.own_samples import Samples
 from alloc.spans import spans
 from studies.logs.remarks import Remark, faulty
 from studies.logs.told_channels import FEWEST_ROWS
@@ -185,8 +185,8 @@ def cut_out_stuck(
 ) -> list[Remark]:
     """Cut out, in place, speeds of wheels that do not move while the train does; one at rest may be locked and is kept.
 
-    Without the train's speed the wheels' median replaces it. A wheel at rest that nothing brakes, or that stopped faster than
-    its inertia and the rail allow, has a dead sensor.
+    Without the train's speed the wheels' median replaces it. A wheel at rest that nothing brakes, or that stopped faster
+    than its inertia and the rail allow, has a dead sensor.
     """
     remarks = []
     speed = _median(rim) if speed is None else speed
@@ -197,9 +197,7 @@ def cut_out_stuck(
         load = float(train.axle_load[number - 1])
         rotating = float(train.inertia[number - 1] / train.radius[number - 1] ** 2)
         for inside in list(stuck(own, speed, time, at_rest=STILL)):
-            if abs(own[inside.start]) > STILL:
-                text = "stuck: the train's speed changes; cut out"
-            elif dead:
+            if abs(own[inside.start]) > STILL or dead:
                 text = "stuck: the train's speed changes; cut out"
             elif _free(time[inside], applied[inside], load) or _too_fast(
                 time, own, applied, inside.start, rotating, load

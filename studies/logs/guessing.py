@@ -35,8 +35,9 @@ WORDS: dict[str, set[str]] = {
 """Words by what they mean."""
 JAPANESE = {
     "列車速度": "train speed", "対地速度": "ground speed", "車速": "train speed", "加速度": "acceleration", "速度": "speed",
-    "周速": "speed", "回転数": "rpm", "回転速度": "rpm", "時刻": "time", "時間": "time", "輪軸": "axle", "車軸": "axle", "軸": "axle",
-    "号車": "car", "車両": "car", "両目": "car", "連結器": "coupler", "トルク": "torque", "シリンダ": "cylinder",
+    "周速": "speed", "回転数": "rpm", "回転速度": "rpm", "時刻": "time", "時間": "time",
+    "輪軸": "axle", "車軸": "axle", "軸": "axle", "号車": "car", "車両": "car",
+    "連結器": "coupler", "トルク": "torque", "シリンダ": "cylinder",
     "圧力": "pressure", "圧": "pressure", "力": "force", "勾配": "gradient", "キロ程": "position", "位置": "position",
     "パルス": "pulses", "主電動機": "motor", "電動機": "motor",
 }  # fmt: skip

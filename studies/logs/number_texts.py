@@ -37,10 +37,10 @@ class Numbers(NamedTuple):
 def decimal_of(columns: Iterable[list[str]]) -> str:
     """The decimal sign of a file, by the cells of some rows, column by column.
 
-    "12,345" is 12.345 or 12 345. Cells that can be read in one way alone decide. Without any, it is the latter if a column has
-    it beside whole numbers below a thousand, or has two groups.
+    "12,345" is 12.345 or 12 345. Cells that can be read in one way alone decide. Without any, it is the latter if a column
+    has it beside whole numbers below a thousand, or has two groups.
     """
-    sure, group, unsure = ({sign: 0 for sign in ",."} for _ in range(3))
+    sure, group, unsure = (dict.fromkeys(",.", 0) for _ in range(3))
     for cells in columns:
         told = [cell.strip() for cell in cells if cell.strip()]
         plain = [abs(int(cell)) for cell in told if PLAIN.fullmatch(cell)]

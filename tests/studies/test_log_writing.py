@@ -49,7 +49,7 @@ def test_three_decimals_are_no_groups():
 
 @pytest.mark.parametrize("text", ["1:20", "12 5", "1.2.3", "0x1F", "1_000", "12,34,5"])
 def test_what_is_no_number_is_refused_and_not_left_out(text):
-    with pytest.raises(StudyError, match="row 2: .* is not a number"):
+    with pytest.raises(StudyError, match=r"row 2: .* is not a number"):
         numbers(np.array(["1.0", text, "2.0"], dtype=object), "v", "log")
 
 
