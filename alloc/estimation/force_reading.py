@@ -28,6 +28,8 @@ AROUND = np.round(np.arange(-0.04, 0.041, 0.008), 6)
 """Delays around it [s] through whose misfits a parabola is laid: noise and drift of each are found on a grid."""
 BETTER = 0.4
 """Misfit per measurement by which another reading of the forces must explain the speed better."""
+MOST = 20_000
+"""Rows of a log in which the delay of the forces is looked for."""
 LESS = 2.5
 """Ratio of noise or drift by which it must leave less unexplained."""
 LEAST = 0.015
@@ -123,7 +125,17 @@ def read_forces(
     if not _poor(found.delay, fixes):
         return found
     # both at once would explain too much: forces that nobody says to be at the contact are late at the rims
-    best = _late(_Shapes(*arguments, bool(at_contact)), part, fixes, bool(at_contact))
+    contact = bool(at_contact)
+    some = _busiest(force)
+    few = (time[some], guess[some], rim[some], force[some])
+    seen = (fixes.time >= few[0][0]) & (fixes.time <= few[0][-1])
+    shapes = _Shapes(*few, train, None if grade is None else grade[some], contact)
+    own = fixes._replace(time=fixes.time[seen], value=fixes.value[seen])
+    late, spread = _late(shapes, part[some], own)
+    moved = _Shapes(*arguments, contact)(late)
+    delay = find_delay(time, part, moved, fixes)
+    delay = delay._replace(deviation=math.hypot(delay.deviation, spread))
+    best = ForceReading(late, contact, moved, delay)
     # what happens between two rows looks like a delay too
     least = max(LEAST, float(np.median(np.diff(time))))
     if abs(best.late) < least or not _explains_more(best.delay, found.delay):
@@ -173,16 +185,24 @@ def _explains_more(one: Delay, other: Delay) -> bool:
     return one.misfit < other.misfit - BETTER and one.sure >= other.sure and less
 
 
-def _late(
-    shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, at_contact: bool
-) -> ForceReading:
-    """The reading with the delay of the forces that explains the speed best."""
-    tried: dict[float, Delay] = {}
+def _busiest(force: Floats) -> slice:
+    """Of a long log, the rows in which the forces change most: a delay shows there."""
+    if len(force) <= MOST:
+        return slice(None)
+    change = np.abs(np.diff(np.nansum(force, axis=1)))
+    pieces = change[: change.size // MOST * MOST].reshape(-1, MOST).sum(axis=1)
+    begin = int(pieces.argmax()) * MOST
+    return slice(begin, begin + MOST)
+
+
+def _late(shapes: _Shapes, part: NDArray[np.int64], fixes: Samples) -> tuple[float, float]:
+    """The delay of the forces that explains the speed best, and its standard deviation [s]."""
+    tried: dict[float, float] = {}
 
     def misfit(late: float) -> float:
         if late not in tried:
-            tried[late] = find_delay(shapes.time, part, shapes(late), fixes)
-        return tried[late].misfit
+            tried[late] = find_delay(shapes.time, part, shapes(late), fixes).misfit
+        return tried[late]
 
     best = min(DELAYS.tolist(), key=misfit)
     for step in FINER:
@@ -194,7 +214,4 @@ def _late(
     if bend > 0.0:
         best = float(np.clip(-0.5 * curve.coef[1] / bend, near[0], near[-1]))
         spread = min(1.0 / math.sqrt(fixes.time.size * bend), spread)
-    best = min(best, *near, key=misfit)  # where the misfit is no parabola
-    own, delay = shapes(best), tried[best]
-    unsure = math.hypot(delay.deviation, spread)
-    return ForceReading(best, at_contact, own, delay._replace(deviation=unsure))
+    return min(best, *near, key=misfit), spread  # where the misfit is no parabola
