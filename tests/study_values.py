@@ -68,6 +68,9 @@ class StudyValues:
             raise KeyError(
                 f"{cell!r} has no {error}; {list(self.named.get(name, self.named))}"
             ) from None
+        found = [
+            "; ".join(one) or "none" if isinstance(one, tuple | list) else one for one in found
+        ]
         return [
             one if isinstance(one, str) else _kept(times * (math.nan if one is None else one), cell)
             for one in found

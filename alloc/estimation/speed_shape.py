@@ -20,6 +20,8 @@ STANDING = 0.05
 """Speed of all wheels [m/s] below which a train stands, ..."""
 NEARLY = 1.0
 """... if it was measured below this."""
+LOCKED = 0.25
+"""Share of the forces on wheels that stand, from which on the forces do not tell how the train slows down."""
 FREE = 2e-3
 """Force over load below which an axle rolls freely."""
 ALWAYS = 0.98
@@ -35,8 +37,11 @@ def shape_of_forces(
     force: Floats,
     train: MeasuredTrain,
     grade: Floats | None,
+    at_contact: bool = False,
 ) -> Floats | None:
     """Speed [m/s] by the forces, (instants,), except for a constant; None without forces.
+
+    `at_contact`: the forces act between wheel and rail, and the wheelsets take nothing of them; else at the rims.
 
     `speed` (instants,) is a first guess, for the resistance alone; `rim` [m/s] and `force` [N] (instants, axles), nan where
     unknown; `grade` (instants,), the rise per run.
@@ -46,14 +51,14 @@ def shape_of_forces(
         return None
     total = np.zeros(time.size)
     for i in np.flatnonzero(told).tolist():
-        total += _filled(time, force[:, i])
+        total += filled(time, force[:, i])
     mass = float(train.car_mass.sum())
-    rotating = train.inertia / train.radius**2
+    rotating = np.zeros(train.radius.size) if at_contact else train.inertia / train.radius**2
     wheels = np.zeros(time.size)
     fastest = np.zeros(time.size)
     for i, inertia in enumerate(rotating):
         if np.isfinite(rim[:, i]).any():
-            own = _filled(time, rim[:, i])
+            own = filled(time, rim[:, i])
             wheels += inertia * own
             np.maximum(fastest, own, out=fastest)
         else:
@@ -71,15 +76,25 @@ def shape_of_forces(
     middle = np.zeros(time.size)
     middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
     rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
-    return np.asarray(np.cumsum(np.where(stands, rolled, (given - gained) / mass)))
+    rise = np.where(stands, rolled, (given - gained) / mass)
+    # the brake of a locked wheel gives what the rail carries, which nobody knows: there the measured speed goes on
+    locked = locked_share(speed, rim, force) > LOCKED
+    return np.asarray(np.cumsum(np.where(locked, np.diff(speed, prepend=speed[0]), rise)))
+
+
+def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
+    """Share of all forces that act on wheels that stand while the train moves, (instants,)."""
+    own = np.nan_to_num(np.abs(force))
+    at_rest = (np.abs(np.nan_to_num(rim, nan=np.inf)) < STANDING) & (speed > NEARLY)[:, None]
+    return np.asarray((own * at_rest).sum(axis=1) / np.maximum(own.sum(axis=1), 1e-9))
 
 
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
     """Speed [m/s] by the wheels, (instants,): the fastest wheel under braking, the slowest under traction."""
     known = rim[:, np.isfinite(rim).any(axis=0)]
     fastest, slowest = (
-        _filled(time, _extreme(known, np.fmax)),
-        _filled(time, _extreme(known, np.fmin)),
+        filled(time, _extreme(known, np.fmax)),
+        filled(time, _extreme(known, np.fmin)),
     )
     rate = mean_rate(time, speed, RATE_TIME)
     # a step from one to the other would be a change of speed: what counts is how both change
@@ -112,7 +127,14 @@ def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
     return np.asarray(choose.reduce(rim, axis=1))
 
 
-def _filled(time: Floats, values: Floats) -> Floats:
+def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
+    """Where a train stands, (instants,): it was slow, and no wheel turns."""
+    told = rim[:, np.isfinite(rim).any(axis=0)]
+    fastest = np.nan_to_num(told).max(axis=1, initial=0.0)
+    return np.asarray((fastest < STANDING) & (speed < NEARLY))
+
+
+def filled(time: Floats, values: Floats) -> Floats:
     """A series without nan: straight lines over what is missing."""
     known = np.isfinite(values)
     return values if known.all() else np.interp(time, time[known], values[known])

@@ -1,15 +1,17 @@
 """The measured speed of a train at the instants of its wheels: as it stands, or from measurements that are late or rare."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants, resample
+from alloc.estimation.force_reading import ForceReading, read_forces
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
-from alloc.estimation.speed_shape import shape_of_forces, shape_of_free_wheels, shape_of_wheels
+from alloc.estimation.speed_shape import shape_of_free_wheels, shape_of_wheels
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +27,8 @@ NOISY = 0.03
 """Standard deviation of a measurement [m/s] above which the speed follows the shape."""
 PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
 """Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
+SAMPLED = 0.15
+"""Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3
@@ -45,6 +49,8 @@ class MeasuredSpeed:
     """Whether the speed is that of the shape between measurements, else it is as measured."""
     shape: str
     """Of what the shape was: forces, free wheels or wheels."""
+    forces: ForceReading | None = None
+    """What the forces are, as far as the speed says it; None without forces."""
 
 
 def measured_speed(
@@ -55,10 +61,14 @@ def measured_speed(
     train: MeasuredTrain,
     grade: Floats | None = None,
     least_delay: float = LATE,
+    at_contact: bool | None = None,
+    force_period: float = 0.0,
 ) -> MeasuredSpeed:
     """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
 
     `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
+    `force_period` [s]: time between two samples of the forces.
+    `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
     """
     plain = resample(fixes, instants.time)
     if fixes.time.size < FEWEST:
@@ -66,23 +76,33 @@ def measured_speed(
     time, part = instants
     guess = np.interp(time, fixes.time, fixes.value)
     shapes = {
-        "forces": shape_of_forces(time, guess, rim, force, train, grade),
         "free wheels": shape_of_free_wheels(time, rim, force, train),
         "wheels": shape_of_wheels(time, guess, rim),
     }
     found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
+    reading = read_forces(time, part, guess, rim, force, train, grade, fixes, at_contact)
+    if reading is not None:
+        shapes["forces"], found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
+    rows = float(np.median(np.diff(time)))
+    if name == "forces":
+        # between its samples a force is not known, and what it does there comes early or late
+        sampled = SAMPLED * max(force_period - rows, 0.0)
+        delay = delay._replace(deviation=math.hypot(delay.deviation, sampled))
     # what happens between two rows, and what the shape does not follow, looks like a delay too
-    of_rows = ROWS * float(np.median(np.diff(time)))
+    of_rows = ROWS * rows
     of_shape = LATE_OF_SHAPE if delay.drift > UNLIKE else 0.0
     late = abs(delay.value) > max(least_delay, SURE * delay.deviation, of_rows, of_shape)
     sparse = fixes.kind in ("quantised", "interpolated") or fixes.period >= SPARSE
     as_measured = not (sparse or late or fixes.noise > NOISY)
     lacking = ~np.isfinite(plain.value)
     if as_measured and not lacking.any():
-        return MeasuredSpeed(*plain, delay, False, name)
+        return MeasuredSpeed(*plain, delay, False, name, reading)
     used = delay if late or sparse else delay._replace(value=0.0)
+    if reading is not None and name == "forces":
+        unsure = math.hypot(used.deviation, reading.perhaps_late)
+        used = used._replace(deviation=unsure)
     shape = shapes[name]
     assert shape is not None
     speed, deviation = follow(time, part, shape, fixes, used)
@@ -93,4 +113,4 @@ def measured_speed(
     by_delay = np.gradient(np.nan_to_num(speed), time) * delay.deviation
     # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
     speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
-    return MeasuredSpeed(speed, deviation, delay, not as_measured, name)
+    return MeasuredSpeed(speed, deviation, delay, not as_measured, name, reading)

@@ -15,6 +15,10 @@ from studies.logs.told_channels import Sources
 Floats = NDArray[np.float64]
 AROUND = 10
 """Rows before and after one in which a counter goes back, which tell how much it gained."""
+SELDOM = 0.1
+"""Share of rows below which a sum of pulses may go back."""
+LEAST_RANGE = 10.0
+"""Range of counts from which on one that goes back by most of it began anew."""
 FEW_PULSES = 3.0
 """By which a row may differ from those around."""
 
@@ -47,7 +51,7 @@ def _pulses(sources: Sources, number: int) -> RimSpeed:
     time, count = sources.series(("wheel", number))
     known = np.isfinite(count)
     time, count = time[known], count[known] * one.sign
-    if np.mean(np.diff(count) >= 0.0) < 0.9:  # neither is a counter that runs backwards
+    if _since_row_before(count):  # neither is a counter that runs backwards
         way = np.cumsum(np.abs(count))
     else:
         change, bridged = _gained(time, count)
@@ -60,14 +64,37 @@ def _pulses(sources: Sources, number: int) -> RimSpeed:
     return of_way(time, way * pulse, pulse)
 
 
+def _since_row_before(count: Floats) -> bool:
+    """Whether counts are those of a row, and not the sum so far: a sum goes back seldom, or by most of its range."""
+    change = np.diff(count)
+    back = -change[change < 0.0]
+    if back.size < SELDOM * change.size:
+        return False
+    span = float(np.ptp(count))
+    return not (span > LEAST_RANGE and float(np.median(back)) > 0.5 * span)
+
+
+def _turn(count: Floats) -> float:
+    """After how many pulses a counter goes on from where it began: its bits, or its digits if they fit better."""
+    change = np.diff(count)
+    span = float(np.ptp(count)) + 1.0
+    two, ten = 2.0 ** np.ceil(np.log2(span)), 10.0 ** np.ceil(np.log10(span))
+    back = np.flatnonzero(change < 0.0)
+    if back.size == 0:
+        return float(two)
+    before = np.maximum(back - 1, 0)
+    usual = np.maximum(change[before], 0.0)
+    return float(min((two, ten), key=lambda t: float(np.median(np.abs(change[back] + t - usual)))))
+
+
 def _gained(time: Floats, count: Floats) -> tuple[Floats, int]:
     """Pulses from row to row of a counter, and how often it was set back.
 
-    A counter of so many bits goes on from 0; what was counted then is known. One that was set back, or that has another
-    number of digits, gained what it gains around.
+    A counter of so many bits or digits goes on from where it began; what was counted then is known. One that was set back
+    gained what it gains around.
     """
     change, step = np.diff(count), np.diff(time)
-    turn = 2.0 ** np.ceil(np.log2(max(float(np.abs(count).max()), 1.0) + 1.0))
+    turn = _turn(count)
     forwards = change >= 0.0
     bridged = 0
     for k in np.flatnonzero(~forwards):

@@ -16,6 +16,8 @@ SPELT = {
     "ms2": "m/s**2", "m/s2": "m/s**2", "m/s^2": "m/s**2", "g": "g_0",
     "nm": "N*m", "knm": "kN*m", "n": "N", "kn": "kN", "mn": "MN", "dan": "daN", "kgf": "kgf", "lbf": "lbf", "kp": "kgf",
     "kpa": "kPa", "mpa": "MPa", "pa": "Pa", "hpa": "hPa", "psi": "psi", "bar": "bar", "mbar": "mbar",
+    "kgf/cm2": "kgf/cm**2", "kgf/cm^2": "kgf/cm**2", "kg/cm2": "kgf/cm**2", "kgf/cm²": "kgf/cm**2", "kg/cm²": "kgf/cm**2",
+    "kt": "knot", "kts": "knot", "knots": "knot",
     "permille": "1e-3", "percent": "1e-2", "m": "m", "km": "km", "mm": "mm", "mi": "mile", "ft": "ft",
     "pulses": "1", "imp": "1", "impulse": "1", "counts": "1", "count": "1", "s": "s", "sec": "s", "min": "min", "h": "hour",
     "us": "us", "ns": "ns", "msec": "ms", "millis": "ms", "": "1", "1": "1", "-": "1",
@@ -32,6 +34,8 @@ SIGNS = {
     "µ": "u",
     "μ": "u",
 }
+SCALED = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)[*x·]?([^\d/*.^+-].*)")
+"""A number and a unit: the worth of a digit, such as 0.01 km/h."""
 SI = {
     "time": "s", "speed": "m/s", "turning": "rad/s", "force": "N", "torque": "N*m", "acceleration": "m/s**2",
     "slope": "1", "position": "m", "pressure": "Pa", "pulses": "1",
@@ -72,6 +76,10 @@ def factor(unit: str, kind: str) -> float | None:
     text = clean(unit)
     if kind == "time" and text.lower() == "ms":
         return 1e-3
+    scaled = SCALED.fullmatch(text)
+    if scaled and text.lower() not in SPELT:
+        whole = factor(scaled[2], kind)
+        return None if whole is None else float(scaled[1]) * whole
     units, number = registry(), _number(unit)
     try:
         one = units.Quantity(number, "") if number else units.Quantity(1.0, _spelt(unit))

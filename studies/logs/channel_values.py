@@ -3,13 +3,13 @@
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.equations import GRAVITY
 from studies.logs.assignment import Assigned
-from studies.logs.remarks import Remark, faulty
+from studies.logs.number_texts import numbers_of
+from studies.logs.remarks import NAMED, Remark, faulty
 
 Floats = NDArray[np.float64]
 
@@ -21,25 +21,67 @@ IMPLAUSIBLE = 0.01
 """Share of the values of a channel that may be impossible, and are left out."""
 LARGEST_COEFFICIENT = 1.0
 """Force over axle load that no wheel on a rail carries (dry rail: 0.3 to 0.6)."""
+FEWEST = 20
+"""Values of a channel from which on one that stands for none can be told."""
+MOST_STAND_INS = 0.3
+"""Share of the values of a channel that one may be, if it stands for none."""
+FAR = 2.0
+"""Distance of such a value from all others, in their range and in their size."""
 MOVING = 1.0
 """Speed [m/s] above which a speed has a sign."""
 
 
-def numbers(values: NDArray[Any], name: str, source: str) -> Floats:
-    """Values as numbers; empty cells are nan. Raises for texts and for what is infinite."""
+def numbers(values: NDArray[Any], name: str, source: str) -> tuple[Floats, list[Remark]]:
+    """Values as numbers, and remarks; empty cells, words and infinite ones are nan. Raises for other texts."""
+    remarks = []
+    if values.dtype.kind == "b":
+        raise faulty(source, name, 1, f"{str(values[0])!r} is not a number")
     if values.dtype.kind not in "iuf":
-        texts = pd.Series(values)
-        found = pd.to_numeric(texts, errors="coerce")
-        bad = np.flatnonzero((found.isna() & texts.notna()).to_numpy())
-        if bad.size or values.dtype.kind == "b":
-            row = int(bad[0]) if bad.size else 0
+        found = numbers_of(values)
+        if found.wrong is not None or np.isnan(found.values).all():
+            row = found.wrong or 0
             raise faulty(source, name, row + 1, f"{str(values[row])!r} is not a number")
-        values = found.to_numpy(float)
+        values = found.values
+        if found.words:
+            words = ", ".join(repr(word) for word, _ in found.words.most_common(NAMED))
+            text = f"{words} in {found.words.total()} rows: no value"
+            remarks.append(Remark("missing", name, text))
     numbers = values.astype(np.float64, copy=False)
     infinite = np.flatnonzero(np.isinf(numbers))
     if infinite.size:
-        raise faulty(source, name, int(infinite[0]) + 1, "is infinite")
-    return numbers
+        numbers = np.where(np.isinf(numbers), np.nan, numbers)
+        text = f"infinite in {infinite.size} rows: no value"
+        remarks.append(Remark("missing", name, text, int(infinite[0]) + 1))
+    stands_for_none = _in_place_of_none(numbers)
+    if stands_for_none:
+        for value in stands_for_none:
+            alike = numbers == value
+            text = f"{value:g} in {int(alike.sum())} rows, far from all others: no value"
+            remarks.append(Remark("missing", name, text, int(np.flatnonzero(alike)[0]) + 1))
+            numbers = np.where(alike, np.nan, numbers)
+    return numbers, remarks
+
+
+def _in_place_of_none(values: Floats) -> list[float]:
+    """Numbers such as -9999 that stand for no value: an end of the range, far from all others, again and again."""
+    found: list[float] = []
+    for _ in range(2):
+        known = values[np.isfinite(values) & ~np.isin(values, found)]
+        if known.size < FEWEST:
+            break
+        low, high = float(known.min()), float(known.max())
+        for end in (low, high):
+            others = known[known != end]
+            times = known.size - others.size
+            if not 2 <= times <= MOST_STAND_INS * known.size or np.unique(others[:FEWEST]).size < 2:
+                continue
+            apart = np.abs(others - end).min()
+            if apart > FAR * np.ptp(others) and apart > FAR * np.abs(others).max():
+                found.append(end)
+                break
+        else:
+            break
+    return found
 
 
 def forwards(name: str, speed: Floats, source: str) -> tuple[Floats, list[Remark]]:

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterator
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
-from alloc.plant.equations import GRAVITY
 from alloc.spans import spans
 from studies.logs.remarks import Remark, faulty
-from studies.logs.told_channels import FEWEST_ROWS, Sources
+from studies.logs.told_channels import FEWEST_ROWS
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +23,16 @@ STUCK_TIME = 1.0
 STUCK_CHANGE = 0.5
 STUCK_SAMPLES = 4
 """The same in samples of a slow channel."""
+STILL = 0.01
+"""Speed [m/s] up to which a wheel stands, whatever its channel makes of zero."""
+HELD = 5e-3
+"""Force over load below which nothing holds a wheel against the rail ..."""
+FREE_TIME = 0.5
+"""... for so long [s]."""
+AWAY, HARDEST = 0.3, 4.0
+"""Jump of the train's speed [m/s], and braking or pulling [m/s2] beyond it, that no train reaches."""
+MOST_AWAY = 0.2
+"""Share of such measurements above which the speed itself is in doubt, and none is left out."""
 OFTEN = 0.1
 """Time [s] between two looks at all wheels."""
 CONSTANT_TIME = 10.0
@@ -36,13 +45,6 @@ ROLLING = 0.01
 """Force over load below which a wheel without a motor rolls; a driven one pulls as much on a climb."""
 OTHER_UNIT = 1.5
 """Factor between two speeds from which on their units differ: less than that between miles and kilometres."""
-BALANCE = (0.6, 1.6)
-"""Momentum gained over impulse of the forces, between which a log agrees with itself."""
-STEEPEST = 0.045
-"""Rise per run up to which a gradient may be the cause."""
-BALANCE_WINDOW = 1.0
-LEAST_EFFORT = 0.02
-"""Sum of forces over weight from which the balance is drawn: below it gradients and resistance count as much."""
 
 
 def check_instants(instants: Instants) -> list[Remark]:
@@ -103,9 +105,12 @@ def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: 
     )  # fmt: skip
 
 
-def stuck(values: Floats, other: Floats, time: Floats, least: int = FEWEST_ROWS) -> Iterator[slice]:
-    """Stretches in which a speed stays exactly the same although the `other` one changes."""
-    same = np.concatenate([np.diff(values) == 0.0, [False]])
+def stuck(
+    values: Floats, other: Floats, time: Floats, least: int = FEWEST_ROWS, at_rest: float = 0.0
+) -> Iterator[slice]:
+    """Stretches in which a speed stays exactly the same, or within `at_rest` of zero, although the `other` one changes."""
+    rest = np.abs(values) <= at_rest
+    same = np.concatenate([(np.diff(values) == 0.0) | (rest[1:] & rest[:-1]), [False]])
     for begin, end in spans(same).tolist():
         inside = slice(begin, end + 1)
         if time[end] - time[begin] < STUCK_TIME or end - begin < least:
@@ -137,27 +142,91 @@ def without_stuck(
     return fixes if keep.all() else fixes._replace(time=fixes.time[keep], value=fixes.value[keep])
 
 
+def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Samples:
+    """Measurements of the train's speed without those to which it jumps, and from which it jumps back, as no train does."""
+    time, value = fixes.time, fixes.value
+    least = max(AWAY, 8.0 * fixes.noise)
+
+    def reaches(i: int, k: int) -> bool:
+        return bool(abs(value[k] - value[i]) <= least + HARDEST * abs(time[k] - time[i]))
+
+    jumps = np.flatnonzero(np.abs(np.diff(value)) > least + HARDEST * np.diff(time)) + 1
+    if jumps.size == 0:
+        return fixes
+    bounds = [0, *jumps.tolist(), value.size]
+    stretches = list(pairwise(bounds))
+    longest_of = max(range(len(stretches)), key=lambda k: stretches[k][1] - stretches[k][0])
+    off = np.ones(value.size, dtype=bool)
+    off[slice(*stretches[longest_of])] = False
+    # from the longest stretch without a jump to both sides: what a train reaches from the last one that it reached
+    last = stretches[longest_of][1] - 1
+    for begin, end in stretches[longest_of + 1 :]:
+        if reaches(last, begin):
+            off[begin:end], last = False, end - 1
+    last = stretches[longest_of][0]
+    for begin, end in reversed(stretches[:longest_of]):
+        if reaches(last, end - 1):
+            off[begin:end], last = False, begin
+    if not off.any() or off.mean() > MOST_AWAY:
+        return fixes
+    k = int(np.flatnonzero(off)[0])
+    text = f"{int(off.sum())} values to which no train jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
+    remarks.append(Remark("faulty", name, text, None, float(time[k])))
+    return fixes._replace(time=time[~off], value=value[~off])
+
+
 def cut_out_stuck(
-    names: dict[int, str], time: Floats, speed: Floats | None, rim: Floats
+    names: dict[int, str],
+    time: Floats,
+    speed: Floats | None,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
 ) -> list[Remark]:
     """Cut out, in place, speeds of wheels that do not move while the train does; one at rest may be locked and is kept.
 
-    Without the train's speed the wheels' median replaces it.
+    Without the train's speed the wheels' median replaces it. A wheel at rest that nothing brakes, or that stopped faster
+    than its inertia and the rail allow, has a dead sensor.
     """
     remarks = []
     speed = _median(rim) if speed is None else speed
     under_way = speed > STUCK_CHANGE
     for number, name in names.items():
-        own = rim[:, number - 1]
+        own, applied = rim[:, number - 1], force[:, number - 1]
         dead = bool(under_way.any()) and np.mean(own[under_way] == 0.0) > DEAD_SHARE
-        for inside in list(stuck(own, speed, time)):
-            if own[inside.start] == 0.0 and not dead:
-                text = "zero while the train runs: a locked wheel, and taken for one"
-            else:
+        load = float(train.axle_load[number - 1])
+        rotating = float(train.inertia[number - 1] / train.radius[number - 1] ** 2)
+        for inside in list(stuck(own, speed, time, at_rest=STILL)):
+            if abs(own[inside.start]) > STILL or dead:
                 text = "stuck: the train's speed changes; cut out"
+            elif _free(time[inside], applied[inside], load) or _too_fast(
+                time, own, applied, inside.start, rotating, load
+            ):
+                text = "zero though no brake holds the wheel: a dead sensor; cut out"
+            else:
+                text = "zero while the train runs: a locked wheel, and taken for one"
+            if "cut out" in text:
                 own[inside] = np.nan
             remarks.append(_stuck(name, time, inside, text))
     return remarks
+
+
+def _free(time: Floats, applied: Floats, load: float) -> bool:
+    """Whether nothing brakes a wheel for long: the rail would turn it."""
+    free = np.abs(applied) < HELD * load
+    return any(time[end - 1] - time[begin] > FREE_TIME for begin, end in spans(free).tolist())
+
+
+def _too_fast(
+    time: Floats, rim: Floats, applied: Floats, start: int, rotating: float, load: float
+) -> bool:
+    """Whether a wheel comes to rest from one row to the next with more than its brake and a rail could do."""
+    before = start - 1
+    if before < 0 or not np.isfinite(rim[before]):
+        return False
+    brake = np.nan_to_num(np.abs(applied[max(start - FEWEST_ROWS, 0) : start + 1])).max()
+    needed = rotating * (rim[before] - rim[start]) / (time[start] - time[before])
+    return bool(needed > brake + load)
 
 
 def _stuck(name: str, time: Floats, inside: slice, text: str) -> Remark:
@@ -178,9 +247,10 @@ def check_radius(
 
     `deviation` [m/s] of the train's speed: where that may be the cause nothing is said.
     """
-    rolling = (np.abs(share) < ROLLING) & (speed > 5.0) & np.isfinite(rim)
+    fast = (speed > 5.0) & np.isfinite(rim)
+    rolling = (np.abs(share) < ROLLING) & fast
     if rolling.sum() < FEWEST_ROWS:
-        return []
+        return _against_force(name, rim, speed, share, fast & np.isfinite(share), deviation)
     error = float(np.median(rim[rolling] / speed[rolling])) - 1.0
     unsure = 0.0
     if deviation is not None:
@@ -194,103 +264,28 @@ def check_radius(
     return [Remark("radius", name, text)]
 
 
-class Balance(NamedTuple):
-    """Momentum that a train gains beyond the effect of its forces."""
-
-    ratio: float
-    """The former over the latter."""
-    rise: float
-    """Rise per run that would make the difference."""
-
-
-def momentum_balance(
-    instants: Instants,
-    speed: Floats,
+def _against_force(
+    name: str,
     rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
-) -> Balance | None:
-    """The balance of momentum; None where it cannot be determined."""
-    time, part = instants
-    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
-    rotating = train.inertia / train.radius**2
-    momentum, total = train.car_mass.sum() * speed, np.zeros(time.size)
-    for i in range(train.radius.size):
-        momentum = momentum + rotating[i] * rim[:, i]
-        total += force[:, i]
-    if grade is not None:
-        total -= train.car_mass.sum() * GRAVITY * grade
-    impulse = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]) * np.diff(time))])
-    begin = np.arange(0, time.size - width, width)
-    end = begin + width
-    given, gained = impulse[end] - impulse[begin], momentum[end] - momentum[begin]
-    if np.isnan(impulse[-1]):  # cumulated over what is missing: window by window
-        windows = [slice(a, b + 1) for a, b in zip(begin, end, strict=True)]
-        given = np.array([np.trapezoid(total[w], time[w]) for w in windows])
-    mean = given / (time[end] - time[begin])
-    used = (part[begin] == part[end]) & (
-        np.abs(mean) > LEAST_EFFORT * train.car_mass.sum() * GRAVITY
-    )
-    used &= np.isfinite(gained) & np.isfinite(given)
-    if used.sum() < 3:
-        return None
-    x, y = given[used], gained[used]
-    lasts = float(np.sum((time[end] - time[begin])[used]))
-    rise = float(np.sum(x - y)) / (lasts * float(train.car_mass.sum()) * GRAVITY)
-    return Balance(float(x @ y / (x @ x)), rise)
-
-
-def turned_round(
-    instants: Instants,
     speed: Floats,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    sources: Sources,
-) -> tuple[Floats, list[Remark]]:
-    """Forces of the other sign where the speeds were turned round and only that makes forces and motion agree."""
-    if not any(remark.kind == "sign" for remark in sources.remarks):
-        return force, []
-    balance = momentum_balance(instants, speed, rim, force, train, None)
-    if balance is None or not -BALANCE[1] < balance.ratio < -BALANCE[0]:
-        return force, []
-    text = "the forces too count the other way round: turned round with the speeds"
-    return -force, [Remark("sign", "axleN_force", text)]
-
-
-def check_balance(
-    instants: Instants,
-    speed: Floats,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None = None,
+    share: Floats,
+    used: NDArray[np.bool_],
+    deviation: Floats | None,
 ) -> list[Remark]:
-    """Whether the train gains the momentum of its forces; gives no remark where a force is missing."""
-    time, part = instants
-    used = 0.0
-    if np.isfinite(force).any():
-        used = float(np.nanmax(np.abs(force))) / float(train.axle_load.min())
-    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
-    rate = np.abs(speed[width:] - speed[:-width]) / (time[width:] - time[:-width])
-    fastest = rate[np.isfinite(rate) & (part[width:] == part[:-width])].max(initial=0.0)
-    if 0.0 < used < 0.25 * LEAST_EFFORT and fastest > LEAST_EFFORT * GRAVITY:
-        text = (
-            f"no axle's force exceeds {100.0 * used:.2g} % of the axle load, but the train's speed changes by "
-            f"{fastest:.2g} m/s2: wrong unit?"
-        )
-        return [Remark("balance", "axleN_force", text)]
-    balance = momentum_balance(instants, speed, rim, force, train, grade)
-    if balance is None or BALANCE[0] < balance.ratio < BALANCE[1]:
+    """Whether a wheel that always pulls or brakes creeps the other way: a braked one is never faster than the train."""
+    used = used & (np.abs(share) > ROLLING)
+    if used.sum() < FEWEST_ROWS:
         return []
-    ratio, rise = balance
-    cause = (
-        "wrong sign of the forces" if ratio < 0.0 else "wrong unit, torque at the motor, or train"
-    )
-    if grade is None and abs(rise) < STEEPEST:
-        cause = f"a gradient of {1e3 * rise:+.0f} per mille, {cause}"
+    against = -np.sign(share[used]) * (rim[used] / speed[used] - 1.0)
+    error = float(np.quantile(against, 0.75))
+    unsure = 0.0
+    if deviation is not None:
+        unsure = 2.0 * float(np.median(deviation[used] / speed[used]))
+    if error <= RADIUS_ERROR + unsure:
+        return []
+    braked = float(np.median(share[used])) < 0.0
     text = (
-        f"the train gains {ratio:.2g} times the momentum that the axles' forces give it: {cause}?"
+        f"turns {100.0 * error:.1f} % {'faster' if braked else 'slower'} than the train although it "
+        f"{'is braked' if braked else 'pulls'}: wheel radius or scale of a speed; Q and slips contain that"
     )
-    return [Remark("balance", "axleN_force", text)]
+    return [Remark("radius", name, text)]

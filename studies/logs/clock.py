@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from studies.logs.channel_units import factor
+from studies.logs.number_texts import numbers_of
 from studies.logs.remarks import Remark, faulty
 
 Floats = NDArray[np.float64]
@@ -20,6 +21,14 @@ EPOCHS = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "µs"), (1e11, 1e-3, "ms"))
 """Least value, factor and unit of an epoch that is not in seconds."""
 EPOCH = 1e8
 """Seconds above which a time counts from 1970."""
+COUNTED = (
+    (1e-3, "read as milliseconds"), (1e-6, "read as microseconds"), (1e-9, "read as nanoseconds")
+)  # fmt: skip
+"""Units of whole numbers that grow by more than one from row to row: the first with which rows are close enough."""
+LONGEST_STEP = 2.0
+"""Time [s] between two rows that a logger has at most."""
+DAYS = 2e-5
+"""Step below which a time without a unit counts days: rows are further apart than a fiftieth of a millisecond."""
 LONGEST_BACK = 2.0
 """Time [s] by which a row may be out of order; beyond, a clock was set back."""
 DAY, HOUR = 86400.0, 3600.0
@@ -130,9 +139,13 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
                 scale, shown = own, f"read as an epoch in {word}"
                 break
         else:
-            step = float(np.median(np.diff(known))) if known.size > 1 else 0.0
+            step = float(np.median(np.abs(np.diff(known)))) if known.size > 1 else 0.0
             if size < EPOCH and step >= 2.0 and np.all(known[:100] == np.round(known[:100])):
-                scale, shown = 1e-3, "read as milliseconds"
+                scale, shown = next(
+                    (one for one in COUNTED if step * one[0] <= LONGEST_STEP), COUNTED[-1]
+                )
+            elif 0.0 < step < DAYS:
+                scale, shown = DAY, "read as days"
     values = values * scale
     origin = ""
     if abs(values[np.isfinite(values)][0]) > EPOCH:
@@ -147,25 +160,30 @@ def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floa
 
 
 def _stamps(raw: NDArray[Any], name: str, source: str) -> NDArray[Any]:
-    """Texts or objects as numbers or time stamps."""
-    texts = pd.Series(raw)
-    numbers = pd.to_numeric(texts, errors="coerce")
-    if numbers.notna().mean() > 0.9:
-        bad = np.flatnonzero(numbers.isna() & texts.notna())
-        if bad.size:
-            raise faulty(source, name, int(bad[0]) + 1, f"{str(raw[bad[0]])!r} is not a number")
-        return numbers.to_numpy(float)
+    """Texts or objects as numbers or time stamps; words without a digit, such as a repeated heading, are none."""
+    texts = pd.Series(raw, dtype=object)
+    texts = texts.where(texts.astype(str).str.contains(r"\d"))
+    if texts.isna().all():
+        raise faulty(source, name, 1, "has no time")
+    found = numbers_of(texts.to_numpy(object))
+    if np.isfinite(found.values).mean() > 0.9 * texts.notna().mean():
+        if found.wrong is not None:
+            row = found.wrong
+            raise faulty(source, name, row + 1, f"{str(raw[row])!r} is not a number")
+        return found.values
     words = texts.astype(str).str.replace(r",(\d+)", r".\1", regex=True)
+    # minutes and seconds alone, as a spreadsheet shows them
+    words = words.str.replace(r"^(\d{1,2}:\d{2}\.\d+)$", r"00:\1", regex=True)
     for options in ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True}):
         try:
-            found = pd.to_datetime(words.where(texts.notna()), utc=True, **options)
-            return found.dt.tz_localize(None).to_numpy()
+            stamps = pd.to_datetime(words.where(texts.notna()), utc=True, **options)
+            return stamps.dt.tz_localize(None).to_numpy()
         except (ValueError, TypeError, OverflowError):
             continue
     clock = pd.to_timedelta(words.where(texts.notna()), errors="coerce")
-    if clock.notna().mean() > 0.9:
+    if clock.notna().mean() > 0.9 * texts.notna().mean():
         return clock.to_numpy()
-    row = int(np.flatnonzero(numbers.isna() & texts.notna())[0])
+    row = int(np.flatnonzero(np.isnan(found.values) & texts.notna().to_numpy())[0])
     raise faulty(source, name, row + 1, f"{str(raw[row])!r} is no time")
 
 

@@ -10,20 +10,32 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from studies.files.study_error import StudyError
 from studies.logs.growing_column import GrowingColumn
+from studies.logs.number_texts import decimal_of, numbers_of
 from studies.logs.raw_channels import RawChannel, Recording
+from studies.logs.text_encoding import encoding_of
 
-COMPRESSED = {".gz": "gzip", ".bz2": "bz2", ".zst": "zstd", ".lz4": "lz4", ".xz": "xz"}
-"""Library's name of a compression by the ending of the file."""
+COMPRESSED = {
+    ".gz": "gzip",
+    ".bz2": "bz2",
+    ".zst": "zstd",
+    ".lz4": "lz4",
+    ".xz": "xz",
+    ".zip": "zip",
+}
+"""Library's name of a compression by the ending of the file; a zip has one file."""
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".dat")
 SEPARATORS = (";", "\t", ",", "|")
 LOOKED_AT = 256 * 1024
 """Bytes of a file that decide how it is read."""
+LOOKED_AT_ROWS = 400
+"""Rows of them that decide the decimal sign."""
 BLOCK = 4 * 1024 * 1024
 """Bytes of a file that are read at a time."""
 MOST_SPOILT = 0.02
@@ -74,7 +86,7 @@ class Layout(NamedTuple):
 
 def is_text(path: Path) -> bool:
     """Whether a path is that of a table of text, compressed or not."""
-    return _inner(path).suffix.lower() in TEXT
+    return path.suffix.lower() == ".zip" or _inner(path).suffix.lower() in TEXT
 
 
 def _inner(path: Path) -> Path:
@@ -125,7 +137,8 @@ def read_text_table(path: Path) -> Recording:
         shown = {"\t": "tab"}.get(layout.separator, layout.separator)
         notes.append(f"separator {shown!r}, decimal {layout.decimal!r}")
     units = dict(zip(layout.names, layout.units, strict=True))
-    channels = {n: RawChannel(n, units[n], _loader(columns, n)) for n in layout.names}
+    decimal = layout.decimal
+    channels = {n: RawChannel(n, units[n], _loader(columns, n, decimal)) for n in layout.names}
     return Recording(str(path), channels, notes)
 
 
@@ -153,12 +166,20 @@ def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingCol
     return dict(zip(layout.names, columns, strict=True))
 
 
-def _loader(columns: dict[str, GrowingColumn], name: str) -> Any:
-    """What gives the values of a column, and forgets them."""
+def _loader(columns: dict[str, GrowingColumn], name: str, decimal: str) -> Any:
+    """What gives the values of a column, and forgets them; numbers in the file's own writing become numbers."""
 
     def load() -> NDArray[Any]:
         column = columns.pop(name)
-        return column.values[: column.count]
+        values = column.values[: column.count]
+        if values.dtype.kind != "O":
+            return values
+        found = numbers_of(values, decimal)
+        if not found.words:
+            return values if found.wrong is not None else found.values
+        known = np.isfinite(found.values)
+        values[known] = found.values[known]  # words stay, and are named where the channel is used
+        return values
 
     return load
 
@@ -177,7 +198,7 @@ def of_arrow(table: pa.Table, source: str, units: dict[str, str], notes: list[st
 
 def look_at(head: bytes, text: str) -> Layout:
     """How a file that begins with `head` is read; raises `StudyError` with `text` for what is no table."""
-    encoding = _encoding(head)
+    encoding = encoding_of(head)
     content = head.decode(encoding, errors="ignore").lstrip("\ufeff")
     lines = content.splitlines()
     if len(head) == LOOKED_AT:
@@ -207,10 +228,9 @@ def look_at(head: bytes, text: str) -> Layout:
         below = below[1:]
     decimal = "."
     if separator != ",":
-        cells = [cell.strip() for _, row in below[:200] for cell in row]
-        comma = sum(bool(re.fullmatch(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", cell)) for cell in cells)
-        point = sum(bool(re.fullmatch(r"[+-]?\d+\.\d+(?:[eE][+-]?\d+)?", cell)) for cell in cells)
-        decimal = "," if comma > point else "."
+        every = max(len(below) // LOOKED_AT_ROWS, 1)
+        full = [row for _, row in below[::every] if len(row) == width]
+        decimal = decimal_of([[row[k] for row in full] for k in range(width)])
     line = len(head) / max(len(content.splitlines()), 1)
     return Layout(encoding, separator, decimal, names, units, skipped, line)
 
@@ -221,17 +241,25 @@ def _stream(path: Path) -> Any:
         import lzma
 
         return pa.PythonFile(lzma.open(path, "rb"), mode="r")
+    if ending == ".zip":
+        return pa.PythonFile(_of_zip(path), mode="r")
     return pa.input_stream(str(path), compression=COMPRESSED.get(ending))
 
 
-def _encoding(head: bytes) -> str:
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
+def _of_zip(path: Path) -> Any:
+    """The one table of text in a zip; raises `StudyError` for none or several."""
+    from zipfile import BadZipFile, ZipFile
+
     try:
-        head[: len(head) - 4].decode("utf-8")
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8"
+        archive = ZipFile(path)
+        names = [n for n in archive.namelist() if Path(n).suffix.lower() in TEXT]
+        if len(names) == 1:
+            return archive.open(names[0])
+    except (BadZipFile, RuntimeError, NotImplementedError) as error:
+        raise StudyError(f"log {str(path)!r} is no file of zip that can be read: {error}") from None
+    raise StudyError(
+        f"log {str(path)!r} has {len(names)} tables of text ({', '.join(TEXT)}); pack one log alone"
+    )
 
 
 def _fields(line: str, separator: str) -> list[str]:

@@ -15,23 +15,38 @@ from studies.logs.columns import QUANTITIES
 WORDS: dict[str, set[str]] = {
     "time": {"time", "zeit", "timestamp", "t", "datetime", "date", "utc", "epoch", "uhrzeit", "zeitstempel", "seconds",
              "timestamps", "temps", "clock"},
-    "axle": {"axle", "axles", "achse", "ax", "wheelset", "wheel", "radsatz", "rad", "ws", "essieu", "rs", "axis"},
-    "car": {"car", "wagen", "coach", "vehicle", "veh", "wagon", "fahrzeug"},
+    "axle": {"axle", "axles", "achse", "ax", "wheelset", "wheel", "radsatz", "rad", "ws", "essieu", "rs", "axis",
+             "whl", "wheelspeed"},
+    "car": {"car", "wagen", "coach", "vehicle", "veh", "wagon", "fahrzeug", "wg", "wag", "w", "voiture"},
     "coupler": {"coupler", "kupplung", "coupling", "drawbar", "cpl", "draft"},
     "speed": {"speed", "v", "vel", "velocity", "geschwindigkeit", "geschw", "vitesse", "n", "rpm", "drehzahl", "omega",
               "rotation", "rot", "spd", "tempo", "kmh", "rads"},
-    "force": {"force", "kraft", "f", "effort", "te", "zugkraft", "bremskraft", "fx"},
-    "torque": {"torque", "moment", "drehmoment", "m", "tq", "trq"},
+    "force": {"force", "kraft", "f", "effort", "te", "zugkraft", "bremskraft", "fx", "frc",
+              "laengskraft"},
+    "torque": {"torque", "moment", "drehmoment", "m", "tq", "trq", "couple"},
     "acceleration": {"acceleration", "acc", "accel", "beschleunigung", "a", "ax"},
-    "slope": {"gradient", "grade", "slope", "neigung", "steigung", "inclination", "laengsneigung"},
+    "slope": {"gradient", "grade", "slope", "neigung", "steigung", "inclination", "laengsneigung",
+              "pente", "rampe"},
     "position": {"position", "pos", "distance", "weg", "chainage", "mileage", "station", "kilometer", "dist"},
-    "pressure": {"pressure", "druck", "p", "bc", "bcp", "bremszylinder", "pc", "cyl", "cylinder"},
+    "pressure": {"pressure", "druck", "p", "bc", "bcp", "bremszylinder", "pc", "cyl", "cylinder",
+                 "pression"},
     "pulses": {"pulse", "pulses", "count", "counts", "impulse", "impuls", "imp", "ticks", "encoder", "cnt"},
 }  # fmt: skip
 """Words by what they mean."""
+JAPANESE = {
+    "列車速度": "train speed", "対地速度": "ground speed", "車速": "train speed", "加速度": "acceleration", "速度": "speed",
+    "周速": "speed", "回転数": "rpm", "回転速度": "rpm", "時刻": "time", "時間": "time",
+    "輪軸": "axle", "車軸": "axle", "軸": "axle", "号車": "car", "車両": "car",
+    "連結器": "coupler", "トルク": "torque", "シリンダ": "cylinder",
+    "圧力": "pressure", "圧": "pressure", "力": "force", "勾配": "gradient", "キロ程": "position", "位置": "position",
+    "パルス": "pulses", "主電動機": "motor", "電動機": "motor",
+}  # fmt: skip
+"""Japanese words, the longer before those that they contain."""
+MOTOR = {"motor", "mot", "tm", "fahrmotor", "moteur"}
+"""Words of what turns with the motor, whose gear ratio nobody can guess."""
 GROUND = ("ground", "gps", "gnss", "radar", "doppler", "train", "zug", "v")
 """Words of a train's speed, the surest first."""
-AMBIGUOUS = {"m", "n", "t", "a", "p", "f", "v", "rad", "ax", "bc"}
+AMBIGUOUS = {"m", "n", "t", "a", "p", "f", "v", "w", "rad", "ax", "bc"}
 """Words that count only if no longer one says anything."""
 
 
@@ -41,9 +56,9 @@ def guess(
     """What columns with these `names` and stated `units` are; nothing that is `taken` or that nothing tells."""
     found: dict[str, Assigned] = {}
     speeds: list[tuple[int, str, Assigned]] = []
-    zero_based = _zero_based(names)
+    places = _places(names, train)
     for name in names:
-        one = _guess(name, units.get(name, ""), train, zero_based)
+        one = _guess(name, units.get(name, ""), places.get(name))
         if one is None or one.place in taken:
             continue
         if one.quantity == "speed":
@@ -82,14 +97,18 @@ def _tokens(name: str) -> tuple[list[str], str]:
     bracket = re.search(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$", plain)
     if bracket:
         unit, plain = bracket.group(1), plain[: bracket.start()]
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", plain)
+    stated = plain
+    for word, english in JAPANESE.items():
+        plain = plain.replace(word, f"_{english.replace(' ', '_')}_")
+    # BremsKraft are two words, kN is one
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[a-z]{2})(?=[A-Z])", "_", plain)
     letters = unicodedata.normalize("NFKD", plain.replace("ß", "ss").lower())
     for umlaut, pair in (("a\u0308", "ae"), ("o\u0308", "oe"), ("u\u0308", "ue")):
         letters = letters.replace(umlaut, pair)
     tokens = re.findall(r"[a-z]+|\d+", letters)
     if not unit and len(tokens) > 1:
         for count in (2, 1):
-            tail = re.split(r"[_\s.]+", plain)[-count:]
+            tail = re.split(r"[_\s.]+", stated)[-count:]
             spelt = "/".join(tail) if count == 2 else tail[-1]
             if (
                 clean(spelt).lower() in SPELT
@@ -131,7 +150,7 @@ def _meanings(tokens: list[str]) -> set[str]:
     return found
 
 
-def _guess(name: str, stated: str, train: MeasuredTrain, zero_based: bool) -> Assigned | None:
+def _guess(name: str, stated: str, told: int | None) -> Assigned | None:
     tokens, written = _tokens(name)
     unit = stated or written
     meanings = _meanings(tokens)
@@ -154,10 +173,11 @@ def _guess(name: str, stated: str, train: MeasuredTrain, zero_based: bool) -> As
     else:
         prefix = {"axle": "axleN", "car": "carK", "coupler": "couplerK"}[place]
         stem = f"{prefix}_{'speed' if kind == 'turning' else kind}"
-        told = _number(tokens, place, train, zero_based)
         if told is None:
             return None
-        number = told
+        number = told if place != "coupler" else _numbers(tokens)[0]
+    if place == "axle" and kind in ("turning", "torque") and any(t in MOTOR for t in tokens):
+        return None
     if stem not in QUANTITIES:
         return None
     scale = factor(unit, kind) if clean(unit) else None
@@ -187,16 +207,50 @@ def _numbers(tokens: list[str]) -> list[int]:
     return [int(t) for t in tokens if t.isdigit()]
 
 
-def _number(tokens: list[str], place: str, train: MeasuredTrain, zero_based: bool) -> int | None:
-    """The number of an axle, car or coupler; an axle's within its car counts from the front of the train."""
-    numbers = _numbers(tokens)
-    if not numbers:
-        return None
-    first = 1 if zero_based else 0
-    if place == "axle" and len(numbers) > 1 and any(t in WORDS["car"] for t in tokens):
-        car, own = numbers[0] + first, numbers[1] + first
-        return int((train.axle_car < car - 1).sum()) + own
-    return numbers[-1 if place != "coupler" else 0] + first
+def _places(names: list[str], train: MeasuredTrain) -> dict[str, int]:
+    """The number of an axle, car or coupler in each name, by all names that differ in nothing but numbers.
+
+    Axles may count through the train, within their car, or within the bogies of their cars; from 0 or from 1; cars may have
+    letters.
+    """
+    zero_based = _zero_based(names)
+    groups: dict[str, dict[str, list[int]]] = {}
+    for name in names:
+        tokens, _ = _tokens(name)
+        numbers = _numbers(_with_letters(tokens))
+        if numbers:
+            key = " ".join("#" if t.isdigit() else t for t in _with_letters(tokens))
+            groups.setdefault(key, {})[name] = [n + (1 if zero_based else 0) for n in numbers]
+    found = {}
+    for key, group in groups.items():
+        of_cars = any(t in WORDS["car"] for t in key.split())
+        last = [numbers[-1] for numbers in group.values()]
+        through = len(set(last)) == len(last)
+        bogies = max((numbers[1] for numbers in group.values() if len(numbers) > 2), default=1)
+        for name, numbers in group.items():
+            if len(numbers) == 1 or not of_cars or (through and max(last) > 4):
+                found[name] = numbers[-1]
+                continue
+            car, own = numbers[0], numbers[-1]
+            in_car = {tuple(n): n[-1] for n in group.values() if n[0] == car}
+            if len(numbers) > 2 and len(set(in_car.values())) < len(in_car):
+                own += (numbers[1] - 1) * int((train.axle_car == car - 1).sum()) // bogies
+            found[name] = int((train.axle_car < car - 1).sum()) + own
+    return found
+
+
+def _with_letters(tokens: list[str]) -> list[str]:
+    """Words with the letter after a car's word as a number: car A is car 1."""
+    return [
+        str(ord(t) - ord("a") + 1)
+        if len(t) == 1
+        and "a" <= t <= "h"
+        and k
+        and tokens[k - 1] in WORDS["car"]
+        and len(tokens[k - 1]) > 1
+        else t
+        for k, t in enumerate(tokens)
+    ]
 
 
 def _zero_based(names: list[str]) -> bool:

@@ -7,12 +7,16 @@
 "imp_2"  = { is = "axle2_pulses", pulses_per_turn = 80 }
 "F_1"    = { is = "axle1_force", unit = "kN" }
 "p_C2"   = { is = "axle2_pressure", unit = "bar", newton_per_kpa = 60.0 }
+"n_M3"   = { is = "axle3_speed", unit = "rpm", gear_ratio = 5.83 }
 
 [wheels]
 radius_mm = [430.0, 428.5]     # one of each axle, in place of the train's
 
 [time]
 period_s = 0.01                # of the rows, where the time column does not tell it
+
+[forces]
+at = "rim"                     # or "contact": those between wheel and rail, which do not accelerate the wheelsets
 
 What is not named is not used. Quantities are those of `readhesion list`, without the unit.
 """
@@ -42,6 +46,7 @@ class MappedColumn(Strict):
     sign: Literal[-1, 1] = 1
     pulses_per_turn: float | None = Field(None, gt=0.0)
     newton_per_kpa: float | None = Field(None, gt=0.0)
+    gear_ratio: float | None = Field(None, gt=0.0)
 
 
 class MappedWheels(Strict):
@@ -56,6 +61,12 @@ class MappedTime(Strict):
     period_s: Annotated[float, Field(gt=0.0, le=60.0)] | None = None
 
 
+class MappedForces(Strict):
+    """`[forces]`."""
+
+    at: Literal["rim", "contact"] | None = None
+
+
 @displayed
 class Mapping(Strict):
     """Content of a mapping file."""
@@ -63,12 +74,18 @@ class Mapping(Strict):
     columns: dict[str, MappedColumn]
     wheels: MappedWheels | None = None
     time: MappedTime = MappedTime()
+    forces: MappedForces = MappedForces()
 
     @model_validator(mode="after")
     def _something(self) -> "Mapping":
         if not self.columns:
             raise ValueError("no column is named")
         return self
+
+    @property
+    def at_contact(self) -> bool | None:
+        """Whether the forces act between wheel and rail; None: the file does not say."""
+        return None if self.forces.at is None else self.forces.at == "contact"
 
     def train(self, train: MeasuredTrain, owner: str) -> MeasuredTrain:
         """The train with the wheels of the file."""
@@ -106,6 +123,13 @@ class Mapping(Strict):
             scale, turning = factor(unit, "turning"), True
         if unit and scale is None:
             raise StudyError(f"{owner}: column {name!r}: unit {unit!r} is none of a {kind}")
+        if one.gear_ratio is not None:
+            if not (turning or stem == "axleN_torque"):
+                raise StudyError(
+                    f"{owner}: column {name!r}: gear_ratio is for turning speeds and torques of motors"
+                )
+            # a motor turns faster than the wheelset, which gets more torque
+            scale = (scale or 1.0) * (1.0 / one.gear_ratio if turning else one.gear_ratio)
         per_pascal = None if one.newton_per_kpa is None else 1e-3 * one.newton_per_kpa
         return Assigned(
             name, stem, number, scale, one.sign, turning,

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.estimation.common_instants import Instants, common_instants, longest, resample
+from alloc.estimation.force_reading import at_rims, in_time
 from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import MeasuredRun, SpeedSource
+from alloc.estimation.measured_run import WINDOW, MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
@@ -18,6 +19,7 @@ from studies.logs.axle_series import applied_forces, at_instants, typical, wheel
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
+from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.period import conclude_period
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
@@ -114,20 +116,17 @@ def measured(
     force, force_deviation, slowest = applied_forces(sources, instants)
     names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
     remarks += _lacking(train, names, sources)
-    plain = None if fixes is None else resample(fixes, instants.time).value
-    if fixes is not None and plain is not None:
-        fixes = checks.without_stuck(
-            fixes, instants, rim, sources.assigned["speed", 0].column, remarks
-        )
+    if fixes is not None:
+        of_train = sources.assigned["speed", 0].column
+        fixes = checks.without_outliers(fixes, of_train, remarks)
+        fixes = checks.without_stuck(fixes, instants, rim, of_train, remarks)
         guess = _guess(fixes, instants)
         for number, name in names.items():
             own = rim[:, number - 1]
-            checks.check_ratio(
-                name, own, sources.assigned["speed", 0].column, guess, recording.source
-            )
-        remarks += checks.cut_out_stuck(names, instants.time, guess, rim)
+            checks.check_ratio(name, own, of_train, guess, recording.source)
+        remarks += checks.cut_out_stuck(names, instants.time, guess, rim, force, train)
     else:
-        remarks += checks.cut_out_stuck(names, instants.time, None, rim)
+        remarks += checks.cut_out_stuck(names, instants.time, None, rim, force, train)
     position = _other(sources, ("position", 0), instants)
     grade = _other(sources, ("gradient", 0), instants)
     if grade is None and line is not None:
@@ -137,18 +136,23 @@ def measured(
     smoothed = (rim_deviation * lasts)[spans > 0.0]
     noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
+    told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
-    force, turned = checks.turned_round(instants, speed.speed, rim, force, train, sources)
+    as_measured = _median(rim) if fixes is None else guess
+    backwards = any(remark.kind == "sign" for remark in remarks)
+    force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
-    if turned and (speed.followed or fixes is None):
-        speed, extra = _speed(sources, fixes, instants, rim, force, grade, noise, least_delay)
+    speed, extra = _speed(
+        sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
+    )
     remarks += extra
+    force, read = _as_read(instants, speed, rim, force, train, told)
+    remarks += read
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
         remarks += checks.check_radius(name, own, speed.speed, share, speed.deviation)
-    remarks += checks.check_balance(instants, speed.speed, rim, force, train, grade)
+    remarks += check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
     pressure = _all_of(sources, "carK_pressure", train.car_mass.size, instants)
@@ -188,6 +192,42 @@ def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> l
     return remarks
 
 
+def _as_read(
+    instants: Instants,
+    speed: MeasuredSpeed,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    told: bool | None,
+) -> tuple[Floats, list[Remark]]:
+    """The forces at the rims and in time with the wheels; `told`: whether they are said to act between wheel and rail."""
+    late, at_contact = 0.0, bool(told)
+    if speed.forces is not None:
+        late, at_contact = speed.forces.late, speed.forces.at_contact
+    remarks = []
+    perhaps = 0.0 if speed.forces is None else speed.forces.perhaps_late
+    if perhaps:
+        how = f"{abs(perhaps):.2g} s {'later' if perhaps > 0.0 else 'earlier'}"
+        text = f"the forces may be recorded {how} than the wheels, by the train's momentum: not made up for"
+        remarks.append(Remark("delay", "axleN_force", text))
+    if late:
+        how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
+        text = (
+            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
+        )
+        remarks.append(Remark("delay", "axleN_force", text))
+        force = in_time(*instants, force, late)
+    if at_contact:
+        if told is None:
+            text = (
+                "the forces are those between wheel and rail, by the train's momentum; taken so (a mapping file may say "
+                'at = "rim" under [forces])'
+            )
+            remarks.append(Remark("guess", "axleN_force", text))
+        force = at_rims(instants.time, rim, force, train, WINDOW)
+    return force, remarks
+
+
 def _guess(fixes: Samples, instants: Instants) -> Floats:
     """The train's speed as it stands, on straight lines between its samples; nan where they are far apart."""
     if fixes.time.size < 2:
@@ -213,6 +253,8 @@ def _speed(
     grade: Floats | None,
     noise: float,
     least_delay: float,
+    told: bool | None,
+    force_period: float,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
     source, train = sources.recording.source, sources.train
@@ -220,7 +262,9 @@ def _speed(
         ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(instants, fixes, rim, force, train, grade, least_delay)
+    found = measured_speed(
+        instants, fixes, rim, force, train, grade, least_delay, told, force_period
+    )
     if not np.isfinite(found.speed[:, None] * rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []

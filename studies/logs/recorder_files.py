@@ -1,9 +1,10 @@
 """Files of measuring systems, read by their libraries: parquet, MDF 3 and 4 (asammdf), TDMS (npTDMS)."""
 
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -62,46 +63,79 @@ def _parquet(path: Path) -> Recording:
         raise StudyError(f"log {str(path)!r} is no table of parquet: {reason}") from None
     units = {}
     for one in table.schema:
+        if pa.types.is_temporal(one.type):
+            units[one.name] = "s"  # an index of instants may have any name
         stated = (one.metadata or {}).get(b"unit") or (one.metadata or {}).get(b"units")
         if stated:
             units[one.name] = stated.decode("utf-8", "ignore")
     return of_arrow(table, str(path), units, [])
 
 
+class _Channel(NamedTuple):
+    """A channel of a file with groups."""
+
+    group: str
+    name: str
+    unit: str
+    values: Any
+    clock: Any
+    start: Any = None
+    """Instant from which `clock` counts; None: that of the file."""
+
+
 def _mdf(path: Path) -> Recording:
     library = _library("asammdf", "asammdf", path)
-    channels: dict[str, RawChannel] = {}
+    found = []
     with library.MDF(path) as file:
         for signal in file.iter_channels(skip_master=True):
             if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iufb":
-                add(
-                    channels, signal.name, str(signal.unit or ""), signal.samples, signal.timestamps
-                )
-    return Recording(str(path), channels)
+                group = file.groups[signal.group_index].channel_group
+                name = str(getattr(group, "acq_name", "") or f"group {signal.group_index + 1}")
+                unit = str(signal.unit or "")
+                found.append(_Channel(name, signal.name, unit, signal.samples, signal.timestamps))
+    return _recording(path, found)
 
 
 def _tdms(path: Path) -> Recording:
     library = _library("nptdms", "npTDMS", path)
-    channels: dict[str, RawChannel] = {}
+    found = []
     file = library.TdmsFile.read(path)
     for group in file.groups():
         for one in group.channels():
             values = one[:]
             if not len(values):
                 continue
-            unit = str(one.properties.get("unit_string") or one.properties.get("unit") or "")
+            told = one.properties
+            unit = str(told.get("unit_string") or told.get("unit") or "")
             clock = None
-            if "wf_increment" in one.properties and float(one.properties["wf_increment"]) > 0.0:
+            if float(told.get("wf_increment") or 0.0) > 0.0:
                 clock = np.asarray(one.time_track(), dtype=float)
-            add(channels, one.name, unit, np.asarray(values), clock)
-    return Recording(str(path), channels)
+            found.append(
+                _Channel(
+                    group.name, one.name, unit, np.asarray(values), clock, told.get("wf_start_time")
+                )
+            )
+    return _recording(path, found)
 
 
-def add(channels: dict[str, RawChannel], name: str, unit: str, values: Any, clock: Any) -> None:
-    """Add a channel; one of a name that is there already gets a number."""
-    free = name
-    k = 2
-    while free in channels:
-        free, k = f"{name} ({k})", k + 1
-    own = None if clock is None else np.asarray(clock, dtype=float)
-    channels[free] = RawChannel(free, unit, lambda: np.asarray(values), own)
+def _recording(path: Path, found: list[_Channel]) -> Recording:
+    """Channels of groups, on one clock: a name of several groups gets that of its group before it."""
+    starts = [np.datetime64(one.start) for one in found if one.start is not None]
+    same_start = len(starts) < len(found) or len(set(starts)) < 2
+    notes = []
+    if starts and len(starts) < len(found) and len(set(starts)) > 1:
+        notes.append(
+            "some channels state when they begin, others do not: all are taken to begin together"
+        )
+    times = Counter(one.name for one in found)
+    channels: dict[str, RawChannel] = {}
+    for one in found:
+        clock = None if one.clock is None else np.asarray(one.clock, dtype=float)
+        if clock is not None and not same_start:
+            clock = clock + (np.datetime64(one.start) - min(starts)) / np.timedelta64(1, "s")
+        name = one.name if times[one.name] == 1 else f"{one.group} {one.name}"
+        free, k = name, 2
+        while free in channels:
+            free, k = f"{name} ({k})", k + 1
+        channels[free] = RawChannel(free, one.unit, lambda v=one.values: np.asarray(v), clock)  # type: ignore[misc]
+    return Recording(str(path), channels, notes)

@@ -48,7 +48,8 @@ class Sources:
         one = self.assigned[place]
         raw = self.recording.channels[one.column]
         time = raw.clock
-        values = numbers(self.recording.take(one.column), one.column, self.source)
+        values, found = numbers(self.recording.take(one.column), one.column, self.source)
+        self.remarks += found
         if time is None:
             assert self.clock is not None
             time, values = self.clock.time, self.clock.of(values)
