@@ -20,7 +20,7 @@ LONGEST_NAME = 22
 @figure("real-line", "speed, limits and gradients of a minimum-time run (a line that ships; run-line draws yours)",
         made(lambda: run_line(find_line("dresden-goerlitz"), find_stock("br-642"))))  # fmt: skip
 def real_line(found: LineRun) -> Figure:
-    """Above: limits, permitted speed and the train's speed, with points passed and stops. Below: gradient of each section."""
+    """Above: limits, permitted speed and the train's speed, with points passed and stops. Below: gradient by section."""
     drawn, (upper, names, lower) = new_panels(PAGE, 4.6, 3, sharex=True, height_ratios=(3.0, 1.15, 1.0))  # fmt: skip
     sections = found.path.sections
     edges = 1e-3 * np.array([section.start for section in sections] + [found.path.span[1]])

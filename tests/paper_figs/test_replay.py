@@ -97,7 +97,9 @@ def test_the_file_has_every_instant_and_the_figure_stands_as_before(moving, tmp_
 
 def test_the_file_says_where_it_comes_from_as_other_formats_do(moving, tmp_path):
     origin = Origin("readhesion simulate — --seed 3", "one run", (3,), draft=True)
-    legend = Legend("replay", "a train slips", "First line.\n\nSecond line. " + 300 * "ü", (origin,))
+    legend = Legend(
+        "replay", "a train slips", "First line.\n\nSecond line. " + 300 * "ü", (origin,)
+    )
     moving.motion = moving.motion._replace(instants=2, still=1)
     data = data_of(moving)
     with mpl.rc_context(fname=STYLE_FILE):

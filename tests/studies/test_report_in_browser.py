@@ -236,7 +236,7 @@ BARS = "some => some.map((one) => one.getBoundingClientRect()).map((box) => [box
 
 
 def test_a_part_of_a_train_gives_bars_a_width_and_any_part_can_be_chosen(opened, tab):
-    """A train that fits the screen is shown whole; else every car is in one part, and that with the most slip comes first."""
+    """A train that fits the screen is shown whole; else every car is in one part, and one of them comes first."""
     tab.select_option("#event", "short")
     assert not tab.locator("#part").is_visible()
     phone = opened(viewport={"width": 320, "height": 640}, is_mobile=True, has_touch=True)
