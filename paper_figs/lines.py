@@ -13,16 +13,19 @@ from studies.lines.named_files import find_line, find_stock
 
 NAME_WIDTH = 0.02
 """Room that an upright name takes, as a share of the line; names that do not find it are left out."""
+LONGEST_NAME = 22
+"""Letters of a name that have room in the strip of names."""
 
 
 @figure("real-line", "speed, limits and gradients of a minimum-time run (a line that ships; run-line draws yours)",
         made(lambda: run_line(find_line("dresden-goerlitz"), find_stock("br-642"))))  # fmt: skip
 def real_line(found: LineRun) -> Figure:
-    """Above: limits, permitted speed and the train's speed. Below: gradient, of the section."""
-    drawn, (upper, lower) = new_panels(PAGE, 4.0, 2, sharex=True, height_ratios=(3.0, 1.0))
+    """Above: limits, permitted speed and the train's speed, with points passed and stops. Below: gradient by section."""
+    drawn, (upper, names, lower) = new_panels(PAGE, 4.6, 3, sharex=True, height_ratios=(3.0, 1.15, 1.0))  # fmt: skip
     sections = found.path.sections
     edges = 1e-3 * np.array([section.start for section in sections] + [found.path.span[1]])
     _draw_speed(upper, found, edges)
+    _name_points(upper, names, found)
     _draw_gradient(lower, np.array([1e3 * section.grade for section in sections]), edges)
     minutes, seconds = divmod(found.running_time, 60.0)
     # not what the file says about itself at length: the title has one line
@@ -48,29 +51,35 @@ def _draw_speed(axes: Axes, found: LineRun, edges: np.ndarray) -> None:
         limits[np.isfinite(limits)].max(initial=0.0),
         3.6 * max(max(leg.profile.limits) for leg in found.legs),
     )
-    _name_points(axes, found)
     margin = 0.008 * (end - start)
     axes.set(xlim=(1e-3 * (start - margin), 1e-3 * (end + margin)), ylim=(0.0, 1.18 * top))
     axes.set_ylabel("speed [km/h]")
     axes.legend(loc="upper right", ncols=3)
 
 
-def _name_points(axes: Axes, found: LineRun) -> None:
-    """Mark points passed and stops; a name stands left of its mark, or right of it, where there is room."""
+def _name_points(axes: Axes, strip: Axes, found: LineRun) -> None:
+    """Mark points passed and stops; their names stand in a strip of their own, where no curve runs.
+
+    A name stands left of its mark, or right of it, where there is room.
+    """
     start, end = found.path.span
     room = NAME_WIDTH * (end - start)
     taken = start
     marked = [*(one.point for one in found.passings), *(one.point for one in found.stops)]
+    strip.set_axis_off()
     for _, point in sorted({point.station: point for point in marked}.items()):
-        axes.axvline(1e-3 * point.station, ymax=0.86, color=GREY, linewidth=0.6, linestyle=":")
+        for panel, high in ((axes, 0.86), (strip, 1.0)):
+            panel.axvline(1e-3 * point.station, ymax=high, color=GREY, linewidth=0.6, linestyle=":")
         left = point.station - room >= taken
         if not left and point.station < taken:
             continue
         taken = point.station if left else point.station + room
-        axes.annotate(
-            point.name, (1e-3 * point.station, 0.02), xycoords=("data", "axes fraction"),
-            xytext=(-1.5 if left else 1.5, 0.0), textcoords="offset points", rotation=90,
-            ha="right" if left else "left", va="bottom", fontsize=NOTE, color=DARK,
+        name = point.name
+        strip.annotate(
+            name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…",
+            (1e-3 * point.station, 1.0), xycoords=("data", "axes fraction"),
+            xytext=(-1.5 if left else 1.5, -2.0), textcoords="offset points", rotation=90,
+            ha="right" if left else "left", va="top", fontsize=NOTE, color=DARK,
         )  # fmt: skip
 
 

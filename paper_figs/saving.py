@@ -95,7 +95,8 @@ def save_image(drawn: Figure, path: Path, legend: Legend, data: bytes) -> None:
             raise StudyError(
                 f"figure {str(path)!r}: {legend.name} does not move; take .pdf, .png or .svg"
             )
-        write_whole(path, drawn.save_motion)
+        comment = _comment(legend.fields(data))
+        write_whole(path, lambda file: drawn.save_motion(file, comment))
         return
     told = legend.fields(data)
     spell = _IN_FORMAT.get(path.suffix.lower())
@@ -115,6 +116,12 @@ def _pdf(told: Mapping[str, str]) -> dict[str, str | None]:
         "Title": told["Title"], "Subject": told["Description"], "Creator": told["Software"],
         "Keywords": words, "CreationDate": None,
     }  # fmt: skip
+
+
+def _comment(told: Mapping[str, str]) -> str:
+    """One line per field: a GIF has no fields of its own."""
+    lines = (f"{key}: {' '.join(value.split())}" for key, value in told.items() if value)
+    return "\n".join(lines)
 
 
 def _svg(told: Mapping[str, str]) -> dict[str, str | None]:

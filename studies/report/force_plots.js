@@ -21,7 +21,7 @@ function drawInstant(run, k) {
 function drawUnits(run) {
   const names = run.forces.map((_, j) => j + 1);
   const most = Math.max(1, ...run.forces.flatMap((one) => [largest(one.force), largest(one.plan)]));
-  const room = (document.getElementById("units-plot").clientWidth - 72) / Math.max(names.length, 1);
+  const [first, last] = unitsShown(run), room = plotWidth("units-plot") / Math.max(last - first + 1, 1);
   const told = (words) => ({ x: names, hovertemplate: `unit %{x}: ${words} %{y:.1f} kN<extra></extra>` });
   const bar = (name, words, width, marker) => ({ name, type: "bar", width, marker, ...told(words) });
   const dash = (name, color, thick) => ({
@@ -29,12 +29,12 @@ function drawUnits(run) {
     marker: { symbol: "line-ew-open", color, size: Math.min(34, 0.8 * room), line: { width: thick, color } },
   });
   Plotly.react("units-plot", [
-    bar("carries", "the rail carries", 0.8, { color: "#cfe8df", line: { color: CARRIES, width: 1 } }),
+    bar("carries", "the rail carries", 0.8, { color: "#cfe8df", line: { color: CARRIES, width: room < 14 ? 0 : 1 } }),
     bar("delivers", "delivers", 0.45, { color: USED }), dash("limit", LIMIT, 3.5), dash("plan", PLAN, 1.5),
   ], {
     ...PLAIN, height: 330, barmode: "overlay", yaxis: axis("force at the rail [kN]", { range: [0, 1.6 * most] }),
     xaxis: axis("traction unit, 1 = foremost", {
-      tick0: 1, dtick: Math.max(1, Math.ceil(names.length / 16)), range: [0.4, names.length + 0.6], showgrid: false,
+      tick0: 1, dtick: Math.max(1, Math.ceil((last - first + 1) / 16)), range: [first - 0.6, last + 0.6], showgrid: false,
     }),
   }, CALM);
   explain("units-key", [
@@ -45,6 +45,7 @@ function drawUnits(run) {
 
 function drawSlip(run) {
   const axles = run.drawing.axles.map((_, axle) => axle + 1), place = document.getElementById("slip-plot");
+  const [first, last] = axlesShown(run);
   Plotly.react(place, [{
     type: "heatmap", x: run.time, y: axles, zmin: 0, zmax: MOST_SLIP, colorscale: SLIP_COLOURS,
     z: axles.map((axle) => [...slipOverPeak(run, axle - 1)]),
@@ -55,7 +56,7 @@ function drawSlip(run) {
   }], {
     ...PLAIN, height: 330, xaxis: axis("time [s]", { showgrid: false, range: [run.time[0], run.time.at(-1)] }),
     yaxis: axis("axle, 1 = foremost", {
-      autorange: "reversed", showgrid: false, tick0: 1, dtick: Math.max(1, Math.round(axles.length / 8)),
+      range: [last + 0.5, first - 0.5], showgrid: false, tick0: 1, dtick: Math.max(1, Math.round((last - first + 1) / 8)),
     }),
   }, CALM);
   chooseByClick(place);

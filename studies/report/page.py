@@ -24,7 +24,8 @@ from studies.report.result_table import Heading, headings, shown_columns, table_
 
 HERE = Path(__file__).parent
 SCRIPTS = (
-    "unpack.js", "table.js", "plot_look.js", "headroom.js", "train_plot.js", "force_plots.js", "replay.js", "start.js",
+    "unpack.js", "table.js", "plot_look.js", "headroom.js", "part.js", "train_plot.js", "force_plots.js", "replay.js",
+    "start.js",
 )  # fmt: skip
 MOST_BYTES = 15_000_000
 """Size of a page [bytes], which mail and most readers take; replays beyond it are left out."""

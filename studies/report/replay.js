@@ -3,10 +3,10 @@
 async function startReplay(page) {
   const element = (name) => document.getElementById(name);
   const choice = Object.fromEntries(["event", "rule", "controller", "other"].map((name) => [name, element(name)]));
-  const [slider, play, pace, unit, readout, trouble] =
-    ["instant", "play", "pace", "unit", "readout", "trouble"].map(element);
+  const [slider, play, pace, unit, part, readout, trouble] =
+    ["instant", "play", "pace", "unit", "part", "readout", "trouble"].map(element);
   const known = new Map();
-  let run = null, playing = false, last = 0, exact = 0, asked = 0;
+  let run = null, parts = [], playing = false, last = 0, exact = 0, asked = 0;
 
   const label = (rule) => `${choice.event.value}/${rule}/${choice.controller.value}/${page.seed}`;
 
@@ -29,19 +29,38 @@ async function startReplay(page) {
     trouble.hidden = !bad;
     element("replay-plots").hidden = readout.hidden = !found;
     for (const one of [slider, play]) one.disabled = !found;
-    element("event-title").textContent = page.events[choice.event.value].title;
     const changed = run?.event !== choice.event.value;
     run = found && { ...found, event: choice.event.value, rule: choice.rule.value, other, otherRule: beside };
+    nameRun();
     if (!run) return stop();
     if (changed) {
       const each = run.forces.map((_, j) => new Option(`unit ${j + 1}`, j));
       unit.replaceChildren(new Option("the whole train", "-1"), ...each);
       slider.max = run.instants - 1;
       slider.value = busiest(run);
+      parts = partsOf(run);
+      const named = ({ first, last }) => (first < last ? `cars ${first + 1} to ${last + 1}` : `car ${last + 1}`);
+      const some = parts.map((one, k) => new Option(named(one), k));
+      part.replaceChildren(new Option(`all ${run.drawing.cars.length} cars`, "-1"), ...some);
+      part.value = parts.indexOf(partAt(run, parts, Number(slider.value)));
+      part.parentElement.hidden = !parts.length;
     }
+    choosePart();
     exact = Number(slider.value);
     drawRun(run, Number(unit.value));
     show();
+  }
+
+  // What is shown, in words: on paper there is nothing to choose from
+  function nameRun() {
+    const cars = run?.part ? `, ${part.selectedOptions[0].text}` : "";
+    const title = page.events[choice.event.value].title;
+    element("event-title").textContent = `${title}: ${choice.rule.value} under ${choice.controller.value}${cars}`;
+  }
+
+  function choosePart() {
+    run.part = parts[part.value];
+    nameRun();
   }
 
   function show() {
@@ -78,6 +97,7 @@ async function startReplay(page) {
   });
   slider.addEventListener("input", () => { exact = Number(slider.value); show(); });
   unit.addEventListener("change", () => { drawRun(run, Number(unit.value)); show(); });
+  part.addEventListener("change", () => { choosePart(); drawRun(run, Number(unit.value)); show(); });
   for (const one of Object.values(choice)) one.addEventListener("change", choose);
   document.addEventListener("instant", (event) => {
     slider.value = Math.round((event.detail - run.time[0]) / (run.time[1] - run.time[0]));

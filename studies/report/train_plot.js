@@ -2,9 +2,9 @@
 
 function drawTrain(run) {
   const { drawing, series } = run, axles = drawing.axles.length;
-  const [start, end] = windowOf(run, series.position.at(0)[0], drawing.cars.at(-1)[1]);
+  const [start, end] = windowOf(run, series.position.at(0)[0]);
   const gap = Math.min(3, ...drawing.axles.slice(1).map((place, axle) => place - drawing.axles[axle]));
-  const metre = (document.getElementById("train-plot").clientWidth - 72) / (end - start);
+  const metre = plotWidth("train-plot") / (end - start);
   const size = Math.min(13, Math.max(3.5, gap * metre));
   const line = (color, width, dash) => ({ mode: "lines", hoverinfo: "skip", line: { color, width, dash } });
   const met = (axle, dash) => ({
@@ -13,7 +13,7 @@ function drawTrain(run) {
   });
   const traces = [
     met(0, "solid"), met(axles - 1, "dot"), line(PLAN, 1.2, "dash"),
-    { name: "used", type: "bar", width: 1.5, marker: { line: { color: "#555555", width: 0.6 } },
+    { name: "used", type: "bar", width: BAR_LENGTH, marker: { line: { color: "#555555", width: 0.6 } },
       hovertemplate: "%{text}<br>uses %{y:.3f}<extra></extra>", textposition: "none" },
     { name: "available", mode: "markers", hovertemplate: "%{text}<br>could use %{y:.3f}<extra></extra>",
       marker: { symbol: "line-ew-open", size: size + 3, color: CARRIES, line: { width: 2.5 } } },
@@ -47,7 +47,7 @@ function moveTrain(run, k) {
     const unit = drawing.axle_unit[axle];
     return `axle ${axle + 1}, ${unit < 0 ? "no motor" : `unit ${unit + 1}`}<br>slip ${value.toFixed(3)} m/s`;
   });
-  const span = windowOf(run, front, drawing.cars.at(-1)[1]);
+  const span = windowOf(run, front);
   const cars = outlines(drawing, front), units = unitNumbers(drawing, front, span);
   Plotly.update("train-plot", {
     x: [span, places, places, cars.x, units.x, places],
@@ -84,11 +84,4 @@ function unitNumbers(drawing, front, span) {
     found.text.push(String(unit + 1));
   }
   return found;
-}
-
-// Stretch of line that is shown: all of the run where the train is large in it, else what surrounds the train
-function windowOf(run, front, length) {
-  const position = run.series.position.at(0), from = position[0] - length, to = position.at(-1);
-  if (to - from < 2.5 * length) return [from - 5, to + 5];
-  return [front - 1.35 * length, front + 0.35 * length];
 }

@@ -1,11 +1,14 @@
 """A replay shows the recorded run, no short slip is passed over, and its file has every instant."""
 
+import hashlib
+
 import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
 from PIL import Image
 
+from paper_figs.origin import Origin
 from paper_figs.replay import (
     INSTANTS,
     event_of,
@@ -14,6 +17,7 @@ from paper_figs.replay import (
     slip_replay,
     with_slip_since,
 )
+from paper_figs.saving import Legend, data_of, save_image
 from paper_figs.style import STYLE_FILE
 from studies.report.replay import drawing
 from studies.scenario.loading import load_scenario
@@ -89,3 +93,20 @@ def test_the_file_has_every_instant_and_the_figure_stands_as_before(moving, tmp_
     with Image.open(tmp_path / "replay.gif") as image:
         assert (image.n_frames, image.size) == (4, (700, 700))
         assert image.info["loop"] == 0  # again and again
+
+
+def test_the_file_says_where_it_comes_from_as_other_formats_do(moving, tmp_path):
+    origin = Origin("readhesion simulate — --seed 3", "one run", (3,), draft=True)
+    legend = Legend(
+        "replay", "a train slips", "First line.\n\nSecond line. " + 300 * "ü", (origin,)
+    )
+    moving.motion = moving.motion._replace(instants=2, still=1)
+    data = data_of(moving)
+    with mpl.rc_context(fname=STYLE_FILE):
+        save_image(moving, tmp_path / "replay.gif", legend, data)
+    with Image.open(tmp_path / "replay.gif") as image:
+        told = dict(line.split(": ", 1) for line in image.info["comment"].decode().split("\n"))
+    wanted = {key: " ".join(value.split()) for key, value in legend.fields(data).items()}
+    assert told == wanted
+    assert told["Data hash"] == f"sha256 {hashlib.sha256(data).hexdigest()}"
+    assert told["Status"].startswith("draft: one run; in full: readhesion simulate —")

@@ -232,6 +232,35 @@ def test_nothing_is_wider_than_a_phone_and_paper_has_all_columns(opened):
     assert tab.pdf(prefer_css_page_size=True).startswith(b"%PDF")
 
 
+BARS = "some => some.map((one) => one.getBoundingClientRect()).map((box) => [box.left, box.right])"
+
+
+def test_a_part_of_a_train_gives_bars_a_width_and_any_part_can_be_chosen(opened, tab):
+    """A train that fits the screen is shown whole; else every car is in one part, and one of them comes first."""
+    tab.select_option("#event", "short")
+    assert not tab.locator("#part").is_visible()
+    phone = opened(viewport={"width": 320, "height": 640}, is_mobile=True, has_touch=True)
+    part = phone.locator("#part")
+    assert part.is_visible()
+    named = part.locator("option").all_inner_texts()
+    assert named == ["all 8 cars", "cars 1 to 3", "cars 4 to 5", "cars 6 to 8"]
+    assert part.input_value() != "-1"
+    frame = phone.locator("#train-plot .nsewdrag").first.bounding_box()
+    left, right = frame["x"], frame["x"] + frame["width"]
+    seen = []
+    for value, axles in (("0", (1, 12)), ("1", (13, 20)), ("2", (21, 32))):
+        part.select_option(value)
+        boxes = phone.locator("#train-plot .barlayer .point path").evaluate_all(BARS)
+        own = range(axles[0], axles[1] + 1)
+        assert all(left <= boxes[axle - 1][0] < boxes[axle - 1][1] <= right for axle in own)
+        assert all(boxes[axle - 1][1] - boxes[axle - 1][0] >= 3.5 for axle in own)
+        seen += own
+        ends = phone.evaluate("document.getElementById('slip-plot').layout.yaxis.range")
+        assert ends == [axles[1] + 0.5, axles[0] - 0.5]
+    assert seen == list(range(1, 33))
+    assert phone.evaluate("document.documentElement.scrollWidth") <= 320
+
+
 def test_in_a_browser_that_cannot_unpack_the_table_works_and_the_page_says_why_plots_do_not(
     browser, made
 ):
