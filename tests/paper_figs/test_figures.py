@@ -230,7 +230,7 @@ def test_a_run_of_any_event_is_shown_as_it_happens(tmp_path, monkeypatch):
     job = Job(scenario, "exact", "none", 3)
     run, shown = simulate_job(job), []
     monkeypatch.setattr(
-        MovingFigure, "save_motion", lambda self, path: shown.append(self) or path.touch()
+        MovingFigure, "save_motion", lambda self, path, _: shown.append(self) or path.touch()
     )
     draw_run(run, tmp_path / "run.gif", job)
     (figure,) = shown

@@ -5,7 +5,9 @@ import pytest
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.simulation import simulate
-from studies.mismatch.rails import RAILS, level_of
+from studies.core.drawn_rails import rail_offering
+from studies.ladder.events import REFERENCE_SPEED
+from studies.mismatch.rails import RAILS
 from studies.scenario.loading import load_scenario
 
 OFFERED = 0.25
@@ -25,11 +27,8 @@ def start():
     train = base.event().model.train
 
     def event(curve):
-        rail = {
-            "level": level_of(curve, OFFERED, train),
-            "curve": RAILS[curve],
-            "increments": {"law": "none"},
-        }
+        offered = rail_offering(RAILS[curve], OFFERED, REFERENCE_SPEED, train)
+        rail = {**offered, "increments": {"law": "none"}}
         changed = base.changed(
             case=None, variation=None, duration_s=3.0, target_speed_kmh=None, rail=rail,
             belief={"curve": {"kind": "piecewise"}},
