@@ -80,7 +80,8 @@ def compare(
     from studies.comparison.defaults import DEFAULT_SEEDS, KEPT_RUNS, make_grid
     from studies.comparison.summary import summarise, to_json
     from studies.comparison.table import tables
-    from studies.core.runner import check_rules, run_cells
+    from studies.core.own_parts import try_parts
+    from studies.core.runner import run_cells
     from studies.core.shard import read_shard
     from studies.core.store import Store
 
@@ -94,7 +95,7 @@ def compare(
     grid = make_grid(chosen, parts["rules"], parts["controllers"], seeds)
     cells = shard.of_cells(grid.jobs())
     kept = KEPT_RUNS if keep is None else keep
-    check = partial(check_rules, grid.rules)
+    check = partial(try_parts, grid.rules, grid.controllers)
     with work.workers() as workers, progress() as on_row:
         store = Store(out)
         table = run_cells(cells, store, workers, kept, retry_failed, on_row, check)

@@ -1,6 +1,8 @@
 """`readhesion simulate`: one slip event under one rule and one controller."""
 
 import json
+import sys
+from contextlib import redirect_stdout
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -49,20 +51,21 @@ def simulate(
     from alloc.recording import save
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
-    from studies.core.runner import check_rules
+    from studies.core.own_parts import try_parts
     from studies.logs.export import train_beside, write_log
     from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)
     check_names([rule], [controller])
-    check_rules([rule])
+    try_parts([rule], [controller])
     check_whole("--seed", seed, 0, GREATEST_SEED)
     beside = None if log is None else train_beside(log)
     for path, endings in ((out, RUN), (log, LOG), (beside, (".toml",)), (figure, MOVING_FIGURE)):
         check_file(path, endings)
     job = Job(chosen, rule, controller, seed)
-    run = simulate_job(job)
-    values = evaluate(run)
+    with redirect_stdout(sys.stderr):  # a part of one's own may print; stdout is for results
+        run = simulate_job(job)
+        values = evaluate(run)
     if out is not None:
         save(run, out)
     if log is not None:

@@ -7,6 +7,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Iterable
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
 
@@ -78,12 +79,15 @@ def _load(file: str) -> None:
             module.__doc__ = "Train of a file of one's own."
         else:
             source = Path(file).read_bytes()
-            exec(compile(source, file, "exec"), vars(module))
+            with redirect_stdout(sys.stderr):  # stdout is for results
+                exec(compile(source, file, "exec"), vars(module))
         makers = {origin.partition(".")[0] for origin in Registry.registered[before:]}
         if makers <= {*PACKAGES, "paper_figs"}:
             raise StudyError("it registers nothing; docs/developing.md says how to")
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         reason = " ".join(str(error).split())
+        for other in _files():
+            reason = reason.replace(module_name(other), f"plug-in {other!r}")
         said = "" if isinstance(error, StudyError) else f"{type(error).__name__}: "
         raise StudyError(f"plug-in {file!r} cannot be loaded: {said}{reason}") from None

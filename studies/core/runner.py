@@ -1,18 +1,17 @@
 """Run the cells that a store lacks, in parallel, and store every row as soon as it is computed."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import closing, redirect_stdout
 from fnmatch import fnmatchcase
 from itertools import islice
 from queue import Empty, SimpleQueue
 
-import numpy as np
 import pandas as pd
 
-from alloc.rules import AllocationProblem, find_rule
 from studies.core import interruption
 from studies.core.cell import Cell, Key, OnRow, Outcome, Row, Shared, key_of, run_cell
 from studies.core.first_work import alone_at_first
@@ -186,16 +185,7 @@ def _do(task: Sequence[Work]) -> Iterator[Outcome]:
     for cell, key, keep in task:
         if cell.group != group:
             group, shared = cell.group, {}
-        with alone_at_first(cell.programs):
+        # a part of one's own may print; stdout is for results
+        with alone_at_first(cell.programs), redirect_stdout(sys.stderr):
             outcome = run_cell(cell, key, keep, shared)
         yield outcome
-
-
-def check_rules(rules: Iterable[str]) -> None:
-    """Ask each rule for one small answer; raises `StudyError` where a rule is unknown or its solver is missing."""
-    problem = AllocationProblem(cap=np.array([0.1, 0.2]), expected=0.15)
-    for rule in rules:
-        try:
-            find_rule(rule)(problem)
-        except (ValueError, ImportError) as error:
-            raise StudyError(" ".join(str(error).split())) from None

@@ -83,10 +83,17 @@ def check_assignment(
         like = [name for name, own in meant.items() if own == stem]
         # a speed that is only misspelt shall not be estimated
         if quantity.required or (stem == "speed" and like):
-            hint = f"; is it {like[0]!r}?" if like else "; a mapping file says which column is what"
+            hint = f"; is it {like[0]!r}?" if like else _has(unknown)
             wanted = " or ".join(f"{stem}_{unit}" for unit in quantity.units)
             raise faulty(source, wanted, None, f"is missing: {quantity.description}{hint}")
     return remarks
+
+
+def _has(unknown: list[str]) -> str:
+    """What to do about columns that nobody understands, the first of them named."""
+    some = ", ".join(map(repr, unknown[:4])) + (", ..." if len(unknown) > 4 else "")
+    told = f"; not understood: {some}" if some else ""
+    return f"{told}; say in a mapping file (--mapping, docs/logs.md) which column is what"
 
 
 def _quantity_meant(name: str) -> str | None:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from studies.comparison.grid import Grid
 from studies.core.cell import OnRow
-from studies.core.runner import check_rules, run_cells
+from studies.core.own_parts import try_parts
+from studies.core.runner import run_cells
 from studies.core.store import Store
 from studies.core.workers import Workers
 from studies.report.gains import drawn_gains, gains_of
@@ -21,7 +22,11 @@ def gather(
 ) -> Material:  # fmt: skip
     """The comparison and a replay of each of its lines on the first seed; runs that `results` lacks are made and stored."""
     table = run_cells(
-        grid.jobs(), Store(results), workers, on_row=on_row, check=partial(check_rules, grid.rules)
+        grid.jobs(),
+        Store(results),
+        workers,
+        on_row=on_row,
+        check=partial(try_parts, grid.rules, grid.controllers),
     )
     cells = wanted(grid)
     rows = run_cells(cells, Store(results / REPLAYS), workers, on_row=on_row)

@@ -9,15 +9,21 @@ from tests.studies import report_pages
 report_pages.need_packages()
 
 RAISING = """
-from alloc.onboard.host import HostedController
+from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.onboard.controllers.registry import CONTROLLERS
 
 
-def build(contexts):
-    raise RuntimeError("no </td> today")
+class Raising:
+    def __init__(self, context):
+        pass
+
+    def decide(self, sense):
+        if sense.time > 0.4:
+            raise RuntimeError("no </td> today")
+        return TorqueDecision(sense.target, True, "ok", 0.0)
 
 
-CONTROLLERS.register("raising", HostedController("raising", "one that cannot be built", build))
+CONTROLLERS.register("raising", HostedController("raising", "breaks after a while", each_unit(Raising)))
 """
 
 
