@@ -102,7 +102,7 @@ def _curves(axes: Axes, peak: float) -> None:
 @figure("adhesion-drop",
         "adhesion curve before and after the rail's change (readhesion paper Fig. 6)")  # fmt: skip
 def adhesion_drop(unprinted: Unprinted = CALIBRATED, low: float = CASE_A.limit) -> Figure:
-    """Both curves with their peaks; left the peaks, right as far as slip goes in case B."""
+    """Both curves with their peaks. Left: the peaks. Right: all slips that case B reaches."""
     curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
     drawn, panels = new_panels(PAGE, 2.9, 1, 2, sharey=True)
     for axes, end in zip(panels, (0.2, 4.0), strict=True):

@@ -122,7 +122,7 @@ def brake_cut_out(table: pd.DataFrame) -> Figure:
 @figure("brake-emergency", "emergency brake of 18 cars: estimate, theory and remedies (RTRI report Fig. 7)",
         made(run_test, "emergency", DAY))  # fmt: skip
 def brake_emergency(result: TestResult) -> Figure:
-    """Left the sum of the wagons, right the first: truth and theory, and below how far each estimate is off the truth."""
+    """Left the sum of the wagons, right the first: truth and theory, and below the error of each estimate."""
     found, smoothed, wagons = estimate(result), smooth(result), result.test.wagons
     true, one = result.true_force[:, 1:].sum(axis=1), result.true_force[:, 1]
     ways = (

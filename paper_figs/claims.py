@@ -96,7 +96,7 @@ def _verdicts(table: pd.DataFrame, controller: str) -> Figure:
 @figure("claim-a", "claim (a) of JP5484215 over random events: the plan reached where alone does not",
         CLAIM_TABLE)  # fmt: skip
 def claim_a(table: pd.DataFrame) -> Figure:
-    """Left: effort under alone against other rules, every event in reach a mark. Right: the claim's mean by part."""
+    """Left: effort under alone against other rules, one mark per event within reach. Right: the claim's mean by part."""
     rules = (RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "a")
     reach = pairs[bears("a within reach", RULE, pairs)]
@@ -118,7 +118,7 @@ def claim_a(table: pd.DataFrame) -> Figure:
 @figure("claim-b", "claim (b) of JP5484215 over random events: in case A every unit at its bound",
         CLAIM_TABLE)  # fmt: skip
 def claim_b(table: pd.DataFrame) -> Figure:
-    """Left: adhesion used by the unit that uses least, every event of case A a mark. Right: its mean by part."""
+    """Left: adhesion used by the unit that uses least, one mark per event of case A. Right: its mean by part."""
     rules = ("alone", "preset", "sharing", RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "b")
     drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
@@ -141,7 +141,7 @@ def claim_b(table: pd.DataFrame) -> Figure:
 @figure("claim-c", "claim (c) of JP5484215 over random events: adhesion used under caps too high",
         CLAIM_TABLE)  # fmt: skip
 def claim_c(table: pd.DataFrame) -> Figure:
-    """Left: adhesion used by how much too high a limit is, every event a mark. Right: its mean by part."""
+    """Left: adhesion used over the excess of a limit, one mark per event. Right: its mean by part."""
     rules = {RULE: -0.7, "exact": 0.7}
     pairs, events = _bearing_on(table, "c")
     drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
@@ -184,7 +184,7 @@ def claim_d(table: pd.DataFrame) -> Figure:
 @figure("claim-e", "claim (e) of JP5484215 over random events: effort and slip against the preset",
         CLAIM_TABLE)  # fmt: skip
 def claim_e(table: pd.DataFrame) -> Figure:
-    """Left: paired difference of effort by the adhesion that there is, an event a mark. Right: effort and slip by part."""
+    """Left: paired difference of effort over the adhesion available, one mark per event. Right: effort and slip by part."""
     pairs, events = _bearing_on(table, "e")
     parts = {**PARTS, **REACH_PARTS}
     effort = threshold_test("e", RULE)

@@ -148,7 +148,7 @@ def readhesion_slip(*runs: TableRuns) -> Figure:
 @figure("readhesion-torque", "torque and coefficient with and without readhesion (readhesion paper Figs. 10, 11), by unit",
         *IN_BOTH_UNITS)  # fmt: skip
 def readhesion_torque(*runs: TableRuns) -> Figure:
-    """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so both lie on each other while nothing slips."""
+    """A row per case, a column per unit. Scale: R_g/(W g r) M/(M + J/r2), so the two lines coincide while nothing slips."""
     drawn, panels = new_panels(PAGE, 4.4, 2, len(SETS), sharex=True, sharey=True)
     labels = (r"motor torque $\times\ R_g/(Wgr)\ M/(M + J/r^2)$", FORCE)
 
@@ -192,7 +192,7 @@ def readhesion_factor(*runs: TableRuns) -> Figure:
 def half_slip(*runs: TableRuns) -> Figure:
     """A column per set; rows: slip velocity, torque and coefficient.
 
-    Under the calibrated set the wheel readheres as ever; under the rival in m/s2 it half-slips on, as the paper has it.
+    Under the calibrated set the wheel readheres. Under the rival in m/s2 it keeps slipping by half, as in the paper.
     """
     drawn, panels = new_panels(PAGE, 4.2, 2, len(SETS), sharex=True, squeeze=False)
     case, units = HALF_SLIP, ("motor torque, as a coefficient", FORCE)

@@ -164,7 +164,7 @@ def limit_cycle(
 ) -> Figure:
     """A row per unit: period and swing of slip over mu_lim, and growth of swings about the runaway equilibrium over a_w.
 
-    Simulated cycles are drawn where the wheel readheres. Noted: by how much predictions are off the simulations.
+    Simulated cycles are drawn where the wheel readheres. Numbers: difference of the predictions from the simulations.
     """
     drawn, panels = new_panels(PAGE, 4.6, len(cycles), 3, squeeze=False)
     sets: dict[str, Unprinted] = {one.unit: one for one in (CALIBRATED, RIVAL)}
@@ -243,7 +243,7 @@ def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None
 @figure("calibration", "how narrowly the readhesion paper determines what it does not print",
         study("calibration", FEW_EVENTS))  # fmt: skip
 def calibration(table: pd.DataFrame) -> Figure:
-    """A panel per parameter. Filled: sets that meet as many findings as any; star: the best that lacks but the half-slip.
+    """A panel per parameter. Filled: sets that meet as many findings as any; star: the best of those that miss only the half-slip.
 
     Bars: 90 % of the filled ones, in each unit.
     """

@@ -1,4 +1,4 @@
-"""`readhesion analyse`: what the logs of a train tell about its slips."""
+"""`readhesion analyse`: slips, wheel damage and brake forces from the logs of a train."""
 
 import json
 from dataclasses import dataclass
@@ -60,10 +60,10 @@ def analyse(
 ) -> int | None:
     """Find slips and slides in logs of a train, and what its wheels and brakes did.
 
-    A log is a table of text (any usual separator, decimal and compression), parquet, MDF 4 or TDMS. Columns that are called
-    as `readhesion list` says (time_s, speed_kmh, axle1_speed_kmh, axle1_force_kn ...) need nothing else; what others
-    are a mapping file says (docs/logs.md), or it is guessed and the guess is printed. Axles and cars count from the front;
-    traction and tension are positive.
+    A log is a table of text (any usual separator, decimal and compression), parquet, MDF 3 or 4, or TDMS. Columns with the
+    names that `readhesion list` shows (time_s, speed_kmh, axle1_speed_kmh, axle1_force_kn ...) need nothing else. A mapping
+    file says what other columns are (docs/logs.md). Without one their meaning is guessed, and the guess is printed. Axles
+    and cars count from the front; traction and tension are positive.
 
     Every channel is brought from its own samples to common instants, with an error: the train's speed may be late, rare or
     held, wheels may count pulses. Without it the speed is estimated from speed and force of the axles, of all driven
@@ -73,8 +73,8 @@ def analyse(
     of slips estimates it. It also finds wheel damage Q (JP4209318) with its error, and the share of that adhesion used in
     slips. Where the log has coupler forces, it finds the brake force of each car.
 
-    A log that cannot be analysed ends with exit code 2 and the column and row that are to blame. Of several logs the
-    others go on, and the exit code is 1 if all failed.
+    A log that cannot be analysed ends with exit code 2 and a message that names column and row. If several logs
+    are given, the others are still analysed, and the exit code is 1 if all failed.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def analyse(
     figure
         File for a figure of a single log (pdf, png or svg).
     slip_kmh
-        Slip velocity from which on an axle slips [km/h] ...
+        Slip velocity from which an axle counts as slipping [km/h] ...
     slip_percent
         ... if it is also this much of the speed [%].
     as_json

@@ -42,7 +42,7 @@ def compare(
     figures: bool = True,
     as_json: Annotated[bool, Parameter("--json", negative=())] = False,
 ) -> int:
-    """Run rules and controllers over the same slip events and print what each is worth.
+    """Run rules and controllers over the same slip events and print how well each does.
 
     Rows that the output folder already holds are not run again. A run in which rule or
     controller failed in more than 5 % of their calls is "degraded" and enters no mean. The exit

@@ -16,8 +16,8 @@ def figures(
 ) -> None:
     """Draw figures as PDF and PNG, with the caption (txt) and the numbers drawn (CSV) beside each.
 
-    A figure from fewer events than its study has by default is marked as a draft. What gives the
-    full data stands in it, in its caption and on the terminal.
+    A figure from fewer events than its study has by default is marked as a draft. The
+    draft, its caption and the terminal name the command that gives the full data.
 
     Parameters
     ----------

@@ -11,16 +11,16 @@ from studies.files.writable import check_place
 def merge(*folders: FilePath, out: FilePath) -> None:
     """Unite tables and recorded runs of several folders, such as those of `--shard`, in one.
 
-    The command that was shared out, on the united folder without --shard, computes nothing again
-    and states the result. Where rows of the same run differ, a warning names it, and those added
-    later count.
+    Then run the same command on the united folder, without --shard: it computes nothing again and
+    states the result. Where rows of the same run differ, a warning names the run, and the rows
+    added later count.
 
     Parameters
     ----------
     folders
-        Folders that were an --out.
+        Folders that earlier commands wrote to with --out.
     out
-        Folder that holds all of it in the end; it may be one of them.
+        Folder for the united results; it may be one of the given folders.
     """
     if not folders:
         raise StudyError("merge: give the folders to unite")

@@ -113,11 +113,11 @@ class Work:
     jobs: Whole | None = None
     """Number of processes [default: one per core]."""
     shard: str | None = None
-    """k/n: run share k of n of the events, for the k-th of n jobs; `readhesion merge` unites them."""
+    """k/n: run part k of n of the events, in the k-th of n jobs; `readhesion merge` unites the parts."""
     executor: Literal["local", "dask"] = "local"
-    """Who does it: processes of this machine, or the workers of a Dask cluster."""
+    """What runs the work: processes of this machine, or the workers of a Dask cluster."""
     scheduler: str | None = None
-    """Address of its scheduler, such as tcp://node7:8786, or the file that the scheduler wrote."""
+    """Address of the Dask scheduler, such as tcp://node7:8786, or the file that the scheduler wrote."""
 
     def workers(self) -> "AbstractContextManager[Workers | None]":
         """The workers, for the whole command; raises `StudyError` where there are none or the options do not fit."""

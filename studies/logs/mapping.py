@@ -122,7 +122,7 @@ class Mapping(Strict):
         if scale is None and stem == "axleN_speed" and unit:
             scale, turning = factor(unit, "turning"), True
         if unit and scale is None:
-            raise StudyError(f"{owner}: column {name!r}: unit {unit!r} is none of a {kind}")
+            raise StudyError(f"{owner}: column {name!r}: unit {unit!r} is no unit of a {kind}")
         if one.gear_ratio is not None:
             if not (turning or stem == "axleN_torque"):
                 raise StudyError(

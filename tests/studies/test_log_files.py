@@ -129,7 +129,7 @@ def test_a_mapping_says_what_is_used_and_how(tmp_path):
     [
         (('"v_GPS"', '"v_GSP"'), "no column 'v_GSP'; did you mean 'v_GPS'?"),
         (('"axle1_speed"', '"axle1_sped"'), "'axle1_sped' is no quantity"),
-        (('"rpm"', '"bar"'), "unit 'bar' is none of a speed"),
+        (('"rpm"', '"bar"'), "unit 'bar' is no unit of a speed"),
         (("sign = -1", "sing = -1"), "unknown key"),
         (("[430.0, 420.0, 430.0, 430.0]", "[430.0]"), "1 radii for 4 axles"),
     ],
