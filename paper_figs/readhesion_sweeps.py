@@ -243,7 +243,7 @@ def _growth_panel(growth: Axes, widths: Sequence[float], one: Unprinted) -> None
 @figure("calibration", "how narrowly the readhesion paper determines what it does not print",
         study("calibration", FEW_EVENTS))  # fmt: skip
 def calibration(table: pd.DataFrame) -> Figure:
-    """A panel per parameter. Filled: sets that meet as many findings as any; star: the best of those that miss only the half-slip.
+    """A panel per parameter. Filled: sets that meet as many findings as any; star: the best that misses only the half-slip.
 
     Bars: 90 % of the filled ones, in each unit.
     """

@@ -51,7 +51,7 @@ def compare(
     Parameters
     ----------
     scenario
-        Names of shipped scenarios or paths of TOML files [default: the shipped ones but those of
+        Names of shipped scenarios or paths of TOML files [default: all that ship except those of
         faults].
     rules
         Allocation rules [default: all but qp-cvxpy].
