@@ -107,7 +107,7 @@ def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
 def shape_of_free_wheels(
     time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> Floats | None:
-    """Speed [m/s] of axles that nothing pulls or brakes, less the first one, (instants,); None unless one nearly always rolls."""
+    """Gain of speed [m/s] of axles that nothing pulls or brakes, (instants,); None unless one nearly always rolls freely."""
     count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
     for i in range(rim.shape[1]):
         free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])
