@@ -15,6 +15,7 @@ from paper_figs.origin import Origin
 from paper_figs.saving import Legend
 from paper_figs.source import Need, Source, comparison
 from paper_figs.style import STYLE_FILE
+from studies.core.own_parts import called, is_own
 from studies.files.study_error import StudyError
 
 Data = ParamSpec("Data")
@@ -43,6 +44,11 @@ class FigureEntry(Generic[Data]):
         """The figure of these data."""
         with mpl.rc_context(fname=STYLE_FILE):
             drawn = self.function(*data, **named)
+            if not isinstance(drawn, Figure):
+                kind = type(drawn).__name__
+                raise StudyError(
+                    f"figure {self.name!r} returns a {kind}; return the figure that new_panels gives"
+                )
             say_where_nothing_is_drawn(drawn)
             return drawn
 
@@ -68,7 +74,10 @@ class FigureEntry(Generic[Data]):
 
     def of_data(self, data: Sequence[Any], origins: Sequence[Origin] = ()) -> Drawn:
         """The figure of these data, with its caption."""
-        drawn = self(*data)  # type: ignore[call-arg]
+        if is_own(FIGURES, self.name):
+            drawn = called(FIGURES, self.name, lambda: self(*data))  # type: ignore[call-arg]
+        else:
+            drawn = self(*data)  # type: ignore[call-arg]
         legend = replace(self.legend, origins=tuple(origins))
         if legend.draft:
             with mpl.rc_context(fname=STYLE_FILE):

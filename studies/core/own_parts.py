@@ -40,20 +40,20 @@ def try_parts(rules: Iterable[str], controllers: Iterable[str] = ()) -> None:
     for rule in rules:
         _try_rule(rule)
     for controller in controllers:
-        if _own(CONTROLLERS, controller):
+        if is_own(CONTROLLERS, controller):
             _try_controller(controller)
-    metrics = [name for name in METRICS if _own(METRICS, name)]
+    metrics = [name for name in METRICS if is_own(METRICS, name)]
     if metrics:
         run = simulate(_event(), "alone", "none")
         for name in metrics:
             part = METRICS[name]
-            _called(METRICS, name, lambda part=part: float(part.function(run)))  # type: ignore[misc]
+            called(METRICS, name, lambda part=part: float(part.function(run)))  # type: ignore[misc]
 
 
 def _try_rule(name: str) -> None:
     cap = np.linspace(0.1, 0.2, UNITS)
     problem = AllocationProblem(cap=cap, expected=0.16)
-    if not _own(RULES, name):
+    if not is_own(RULES, name):
         try:
             RULES.find(name)(problem)
         except (ValueError, ImportError) as error:
@@ -65,7 +65,7 @@ def _try_rule(name: str) -> None:
             RULES, name, f"is a {type(rule).__name__}; register Rule(name, sentence, function)"
         )
     _check_colour(RULES, name)
-    answer = _called(RULES, name, lambda: rule(problem))
+    answer = called(RULES, name, lambda: rule(problem))
     if not isinstance(answer, Allocation):
         raise _fault(
             RULES, name,
@@ -87,7 +87,7 @@ def _try_controller(name: str) -> None:
         )  # fmt: skip
     _check_colour(CONTROLLERS, name)
     checked = replace(found, factory=lambda contexts: _checked(found.factory(contexts), name))
-    run = _called(CONTROLLERS, name, lambda: simulate(_event(), "alone", checked))
+    run = called(CONTROLLERS, name, lambda: simulate(_event(), "alone", checked))
     told = attributes_of(run)
     if 0 < told["controller_calls"] == told["controller_failures"]:
         reason = ", ".join(json.loads(told["messages"])).replace("controller: ", "")
@@ -156,12 +156,16 @@ def _event() -> Any:
     return load_scenario(SCENARIO).changed(duration_s=DURATION).event(seed=0)
 
 
-def _own(registry: Registry[Any], name: str) -> bool:
+def is_own(registry: Registry[Any], name: str) -> bool:
     """Whether a part is a user's, or of an installed package."""
-    return name in registry and registry.origin(name).partition(".")[0] not in {*PACKAGES, "tests"}
+    return name in registry and registry.origin(name).partition(".")[0] not in {
+        *PACKAGES,
+        "paper_figs",
+        "tests",
+    }
 
 
-def _called(registry: Registry[Any], name: str, call: Callable[[], Found]) -> Found:
+def called(registry: Registry[Any], name: str, call: Callable[[], Found]) -> Found:
     """What `call` returns; an error in it names the part, and the line of its file."""
     file = _file(registry, name)
     try:

@@ -1,5 +1,6 @@
 """Faulty parts of one's own: each is refused in one line that names part and file, before anything is run."""
 
+import importlib
 import json
 
 import pytest
@@ -26,6 +27,12 @@ class Mine:
     def {decide}(self, sense):
         {answer}
 CONTROLLERS.register("mine", {part})
+"""
+FIGURE = """
+from paper_figs.registry import figure
+@figure("mine", "one of mine")
+def mine():
+    {answer}
 """
 METRIC = """
 from alloc.metrics.registry import metric
@@ -106,3 +113,21 @@ def test_of_two_parts_of_one_name_both_files_are_named(tmp_path, capsys):
     assert run(["--plugin", str(files[0]), "--plugin", str(files[1]), "list"]) == 2
     err = capsys.readouterr().err
     assert all(repr(str(file)) in err for file in files)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"), [("1 / 0", "ZeroDivisionError: division by zero in line 5"), ("pass", "returns a NoneType")]
+)  # fmt: skip
+def test_a_figure_that_cannot_be_drawn_is_named(answer, words, tmp_path, capsys, monkeypatch):
+    figures = importlib.import_module("paper_figs.registry").FIGURES
+    list(figures)
+    monkeypatch.setattr(figures, "_parts", dict(figures._parts))
+    monkeypatch.setattr(figures, "_origins", dict(figures._origins))
+    file = tmp_path / "own.py"
+    file.write_text(FIGURE.format(answer=answer))
+    assert run(["--plugin", str(file), "figures", "mine", "--out", str(tmp_path / "out")]) == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1
+    assert "figure 'mine'" in err
+    assert words in err
+    assert not (tmp_path / "out").exists()
