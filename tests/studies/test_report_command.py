@@ -5,6 +5,7 @@ import sys
 import pytest
 
 from tests.studies import report_pages
+from tests.studies.test_plugins import plain  # noqa: F401 what a plug-in registers is taken back
 
 report_pages.need_packages()
 
