@@ -16,6 +16,7 @@ from alloc.compilation import jit
 from alloc.loop_record import record_computers, record_noted, record_plant
 from alloc.onboard.actuation import (
     brake_receiver,
+    foresee_torque,
     restrain_blind_units,
     set_brake_targets,
     set_targets,
@@ -173,7 +174,9 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             elif st.hosted:
                 return CONTROL
         for j in range(units):
-            plant.inputs.torque_command[j] = m.estimate.sounding.share[j] * m.unit.torque_command[j]
+            applied = m.estimate.sounding.share[j] * m.unit.torque_command[j]
+            foresee_torque(eq, m, j, applied)
+            plant.inputs.torque_command[j] = applied
         brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)
         if rows.sanders > 0:
             command_sand(eq, st, m, time, plant.inputs.sand_rate)

@@ -49,13 +49,20 @@ def set_brake_targets(eq, st, m):
         slow = expected * to_torque * st.period / st.brakes.blend_time
         motors = min(pattern, m.brake_limit[j])
         motors = min(motors, max(pattern - air[j] / at_rim, electric + slow))
-        # what the line does not take; what the unit's own readhesion control takes away is not to be filled
-        lacking = max(min(-m.unit.torque_command[j], motors) - electric, 0.0)
+        # what the line does not take, or failed motors; neither their lag, nor what the unit's own readhesion control or a
+        # sounding takes away
+        lacking = max(min(-m.foreseen[j], motors) - electric, 0.0)
         air[j] = (pattern - motors + lacking) * at_rim
         if np.isfinite(m.received[j]):
             motors = max(pattern - m.air_force[j] / at_rim, 0.0)
         m.unit.torque_target[j] = -min(motors, m.brake_limit[j])
     m.lead.brake_rise[0] = min(m.lead.brake_rise[0] + st.period / st.rise_time, 1.0)
+
+
+@inlined_jit
+def foresee_torque(eq, m, j, applied):
+    """Torque that the motors of unit `j` would have in the next period under the command `applied` [N m] to the inverter."""
+    m.foreseen[j] += eq.response[j] * (applied - m.foreseen[j])
 
 
 @inlined_jit

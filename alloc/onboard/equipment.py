@@ -59,6 +59,7 @@ class Equipment(NamedTuple):
     radius: Floats
     inertia: Floats
     gear: Floats
+    response: Floats  # share of a step of the torque command that is there a control period later
     empty_axle_mass: Floats
     load_per_axle: Floats
     axle_load: Floats  # with pay load [N]
@@ -109,6 +110,7 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         radius=_unit_means(model, radius),
         inertia=_unit_means(model, s.inertia),
         gear=s.unit_gear,
+        response=-np.expm1(-onboard.period / s.unit_lag),
         empty_axle_mass=empty,
         load_per_axle=load,
         axle_load=(empty + load) * GRAVITY,

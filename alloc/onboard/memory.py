@@ -94,6 +94,7 @@ class Memory(NamedTuple):
     observer: Floats
     observer_input: Floats
     torque: Floats  # as the inverters know it
+    foreseen: Floats  # torque if the line takes all and the motors work
     air_force: Floats  # of the air brake per axle at the rim, as the unit knows it [N]
     drive_limit: Floats
     brake_limit: Floats
