@@ -3,7 +3,8 @@
 Driving and without blended brakes: limits (6) and (6') of JP5484215, load compensation, the motor's limit. Blended braking,
 embodiment 3: the electric brake comes first, and the air brake supplies what the line does not take. The air brake of a unit
 that receives limits fills up to the limit in the same way. Its motors do not follow the pattern then (par. 0078): they brake
-with the limit less the air brake's force, and so make up at once for the lag of the cylinders.
+with the limit less the air brake's force, and so make up at once for the lag of the cylinders. The air brake makes up for
+what the line or failed motors lack. What readhesion control takes away it does not fill, and in the end it gives way too.
 """
 
 import numpy as np
@@ -13,6 +14,12 @@ from alloc.onboard.observer import empty_torque_limit, load_compensated
 from alloc.onboard.shoe_force import believed_shoe_force
 from alloc.onboard.slide_protection.protect import LOWEST_SPEED, protect
 from alloc.plant.equations import GRAVITY
+
+MIDDLE = 0.5
+"""Share of their torque that readhesion control leaves the motors, below which the air brake gives way."""
+
+EASE_TIME = 1.0
+"""Integral time [s] of that."""
 
 
 @inlined_jit
@@ -30,7 +37,35 @@ def set_targets(eq, st, m, commanded):
         m.rise[j] = min(min(wanted, bound), m.rise[j] + step) if commanded != 0.0 else 0.0
         m.unit.torque_target[j] = sign * m.rise[j]
         m.unit.air_brake_force[j] = 0.0
+        m.taken[j] = np.inf
+        m.kept[j] = 1.0
     m.lead.brake_rise[0] = 0.0
+
+
+@inlined_jit
+def _share_of_motors(st, m, j, pattern, full):
+    """Torque that unit `j` asks of its motors: what the line takes of the `pattern`; `full` is that of the whole plan."""
+    electric = max(-m.torque[j], 0.0)
+    # what the line turns out to take the motors take over slowly, for cylinders empty slowly
+    slow = full * st.period / st.brakes.blend_time
+    # less than foreseen: the line does not take it, or motors have failed. Their lag, what the unit's own readhesion control
+    # takes away and a sounding are foreseen
+    if min(-m.foreseen[j], pattern, m.brake_limit[j]) > electric + 2.0 * slow:
+        m.taken[j] = electric
+    m.taken[j] = max(m.taken[j], electric + slow)
+    return min(pattern, m.brake_limit[j], m.taken[j])
+
+
+@inlined_jit
+def _share_of_air(st, m, j, motors):
+    """Share of its part that the air brake of unit `j` keeps: it gives way while readhesion control has little torque left.
+
+    Mid-ranging control: the slow air brake leaves the fast motors room on both sides. Else it could hold wheels in a slide
+    that no cut of torque ends.
+    """
+    left = -m.unit.torque_command[j] / motors if motors > 0.0 else 1.0
+    m.kept[j] = min(max(m.kept[j] + (left - MIDDLE) * st.period / EASE_TIME, 0.0), 1.0)
+    return m.kept[j]
 
 
 @inlined_jit
@@ -44,15 +79,8 @@ def set_brake_targets(eq, st, m):
         step = expected * to_torque * st.period / st.rise_time
         m.rise[j] = min(m.unit.limit[j] * to_torque, m.rise[j] + step)
         pattern = m.rise[j]
-        electric = max(-m.torque[j], 0.0)
-        # beyond what the air brake leaves the motors take over slowly, for cylinders empty slowly
-        slow = expected * to_torque * st.period / st.brakes.blend_time
-        motors = min(pattern, m.brake_limit[j])
-        motors = min(motors, max(pattern - air[j] / at_rim, electric + slow))
-        # what the line does not take, or failed motors; neither their lag, nor what the unit's own readhesion control or a
-        # sounding takes away
-        lacking = max(min(-m.foreseen[j], motors) - electric, 0.0)
-        air[j] = (pattern - motors + lacking) * at_rim
+        motors = _share_of_motors(st, m, j, pattern, expected * to_torque)
+        air[j] = _share_of_air(st, m, j, motors) * (pattern - motors) * at_rim
         if np.isfinite(m.received[j]):
             motors = max(pattern - m.air_force[j] / at_rim, 0.0)
         m.unit.torque_target[j] = -min(motors, m.brake_limit[j])

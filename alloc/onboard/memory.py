@@ -94,7 +94,9 @@ class Memory(NamedTuple):
     observer: Floats
     observer_input: Floats
     torque: Floats  # as the inverters know it
-    foreseen: Floats  # torque if the line takes all and the motors work
+    foreseen: Floats  # torque of the motors if they work and the line takes all of it
+    taken: Floats  # braking torque that the line is thought to take
+    kept: Floats  # share of its part that the air brake keeps
     air_force: Floats  # of the air brake per axle at the rim, as the unit knows it [N]
     drive_limit: Floats
     brake_limit: Floats
@@ -181,6 +183,8 @@ def memory(
         differentiator=np.full(n, speed),
         observer=np.full(n, np.nan),
         limit_max=np.full(n, np.inf),
+        taken=np.full(n, np.inf),
+        kept=np.ones(n),
         in_service=np.ones(n, dtype=np.bool_),
         cap=np.full(n, expected),
         limit_wanted=np.full(n, expected),

@@ -7,6 +7,7 @@ from alloc.onboard.detector import differentiate, slip_signal
 from alloc.onboard.observer import observe, tangential_coefficient_estimate
 from alloc.onboard.reference_speed.kalman_filter import estimate_speed
 from alloc.onboard.reference_speed.sounding import is_relieved, sound
+from alloc.onboard.reference_speed.wheel_radii import compare_radii
 from alloc.onboard.reports import DETECTED, ESTIMATE
 from alloc.onboard.shoe_force import believed_shoe_force
 
@@ -55,6 +56,7 @@ def _read_speeds(eq, st, m, omega, noise):
         rim = eq.axle_radius[i] * omega[i] + noise[i]
         if quantum > 0.0:
             rim = np.floor(rim / quantum + 0.5) * quantum
+        rim *= m.estimate.radii.factor[i]
         m.axle_omega[i] = rim / eq.axle_radius[i]
         j = eq.axle_unit[i]
         if j >= 0 and m.axle_seen[i]:
@@ -181,6 +183,7 @@ def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
     _read_speeds(eq, st, m, omega, noise)
     if not st.reference.given:
         sound(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
+    compare_radii(eq, st, m, commanded, torque, pressure)
     _compare_with_reference(eq, m, sign)
     _read_air_forces(eq, st, m, pressure, blended)
     m.lead.allocate[0] = False

@@ -249,3 +249,28 @@ def test_a_friction_draft_gear_is_believed_as_the_spring_that_it_is_at_first():
     assert stiffness[1] == 0.5 * Coupler().stiffness
     # a damping that steps of the filter could not follow is bounded
     assert damping[2] < DraftGear().damping / 2
+
+
+def after_rolling(radius_error, deviation, controller):
+    """Adhesion used where short, and mean error [m/s], in a stop whose train rolls for the first three seconds."""
+    model = build(find_set("commuter-8car"), Rail(0.06))
+    onboard = Onboard(
+        sensors=Sensors(radius_error=radius_error, speed_noise=0.01, seed=4),
+        reference=ReferenceSpeed(radius_deviation=deviation),
+        belief=Belief(curve=model.rail.curve),
+    )
+    command = DriverCommand((0.0, 3.0), (0.0, -0.8))
+    event = Event("stop", model, command, onboard, duration=12.0, initial_speed=28.0)
+    run = simulate(event, "alone", controller)
+    return evaluate(run)["utilisation_short"], np.abs(error(run)[run["time"].values > 3.0]).mean()
+
+
+@pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
+def test_unequal_wheels_cost_little_once_the_train_has_rolled(controller):
+    equal, _ = after_rolling(0.0, 0.01, controller)
+    learnt, wrong = after_rolling(0.01, 0.01, controller)
+    believed, worse = after_rolling(0.01, 0.0, controller)
+    assert learnt > equal - 0.03
+    assert learnt > believed
+    # the mean of all radii stays unknown
+    assert wrong < 0.5 * worse

@@ -222,3 +222,55 @@ def test_fuzzy_slide_protection_of_trailers_saves_damage_and_air_at_the_same_dis
     assert fuzzy["air_consumption"] < plain["air_consumption"]
     assert fuzzy["distance"] == pytest.approx(plain["distance"], rel=0.01)
     assert fuzzy["locked_time"] == 0.0
+
+
+def share_of_air(run):
+    """Air brake force commanded to each unit over what is asked of it, (unit,), from the third second."""
+    braking = run.sel(time=slice(3.0, None))
+    asked = braking["limit"].values * braking["unit_static_load"].values / 4.0
+    return braking["air_brake_force"].values.mean(axis=0) / asked.mean(axis=0)
+
+
+@pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
+@pytest.mark.parametrize("level", [0.30, 0.03], ids=["dry", "wet"])
+def test_a_line_that_takes_everything_needs_no_air(level, controller):
+    """Neither the motors' lag, nor soundings, nor what readhesion control takes away may count as lacking."""
+    run = simulate(stop(level), "alone", controller)
+    slides = run["slip_velocity"].values[:, run["axle_unit"].values >= 0].min() < -0.1
+    assert slides == (level == 0.03)
+    assert share_of_air(run).max() < 0.01
+
+
+@pytest.mark.parametrize("taken", [0.3, 0.1])
+def test_air_supplies_what_the_line_refuses(taken):
+    run = simulate(stop(0.30, receptivity=Receptivity(taken, 0.0, 1.0)), "alone")
+    force = mean_of_units(run, run["brake_force"].values) + electric_force(run)
+    weight = run["unit_static_load"].values / 4.0
+    braking = run["time"].values > 3.0
+    wanted = (run["limit"].values * weight)[braking]
+    assert share_of_air(run).min() > 0.25
+    # what decelerates the wheelsets comes on top
+    turning = 0.1 * DECELERATION / 9.80665 / run["expected"].values[-1]
+    found = force[braking].mean(axis=0) / wanted.mean(axis=0)
+    np.testing.assert_allclose(found, 1.0 + turning, atol=0.02)
+
+
+def test_air_stands_in_for_failed_motors():
+    run = simulate(stop(0.30, failures={1: 3.0}), "alone")
+    share = share_of_air(run.sel(time=slice(4.0, None)))
+    assert share[1] > 0.95
+    assert np.delete(share, 1).max() < 0.01
+
+
+@pytest.mark.parametrize("taken", [1.0, 0.4, 0.1])
+@pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
+def test_air_holds_no_wheel_in_a_slide_that_no_cut_of_torque_ends(controller, taken):
+    """Without valves of slide protection: where the line takes little, the air brake alone asks more than the rail gives."""
+    event = stop(
+        0.03,
+        receptivity=Receptivity(taken, 0.0, 1.0),
+        braking=Braking(slide_protection=SlideProtection(law="none")),
+    )
+    run = simulate(event, "alone", controller).sel(time=slice(8.0, None))
+    driven = run["axle_unit"].values >= 0
+    assert (np.abs(run["slip_velocity"].values[:, driven]) > 1.0).mean() < 0.01

@@ -37,7 +37,8 @@ class Computers:
         self.speed, self.differentiator = np.full(n, speed), np.full(n, speed)
         self.observer, self.observer_input = np.full(n, np.nan), np.zeros(n)
         self.axles_seen, self.slipping = eq.axles.copy(), np.zeros(n)
-        self.torque_command = np.zeros(n)
+        self.torque_command, self.foreseen = np.zeros(n), np.zeros(n)
+        self.taken, self.kept = np.full(n, np.inf), np.ones(n)
         self.air_there = np.zeros(n)
         self.air, self.rise, self.target = np.zeros(n), np.zeros(n), np.zeros(n)
         self.coefficient, self.limit = np.zeros(n), np.full(n, expected)
@@ -358,23 +359,32 @@ class Computers:
         wanted = np.minimum(self.limit * per_coefficient, bound)
         self.rise = np.minimum(wanted, self.rise + step) if commanded else np.zeros_like(step)
         self.target, self.air, self.brake_rise = self.sign * self.rise, np.zeros_like(step), 0.0
+        self.taken, self.kept = np.full_like(step, np.inf), np.ones_like(step)
 
     def brake_targets(self):
         eq, st = self.eq, self.st
         per_coefficient = (1.0 + eq.brake_inertia) * eq.axle_load * eq.radius / eq.gear
         full = self.expected * per_coefficient * st.period
         self.rise = np.minimum(self.limit * per_coefficient, self.rise + full / st.rise_time)
-        for j in range(self.rise.size):
-            rim, pattern = eq.gear[j] / eq.radius[j], self.rise[j]
-            electric = max(-self.torque[j], 0.0)
-            slow = electric + full[j] / st.brakes.blend_time
-            motors = min(pattern, self.brake_limit[j], max(pattern - self.air[j] / rim, slow))
-            asked = min(-self.torque_command[j], motors)
-            self.air[j] = (pattern - motors + (asked - electric if asked > electric else 0.0)) * rim
-            if math.isfinite(self.received[j]):  # beside what the cylinders give, at once
-                motors = np.clip(pattern - self.air_there[j] / rim, 0.0, self.brake_limit[j])
-            self.target[j] = -motors
+        rim, electric = eq.gear / eq.radius, np.maximum(-self.torque, 0.0)
+        slow = full / st.brakes.blend_time
+        foreseen = np.minimum.reduce([-self.foreseen, self.rise, self.brake_limit])
+        refused = foreseen > electric + 2.0 * slow
+        self.taken = np.maximum(np.where(refused, electric, self.taken), electric + slow)
+        motors = np.minimum.reduce([self.rise, self.brake_limit, self.taken])
+        left = np.ones_like(motors)
+        np.divide(self.torque_command, self.target, out=left, where=self.target < 0.0)
+        # over a second, about one half
+        self.kept = np.clip(self.kept + st.period * (left - 0.5), 0.0, 1.0)
+        self.air = self.kept * (self.rise - motors) * rim
+        # beside what the cylinders give, at once
+        beside = np.maximum(self.rise - self.air_there / rim, 0.0)
+        motors = np.where(np.isfinite(self.received), beside, motors)
+        self.target = -np.minimum(motors, self.brake_limit)
         self.brake_rise = min(self.brake_rise + st.period / st.rise_time, 1.0)
+
+    def foresee(self, applied):
+        self.foreseen = self.foreseen + self.eq.response * (applied - self.foreseen)
 
     def restrain(self):
         self.target = np.where(

@@ -7,6 +7,7 @@ import pytest
 
 from alloc.onboard.actuation import (
     brake_receiver,
+    foresee_torque,
     restrain_blind_units,
     set_brake_targets,
     set_targets,
@@ -180,11 +181,14 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
         restrain_blind_units(st, m)
         twin.restrain()
         compare(m, twin, {"target": m.unit.torque_target, "air": m.unit.air_brake_force, "rise": m.rise,
-                          "brake_rise": m.lead.brake_rise[0]})  # fmt: skip
+                          "brake_rise": m.lead.brake_rise[0], "taken": m.taken, "kept": m.kept})  # fmt: skip
         twin.torque_command = m.unit.torque_command[:] = m.unit.torque_target * rng.uniform(
             0.6, 1.0, n
         )
         twin.torque_command = twin.torque_command.copy()
+        for j in range(n):
+            foresee_torque(eq, m, j, m.unit.torque_command[j])
+        twin.foresee(twin.torque_command)
         brake_receiver(eq, st, m, tick, braking, pressure, valve)
         agree("pressure", pressure, twin.pressures(braking))
     assert asked > 2

@@ -101,6 +101,8 @@ class ReferenceSpeed:
     """Number of deviations beyond which an axle at ease counts as slipping."""
     persist: float = quantity(0.6, "s")
     """Time for which a braked axle must show a deviating speed to be believed [s]."""
+    radius_deviation: float = quantity(0.01, "1")
+    """Deviation of the wheels' believed radii, relative. The computers find them while the train rolls; 0: they do not."""
     sounding: Sounding = field(default_factory=Sounding)
     """When force is taken from a few wheels to learn the speed."""
 

@@ -78,6 +78,7 @@ class ReferenceSettings(NamedTuple):
     persist: float
     carried_time: float
     slid_time: float
+    radius_deviation: float
     sounding: SoundingSettings
 
 
@@ -123,6 +124,15 @@ class SoundingMemory(NamedTuple):
     share: Floats  # (units,) of the torque command that is left to each
 
 
+class RadiusMemory(NamedTuple):
+    """What is known of the wheels' radii, (axles,) unless said otherwise."""
+
+    rolling: Floats  # (1,) time for which nothing has acted on any wheel [s]
+    factor: Floats  # by which the believed radius is multiplied
+    known: Floats  # inverse of the variance that its readings leave
+    ahead: Floats  # what a wheel runs ahead of its body, relative
+
+
 class ReferenceMemory(NamedTuple):
     """What the filter remembers."""
 
@@ -146,6 +156,7 @@ class ReferenceMemory(NamedTuple):
     full: Floats  # (groups,) pressure that is asked for
     pressure: Floats  # (groups,) that is there
     sounding: SoundingMemory
+    radii: RadiusMemory
 
 
 def reference_settings(onboard: "Onboard") -> ReferenceSettings:
@@ -189,5 +200,11 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
             told=untold,
             clock=np.zeros(1),
             share=np.ones(units),
+        ),
+        radii=RadiusMemory(
+            rolling=np.zeros(1),
+            factor=np.ones(axles),
+            known=np.zeros(axles),
+            ahead=np.zeros(axles),
         ),
     )
