@@ -56,6 +56,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "mismatch": (1, {"duration": 4.0}),
     "constant-rail": (2, {"duration": 4.0}),
     "joint": (1, {"duration": 4.0}),
+    "blended": (1, {"duration": 6.0}),
     "readhesion": (1, {"margins": (0.4,), "widths": (0.2, 0.8), "step": 1e-3}),
     "calibration": (4, {"refinements": 3}),
     "brake-force": (1, {"beliefs": ("friction +20%", "gradient +10 per mille, by speeds")}),
