@@ -171,7 +171,7 @@ def _measure(eq, st, m, k, sign):
     """Take what the axles tell; returns whether one of them rolls as it pleases."""
     o, pace, f, p = st.reference, st.pace, k.state, k.covariance
     white = 2.0 * o.noise**2
-    lead, lightest, least, anyone = 1e9, -1, 0.0, False
+    lead, lightest, foremost, least, anyone = 1e9, -1, 1e9, 0.0, False
     free, together = 0.0, 0.0
     unknown = math.sqrt(p[1, 1])
     before = f[SPEED]
@@ -188,6 +188,7 @@ def _measure(eq, st, m, k, sign):
         mu, creep = _adhesion(eq, o, k, i, sign)
         innovation = y - body - f[SLIP] * mu
         k.ahead[i] += st.pace.mean_share * (sign * (y - body) - k.ahead[i])
+        foremost = min(foremost, k.ahead[i])
         settled = relative > -o.returning and not standing
         # a sliding wheel would return by more than `returning` under so little force, or slide on; motors may hold its slip
         would = 0.0 if j >= 0 else o.light * k.carried[i] - eq.chain.turning[i] * o.returning
@@ -229,7 +230,9 @@ def _measure(eq, st, m, k, sign):
         innovation = together / free + before - f[SPEED]
         believe(o, k, 0.0, innovation, (white + pace.light_repeat * creep**2) / free, True)
         anyone = True
-    if lightest >= 0:
+    # a light wheel may slide on where the rail gives little; then one that cannot outrun the train is nearer to its speed
+    near = o.creep * max(abs(f[SPEED]), o.creep_speed) + o.gate * o.noise
+    if lightest >= 0 and lead < foremost + near:
         _take_light(eq, st, m, k, sign, lightest, f[SPEED] - before)
         anyone = True
     change = sign * min(least + o.noise, 0.0) * pace.bound_share
