@@ -81,8 +81,8 @@ def analyse(
     logs
         Files of logs of one train.
     train
-        Name of a shipped train, railtoolkit file (.yaml), or TOML file with masses, radii and
-        inertias (`readhesion simulate --log` writes one).
+        Name of a shipped train, railtoolkit file (.yaml), a scenario's train file (.toml), or TOML
+        file with masses, radii and inertias (`readhesion simulate --log` writes one).
     mapping
         TOML file that says which column is what [default: log.toml beside the log, if there is one].
     line

@@ -9,6 +9,8 @@ wheel_inertia_kgm2 = [155.0, 155.0, 65.0, 65.0]   # of each wheelset with everyt
 driven = [true, true, false, false]
 axle_load_t = [9.05, 9.05, 9.05, 9.05]            # equal shares of the mass if left out
 
+A train file of a scenario, which has a `formation`, does as well.
+
 The following tables are for logs without the speed over ground, and may be left out. They state the running resistance of
 each car, and the draft gear between the cars, one for each coupler. Without the latter the train counts as rigid.
 
@@ -114,16 +116,17 @@ class LoggedTrain(Strict):
 
 
 def read_log_train(name_or_path: str) -> MeasuredTrain:
-    """Train of a shipped set by name, or from a railtoolkit (.yaml) or TOML file by path.
+    """Train of a shipped set by name, or from a file by path: railtoolkit (.yaml), or TOML of a log or of a scenario's train.
 
     Raises `StudyError` or `PlantError` naming the file, the key and the reason.
     """
     from studies.scenario.train_keys import build_train
 
-    if not name_or_path.endswith(".toml"):
-        return MeasuredTrain.of(build_train(name_or_path, None, None, None, False))
-    data = read_toml(name_or_path, "train", "`readhesion list` names the shipped trains")
-    return parse(LoggedTrain, data, f"train file {name_or_path!r}").measured()
+    if name_or_path.endswith(".toml"):
+        data = read_toml(name_or_path, "train", "`readhesion list` names the shipped trains")
+        if "formation" not in data:
+            return parse(LoggedTrain, data, f"train file {name_or_path!r}").measured()
+    return MeasuredTrain.of(build_train(name_or_path, None, None, None, False))
 
 
 def write_log_train(train: MeasuredTrain, path: Path) -> None:

@@ -1,6 +1,7 @@
 """Faulty logs: what can be analysed is, with a remark, and what cannot is refused by file, column and row."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from studies.files.study_error import StudyError
 from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_train import read_log_train, write_log_train
+from studies.scenario.train_file import read_train_file
 
 INERTIA, RADIUS = 100.0, 0.43
 TRAIN = MeasuredTrain(
@@ -337,6 +339,14 @@ def test_a_trains_file_reads_back(tmp_path, coupler):
             np.testing.assert_equal(value is None, getattr(back, name) is None)
             if value is not None:
                 np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14)
+
+
+def test_a_scenarios_train_file_is_known_too():
+    path = str(Path(__file__).parents[2] / "docs" / "plugins" / "tram.toml")
+    train, described = read_log_train(path), read_train_file(path)
+    np.testing.assert_allclose(train.car_mass, [car.mass for car in described.cars])
+    assert train.driven.sum() == 4
+    np.testing.assert_array_equal(train.radius, 0.31)
 
 
 @pytest.mark.parametrize(
