@@ -116,7 +116,7 @@ class LoggedTrain(Strict):
 
 
 def read_log_train(name_or_path: str) -> MeasuredTrain:
-    """Train of a shipped set by name, or from a file by path: railtoolkit (.yaml), or TOML of a log or of a scenario's train.
+    """Train of a shipped set by name, or from a file: railtoolkit (.yaml), or TOML of a log or of a scenario's train.
 
     Raises `StudyError` or `PlantError` naming the file, the key and the reason.
     """
