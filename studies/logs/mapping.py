@@ -18,7 +18,8 @@ period_s = 0.01                # of the rows, where the time column does not tel
 [forces]
 at = "rim"                     # or "contact": those between wheel and rail, which do not accelerate the wheelsets
 
-What is not named is not used. Quantities are those of `readhesion list`, without the unit.
+What is not named is not used; a remark says so where its name tells what it is. Quantities are those of `readhesion
+list`, without the unit.
 """
 
 from pathlib import Path

@@ -171,6 +171,7 @@ def open_sources(
     if mapping is not None:
         assigned = mapping.assigned(recording, owner)
         unknown: list[str] = []
+        remarks += _left_out(recording, train, assigned)
         period = mapping.time.period_s
     else:
         assigned, unknown, guessed = _told_by_names(recording, train)
@@ -225,3 +226,16 @@ def _told_by_names(
     remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]
     unknown = [name for name in rest if name not in guessed]
     return assigned + list(guessed.values()), unknown, remarks
+
+
+def _left_out(recording: Recording, train: MeasuredTrain, mapped: list[Assigned]) -> list[Remark]:
+    """Remarks on columns that a mapping file does not name, although their names tell what they are."""
+    known, taken = {one.column for one in mapped}, {one.place for one in mapped}
+    rest = [name for name in recording.channels if name not in known]
+    named = {name: one for name in rest if (one := by_name(name)) and one.place not in taken}
+    taken |= {one.place for one in named.values()}
+    others = guess([name for name in rest if name not in named], recording.units, taken, train)
+    return [
+        Remark("unknown", column, f"the mapping file does not name {text}; so it is not used")
+        for column, text in described(named | others, recording.units)
+    ]

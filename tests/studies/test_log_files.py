@@ -122,6 +122,10 @@ def test_a_mapping_says_what_is_used_and_how(tmp_path):
         log.run.rim_speed[:, 1], plain.run.rim_speed[:, 1] * 420 / 430, rtol=1e-9
     )
     assert not [remark for remark in log.remarks if remark.kind == "guess"]
+    left = [remark.text for remark in log.remarks if "mapping file does not name" in remark.text]
+    assert any("'n_Achse3' to 'n_Achse4': axle 3 to 4 speed in 1/min" in text for text in left)
+    assert any("axle 3 to 4 force" in text for text in left)
+    assert not any("Achse1" in text or "v_GPS" in text for text in left)
 
 
 @pytest.mark.parametrize(
