@@ -8,6 +8,8 @@ believed radius, e_i:
 Each e_i has a scalar Kalman filter. The error that all wheels have in common is not seen, but it makes no slip either.
 """
 
+import numpy as np
+
 from alloc.compilation import inlined_jit
 
 LEAST_SPEED = 3.0
@@ -61,4 +63,10 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
             told = 0.5 * v * v / o.noise**2
             k.known[i] += told
             gain = told / (k.known[i] + 1.0 / o.radius_deviation**2)
-            k.factor[i] -= gain * (k.ahead[i] - together / count)
+            change = 1.0 - gain * (k.ahead[i] - together / count)
+            k.factor[i] *= change
+            m.estimate.rim[i] *= change
+            m.estimate.smooth_rim[i] *= change
+    for j in range(torque.size):
+        # the unit's speed is another now, which is no acceleration
+        m.differentiator[j] = m.observer[j] = np.nan
