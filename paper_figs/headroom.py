@@ -5,6 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from paper_figs.counts import counted
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
@@ -84,6 +85,7 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
             found = mean_interval(100 * gain(chosen, rule))
             centres.append(100 * float(chosen["headroom"].mean()) + shift)
             means.append(found.value)
+            counted(axes, [found])
             axes.errorbar(
                 centres[-1],
                 found.value,
