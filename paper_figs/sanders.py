@@ -44,7 +44,7 @@ SHARING_LOOKS: dict[str, Look] = {
     "raised": {"color": GREEN, "marker": "s"},
     "by sand": {"color": VERMILION, "marker": "D"},
 }
-SHADES = (450, 500, 600, 700, 800, 900)
+SHADES = (450, 600, 900)
 """Ticks of the scale of stopping distances [m]."""
 BLANK: Look = {"linestyle": "none", "markersize": 4.5}
 
@@ -105,9 +105,10 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
         ylabel="second half ahead of car",
         title="(b) halves of the sand",
     )
-    bar = drawn.colorbar(image, ax=axes, location="bottom", aspect=18, pad=0.03)
+    inside = axes.inset_axes((0.3, 0.91, 0.66, 0.07))  # where the triangle leaves room
+    bar = drawn.colorbar(image, cax=inside, orientation="horizontal")
     plain_ticks(bar.ax.xaxis, FixedLocator(SHADES))
-    bar.set_label("stopping distance [m]")
+    bar.set_label("distance [m]")
     bar.outline.set_visible(False)
 
 
