@@ -12,7 +12,7 @@ from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
 from studies.files.strict import Strict
 from studies.files.units import si
-from studies.scenario.rail_keys import CurveKeys, IncrementKeys
+from studies.scenario.rail_keys import CurveKeys, Increment, IncrementKeys
 from studies.scenario.record_keys import built, keys_of
 
 
@@ -23,14 +23,14 @@ class BeliefKeys(Strict):
 
     increments: IncrementKeys | None = None
     """Growth of the coefficient along the train. Left out: that of the rail. Source: JP5484215 (15), Shinkansen."""
-    unit_increments: tuple[float, ...] | None = None
-    unit_deviation: tuple[float, ...] | None = None
+    unit_increments: tuple[Increment, ...] | None = None
+    unit_deviation: tuple[Increment, ...] | None = None
     curve: CurveKeys | None = None
     """Adhesion curve. Left out: that of the rail."""
     loads_t: tuple[float, ...] | None = None
-    mass_factor: float | None = None
-    resistance_factor: float | None = None
-    coupler_factor: float | None = None
+    mass_factor: float | None = Field(default=None, le=100.0)
+    resistance_factor: float | None = Field(default=None, le=100.0)
+    coupler_factor: float | None = Field(default=None, le=100.0)
 
 
 _Equipment: Any = keys_of(Onboard)

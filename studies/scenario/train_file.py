@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from alloc.errors import PlantError
 from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, Sander, TorqueLimit, Train
 from studies.files.effort import effort_limit
+from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError
 from studies.files.units import si
@@ -94,7 +95,7 @@ class AirBrakeKeys(Strict):
     """Time constant of filling and of releasing the cylinders. Source: assumed."""
     dead_time_s: float = 0.05
     """Time from the command to the first change of pressure. Source: assumed."""
-    friction_factor: float = 1.0
+    friction_factor: float = Field(default=1.0, le=10.0)
     """Friction of the shoes over that of the design; the train's computers have no information on it."""
 
     def air_brake(self) -> AirBrake:
@@ -129,6 +130,8 @@ class SanderKeys(Strict):
 
 class CarKeys(Strict):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation. Source: the vehicle's."""
+
+    fields_of_keys = {"mass_t": "empty_mass"}
 
     length_m: float
     """Length over couplers."""
@@ -238,8 +241,8 @@ def read_train_file(path: str) -> Train:
 def read_train_keys(path: str) -> tuple[TrainKeys, Train]:
     """The keys of a TOML file, and their train; raises `StudyError` naming the file and the key."""
     data = read_toml(path, "train", "give the path of a TOML file such as docs/plugins/tram.toml")
+    keys = parse(TrainKeys, data, path)
     try:
-        keys = parse(TrainKeys, data, path)
         return keys, keys.train()
     except PlantError as error:
-        raise StudyError(f"{path}: {error}") from None
+        raise StudyError(f"{path}: {in_file_words(str(error), keys)}") from None
