@@ -6,10 +6,12 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
+from alloc.errors import InputError
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
+from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict
 from studies.files.units import si
 from studies.scenario.rail_keys import CurveKeys, Increment, IncrementKeys
@@ -87,11 +89,14 @@ class OnboardKeys(_Equipment):
         if not self.model_extra:
             return {}
         keys = self.complete().model_validate(self.model_extra)
-        return {
-            controller.name: built(getattr(keys, table), controller.settings)
-            for table, controller in _hosted_controllers().items()
-            if table in self.model_extra
-        }
+        try:
+            return {
+                controller.name: built(getattr(keys, table), controller.settings)
+                for table, controller in _hosted_controllers().items()
+                if table in self.model_extra
+            }
+        except InputError as error:
+            raise ValueError(in_file_words(str(error), keys)) from None
 
     def onboard(
         self,

@@ -252,7 +252,18 @@ class SectionKeys(Strict):
     """Gradient, positive uphill."""
 
 
-class TunnelKeys(Strict):
+class _Stretch(Strict):
+    """A part of the line from one position to another."""
+
+    @model_validator(mode="after")
+    def _ends_beyond_its_start(self) -> "_Stretch":
+        start, end = (getattr(self, name) for name in ("start_m", "end_m"))
+        if not start < end:
+            raise ValueError(f"end_m = {end!r} must lie beyond start_m = {start!r}")
+        return self
+
+
+class TunnelKeys(_Stretch):
     """A tunnel: `[[line.tunnels]]`. Source: the line's."""
 
     start_m: float
@@ -261,7 +272,7 @@ class TunnelKeys(Strict):
     """Position where it ends."""
 
 
-class LineCurveKeys(Strict):
+class LineCurveKeys(_Stretch):
     """A curve of the line, straight on either side: `[[line.curves]]`. Source: the line's."""
 
     start_m: float
