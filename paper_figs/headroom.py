@@ -47,7 +47,7 @@ def headroom(table: pd.DataFrame) -> Figure:
     pairs = {controller: pairs_of(good, controller) for controller in controllers}
     drawn = new_figure(PAGE, 5.4)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.35, 1.0])).tolist()
-    gains = above.subplots(1, len(controllers), sharey=True, squeeze=False)[0]
+    gains = above.subplots(1, len(controllers), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (controller, events) in zip(gains, pairs.items(), strict=True):
         _gains(axes, events)
         axes.set_title(f"{controller} ({len(events)} events)")

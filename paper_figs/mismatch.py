@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from paper_figs.counts import counted
+from paper_figs.counts import counted, remark
 from paper_figs.palette import BLACK, BLUE, DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
@@ -90,6 +90,7 @@ def mismatch(table: pd.DataFrame) -> Figure:
     drawn, axes = new_panels(PAGE, 7.4, len(PANELS), 1, sharex=True)
     for panel, one in zip(PANELS, axes, strict=True):
         _panel(one, panel, good)
+    remark(axes[0], "±: half the interval of the difference from cut-and-ramp, event by event.")
     columns = [column for group in GROUPS.values() for column in group]
     axes[-1].set_xticks(_places(), [column.name for column in columns], fontsize=NOTE)
     axes[-1].set_xlabel(f"noise of measured speeds, at given slips {MIDDLE:g} [km/h]")

@@ -143,7 +143,9 @@ def test_an_absurd_number_of_a_train_is_refused_by_the_name_of_its_key_or_runs(p
         inner = content
         for part in path[:-1]:
             inner = inner[part]
-        inner[path[-1]] = int(value) if math.isfinite(value) and isinstance(inner[path[-1]], int) else value
+        inner[path[-1]] = (
+            int(value) if math.isfinite(value) and isinstance(inner[path[-1]], int) else value
+        )
         file.write_text(write(content))
         try:
             read_train_file(str(file))
