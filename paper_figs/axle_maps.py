@@ -70,13 +70,23 @@ def shade_bar(drawn: Figure, image: AxesImage, panels: Sequence[Axes], label: st
 
 
 def name_units(axes: Axes, axle_unit: NDArray[np.int64], units: Sequence[int]) -> None:
-    """Name some traction units beside their axles, and part all of them by ticks; `axle_unit` (axle,): -1 for none."""
+    """Name some traction units with their axles, and the train's first and last axle where there is room.
+
+    Ticks part all units; `axle_unit` (axle,): -1 for none.
+    """
+    count = axle_unit.size
+    room = count / MOST_NAMES
     edges = np.flatnonzero(np.diff(axle_unit, prepend=-2, append=-2)) + 0.5
     named: dict[float, str] = {}
     for unit in units:
-        place = float(np.flatnonzero(axle_unit == unit).mean()) + 1.0
-        if not named or place - max(named) >= axle_unit.size / MOST_NAMES:
-            named[place] = f"unit {unit + 1}"
+        own = np.flatnonzero(axle_unit == unit) + 1
+        place = float(own.mean())
+        if not named or place - max(named) >= room:
+            axles = f"{own[0]}" if own.size == 1 else f"{own[0]}–{own[-1]}"
+            named[place] = f"unit {unit + 1}: {axles}"
+    for axle in (1, count):
+        if all(abs(axle - place) >= room for place in named):
+            named[float(axle)] = f"{axle}"
     axes.yaxis.set_major_locator(FixedLocator(list(named)))
     axes.yaxis.set_major_formatter(FixedFormatter(list(named.values())))
     axes.yaxis.set_minor_locator(FixedLocator(edges.tolist()))

@@ -23,7 +23,7 @@ from paper_figs.style import (
     handle,
     interval_mark,
     name_rows,
-    new_panels,
+    new_figure,
     plain_ticks,
     rule_look,
 )
@@ -48,14 +48,16 @@ SHORT_NAMES = {
 
 
 @figure("blended", "drawn stops with motors and air brakes: controllers, rules, error of the speed (sweep blended)",
-        study("blended", FEW_EVENTS))  # fmt: skip
+        study("blended", FEW_EVENTS), events="stops")  # fmt: skip
 def blended(table: pd.DataFrame) -> Figure:
     """Above: means with intervals by controller and rule, open marks with the true speed, and single stops of the estimate
     under all rules. Below: bound used in per cent under one rule by train and by curve; blue is more and orange less than
     cut-and-ramp."""
     events = pairs_of(table)
-    drawn, axes = new_panels(PAGE, 5.2, 2, 4, height_ratios=[1.0, 1.15])
-    used, lost, error, ratio = axes[0]
+    drawn = new_figure(PAGE, 5.2)
+    above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.0, 1.3])).tolist()
+    upper = above.subplots(1, 4)
+    used, lost, error, ratio = upper
     _used(used, events)
     _lost(lost, events)
     _stops(
@@ -66,22 +68,19 @@ def blended(table: pd.DataFrame) -> Figure:
         THRESHOLDS["error"].value,
     )
     _stops(ratio, events, "reference_ratio", "error over stated\ndeviation, rms [–]", 1.0)
-    for one in axes[0]:
+    for one in upper:
         name_rows(one, CONTROLLERS if one is used else [""] * len(CONTROLLERS))
         bare_rows(one)
-    grid = axes[1, 0].get_gridspec()
-    for one in axes[1]:
-        one.remove()
-    _cells(drawn.add_subplot(grid[1, :2]), events, "train", list(TRAINS))
-    _cells(drawn.add_subplot(grid[1, 2:]), events, "curve", list(CURVES))
+    by_train, by_curve = below.subplots(1, 2)
+    _cells(by_train, events, "train", list(TRAINS))
+    _cells(by_curve, events, "curve", list(CURVES))
     look = {"linestyle": "none", "marker": "o", "color": DARK}
     handles = [handle(rule, **{**rule_look(rule), "gid": None}) for rule in RULES]
     handles += [
         handle("estimated speed", **look),
         handle("true speed", **look, markerfacecolor="white"),
     ]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-    drawn.suptitle(f"{len(events)} stops")
+    below.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return drawn
 
 
@@ -145,7 +144,8 @@ def _cells(axes: Axes, events: pd.DataFrame, column: str, names: Sequence[str]) 
                 x, y, f"{mean:.0f}", ha="center", va="center", fontsize=NOTE,
                 color="white" if abs(worth - 0.5) > 0.35 else BLACK,
             )  # fmt: skip
-    name_rows(axes, [SHORT_NAMES.get(name, name) for name in names])
+    count = events[column].value_counts()
+    name_rows(axes, [f"{SHORT_NAMES.get(name, name)} (n = {count.get(name, 0)})" for name in names])
     axes.set_xticks(range(len(CONTROLLERS)), [one.replace("-", "-\n", 1) for one in CONTROLLERS])
     axes.set_xlim(-0.6, len(CONTROLLERS) - 0.4)
     axes.grid(visible=False)

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from paper_figs.counts import counted
 from paper_figs.palette import DARK
 from paper_figs.registry import figure
 from paper_figs.source import study
@@ -153,6 +154,7 @@ def claim_c(table: pd.DataFrame) -> Figure:
             left.plot([centre] * len(values), values, **{**look, "marker": "_"}, alpha=0.15)
             mean = mean_interval(values)
             if mean.count >= LEAST_EVENTS:
+                counted(left, [mean])
                 error = sides_of(mean, 1.0)
                 left.errorbar(centre, mean.value, error, markersize=5.0, elinewidth=1.2, **look)
     left.axhline(100 * SHARE_95, color="black", linewidth=0.8, zorder=0)

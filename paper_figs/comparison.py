@@ -12,12 +12,14 @@ from matplotlib.ticker import FixedLocator, NullFormatter
 
 from alloc.metrics import METRICS
 from paper_figs.apart import Mark, marks_apart
+from paper_figs.counts import counted
 from paper_figs.palette import BAND_GREY, ZERO
 from paper_figs.registry import figure
 from paper_figs.source import comparison
 from paper_figs.style import (
     COLUMN,
     CONTROLLER_FILL,
+    NOTE,
     PAGE,
     Look,
     bare_rows,
@@ -66,6 +68,7 @@ NO_PAIRS = f"differences need the\nrule {REFERENCE} beside others"
     "rule-comparison",
     "rules over all events: effort and wheel damage, less those of alone",
     comparison,
+    events="seeds",
 )
 def rule_comparison(table: pd.DataFrame) -> Figure:
     """Mean of paired differences over the seeds, with its interval; one seed has none. A band per event, a row per rule.
@@ -79,6 +82,7 @@ def rule_comparison(table: pd.DataFrame) -> Figure:
     "rule-comparison-ride",
     "rules over all events: use of the bound and jerk, less those of alone",
     comparison,
+    events="seeds",
 )
 def rule_comparison_ride(table: pd.DataFrame) -> Figure:
     """Mean of paired differences over the seeds, with its interval; one seed has none. A band per event, a row per rule.
@@ -133,6 +137,7 @@ def _change(
             continue
         y = scenarios.index(line.scenario) + offsets[line.rule]
         look = rule_look(line.rule) | MARK
+        counted(axes, [found])
         axes.errorbar(change.factor * found.value, y, xerr=sides_of(found, change.factor), **look)
     if not any(line.differences for line in lines):
         axes.text(0.5, 0.5, NO_PAIRS, transform=axes.transAxes, ha="center", va="center")
@@ -169,10 +174,16 @@ def _scale(axes: Axes, change: Change, limits: tuple[float, float]) -> None:
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_locator(FixedLocator([tick for tick in ticks if tick not in last]))
     axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="x", labelsize=NOTE)  # those of neighbours would meet
     tint_better(axes, METRICS[change.metric].better)
 
 
-@figure("utilisation-damage", "adhesion used against wheel damage, event by event", comparison)
+@figure(
+    "utilisation-damage",
+    "adhesion used against wheel damage, event by event",
+    comparison,
+    events="seeds",
+)
 def utilisation_damage(table: pd.DataFrame) -> Figure:
     """One panel per event, one mark per rule and controller, mean over the seeds with its interval; upper left is best.
 
@@ -194,6 +205,7 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
     for k, (scenario, one) in enumerate(panels.items()):
         for line in (line for line in lines if line.scenario == scenario):
             damage, used = line.metrics["damage"], line.metrics["utilisation"]
+            counted(one, [damage, used])
             one.errorbar(
                 damage.value, 100.0 * used.value, xerr=sides_of(damage, 1.0), yerr=sides_of(used, 100.0),
                 **_look(line), elinewidth=0.5, markersize=0.0,

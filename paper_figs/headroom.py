@@ -5,6 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from paper_figs.counts import counted
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
@@ -46,7 +47,7 @@ def headroom(table: pd.DataFrame) -> Figure:
     pairs = {controller: pairs_of(good, controller) for controller in controllers}
     drawn = new_figure(PAGE, 5.4)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.35, 1.0])).tolist()
-    gains = above.subplots(1, len(controllers), sharey=True, squeeze=False)[0]
+    gains = above.subplots(1, len(controllers), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (controller, events) in zip(gains, pairs.items(), strict=True):
         _gains(axes, events)
         axes.set_title(f"{controller} ({len(events)} events)")
@@ -84,6 +85,7 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
             found = mean_interval(100 * gain(chosen, rule))
             centres.append(100 * float(chosen["headroom"].mean()) + shift)
             means.append(found.value)
+            counted(axes, [found])
             axes.errorbar(
                 centres[-1],
                 found.value,

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
 
 from alloc.metrics.registry import range_of
 from paper_figs.palette import BLUE, GREEN, VERMILION
@@ -41,8 +42,10 @@ PANELS = (
     Panel("damage", "wheel damage Q\n[kJ]", 1.0, True),
     Panel("jerk_rms", "jerk rms\n[m/s³]"),
 )
-BELOW = 0.17
+BELOW = 0.19
 """Distance of the single events from their mean, in rows: no mark stands on another."""
+PLACES, PILE = 100.0, 0.16
+"""Places along a panel that part events from each other, and the height of a pile of all of them, in rows."""
 FEW_OF_CURVES = 4
 """Events that are run for the figure where the results have fewer."""
 CURVE_LOOKS: dict[str, Look] = {
@@ -63,17 +66,21 @@ CURVE_PANELS = (
 @figure("ladder", "readhesion controllers from none to MPC over random events (sweep ladder)",
         study("ladder", FEW_EVENTS))  # fmt: skip
 def ladder(table: pd.DataFrame) -> Figure:
-    """A panel per metric: means with their intervals by controller, filled with a free axle, open for the locomotive."""
+    """A panel per metric: means by controller, filled with a free axle, open for the locomotive.
+
+    Below a mean a short line for each event; those of one place are piled up, so a tall line is many events.
+    """
     good = complete(table)
     free = good["train"] != LOCOMOTIVE
     drawn, axes = new_panels(PAGE, 6.0, 2, len(PANELS) // 2, sharey=True)
     for panel, one in zip(PANELS, axes.flat, strict=True):
+        spread = _spread(good[panel.metric].dropna().astype(float), panel)
         for y, controller in enumerate(LADDER):
             own = good["controller"] == controller
             look = controller_look(controller)
-            for chosen, shift, face in ((free, -0.28, look["color"]), (~free, 0.16, "white")):
+            for chosen, shift, face in ((free, -0.28, look["color"]), (~free, 0.2, "white")):
                 values = good.loc[own & chosen, panel.metric].dropna().astype(float)
-                _mark(one, values, panel, y + shift, look | {"markerfacecolor": face})
+                _mark(one, values, panel, spread, y + shift, look | {"markerfacecolor": face})
         one.set_xlabel(panel.label)
         if panel.logarithmic:
             one.set_xscale("log")
@@ -89,12 +96,31 @@ def ladder(table: pd.DataFrame) -> Figure:
     return drawn
 
 
-def _mark(axes: Axes, events: "pd.Series[float]", panel: Panel, y: float, look: Look) -> None:
+def _spread(values: "pd.Series[float]", panel: Panel) -> float:
+    """Length of the panel's axis that the events take, in decades where it is logarithmic."""
+    if values.empty:
+        return 0.0
+    shown = panel.factor * values.to_numpy()
+    return float(np.ptp(np.log10(shown) if panel.logarithmic else shown))
+
+
+def piled(values: NDArray[np.float64], spread: float) -> NDArray[np.float64]:
+    """How far each value is moved up, in rows, so that those of one place pile up; `spread`: of all that the panel shows."""
+    place = np.round(values * PLACES / (spread or 1.0))
+    below = np.array([np.count_nonzero(place[:k] == one) for k, one in enumerate(place)])
+    return np.asarray(below * PILE / max(len(values) - 1, 1), dtype=np.float64)
+
+
+def _mark(
+    axes: Axes, events: "pd.Series[float]", panel: Panel, spread: float, y: float, look: Look
+) -> None:
     """Events as pale points, their mean with its interval in the controller's colour."""
     if events.empty:
         return
-    pale = look | {"marker": "|", "markersize": 3.0, "alpha": 0.35}
-    axes.plot(panel.factor * events.to_numpy(), np.full(len(events), y + BELOW), **pale)
+    pale = look | {"marker": "|", "markersize": 2.0, "markeredgewidth": 0.6, "alpha": 0.5}
+    shown = panel.factor * events.to_numpy()
+    along = np.log10(shown) if panel.logarithmic else shown
+    axes.plot(shown, y + BELOW - 0.04 + piled(along, spread), **pale)
     found = mean_interval(events, within=range_of(panel.metric))
     if panel.logarithmic:  # an interval that reaches below zero has no place on this axis
         found = replace(found, low=max(found.low, 0.1 * found.value))

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.onboard.speed_control.position_detector import Odometer, PositionDetector
+from paper_figs.counts import counted
 from paper_figs.palette import BLUE, GREEN, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made, study
@@ -46,6 +47,8 @@ NAMES = {
     CARS: "car by car",
     TAUGHT: "car by car, coefficients learnt",
 }
+TOP = 1.15
+"""End of the axis of panel (b)."""
 QUANTITIES = (("speed_peak", "peak of speed"), ("acceleration_peak", "peak of acceleration"))
 
 Passages = Mapping[float | None, CaseRun]
@@ -62,11 +65,12 @@ def late_passages(of: Route) -> Passages:
 
 @figure("line-position", "benefit of compensation by position with errors of odometer, signals and map",
         made(lambda: route("high-speed", load_share=0.5)),
-        made(lambda: late_passages(route("high-speed", load_share=0.5))), study("line-position", FEW_EVENTS))  # fmt: skip
+        made(lambda: late_passages(route("high-speed", load_share=0.5))), study("line-position", FEW_EVENTS),
+        events="routes")  # fmt: skip
 def line_position(of: Route, passages: Passages, table: pd.DataFrame) -> Figure:
     """(a) A tunnel with a position that is behind. (b) Benefit over the odometer's error. (c), (d) The same with each error.
 
-    Ratios are means over the routes, with 95 % intervals; 1 is the feedback alone, and less is better.
+    Ratios to the feedback alone: less is better. Bars and bands are intervals. (a) is one run for each line.
     """
     drawn = new_figure(PAGE, 5.6)
     above, below = np.asarray(drawn.subfigures(2, 1, height_ratios=[1.0, 1.15])).tolist()
@@ -114,13 +118,15 @@ def _benefit(axes: Axes, table: pd.DataFrame) -> None:
             look = {**CASE_LOOKS[case], "linestyle": dashes, "markersize": 4.5}
             look["fillstyle"] = "full" if dashes == "-" else "none"  # some points lie on each other
             axes.plot(x, [one.value for one in means], label=f"{train}, {NAMES[case]}", **look)
+            counted(axes, means)
             if min(one.count for one in means) > 1:
                 low, high = [one.low for one in means], [one.high for one in means]
                 axes.fill_between(x, low, high, color=look["color"], alpha=0.15, linewidth=0)
     axes.axhline(1.0, **BOUND)
     axes.set(xlabel="bound of the odometer's error [%]", ylabel=f"{label}, over feedback alone [–]")
-    axes.set(title="(b) odometer alone", ylim=(0.0, 1.7))
-    axes.legend(loc="upper left", fontsize=NOTE, handlelength=3.4)
+    axes.set(title="(b) odometer alone", ylim=(0.0, TOP))
+    below_one = (0.0, 0.99 / TOP)  # the legend stands where small errors leave room
+    axes.legend(loc="upper left", bbox_to_anchor=below_one, fontsize=NOTE, handlelength=3.4)
 
 
 def _arms(axes: Axes, table: pd.DataFrame, arms: list[str], quantity: str) -> None:

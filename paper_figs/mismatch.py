@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
+from paper_figs.counts import counted, remark
 from paper_figs.palette import BLACK, BLUE, DARK, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import NOTE, PAGE, new_panels
+from studies.core.statement import mean_interval
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
     APART,
@@ -66,12 +68,12 @@ GROUPS: dict[str, Sequence[Column]] = {
             REFERENCE.name: REFERENCE,
             SEARCHER.name: SEARCHER,
             "mpc": SOUGHT,
-            "mpc, a period late": DELAYED,
-            "mpc, phases apart": APART,
+            "mpc,\na period late": DELAYED,
+            "mpc,\nphases apart": APART,
         }.items()
     },
-    "mpc at own peak ×": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],
-    "mpc at peak of": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[3:]],
+    "mpc at\nown peak ×": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],
+    "mpc at\npeak of": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[3:]],
 }
 """Groups of columns from left to right."""
 
@@ -79,20 +81,32 @@ GROUPS: dict[str, Sequence[Column]] = {
 @figure("mismatch", "the MPC by curve, noise, computing time and given slip (sweep mismatch)",
         study("mismatch", FEW_EVENTS))  # fmt: skip
 def mismatch(table: pd.DataFrame) -> Figure:
-    """A panel per metric: means over events; blue is better and red worse than cut-and-ramp with the same noise."""
+    """A panel per metric: means over events, and below them how far the difference from cut-and-ramp is known.
+
+    That is half of the 95 % interval of the mean paired difference, with the same noise. Blue is better, orange worse; a
+    cell is white where the interval contains no difference.
+    """
     good = table[table["status"] == "ok"]
-    drawn, axes = new_panels(PAGE, 6.4, len(PANELS), 1, sharex=True)
+    drawn, axes = new_panels(PAGE, 7.4, len(PANELS), 1, sharex=True)
     for panel, one in zip(PANELS, axes, strict=True):
         _panel(one, panel, good)
+    remark(axes[0], "±: half the interval of the difference from cut-and-ramp, event by event.")
     columns = [column for group in GROUPS.values() for column in group]
     axes[-1].set_xticks(_places(), [column.name for column in columns], fontsize=NOTE)
     axes[-1].set_xlabel(f"noise of measured speeds, at given slips {MIDDLE:g} [km/h]")
     for title, own in _grouped().items():
         axes[0].text(
-            np.mean(own), -0.62, title, ha="center", va="bottom", fontsize=NOTE, color=DARK
+            np.mean(own),
+            -0.6,
+            title,
+            ha="center",
+            va="bottom",
+            fontsize=NOTE,
+            color=DARK,
+            linespacing=1.0,
         )
     drawn.suptitle(
-        f"means of {good['event'].nunique()} events; blue: better than cut-and-ramp with the same noise, orange: worse",
+        "blue: better than cut-and-ramp with the same noise; orange: worse; white: no difference known",
     )
     return drawn
 
@@ -121,13 +135,23 @@ def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
             own = (curve, column.noise, column.setting)
             if own not in mean.index:
                 continue
-            other = difference(good, *own, REFERENCE.name, panel.metric).mean()
-            worth = scale(panel.worth * panel.factor * other)
+            other = mean_interval(difference(good, *own, REFERENCE.name, panel.metric))
+            known = column.setting != REFERENCE.name and other.count > 1
+            decided = known and not other.low <= 0.0 <= other.high
+            worth = (
+                scale(panel.worth * panel.factor * other.value)
+                if decided or other.count == 1
+                else 0.5
+            )
+            words = panel.form.format(panel.factor * mean[own])
+            if known:
+                counted(axes, [other])
+                words += "\n±" + panel.form.format(panel.factor * 0.5 * (other.high - other.low))
             axes.bar(
                 x, 0.96, 0.96, y - 0.48, color=COLOURS(worth), edgecolor="#cccccc", linewidth=0.4
             )
             axes.text(
-                x, y, panel.form.format(panel.factor * mean[own]), ha="center", va="center",
+                x, y, words, ha="center", va="center", linespacing=1.0,
                 fontsize=NOTE, color="white" if abs(worth - 0.5) > 0.35 else BLACK,
             )  # fmt: skip
     axes.set_yticks(range(len(RAILS)), list(RAILS))
@@ -136,6 +160,6 @@ def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
     axes.set_ylabel("adhesion curve")
     axes.grid(visible=False)
     axes.tick_params(length=0)
-    axes.set_title(panel.title, loc="left", pad=16 if panel is PANELS[0] else 4)
+    axes.set_title(panel.title, loc="left", pad=22 if panel is PANELS[0] else 4)
     for side in axes.spines.values():
         side.set_visible(False)

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from alloc.display import displayed
 from alloc.registry import Registry
-from paper_figs.marks import mark_as_draft, say_where_nothing_is_drawn
+from paper_figs.counts import remarks
+from paper_figs.marks import add_strip, mark_as_draft, say_where_nothing_is_drawn
 from paper_figs.origin import Origin
 from paper_figs.saving import Legend
 from paper_figs.source import Need, Source, comparison
@@ -39,6 +40,8 @@ class FigureEntry(Generic[Data]):
     """What it shows, in one line."""
     needs: tuple[Need, ...]
     """Data, each of which gives one argument of the function."""
+    events: str = "events"
+    """What its means are over, in the plural."""
 
     def __call__(self, *data: Data.args, **named: Data.kwargs) -> Figure:
         """The figure of these data."""
@@ -50,6 +53,8 @@ class FigureEntry(Generic[Data]):
                     f"figure {self.name!r} returns a {kind}; return the figure that new_panels gives"
                 )
             say_where_nothing_is_drawn(drawn)
+            if said := remarks(drawn, self.events):
+                add_strip(drawn, said)
             return drawn
 
     @property
@@ -78,7 +83,8 @@ class FigureEntry(Generic[Data]):
             drawn = called(FIGURES, self.name, lambda: self(*data))  # type: ignore[call-arg]
         else:
             drawn = self(*data)  # type: ignore[call-arg]
-        legend = replace(self.legend, origins=tuple(origins))
+        caption = f"{self.legend.caption} {remarks(drawn, self.events)}".strip()
+        legend = replace(self.legend, caption=caption, origins=tuple(origins))
         if legend.draft:
             with mpl.rc_context(fname=STYLE_FILE):
                 mark_as_draft(drawn, legend.draft)
@@ -92,12 +98,12 @@ FIGURES: Registry[FigureEntry[Any]] = Registry(
 
 
 def figure(
-    name: str, description: str, *needs: Need
+    name: str, description: str, *needs: Need, events: str = "events"
 ) -> Callable[[Callable[Data, Figure]], FigureEntry[Data]]:
-    """Register a function as the figure `name`; it takes what each of `needs` gives."""
+    """Register a function as the figure `name`; it takes what each of `needs` gives. `events`: what means are over."""
 
     def register(function: Callable[Data, Figure]) -> FigureEntry[Data]:
-        entry = FigureEntry(name, function, description, needs)
+        entry = FigureEntry(name, function, description, needs, events)
         FIGURES.register(name, entry, origin=function.__module__)
         return entry
 

@@ -7,12 +7,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
+from paper_figs.counts import remark
 from paper_figs.palette import BLUE, DARK, GREEN, GREY, PURPLE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
 from paper_figs.style import (
     BOUND,
-    NOTE,
     PAGE,
     Look,
     bare_rows,
@@ -44,6 +44,8 @@ SHARING_LOOKS: dict[str, Look] = {
     "raised": {"color": GREEN, "marker": "s"},
     "by sand": {"color": VERMILION, "marker": "D"},
 }
+SHADES = (450, 600, 900)
+"""Ticks of the scale of stopping distances [m]."""
 BLANK: Look = {"linestyle": "none", "markersize": 4.5}
 
 
@@ -52,7 +54,7 @@ BLANK: Look = {"linestyle": "none", "markersize": 4.5}
 def sanders(table: pd.DataFrame) -> Figure:
     """(a) Stopping distances of the trial; that without sanders did not end. (b) Half of the sand at each of two cars.
 
-    The star has the shortest distance. (c) Placement and sharing: means over events with 95 % intervals.
+    The star has the shortest distance. (c) Placement and sharing.
     """
     drawn = new_figure(PAGE, 3.4)
     trial, pairs, places = drawn.subplots(1, 3, width_ratios=[1.0, 1.05, 1.1])
@@ -69,6 +71,7 @@ def sanders(table: pd.DataFrame) -> Figure:
         *(handle(f"brake force shared: {name}", **look, **BLANK) for name, look in SHARING_LOOKS.items()),
     ]  # fmt: skip
     drawn.legend(handles=handles, loc="outside lower center", ncols=4)
+    remark(trial, "(a) and (b): one stop for each mark and each cell; nothing is drawn at random.")
     return drawn
 
 
@@ -102,11 +105,10 @@ def _draw_pairs(drawn: Figure, rows: pd.DataFrame, axes: Axes) -> None:
         ylabel="second half ahead of car",
         title="(b) halves of the sand",
     )
-    inside = axes.inset_axes((0.5, 0.88, 0.45, 0.05))
+    inside = axes.inset_axes((0.3, 0.91, 0.66, 0.07))  # where the triangle leaves room
     bar = drawn.colorbar(image, cax=inside, orientation="horizontal")
-    plain_ticks(bar.ax.xaxis, FixedLocator([450, 600, 900]))
-    bar.ax.tick_params(labelsize=NOTE)
-    bar.set_label("stopping\ndistance [m]", fontsize=NOTE)
+    plain_ticks(bar.ax.xaxis, FixedLocator(SHADES))
+    bar.set_label("distance [m]")
     bar.outline.set_visible(False)
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
+from paper_figs.counts import remark
 from paper_figs.palette import BLUE, DARK, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import study
@@ -28,11 +29,13 @@ from studies.core.ensemble_range import PERCENTILES
 from studies.slides.electric import CONTROLLERS, PART
 from studies.slides.targets import HOLD_OUT, TABLE_3, TABLE_4, front, logarithm
 
-HERE, PRINTED = BLUE, GREY
-"""Colours of this project's numbers and of the source's."""
+HERE, PRINTED, SOURCE_EDGE = BLUE, GREY, VERMILION
+"""Colours of this project's numbers and of the source's, as marks and as hollow ones."""
 MARKERS = {"low": "v", "medium": "o", "high": "^"}
 """Of the sensitivity's settings."""
 BAND_WORDS = "fuzzy, fronts of 90 % of the ensemble"
+SETTING, OF_SOURCE = 5.0, 4.6
+"""Sizes of the marks of a setting here and in the source [points]: they stand side by side."""
 DAMAGES = (200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 10000)
 """Ticks of wheel damage [kJ]."""
 FILLS: dict[str, tuple[Literal["full", "none"], str]] = {
@@ -50,6 +53,7 @@ def slide_tables(table: pd.DataFrame) -> Figure:
     Whiskers: 90 % of the ensemble.
     """
     drawn, (length, distance, damage) = new_panels(PAGE, 3.3, 1, 3)
+    remark(length, _of_members(table))
     here = [_of_sets(table, "distance", cars, "medium") for cars in TABLE_3]
     _points(length, [f"{cars}" for cars in TABLE_3], list(TABLE_3.values()), here, ".1f")
     predicted = table.loc[table["part"] == "held out", HOLD_OUT].to_numpy(dtype=float)
@@ -154,6 +158,12 @@ def _members_front(axes: Axes, table: pd.DataFrame) -> None:
     axes.fill_between(grid[common], low, high, **look)
 
 
+def _of_members(table: pd.DataFrame) -> str:
+    """How large the ensemble is."""
+    count = table["member"].nunique()
+    return f"Ensemble: n = {count} members." if count else "No ensemble."
+
+
 def _band_handle() -> Line2D:
     return handle(BAND_WORDS, color=HERE, alpha=BAND, linewidth=6)
 
@@ -167,6 +177,7 @@ def slide_pareto(table: pd.DataFrame) -> Figure:
     """
     drawn, axes = new_panels(PAGE, 4.0)
     _members_front(axes, table)
+    remark(axes, _of_members(table))
     table = table[table["member"].isna()]
     every = table[table["part"] == "pareto"]
     own, plain = front(every), table[table["part"] == "threshold"].sort_values("damage")
@@ -179,10 +190,15 @@ def slide_pareto(table: pd.DataFrame) -> Figure:
         axes.plot(rows["damage"], rows["distance"], form, label=label, **look)
     for setting, marker in MARKERS.items():
         chosen = settings[settings["setting"] == setting]
-        look = {"color": HERE, "markersize": 8, "markeredgecolor": "black"}
+        look = {
+            "color": HERE,
+            "markersize": SETTING,
+            "markeredgecolor": "black",
+            "markeredgewidth": 0.6,
+        }
         axes.plot(chosen["damage"], chosen["distance"], marker, label=f"fuzzy, {setting}", **look)
         distance, damage = TABLE_4[setting]
-        look = {"markersize": 10, "markeredgecolor": PRINTED, "markeredgewidth": 1.4}
+        look = {"markersize": OF_SOURCE, "markeredgecolor": SOURCE_EDGE, "markeredgewidth": 1.0}
         label = f"source, {setting}"
         axes.plot([damage], [distance], marker, color="none", label=label, **look)
     _over_damage(axes)
@@ -198,6 +214,7 @@ def slide_electric(table: pd.DataFrame) -> Figure:
     Band and crosses: where 90 % of the ensemble lies.
     """
     drawn, axes = new_panels(PAGE, 4.0)
+    remark(axes, _of_members(table))
     _members_front(axes, table)
     every = table[table["part"] == PART]
     table = table[table["member"].isna()]

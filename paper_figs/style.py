@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.rules import RULES
+from paper_figs.counts import counted
 from paper_figs.in_notebook import show_figures
 from paper_figs.palette import BETTER, DARK
 from studies.core.statement import Interval
@@ -159,6 +160,7 @@ def plain_ticks(axis: Axis, locator: Locator) -> None:
 
 def interval_mark(axes: Axes, found: Interval, y: float, factor: float, look: Look) -> None:
     """A mean with its interval as a horizontal error bar; one event alone has no interval."""
+    counted(axes, [found])
     axes.errorbar(factor * found.value, y, xerr=sides_of(found, factor), **look)
 
 

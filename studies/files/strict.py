@@ -51,6 +51,8 @@ class Strict(_Plain):
     model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
     record: ClassVar[Any] = None
+    fields_of_keys: ClassVar[Mapping[str, str]] = {}
+    """Fields of the record whose keys have another name, by key, so that errors name the key."""
 
     @field_validator("*")
     @classmethod

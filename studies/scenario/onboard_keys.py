@@ -6,13 +6,15 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
+from alloc.errors import InputError
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
+from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict
 from studies.files.units import si
-from studies.scenario.rail_keys import CurveKeys, IncrementKeys
+from studies.scenario.rail_keys import CurveKeys, Increment, IncrementKeys
 from studies.scenario.record_keys import built, keys_of
 
 
@@ -23,14 +25,14 @@ class BeliefKeys(Strict):
 
     increments: IncrementKeys | None = None
     """Growth of the coefficient along the train. Left out: that of the rail. Source: JP5484215 (15), Shinkansen."""
-    unit_increments: tuple[float, ...] | None = None
-    unit_deviation: tuple[float, ...] | None = None
+    unit_increments: tuple[Increment, ...] | None = None
+    unit_deviation: tuple[Increment, ...] | None = None
     curve: CurveKeys | None = None
     """Adhesion curve. Left out: that of the rail."""
     loads_t: tuple[float, ...] | None = None
-    mass_factor: float | None = None
-    resistance_factor: float | None = None
-    coupler_factor: float | None = None
+    mass_factor: float | None = Field(default=None, le=100.0)
+    resistance_factor: float | None = Field(default=None, le=100.0)
+    coupler_factor: float | None = Field(default=None, le=100.0)
 
 
 _Equipment: Any = keys_of(Onboard)
@@ -87,11 +89,14 @@ class OnboardKeys(_Equipment):
         if not self.model_extra:
             return {}
         keys = self.complete().model_validate(self.model_extra)
-        return {
-            controller.name: built(getattr(keys, table), controller.settings)
-            for table, controller in _hosted_controllers().items()
-            if table in self.model_extra
-        }
+        try:
+            return {
+                controller.name: built(getattr(keys, table), controller.settings)
+                for table, controller in _hosted_controllers().items()
+                if table in self.model_extra
+            }
+        except InputError as error:
+            raise ValueError(in_file_words(str(error), keys)) from None
 
     def onboard(
         self,

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
-from alloc.errors import number_fault
+from alloc.errors import PlantError, number_fault
 from alloc.field_meaning import Meaning, meanings, meant
 from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import (
@@ -24,7 +24,11 @@ from studies.files.strict import Strict
 from studies.files.study_error import nearest
 from studies.files.units import range_fault, si, unit_of
 
+MOST_COEFFICIENT = 1.0
+"""No dry or sanded rail carries a force as large as the wheel's load: measured coefficients stay below 0.7."""
 SpeedLaw = Annotated[str, Names(lambda: SPEED_LAWS)] | tuple[float, float, float]
+Increment = Annotated[float, Field(ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)]
+"""Of the coefficient, at one axle or unit."""
 ONE_LEVEL: Schema = {
     "allOf": [
         {
@@ -51,7 +55,7 @@ class PatchKeys(Strict):
 
     record = Patch
 
-    factor: float
+    factor: float = Field(le=1000.0)
     start_m: float | None = None
     """Position where the stretch begins. Left out: before any train."""
     end_m: float | None = None
@@ -76,11 +80,11 @@ class IncrementKeys(Strict):
 
     law: Literal["none", "logarithmic", "given"]
     """Law of the growth: none, slope ln j + offset for axle j (1 = foremost), or given by values."""
-    slope: float = GROWTH_SLOPE
+    slope: float = Field(default=GROWTH_SLOPE, ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)
     """Slope of the law logarithmic."""
-    offset: float = GROWTH_OFFSET
+    offset: float = Field(default=GROWTH_OFFSET, ge=-MOST_COEFFICIENT, le=MOST_COEFFICIENT)
     """Offset of the law logarithmic; with the default the mean over the first four axles is zero."""
-    values: tuple[float, ...] | None = None
+    values: tuple[Increment, ...] | None = None
     """Increment of the coefficient per axle from the front, with the law given. Left out: another law is meant. Source: the
     file's."""
 
@@ -173,9 +177,10 @@ class RailKeys(Strict):
     """The rail as it truly is: `[rail]`. Either `level`, or `speed_law` with its factor `law_factor`. Source: assumed."""
 
     record = Rail
+    fields_of_keys = {"law_factor": "level"}
     model_config = ConfigDict(json_schema_extra=ONE_LEVEL)
 
-    level: float | None = Field(default=None, le=10.0)
+    level: float | None = Field(default=None, le=MOST_COEFFICIENT)
     """Coefficient, where it is the same at every speed. Left out: `speed_law` and `law_factor` are given."""
     speed_law: SpeedLaw = "none"
     """Coefficient over the speed V: a name, or a, b and c of a / (V + b) + c with V in km/h; none: the same at every speed.
@@ -188,11 +193,11 @@ class RailKeys(Strict):
     """Growth of the coefficient along the train. It is always said: law = "none", or law = "logarithmic" for that of
     JP5484215 (15). Source: JP5484215 (15)."""
     patches: tuple[PatchKeys, ...] = Field(default=(), max_length=1000)
-    scatter: float = 0.0
+    scatter: float = Field(default=0.0, le=MOST_COEFFICIENT)
     scatter_length_m: float | None = None
-    conditioning: float = 0.0
+    conditioning: float = Field(default=0.0, le=10.0)
     conditioning_slip: float | None = None
-    sanded_coefficient: float | None = None
+    sanded_coefficient: float | None = Field(default=None, le=MOST_COEFFICIENT)
     sand_saturation_g_per_m: float | None = None
     sand_decay: float | None = None
     presliding_m: float | None = None
@@ -221,12 +226,21 @@ class RailKeys(Strict):
         """The plant's rail for a train with this number of axles; `seed` draws the scatter."""
         values = si(self) | {"patches": tuple(patch.patch() for patch in self.patches)}
         values["level"] = values.pop("law_factor", self.level)
-        return Rail(
+        rail = Rail(
             **values,
             increments=self.increments.increments(axles),
             curve=self.curve.curve(),
             seed=seed,
         )
+        bare = replace(rail, increments=None, scatter=0.0, conditioning=0.0)
+        if (most := bare.greatest_peak()) > MOST_COEFFICIENT:
+            scale = "level" if self.law_factor is None else "law_factor"
+            value = self.level if self.law_factor is None else self.law_factor
+            raise PlantError(
+                f"rail: {scale} = {value!r} gives a coefficient of {most:.3g} with speed law and patches; "
+                f"it must be at most {MOST_COEFFICIENT:g}"
+            )
+        return rail
 
 
 class SectionKeys(Strict):
@@ -238,7 +252,18 @@ class SectionKeys(Strict):
     """Gradient, positive uphill."""
 
 
-class TunnelKeys(Strict):
+class _Stretch(Strict):
+    """A part of the line from one position to another."""
+
+    @model_validator(mode="after")
+    def _ends_beyond_its_start(self) -> "_Stretch":
+        start, end = (getattr(self, name) for name in ("start_m", "end_m"))
+        if not start < end:
+            raise ValueError(f"end_m = {end!r} must lie beyond start_m = {start!r}")
+        return self
+
+
+class TunnelKeys(_Stretch):
     """A tunnel: `[[line.tunnels]]`. Source: the line's."""
 
     start_m: float
@@ -247,7 +272,7 @@ class TunnelKeys(Strict):
     """Position where it ends."""
 
 
-class LineCurveKeys(Strict):
+class LineCurveKeys(_Stretch):
     """A curve of the line, straight on either side: `[[line.curves]]`. Source: the line's."""
 
     start_m: float
@@ -273,7 +298,7 @@ class LineKeys(Strict):
     """Sections of constant gradient; before the first and beyond the last the nearest applies. Left out: a level line."""
     tunnels: tuple[TunnelKeys, ...] = Field(default=(), max_length=1000)
     """Tunnels. Left out: none."""
-    tunnel_factor: float = 1.0
+    tunnel_factor: float = Field(default=1.0, le=100.0)
     curves: tuple[LineCurveKeys, ...] = Field(default=(), max_length=50_000)
     """Curves; where they overlap the sharpest counts. Left out: none."""
     curve_law: Annotated[str, Names(lambda: CURVE_LAWS)] = "600/R"
@@ -308,8 +333,8 @@ class ReceptivityKeys(Strict):
 
     record = Receptivity
 
-    mean: float = 1.0
-    amplitude: float = 0.0
+    mean: float = Field(default=1.0, le=1.0)
+    amplitude: float = Field(default=0.0, le=1.0)
     period_s: float = 3.0
 
     def receptivity(self, phase: float) -> Receptivity:

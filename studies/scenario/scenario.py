@@ -25,6 +25,7 @@ from alloc.plant.model import build
 from alloc.plant.sets import SETS
 from alloc.plant.train import InverterGroup
 from alloc.simulation import DriverCommand, Event, SimulationError, inputs_hash
+from studies.files.in_file_words import in_file_words
 from studies.files.json_schema import Names
 from studies.files.strict import Strict, explain
 from studies.files.study_error import StudyError
@@ -139,7 +140,7 @@ class Scenario(Strict):
         try:
             return self._event(seed)
         except (PlantError, OnboardError, SimulationError) as error:
-            raise StudyError(f"scenario {self.name!r}: {error}") from None
+            raise StudyError(f"scenario {self.name!r}: {in_file_words(str(error), self)}") from None
 
     def _event(self, seed: int) -> Event:
         rail_seed, sensor_seed, phase = np.random.SeedSequence(seed).generate_state(3)

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from alloc.errors import PlantError
 from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, Sander, TorqueLimit, Train
 from studies.files.effort import effort_limit
+from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError
 from studies.files.units import si
@@ -27,17 +28,17 @@ class MotorKeys(Strict):
     """Motors per inverter: a traction unit is a car (1C4M), a bogie (1C2M) or an axle (1C1M)."""
     gear_ratio: float = Field(gt=0.0, le=100.0)
     """Turns of the motor per turn of the wheel."""
-    torque_nm: float | None = None
+    torque_nm: float | None = Field(default=None, ge=0.0)
     """Greatest torque of a motor. Left out: effort_speed_kmh and effort_kn are given."""
-    power_kw: float | None = None
+    power_kw: float | None = Field(default=None, ge=0.0)
     """Greatest power of a motor. Left out: effort_speed_kmh and effort_kn are given."""
     effort_speed_kmh: tuple[float, ...] = Field(default=(), max_length=1000)
     """Speeds of the table of tractive effort, growing from 0 or more. Left out: torque_nm and power_kw are given."""
     effort_kn: tuple[float, ...] = Field(default=(), max_length=1000)
     """Tractive effort of the car at the rims at each of these speeds. Left out: torque_nm and power_kw are given."""
-    brake_torque_nm: float | None = None
+    brake_torque_nm: float | None = Field(default=None, ge=0.0)
     """Greatest braking torque of a motor. Left out: torque_nm; with a table of effort there is no electric brake."""
-    brake_power_kw: float | None = None
+    brake_power_kw: float | None = Field(default=None, ge=0.0)
     """Greatest braking power of a motor. Left out: power_kw; with a table of effort there is no electric brake."""
     pull_out_speed_kmh: float | None = None
     """Speed from which the torque falls with the square of the speed. Left out: it never does."""
@@ -88,13 +89,13 @@ class AirBrakeKeys(Strict):
 
     pressure_kpa: float = Field(gt=0.0)
     """Greatest pressure of the cylinders."""
-    force_kn: float
+    force_kn: float = Field(ge=0.0)
     """Force of one axle at the rim, at that pressure."""
-    lag_s: float = 1.2
+    lag_s: float = Field(default=1.2, gt=0.0)
     """Time constant of filling and of releasing the cylinders. Source: assumed."""
     dead_time_s: float = 0.05
     """Time from the command to the first change of pressure. Source: assumed."""
-    friction_factor: float = 1.0
+    friction_factor: float = Field(default=1.0, le=10.0)
     """Friction of the shoes over that of the design; the train's computers have no information on it."""
 
     def air_brake(self) -> AirBrake:
@@ -129,6 +130,8 @@ class SanderKeys(Strict):
 
 class CarKeys(Strict):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation. Source: the vehicle's."""
+
+    fields_of_keys = {"mass_t": "empty_mass"}
 
     length_m: float
     """Length over couplers."""
@@ -238,8 +241,8 @@ def read_train_file(path: str) -> Train:
 def read_train_keys(path: str) -> tuple[TrainKeys, Train]:
     """The keys of a TOML file, and their train; raises `StudyError` naming the file and the key."""
     data = read_toml(path, "train", "give the path of a TOML file such as docs/plugins/tram.toml")
+    keys = parse(TrainKeys, data, path)
     try:
-        keys = parse(TrainKeys, data, path)
         return keys, keys.train()
     except PlantError as error:
-        raise StudyError(f"{path}: {error}") from None
+        raise StudyError(f"{path}: {in_file_words(str(error), keys)}") from None

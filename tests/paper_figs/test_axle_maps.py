@@ -56,8 +56,26 @@ def test_a_gap_in_time_is_unknown_and_nothing_else_is(jitter):
 def test_units_are_named_at_their_axles():
     axes, *_ = drawn(TIME[:50], np.zeros((50, 12)))
     name_units(axes, np.array([-1, -1, 0, 0, 0, 0, 1, 1, 1, 1, -1, -1]), [0, 1])
-    assert axes.yaxis.get_major_locator()().tolist() == [4.5, 8.5]
+    named = dict(
+        zip(
+            axes.yaxis.get_major_locator()().tolist(),
+            axes.yaxis.get_major_formatter().seq,
+            strict=True,
+        )
+    )
+    assert named == {1.0: "1", 4.5: "unit 1: 3–6", 8.5: "unit 2: 7–10", 12.0: "12"}
     assert axes.yaxis.get_minor_locator()().tolist() == [0.5, 2.5, 6.5, 10.5, 12.5]
+
+
+def test_the_end_of_a_train_has_no_number_where_a_unit_is_named():
+    axes, *_ = drawn(TIME[:50], np.zeros((50, 12)))
+    name_units(axes, np.array([0, 1, 1, 1, -1, -1, -1, -1, 2, 2, 2, 2]), [0, 1, 2])
+    assert axes.yaxis.get_major_formatter().seq == [
+        "unit 1: 1",
+        "unit 2: 2–4",
+        "unit 3: 9–12",
+        "12",
+    ]
 
 
 def test_a_unit_uses_no_more_than_there_is_and_the_train_is_the_mean_by_load(runs):
