@@ -24,7 +24,7 @@ def in_file_words(message: str, keys: BaseModel) -> str:
     table: list[tuple[str, BaseModel]] = []
 
     def replaced(found: re.Match[str]) -> str:
-        field, entry, text = found.groups()
+        field, _, text = found.groups()
         value = _value(text)
         if value is None:
             return found.group()
@@ -44,7 +44,7 @@ def in_file_words(message: str, keys: BaseModel) -> str:
         return found.group()
 
     told = STATED.sub(replaced, message)
-    owner, parted, rest = told.partition(": ")
+    _, parted, rest = told.partition(": ")
     # the path of the key says whose it is
     return rest if parted and table and rest.startswith(_joined(table[0][0], "")) else told
 

@@ -1,7 +1,8 @@
 """Keys of a scenario file on rail and line."""
 
+from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
@@ -177,7 +178,7 @@ class RailKeys(Strict):
     """The rail as it truly is: `[rail]`. Either `level`, or `speed_law` with its factor `law_factor`. Source: assumed."""
 
     record = Rail
-    fields_of_keys = {"law_factor": "level"}
+    fields_of_keys: ClassVar[Mapping[str, str]] = {"law_factor": "level"}
     model_config = ConfigDict(json_schema_extra=ONE_LEVEL)
 
     level: float | None = Field(default=None, le=MOST_COEFFICIENT)

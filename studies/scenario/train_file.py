@@ -1,8 +1,9 @@
 """A user's own train as a TOML file: kinds of cars, and their order in the formation."""
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field, field_validator, model_validator
 
@@ -131,7 +132,7 @@ class SanderKeys(Strict):
 class CarKeys(Strict):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation. Source: the vehicle's."""
 
-    fields_of_keys = {"mass_t": "empty_mass"}
+    fields_of_keys: ClassVar[Mapping[str, str]] = {"mass_t": "empty_mass"}
 
     length_m: float
     """Length over couplers."""

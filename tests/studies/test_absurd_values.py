@@ -152,6 +152,8 @@ def test_an_absurd_number_of_a_train_is_refused_by_the_name_of_its_key_or_runs(p
             scenario = content_with((), {}, "start_m", 0.0) | {"train": str(file)}
             event = parse(Scenario, scenario, "own.toml").event()
         except StudyError as error:
-            assert named(key, str(error)), str(error)
+            message = str(error)
+        else:
+            assert_finite(simulate(event, "alone", "cut-and-ramp"))
             continue
-        assert_finite(simulate(event, "alone", "cut-and-ramp"))
+        assert named(key, message), message
