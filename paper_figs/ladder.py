@@ -118,7 +118,7 @@ def _mark(
     if events.empty:
         return
     pale = look | {"marker": "|", "markersize": 2.0, "markeredgewidth": 0.6, "alpha": 0.5}
-    shown = panel.factor * events.to_numpy()
+    shown = np.asarray(panel.factor * events.to_numpy(), dtype=np.float64)
     along = np.log10(shown) if panel.logarithmic else shown
     axes.plot(shown, y + BELOW - 0.04 + piled(along, spread), **pale)
     found = mean_interval(events, within=range_of(panel.metric))
