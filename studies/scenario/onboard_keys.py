@@ -14,7 +14,8 @@ from alloc.plant.adhesion import AdhesionCurve
 from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict
 from studies.files.units import si
-from studies.scenario.rail_keys import CurveKeys, Increment, IncrementKeys
+from studies.scenario.increment_keys import Increment, IncrementKeys
+from studies.scenario.rail_keys import CurveKeys
 from studies.scenario.record_keys import built, keys_of
 
 

@@ -28,6 +28,7 @@ def test_a_quantised_speed_is_the_nearest_step(rim, seen):
     memory = SimpleNamespace(
         unit=SimpleNamespace(axles_seen=np.ones(1)), mean_speed=np.zeros(1), speed=np.zeros(1),
         reference=np.zeros(1), axle_omega=np.zeros(1), axle_seen=np.ones(1, bool),
+        estimate=SimpleNamespace(radii=SimpleNamespace(factor=np.ones(1))),
     )  # fmt: skip
     omega, noise = np.array([(rim - 0.02) / 0.5]), np.array([0.02])
     plain(sensing._read_speeds)(equipment, settings, memory, omega, noise)

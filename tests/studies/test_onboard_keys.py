@@ -126,10 +126,10 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
     [
         (
             "[onboard.braking.slide_protection.threshold]\nrelease = 0.1\nhold = 0.2\n",
-            "hold = 0.2 must not exceed release",
+            "threshold.hold = 0.2 must not exceed onboard.braking",
         ),
         ('[onboard.braking.slide_protection]\nlaw = "fuzy"\n', "law"),
-        ("[onboard.braking.slide_protection]\nperiod_s = 0.0\n", "period = 0.0"),
+        ("[onboard.braking.slide_protection]\nperiod_s = 0.0\n", "slide_protection.period_s = 0.0"),
         (
             '[onboard.braking.slide_protection.fuzzy]\nsensitivity = "hgh"\n',
             "must be 'low', 'medium', 'high' or a number",
@@ -139,13 +139,19 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
             "three growing numbers",
         ),
         ('[onboard]\ntrigger = "slips"\n', "onboard.trigger.*'limited' or 'slip'"),
-        ("[onboard.braking]\nblend_time_s = 0.0\n", "blend_time = 0.0"),
-        ("[onboard.sensors]\nsensorless_pole_per_s = -1.0\n", "sensorless_pole = -1.0"),
+        ("[onboard.braking]\nblend_time_s = 0.0\n", "onboard.braking.blend_time_s = 0.0"),
+        (
+            "[onboard.sensors]\nsensorless_pole_per_s = -1.0\n",
+            "onboard.sensors.sensorless_pole_per_s = -1.0",
+        ),
         ("[onboard.braking]\nblendd = true\n", "blendd"),
         ('[onboard.reference]\nsource = "forces"\n', "source"),
         ('[onboard.reference]\nbound = "forces"\n', "bound"),
-        ("[onboard.reference]\nsensor_kmh = 0.0\n", "sensor = 0.0"),
-        ("[onboard.reference.sounding]\ntime_s = -0.1\n", "time = -0.1"),
+        ("[onboard.reference]\nsensor_kmh = 0.0\n", "onboard.reference.sensor_kmh = 0.0"),
+        (
+            "[onboard.reference.sounding]\ntime_s = -0.1\n",
+            "onboard.reference.sounding.time_s = -0.1",
+        ),
         ("[onboard.sensors]\nradius_error = -0.1\n", "radius_error = -0.1"),
         ('[onboard.learning]\nkind = "mean"\n', "onboard.learning.kind.*'running-mean'"),
         ("[onboard.learning]\nfirst = 0\n", "first = 0 must be a whole number, 1 or greater"),

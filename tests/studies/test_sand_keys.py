@@ -75,7 +75,7 @@ def test_sanders_of_a_train_file_arrive_in_si(tmp_path):
         ("axle = 2", "axle = 4", "sanders at axles [0, 4]"),
         ("axle = 2", "axle = 0", "sanders at axles [0, 0]"),
         ("axle = 2", "axle = -1", "axle = -1 must be a whole number"),
-        ("rate_kg_per_min = 2.0", "rate_kg_per_min = 0.0", "rate = 0.0"),
+        ("rate_kg_per_min = 2.0", "rate_kg_per_min = 0.0", "sanders[1].rate_kg_per_min = 0.0"),
         ("rate_kg_per_min = 2.0", "rate_g_per_s = 33.0", "rate_g_per_s"),
         ("amount_g_per_m = 4.5", "amount_g_per_m = 4500.0", "amount_g_per_m"),
     ],
@@ -108,7 +108,7 @@ def test_rail_and_equipment_are_as_the_file_says(write_scenario):
         ("sand_decay = 0.1", "sand_decay = 1.1", "sand_decay = 1.1 must lie in"),
         ("sanded_coefficient = 0.25", "sanded_coefficient = 0.0", "sanded_coefficient"),
         ("sand_saturation_g_per_m", "sand_saturation_kg", "sand_saturation_kg"),
-        ("until_s = 9.0", "until_s = 0.5", "begin = 1.0 must not exceed until"),
+        ("until_s = 9.0", "until_s = 0.5", "onboard.sanding.begin_s = 1.0 must not exceed"),
         ("car_shares = [0.5, ", "car_shares = [", "7 car_shares for 8 cars"),
     ],
 )

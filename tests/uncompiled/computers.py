@@ -373,7 +373,7 @@ class Computers:
         self.taken = np.maximum(np.where(refused, electric, self.taken), electric + slow)
         motors = np.minimum.reduce([self.rise, self.brake_limit, self.taken])
         left = np.ones_like(motors)
-        np.divide(self.torque_command, self.target, out=left, where=self.target < 0.0)
+        np.divide(-self.torque_command, motors, out=left, where=motors > 0.0)
         # over a second, about one half
         self.kept = np.clip(self.kept + st.period * (left - 0.5), 0.0, 1.0)
         self.air = self.kept * (self.rise - motors) * rim
