@@ -52,6 +52,9 @@ def _share_of_motors(st, m, j, pattern, full):
     # takes away and a sounding are foreseen
     if min(-m.foreseen[j], pattern, m.brake_limit[j]) > electric + 2.0 * slow:
         m.taken[j] = electric
+    if not m.in_service[j]:
+        m.taken[j] = 0.0
+        return 0.0
     m.taken[j] = max(m.taken[j], electric + slow)
     return min(pattern, m.brake_limit[j], m.taken[j])
 

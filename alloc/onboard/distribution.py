@@ -107,10 +107,9 @@ def _caps_by_front(eq, st, m, time):
         if m.since_limited[j] < HELD and np.isfinite(m.shown[j]):
             slips = time - m.report.slipped_at[j] <= st.hold_time
             m.cap[j] = KEPT * m.shown[j] if slips else m.open_to[j]
-            if not (m.by_rail[j] and m.in_service[j]):
-                # there is nothing to look for; air brakes take over slowly from motors that have failed
-                carried = m.delivered[j] if m.in_service[j] else m.cap[j]
-                m.cap[j] = min(carried, m.train.expected[0])
+            if not m.by_rail[j]:
+                # there is nothing to look for
+                m.cap[j] = min(m.delivered[j], m.train.expected[0])
         elif not m.slipping[j]:
             # a cap at what it just delivers would keep every dip below the plan
             m.cap[j] = max(m.cap[j], min(m.shown[j], max(m.train.expected[0], m.delivered[j])))
@@ -177,7 +176,8 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     expected = m.train.expected[0]
     active = st.rule.always or (blended and st.rule.own_caps)
     for j in range(m.cap.size):
-        m.since_limited[j] = time - m.report.limited_at[j] if m.in_service[j] else 0.0
+        works = m.in_service[j] or blended
+        m.since_limited[j] = time - m.report.limited_at[j] if works else 0.0
         active = active or m.since_limited[j] < HELD or m.limit_max[j] < expected
     if expected == 0.0 or not active:
         _keep_plan(m, expected)

@@ -58,7 +58,7 @@ def report_memory(units: int, speed: float, expected: float, added: int = 0) -> 
 @inlined_jit
 def _limited_by(eq, m, j, expected, braking):
     """What keeps unit `j` from its target."""
-    if not m.in_service[j] or m.unit.axles_seen[j] == 0.0:
+    if m.unit.axles_seen[j] == 0.0 or not (m.in_service[j] or braking):
         return BY_ITSELF
     to_coefficient = eq.gear[j] / (eq.axle_load[j] * eq.radius[j])
     target = abs(m.unit.torque_target[j]) * to_coefficient
