@@ -102,10 +102,11 @@ class _ControllerInPython:
 
     def _sense(self, j: int, tick: int) -> UnitSense:
         eq, m = self.computers.equipment, self.computers.memory
+        driven = eq.axle_unit == j
         return UnitSense(
             time=tick * self.period,
             speed=float(m.reference[eq.unit_body[j]]),
-            omega=m.axle_omega[eq.axle_unit == j],
+            omega=m.axle_omega[driven] * (eq.axle_radius[driven] / eq.radius[j]),
             torque=float(self.torque[j]),
             target=float(m.unit.torque_target[j]),
             drive_limit=float(m.drive_limit[j]),

@@ -84,7 +84,7 @@ def set_brake_targets(eq, st, m):
         pattern = m.rise[j]
         motors = _share_of_motors(st, m, j, pattern, expected * to_torque)
         air[j] = _share_of_air(st, m, j, motors) * (pattern - motors) * at_rim
-        if np.isfinite(m.received[j]):
+        if np.isfinite(m.received[j]) and m.in_service[j]:
             motors = max(pattern - m.air_force[j] / at_rim, 0.0)
         m.unit.torque_target[j] = -min(motors, m.brake_limit[j])
     m.lead.brake_rise[0] = min(m.lead.brake_rise[0] + st.period / st.rise_time, 1.0)

@@ -127,7 +127,8 @@ def command_compiled(eq, m, c, torque, time, tick):
         reading.coefficient = m.unit.coefficient_estimate[j]
         reading.slipping = int(m.unit.slipping[j] != 0.0)
         for i in range(c.first[j], c.first[j + 1]):
-            c.omega[i] = m.axle_omega[c.axle[i]]
+            k = c.axle[i]
+            c.omega[i] = m.axle_omega[k] * (eq.axle_radius[k] / eq.radius[j])
         _step_at(c.step[j])(c.state[j], reading, c.omega[c.first[j] : c.first[j + 1]], answer)
         c.solve_time[tick, j] = answer.solve_time
         status = answer.status

@@ -68,7 +68,7 @@ class UnitSense(NamedTuple):
     speed: float
     """Reference speed of the car [m/s]."""
     omega: NDArray[np.float64]
-    """Angular speed of the unit's wheelsets [rad/s], (axles,)."""
+    """Angular speed of the unit's wheelsets [rad/s], (axles,): their rim speed over the unit's radius, for wheels differ."""
     torque: float
     """Torque of each motor as the inverter knows it [N m]."""
     target: float
