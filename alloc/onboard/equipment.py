@@ -129,9 +129,16 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
 
 
 def _radius_errors(onboard: Onboard, axles: int) -> Floats:
-    """Relative errors of the wheel radii that the computers believe in."""
+    """Relative errors of the wheel radii that the computers believe in.
+
+    Where they compared the wheels before the run, each error is that of all, and the posterior deviation of its own.
+    """
+    most, left = onboard.sensors.radius_error, onboard.reference.radius_prior
     generator = np.random.default_rng([onboard.sensors.seed, 3])
-    return onboard.sensors.radius_error * generator.uniform(-1.0, 1.0, axles)
+    errors = most * generator.uniform(-1.0, 1.0, axles)
+    if most == 0.0 or left == onboard.reference.radius_deviation:
+        return errors
+    return errors.mean() + left * generator.standard_normal(axles)
 
 
 def _check(model: Model, onboard: Onboard) -> None:

@@ -6,6 +6,9 @@ from typing import Literal
 from alloc.errors import OnboardError
 from alloc.onboard.quantity import quantity
 
+COMPARED = 1e-4
+"""Relative deviation of radii that were compared: 3 s at 10 m/s and with 10 mm/s of noise in a reading leave as much."""
+
 
 @dataclass(frozen=True)
 class Sounding:
@@ -103,12 +106,19 @@ class ReferenceSpeed:
     """Time for which a braked axle must show a deviating speed to be believed [s]."""
     radius_deviation: float = quantity(0.01, "1")
     """Deviation of the wheels' believed radii, relative. The computers find them while the train rolls; 0: they do not."""
+    radii_compared: bool = True
+    """Whether the train has rolled before the run, so that only the error that all radii have in common is left."""
     sounding: Sounding = field(default_factory=Sounding)
     """When force is taken from a few wheels to learn the speed."""
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
         positive = ("sensor", "speed_walk", "unknown_force", "creep", "carried_time", "slid_time")
-        others = set(self.__dataclass_fields__) - {"source", "sounding", *positive}
+        others = set(self.__dataclass_fields__) - {"source", "radii_compared", "sounding", *positive}
         OnboardError.check("reference speed", self, positive, nonnegative=sorted(others))
         OnboardError.check_finite("reference speed", self, sorted({*positive, *others}))
+
+    @property
+    def radius_prior(self) -> float:
+        """Deviation of the believed radii from their mean at the start of a run, relative; 0: they are never compared."""
+        return min(COMPARED if self.radii_compared else 1.0, self.radius_deviation)

@@ -79,6 +79,7 @@ class ReferenceSettings(NamedTuple):
     carried_time: float
     slid_time: float
     radius_deviation: float
+    radius_prior: float  # deviation at the start of the run
     sounding: SoundingSettings
 
 
@@ -168,6 +169,7 @@ def reference_settings(onboard: "Onboard") -> ReferenceSettings:
         given,
         given=given.source == "truth",
         noise=noise,
+        radius_prior=given.radius_prior,
         # what is taken for a motion of the wheel must exceed what noise makes of its speed
         returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
         sounding=filled(SoundingSettings, given.sounding),

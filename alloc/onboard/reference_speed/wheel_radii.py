@@ -6,6 +6,7 @@ believed radius, e_i:
     y_i = v (1 + e_i) + n,    e_i constant,    n ~ 2 noise^2,    sum of all e_i = 0
 
 Each e_i has a scalar Kalman filter. The error that all wheels have in common is not seen, but it makes no slip either.
+A train has mostly done so before a run begins (`ReferenceSpeed.radii_compared`).
 """
 
 import numpy as np
@@ -62,7 +63,7 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
             v = m.reference[eq.axle_body[i]]
             told = 0.5 * v * v / o.noise**2
             k.known[i] += told
-            gain = told / (k.known[i] + 1.0 / o.radius_deviation**2)
+            gain = told / (k.known[i] + 1.0 / o.radius_prior**2)
             change = 1.0 - gain * (k.ahead[i] - together / count)
             k.factor[i] *= change
             m.estimate.rim[i] *= change
