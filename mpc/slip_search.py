@@ -44,6 +44,7 @@ from mpc.curve_filter import steepness, take_in_elasticity
 from mpc.search_step import (
     AWAY_TIME,
     FALLING,
+    HARDLY,
     SWING_RATE,
     doubt_peaks,
     runs_away,
@@ -266,7 +267,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     i = _demodulate(search, axles, felt)
     slip = math.exp(search.mean_slip[i]) if i >= 0 else 0.0
     follows = slip > AT_LIMIT * state.slip
-    doubt_peaks(search, axles, follows)
+    doubt_peaks(search, axles, follows and (slip > 0.9 * state.slip or state.told > HARDLY))
     if i < 0:
         return
     wanted, rough = pace.price * state.slip, noise / slip
