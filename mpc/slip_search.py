@@ -26,8 +26,9 @@ to the swing either. The axle asked is the one with the largest slip: it is at i
 
 *Start.* Before any elasticity is told, the slip sought is `USUAL_SHARE` of what `mpc.curve_filter` takes for the peak's: the
 rise of the torque has told the slope of the curve by then. Where the curve falls so steeply that slip runs away from its
-limit again and again, no swing is answered; but that it runs away tells that it is too large. Where slip stays far
-below the one sought, what limits the torque is the peak believed; if that goes on, the belief is too low and rises.
+limit again and again, no swing is answered; but that it runs away tells that it is too large. Where slip stays
+below the one sought and no swing is answered, what limits the torque is the peak believed; if that goes on, the belief is
+too low and rises.
 """
 
 import math
@@ -67,7 +68,9 @@ ANSWER_LAG = 0.015
 SETTLED = 0.2
 """Time [s] of limitation after which the search goes on."""
 AT_LIMIT = 0.5
-"""Share of the slip sought from which on the slip limit is what binds."""
+"""Share of the slip sought from which on the slip limit may be what binds."""
+BINDS = 0.9
+"""The same from which on it does; below, an answer to the swing tells."""
 JUMP = 0.12
 """Change of ln mu within the mean's time that is a change of the rail."""
 WHOLE_SWING = 1.3
@@ -267,7 +270,9 @@ def search_slip(search, axles, curve, felt, noise, limited):
     i = _demodulate(search, axles, felt)
     slip = math.exp(search.mean_slip[i]) if i >= 0 else 0.0
     follows = slip > AT_LIMIT * state.slip
-    doubt_peaks(search, axles, follows and (slip > 0.9 * state.slip or state.told > HARDLY))
+    # a peak believed can hold slip a little below its limit: then no swing is answered, and slip stays where it is
+    binds = slip > BINDS * state.slip or state.told > HARDLY
+    doubt_peaks(search, axles, follows and binds)
     if i < 0:
         return
     wanted, rough = pace.price * state.slip, noise / slip

@@ -45,6 +45,9 @@ def set_targets(eq, st, m, commanded):
 @inlined_jit
 def _share_of_motors(st, m, j, pattern, full):
     """Torque that unit `j` asks of its motors: what the line takes of the `pattern`; `full` is that of the whole plan."""
+    if not m.in_service[j]:
+        m.taken[j] = 0.0
+        return 0.0
     electric = max(-m.torque[j], 0.0)
     # what the line turns out to take the motors take over slowly, for cylinders empty slowly
     slow = full * st.period / st.brakes.blend_time
@@ -52,9 +55,6 @@ def _share_of_motors(st, m, j, pattern, full):
     # takes away and a sounding are foreseen
     if min(-m.foreseen[j], pattern, m.brake_limit[j]) > electric + 2.0 * slow:
         m.taken[j] = electric
-    if not m.in_service[j]:
-        m.taken[j] = 0.0
-        return 0.0
     m.taken[j] = max(m.taken[j], electric + slow)
     return min(pattern, m.brake_limit[j], m.taken[j])
 

@@ -14,7 +14,7 @@ from alloc.metrics import evaluate
 from alloc.metrics.search import shortage, unit_shares
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed.parameters import Sounding
+from alloc.onboard.reference_speed.parameters import COMPARED, Sounding
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
@@ -251,18 +251,18 @@ def test_a_friction_draft_gear_is_believed_as_the_spring_that_it_is_at_first():
     assert damping[2] < DraftGear().damping / 2
 
 
-def after_rolling(radius_error, deviation, controller):
-    """Adhesion used where short, and mean error [m/s], in a stop whose train rolls for the first three seconds."""
+def after_rolling(radius_error, deviation, controller, rolls=3.0, compared=False):
+    """Adhesion used where short, and mean error [m/s], in a stop whose train rolls for the first seconds."""
     model = build(find_set("commuter-8car"), Rail(0.06))
     onboard = Onboard(
         sensors=Sensors(radius_error=radius_error, speed_noise=0.01, seed=4),
-        reference=ReferenceSpeed(radius_deviation=deviation),
+        reference=ReferenceSpeed(radius_deviation=deviation, radii_compared=compared),
         belief=Belief(curve=model.rail.curve),
     )
-    command = DriverCommand((0.0, 3.0), (0.0, -0.8))
+    command = DriverCommand((rolls,), (-0.8,))
     event = Event("stop", model, command, onboard, duration=12.0, initial_speed=28.0)
     run = simulate(event, "alone", controller)
-    return evaluate(run)["utilisation_short"], np.abs(error(run)[run["time"].values > 3.0]).mean()
+    return evaluate(run)["utilisation_short"], np.abs(error(run)[run["time"].values > rolls]).mean()
 
 
 @pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
@@ -274,3 +274,29 @@ def test_unequal_wheels_cost_little_once_the_train_has_rolled(controller):
     assert learnt > believed
     # the mean of all radii stays unknown
     assert wrong < 0.5 * worse
+
+
+@pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe", "mpc"])
+@pytest.mark.parametrize("wear", [0.003, 0.01])
+def test_unequal_wheels_that_were_compared_before_cost_little(wear, controller):
+    """A train that brakes at once: without the comparison all of the adhesion may be lost."""
+    equal, _ = after_rolling(0.0, 0.01, controller, 0.0, compared=True)
+    compared, _ = after_rolling(wear, 0.01, controller, 0.0, compared=True)
+    unknown, _ = after_rolling(wear, 0.01, controller, 0.0)
+    assert compared > equal - 0.05
+    assert compared > unknown
+
+
+def test_compared_wheels_share_their_error():
+    model = build(find_set("commuter-8car"), Rail(0.1))
+    sensors = Sensors(radius_error=0.01, seed=4)
+
+    def errors(**reference):
+        eq = equipment(model, Onboard(sensors=sensors, reference=ReferenceSpeed(**reference)))
+        return eq.axle_radius / model.structure.radius - 1.0
+
+    drawn, left = errors(radii_compared=False), errors()
+    assert np.ptp(drawn) > 0.01
+    assert np.ptp(left) < 6.0 * COMPARED
+    assert left.mean() == pytest.approx(drawn.mean(), abs=COMPARED)
+    np.testing.assert_array_equal(errors(radius_deviation=0.0), drawn)

@@ -262,6 +262,15 @@ def test_air_stands_in_for_failed_motors():
     assert np.delete(share, 1).max() < 0.01
 
 
+@pytest.mark.parametrize("rule", ["alone", "exact", "cooperative"])
+@pytest.mark.parametrize("controller", ["cut-and-ramp", "mpc"])
+def test_air_stands_in_for_motors_that_failed_before_the_brakes(rule, controller):
+    """On rail that limits every unit: a limit at what the failed one delivered when the brakes came would be none at all."""
+    run = simulate(stop(0.06, failures={1: 0.2}), rule, controller).sel(time=slice(5.0, None))
+    used = mean_of_units(run, -run["coefficient"].values).mean(axis=0)
+    assert used[1] > 0.7 * np.delete(used, 1).mean()
+
+
 @pytest.mark.parametrize("taken", [1.0, 0.4, 0.1])
 @pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
 def test_air_holds_no_wheel_in_a_slide_that_no_cut_of_torque_ends(controller, taken):

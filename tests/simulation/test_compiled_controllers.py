@@ -2,7 +2,8 @@
 
 import json
 import math
-from typing import NamedTuple
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from alloc.compilation import compiled
 from alloc.event import DriverCommand
 from alloc.onboard.compiled_controller import STEP, CompiledController, each_compiled
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.parameters import ReferenceSpeed, Sensors
 from alloc.simulation import simulate
 
 PATTERN = ("ok", "infeasible", "odd but usable", "not a number", "ok", "ok")
@@ -117,6 +119,39 @@ def test_a_run_that_is_watched_and_ended_early_is_the_same(make_event):
     assert 0 < runs[1].sizes["time"] < whole.sizes["time"]
     first = whole.isel(time=slice(runs[1].sizes["time"]))
     np.testing.assert_array_equal(runs[1]["torque_command"].values, first["torque_command"].values)
+
+
+class Listens:
+    """Asks for no torque, and notes what it is told of each wheel beside the speed."""
+
+    ahead: ClassVar[list[NDArray[np.float64]]] = []
+
+    def __init__(self, context):
+        self.radius = context.radius
+
+    def decide(self, sense):
+        self.ahead.append(self.radius * sense.omega - sense.speed)
+        return TorqueDecision(0.0, True, "ok", 0.0)
+
+
+def test_wheels_are_told_as_fast_as_their_rims(make_event):
+    """Of wheels whose radii the computers have compared: the ones they believed in at first would make 0.2 m/s of slip."""
+    event = make_event(0.3, command=DriverCommand((3.9,), (-0.5,)), initial_speed=20.0)
+    onboard = replace(
+        event.onboard,
+        sensors=Sensors(radius_error=0.01),
+        reference=ReferenceSpeed(radii_compared=False),
+    )
+    Listens.ahead.clear()
+    simulate(
+        replace(event, onboard=onboard, duration=4.0),
+        "alone",
+        HostedController("listens", "in Python", each_unit(Listens)),
+    )
+    units = len(Listens.ahead) // 400
+    found = np.abs(np.array(Listens.ahead)).max(axis=1).reshape(400, units).max(axis=1)
+    assert found[10] > 0.1
+    assert found[100:390].max() < 0.01
 
 
 def test_a_run_that_was_interrupted_leaves_nothing_behind(make_event):

@@ -202,7 +202,8 @@ class Computers:
         wanted = np.abs(self.target) * eq.gear / (eq.axle_load * eq.radius)
         rail = (factor < 0.985) & (wanted > 0.5 * self.expected) | (sliding & self.blended)
         limited = np.where(rail, "rail", "")
-        limited[~self.in_service | (self.axles_seen == 0.0)] = "self"
+        helped = self.in_service | self.blended
+        limited[~helped | (self.axles_seen == 0.0)] = "self"
         for j in range(factor.size):
             if not (relieved[j] and self.in_service[j]):
                 old, new = self.own[j][0], at_rail[j] / (1.0 + turning[j])
@@ -250,7 +251,7 @@ class Computers:
                 recent = time - self.heard_of <= st.hold_time
                 self.cap = np.where(recent, self.told_estimate, self.cap)
         else:
-            recent = (time - self.limited_at < 1.0) | ~self.in_service
+            recent = (time - self.limited_at < 1.0) | ~(self.in_service | self.blended)
             active = (recent | (self.limit_max < self.expected)).any()
             asked = on_telegram or failed or changed
         if self.expected == 0.0 or not active:
@@ -327,9 +328,7 @@ class Computers:
         free = np.where(self.slips, by_front, np.maximum(by_front, least))
         slipped = time - self.slipped_at <= st.hold_time
         held = np.where(slipped, 0.995 * self.marks, self.open_to)
-        own = ~(self.by_rail & self.in_service)
-        kept = np.minimum(np.where(self.in_service, got, held), self.expected)
-        held = np.where(own, kept, held)
+        held = np.where(self.by_rail, held, np.minimum(got, self.expected))
         self.cap = np.where(recent & np.isfinite(self.marks), held, free)
 
     def distribute(self, time, tick, delay, fate):
@@ -371,6 +370,7 @@ class Computers:
         foreseen = np.minimum.reduce([-self.foreseen, self.rise, self.brake_limit])
         refused = foreseen > electric + 2.0 * slow
         self.taken = np.maximum(np.where(refused, electric, self.taken), electric + slow)
+        self.taken = np.where(self.in_service, self.taken, 0.0)
         motors = np.minimum.reduce([self.rise, self.brake_limit, self.taken])
         left = np.ones_like(motors)
         np.divide(-self.torque_command, motors, out=left, where=motors > 0.0)
@@ -379,7 +379,7 @@ class Computers:
         self.air = self.kept * (self.rise - motors) * rim
         # beside what the cylinders give, at once
         beside = np.maximum(self.rise - self.air_there / rim, 0.0)
-        motors = np.where(np.isfinite(self.received), beside, motors)
+        motors = np.where(np.isfinite(self.received) & self.in_service, beside, motors)
         self.target = -np.minimum(motors, self.brake_limit)
         self.brake_rise = min(self.brake_rise + st.period / st.rise_time, 1.0)
 

@@ -230,7 +230,8 @@ class Unit:
         a = max(heard, key=lambda one: one.mean[0]) if heard else None
         slip = math.exp(a.mean[0]) if heard else 0.0
         follows = slip > slip_search.AT_LIMIT * self.slip
-        self.doubt_peaks(follows)
+        told = self.told > search_step.HARDLY
+        self.doubt_peaks(follows and (told or slip > slip_search.BINDS * self.slip))
         if not heard:
             self.seen.add("nothing heard")
             return

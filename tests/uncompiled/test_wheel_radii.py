@@ -17,7 +17,7 @@ from tests.onboard.uneven import uneven_train
 
 SPEED, NOISE, PERIODS = 15.0, 0.02, 150
 ONBOARD = Onboard(
-    reference=ReferenceSpeed(source="truth"),
+    reference=ReferenceSpeed(source="truth", radii_compared=False),
     sensors=Sensors(radius_error=0.005, speed_noise=NOISE, seed=6),
 )
 

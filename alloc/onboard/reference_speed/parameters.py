@@ -114,7 +114,12 @@ class ReferenceSpeed:
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
         positive = ("sensor", "speed_walk", "unknown_force", "creep", "carried_time", "slid_time")
-        others = set(self.__dataclass_fields__) - {"source", "radii_compared", "sounding", *positive}
+        others = set(self.__dataclass_fields__) - {
+            "source",
+            "radii_compared",
+            "sounding",
+            *positive,
+        }
         OnboardError.check("reference speed", self, positive, nonnegative=sorted(others))
         OnboardError.check_finite("reference speed", self, sorted({*positive, *others}))
 
