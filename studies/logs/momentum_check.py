@@ -1,5 +1,6 @@
 """Whether the forces of a log give the train the momentum that it gains: signs, units, gradients."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,19 @@ SURE = 5.0
 FEWEST_WINDOWS = 8
 LEAST_GAIN = 0.06
 """Rate of the train's momentum over its weight that no gradient gives: there the balance is drawn too."""
+MISREAD = {
+    "speeds in mile/h that are taken for km/h": 0.6214,
+    "speeds in km/h that are taken for mile/h": 1.609,
+    "speeds in m/s that are taken for km/h": 1.0 / 3.6,
+    "speeds in km/h that are taken for m/s": 3.6,
+    "forces in kN that are taken for N": 1e3,
+    "forces in N that are taken for kN": 1e-3,
+    "forces in kgf or daN that are taken for N": 9.9,
+    "forces in lbf that are taken for N": 4.448,
+}
+"""Momentum gained over impulse of the forces, by the units that are mixed up."""
+ALIKE = 0.05
+"""Relative difference up to which such a value fits."""
 MOVING = 2.0
 """Speed [m/s] from which on a balance of momentum says something: at rest a brake holds what pulls."""
 
@@ -170,6 +184,14 @@ def forwards_too(
     ]
 
 
+def fitting_units(ratio: float) -> str:
+    """Which units mixed up would give this `ratio` of momentum gained over impulse, as words to go on with; "" if none."""
+    if ratio <= 0.0:
+        return ""
+    what, value = min(MISREAD.items(), key=lambda one: abs(math.log(ratio / one[1])))
+    return f"; {what} would make it {value:.2g}" if abs(math.log(ratio / value)) < ALIKE else ""
+
+
 def check_balance(
     instants: Instants,
     speed: Floats,
@@ -199,7 +221,7 @@ def check_balance(
             return []
         text = (
             f"changes of the axles' forces give the train {scale.value:.2g} ± {scale.deviation:.2g} times their impulse: "
-            "wrong unit of speeds or forces, or train?"
+            f"wrong unit of speeds or forces, or train?{fitting_units(scale.value)}"
         )
         return [Remark("balance", "axleN_force", text)]
     ratio, rise = balance
@@ -210,5 +232,6 @@ def check_balance(
         cause = f"a gradient of {1e3 * rise:+.0f} per mille, {cause}"
     text = (
         f"the train gains {ratio:.2g} times the momentum that the axles' forces give it: {cause}?"
+        f"{fitting_units(ratio)}"
     )
     return [Remark("balance", "axleN_force", text)]

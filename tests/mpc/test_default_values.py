@@ -51,7 +51,7 @@ ONBOARD = {
         "shoe_error": 0.1, "shoe_walk": 0.02, "mass_error": 0.05, "slip": 0.25, "slip_deviation": 0.2, "creep": 0.01,
         "creep_speed": 5.0, "repeat": 100.0, "light_repeat": 16.0, "sounded_repeat": 0.3, "ease_time": 0.3,
         "light": 0.85, "carried_time": 5.0, "slid_time": 1.0, "away": 0.2, "returning": 0.45, "gate": 3.0, "persist": 0.6,
-        "radius_deviation": 0.01,
+        "radius_deviation": 0.01, "radii_compared": True,
         "sounding": {
             "doubt": 0.05, "doubt_ratio": 0.004, "ease": 2.4, "share": 0.4, "time": 0.06, "longest": 0.2,
             "return_time": 0.06, "pause": 0.3, "air_doubt": 0.06, "air_known": 0.03, "patience": 5.0,

@@ -14,6 +14,7 @@ from studies.files.study_error import StudyError
 from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_train import read_log_train, write_log_train
+from studies.logs.momentum_check import fitting_units
 from studies.scenario.train_file import read_train_file
 
 INERTIA, RADIUS = 100.0, 0.43
@@ -197,6 +198,26 @@ def test_forces_that_do_not_fit_the_motion_are_seen(table, factor, words):
         table[f"axle{axle}_force_kn"] *= factor
     (found,) = remarks(table, "balance")
     assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(0.6214, "mile/h that are taken for km/h"), (1.0 / 3.6, "m/s that are taken for km/h")],
+)
+def test_the_unit_that_would_fit_is_named(table, factor, words):
+    table[[name for name in table if "speed" in name]] *= factor
+    (found,) = remarks(table, "balance")
+    assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [(1.6, "mile/h"), (4.4, "lbf"), (10.0, "kgf"), (980.0, "kN that are taken for N"), (2.0, ""), (-3.6, "")],
+)  # fmt: skip
+def test_units_are_named_where_one_is_near(ratio, words):
+    found = fitting_units(ratio)
+    assert words in found
+    assert bool(found) == bool(words)
 
 
 def test_a_force_that_never_changes_is_remarked_on(table):
