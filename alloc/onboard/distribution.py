@@ -90,7 +90,7 @@ def _level_without_rail(eq, m):
 
 
 @inlined_jit
-def _caps_by_front(eq, st, m, time):
+def _caps_by_front(eq, st, m, time, blended):
     """(5) from the mark of the foremost unit that the rail limits; no unit's cap is below what it delivers without slip.
 
     A unit that slips is held below its mark. One that its controller limits without any slip has room to search.
@@ -107,9 +107,11 @@ def _caps_by_front(eq, st, m, time):
         if m.since_limited[j] < HELD and np.isfinite(m.shown[j]):
             slips = time - m.report.slipped_at[j] <= st.hold_time
             m.cap[j] = KEPT * m.shown[j] if slips else m.open_to[j]
-            if not m.by_rail[j]:
+            works = m.in_service[j] or blended
+            if not (m.by_rail[j] and works):
                 # there is nothing to look for
-                m.cap[j] = min(m.delivered[j], m.train.expected[0])
+                carried = m.delivered[j] if works else m.cap[j]
+                m.cap[j] = min(carried, m.train.expected[0])
         elif not m.slipping[j]:
             # a cap at what it just delivers would keep every dip below the plan
             m.cap[j] = max(m.cap[j], min(m.shown[j], max(m.train.expected[0], m.delivered[j])))
@@ -176,7 +178,7 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     expected = m.train.expected[0]
     active = st.rule.always or (blended and st.rule.own_caps)
     for j in range(m.cap.size):
-        works = m.in_service[j] or blended
+        works = m.in_service[j] or blended  # air brakes stand in for motors
         m.since_limited[j] = time - m.report.limited_at[j] if works else 0.0
         active = active or m.since_limited[j] < HELD or m.limit_max[j] < expected
     if expected == 0.0 or not active:
@@ -191,7 +193,7 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     if st.rule.own_caps:
         _own_caps(m)
     else:
-        _caps_by_front(eq, st, m, time)
+        _caps_by_front(eq, st, m, time, blended)
     return True
 
 

@@ -328,7 +328,9 @@ class Computers:
         free = np.where(self.slips, by_front, np.maximum(by_front, least))
         slipped = time - self.slipped_at <= st.hold_time
         held = np.where(slipped, 0.995 * self.marks, self.open_to)
-        held = np.where(self.by_rail, held, np.minimum(got, self.expected))
+        works = self.in_service | self.blended
+        kept = np.minimum(np.where(works, got, held), self.expected)
+        held = np.where(self.by_rail & works, held, kept)
         self.cap = np.where(recent & np.isfinite(self.marks), held, free)
 
     def distribute(self, time, tick, delay, fate):
