@@ -115,6 +115,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "belief.unit_increments": ([0.0, 0.01, 0.02, 0.03], [0.0, 0.0, 0.0, 0.05]),
     "belief.unit_deviation": ([0.01] * 4, [0.05] * 4),
     "draft_gear.viscosity_ns_per_m": (300.0, 1e6),
+    "onboard.reference.gate": (0.05, 1.0),
     "onboard.telegrams.silence_s": (0.05, 2.0),
     "onboard.mpc.belief.floor": (0.05,),
     "onboard.mpc.search.noise_margin": (8.0,),
@@ -126,6 +127,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
 }
 """Keys whose values are lists of a certain length or order, or of a certain size."""
 NOT_SHOWN = {
+    "target_speed_kmh": "acts on metrics, not on what a run records",
     "line.sections.start_m": "the first section reaches back to the start of the line; of a second one it acts",
     "onboard.mpc.deadline_s": "acts where the computer is too slow, so by the clock",
     **{
