@@ -117,7 +117,6 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "draft_gear.viscosity_ns_per_m": (300.0, 1e6),
     "onboard.reference.gate": (0.05, 1.0),
     "onboard.telegrams.silence_s": (0.05, 2.0),
-    "onboard.mpc.belief.floor": (0.05,),
     "onboard.mpc.search.noise_margin": (8.0,),
     "onboard.mpc.search.least_swing": (0.05,),
     "onboard.mpc.search.lowest_kmh": (0.05, 0.28),
