@@ -128,6 +128,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
 NOT_SHOWN = {
     "target_speed_kmh": "acts on metrics, not on what a run records",
     "line.sections.start_m": "the first section reaches back to the start of the line; of a second one it acts",
+    "onboard.mpc.belief.floor": "acts on rails that carry less than these",
     "onboard.mpc.deadline_s": "acts where the computer is too slow, so by the clock",
     **{
         f"onboard.mpc.group.{one}": "acts in mpc-car and mpc-train"
