@@ -15,7 +15,10 @@ def spans(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
 def bridged_spans(
     flags: NDArray[np.bool_], near: Callable[[int, int], bool]
 ) -> list[tuple[int, int]]:
-    """The same, with those as one of which `near` (end of one, begin of the next) says that they are close."""
+    """As `spans`, but neighbours that are close count as one span.
+
+    `near` gets the end of a span and the begin of the next one, as indices, and says whether they are close.
+    """
     merged: list[tuple[int, int]] = []
     for begin, end in spans(flags).tolist():
         if merged and near(merged[-1][1], begin):

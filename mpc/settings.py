@@ -137,8 +137,8 @@ class SlipSearch:
             )
         if not self.lowest <= self.first <= self.highest:
             raise MpcError(
-                f"search: needs lowest <= first <= highest, got {self.lowest!r}, {self.first!r} and "
-                f"{self.highest!r}"
+                f"search: first = {self.first!r} must lie between lowest = {self.lowest!r} and "
+                f"highest = {self.highest!r}"
             )
 
 

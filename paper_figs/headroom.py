@@ -25,7 +25,7 @@ from paper_figs.style import (
 )
 from studies.core.drawn_events import complete
 from studies.core.statement import mean_interval
-from studies.headroom.statements import RULES, SHARERS, STRATA, gain, in_stratum, pairs_of, rules_of
+from studies.headroom.statements import RULES, STRATA, gain, in_stratum, pairs_of, rules_of
 
 FEW_EVENTS = 20
 """Events that are run for the figure where the results have fewer: every train in every class of headroom."""
@@ -34,14 +34,15 @@ COSTS = (
     Panel("damage", "wheel damage Q,\nless alone [kJ]"),
     Panel("jerk_rms", "jerk rms,\nless alone [m/s³]"),
 )
-APART = 0.012
-"""Distance between rules of one stratum, as a share of the axis."""
 
 
 @figure("headroom", "what rules gain over alone by headroom, and what it costs (sweep headroom)",
         study("headroom", FEW_EVENTS))  # fmt: skip
 def headroom(table: pd.DataFrame) -> Figure:
-    """Above a panel per controller: gain over headroom by stratum; below, the means of what each rule costs."""
+    """Above, a panel per controller: the mean gain of each rule among events of like headroom. Below: what each rule costs.
+
+    A dashed line is the mean headroom of these events, all that sharing could gain.
+    """
     good = complete(table)
     controllers = list(dict.fromkeys(good["controller"]))
     pairs = {controller: pairs_of(good, controller) for controller in controllers}
@@ -51,8 +52,8 @@ def headroom(table: pd.DataFrame) -> Figure:
     for axes, (controller, events) in zip(gains, pairs.items(), strict=True):
         _gains(axes, events)
         axes.set_title(f"{controller} ({len(events)} events)")
-    gains[0].set_ylabel("gain over alone,\nover plan [%]")
-    handles = [*rule_handles(RULES[1:]), handle("all of the headroom", **BOUND)]
+    gains[0].set_ylabel("gain over alone\n[% of plan]")
+    handles = [*rule_handles(RULES[1:]), handle("the headroom", **BOUND)]
     above.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     costs = below.subplots(1, len(COSTS), sharey=True)
     for panel, axes in zip(COSTS, costs, strict=True):
@@ -64,39 +65,27 @@ def headroom(table: pd.DataFrame) -> Figure:
 
 
 def _gains(axes: Axes, events: pd.DataFrame) -> None:
-    """Mean gain of each rule by stratum with its interval, at the stratum's mean headroom; every event of the last rule."""
-    room = 100 * events["headroom"]
-    reach = float(room.max())
-    own = SHARERS[-1]
-    axes.plot(
-        room,
-        100 * gain(events, own),
-        **rule_look(own) | {"markersize": 1.8, "alpha": 0.35, "zorder": 1},
-    )
-    axes.plot([0.0, reach], [0.0, reach], **BOUND)
-    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=0)
-    for place, rule in enumerate(rules_of(events)[1:]):
-        shift = APART * reach * (place - 0.5 * (len(RULES) - 2))
-        centres, means = [], []
-        for name in STRATA:
-            chosen = events[in_stratum(events, name)]
-            if len(chosen) < 2:
-                continue
+    """A band per stratum: mean gain of each rule beside the others, and the mean headroom there as a line."""
+    rules = rules_of(events)[1:]
+    for band, name in enumerate(STRATA):
+        chosen = events[in_stratum(events, name)]
+        if len(chosen) < 2:
+            continue
+        room = 100 * float(chosen["headroom"].mean())
+        axes.plot([band - 0.46, band + 0.46], [room, room], gid="headroom", **BOUND)
+        places = np.linspace(-0.36, 0.36, len(rules)) if len(rules) > 1 else np.zeros(1)
+        for place, rule in zip(places, rules, strict=True):
             found = mean_interval(100 * gain(chosen, rule))
-            centres.append(100 * float(chosen["headroom"].mean()) + shift)
-            means.append(found.value)
             counted(axes, [found])
-            axes.errorbar(
-                centres[-1],
-                found.value,
-                sides_of(found, 1.0),
-                **rule_look(rule),
-                markersize=3.4,
-                elinewidth=0.9,
-            )
-        axes.plot(centres, means, color=rule_look(rule)["color"], linewidth=0.8, zorder=1)
-    axes.locator_params(axis="x", nbins=8, steps=[1, 2, 5, 10])
-    axes.set_xlabel("headroom over plan [%]")
+            look = rule_look(rule) | {"markersize": 3.2, "elinewidth": 0.9}
+            axes.errorbar(band + place, found.value, sides_of(found, 1.0), **look)
+    for edge in range(1, len(STRATA)):
+        axes.axvline(edge - 0.5, color="#dddddd", linewidth=0.6, zorder=0)
+    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=0)
+    axes.grid(visible=False, axis="x")
+    axes.tick_params(axis="x", length=0)
+    axes.set_xticks(range(len(STRATA)), [name.removesuffix(" points") for name in STRATA])
+    axes.set(xlim=(-0.5, len(STRATA) - 0.5), xlabel="headroom [% of plan]")
 
 
 def _costs(axes: Axes, panel: Panel, pairs: dict[str, pd.DataFrame]) -> None:

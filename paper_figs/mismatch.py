@@ -33,6 +33,9 @@ FEW_EVENTS = 2
 COLOURS = LinearSegmentedColormap.from_list("worse to better", [VERMILION, "#ffffff", BLUE])
 """From worse than the reference through equal to better."""
 
+DARKEST = 0.45
+"""Least brightness of a cell whose numbers are black."""
+
 
 class Quantity(NamedTuple):
     """A metric's panel: title, factor to its unit, digits, what more of it is worth, the difference of full colour."""
@@ -111,6 +114,11 @@ def mismatch(table: pd.DataFrame) -> Figure:
     return drawn
 
 
+def _brightness(colour: tuple[float, ...]) -> float:
+    """Relative luminance of a colour, 0 to 1 (Rec. 709 weights)."""
+    return float(np.dot(colour[:3], (0.2126, 0.7152, 0.0722)))
+
+
 def _grouped() -> dict[str, list[float]]:
     """Places of the columns of each group, with a gap between two groups."""
     places: dict[str, list[float]] = {}
@@ -146,13 +154,14 @@ def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
             words = panel.form.format(panel.factor * mean[own])
             if known:
                 counted(axes, [other])
-                words += "\n±" + panel.form.format(panel.factor * 0.5 * (other.high - other.low))
+                half = panel.factor * 0.5 * (other.high - other.low)
+                words += "\n±" + (panel.form if half < 10.0 else "{:.0f}").format(half)
             axes.bar(
                 x, 0.96, 0.96, y - 0.48, color=COLOURS(worth), edgecolor="#cccccc", linewidth=0.4
             )
             axes.text(
                 x, y, words, ha="center", va="center", linespacing=1.0,
-                fontsize=NOTE, color="white" if abs(worth - 0.5) > 0.35 else BLACK,
+                fontsize=NOTE, color=BLACK if _brightness(COLOURS(worth)) > DARKEST else "white",
             )  # fmt: skip
     axes.set_yticks(range(len(RAILS)), list(RAILS))
     axes.set_ylim(len(RAILS) - 0.5, -0.5)

@@ -15,6 +15,9 @@ from alloc.onboard.sanding import Sanding
 from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
 
+LARGEST_ERRORS = {"load_error": 1.0, "radius_error": 0.5}
+"""As shares; wear takes less than a tenth of a wheel's radius."""
+
 
 @dataclass(frozen=True)
 class Detector:
@@ -112,9 +115,10 @@ class Sensors:
     speed_quantum: float = quantity(0.0, "km/h")
     """Step to which an axle's speed is rounded, at the rim; 0: none [m/s]."""
     load_error: float = quantity(0.0, "1")
-    """Standard deviation of the relative error of the load signals, drawn once per run."""
+    """Standard deviation of the relative error of the load signals, drawn once per run, 0 to 1."""
     radius_error: float = quantity(0.0, "1")
-    """Largest relative error of the wheel radii that the computers believe in, as wear leaves it; drawn uniformly."""
+    """Largest relative error of the wheel radii that the computers believe in, as wear leaves it; drawn uniformly, 0 to
+    0.5."""
     seed: int = field(default=0, metadata=NOT_IN_FILES)
     sensorless_pole: float | None = quantity(None, "1/s")
     """Motor speeds are estimated without sensors: one speed per unit, the mean of its axles through a low-pass filter of
@@ -131,6 +135,11 @@ class Sensors:
             self,
             nonnegative=("speed_noise", "speed_quantum", "load_error", "radius_error"),
         )
+        for name, most in LARGEST_ERRORS.items():
+            if getattr(self, name) > most:
+                raise OnboardError(
+                    f"sensors: {name} = {getattr(self, name)!r} must lie in 0 to {most:g}; it is a share, 0.01 for 1 %"
+                )
         if self.sensorless_pole is not None:
             OnboardError.check("sensors", self, positive=("sensorless_pole",))
             if self.dropouts:
@@ -267,8 +276,8 @@ class Onboard(BuiltInControllers):
             raise OnboardError(f"on board: limit_rate = {self.limit_rate!r} must exceed 0")
         if self.telegrams.period < self.period:
             raise OnboardError(
-                f"telegrams: period = {self.telegrams.period!r} must not be below the control period "
-                f"{self.period!r}"
+                f"on board: period = {self.period!r} must not exceed "
+                f"telegrams.period = {self.telegrams.period!r}"
             )
 
     def with_settings(self, settings: Mapping[str, Any]) -> "Onboard":

@@ -169,6 +169,10 @@ def explain(kind: type[BaseModel], error: ValidationError) -> str:
     if not place:
         return reason
     given = fault.get("input")
+    if fault["type"] == "tuple_type" and isinstance(given, Mapping):
+        return f"key {key!r}: there may be several such tables; write [[{key}]], not [{key}]"
+    if fault["type"] == "tuple_type":
+        return f"key {key!r} = {shown(given)}: must be a list, in brackets"
     value = "" if isinstance(given, Mapping | list | BaseModel) else f" = {shown(given)}"
     return f"key {key!r}{value}: {reason}"
 

@@ -56,9 +56,12 @@ def tables(report: dict[str, Any]) -> list[RenderableType]:
     if least:
         small = report["small_events"]
         where = sorted({e["axle"] for e in small})
+        low, high = (f"{one:.2g}" for one in (min(least), max(least)))
+        bounds = low if low == high else f"{low} to {high}"
+        ratio = 100.0 * report["small_criterion"]["slip_ratio"]
         items.append(
-            f"slips below that, from {100.0 * report['small_criterion']['slip_ratio']:.0f} % and {min(least):.2g} to "
-            f"{max(least):.2g} m/s on (4 standard deviations of the slip velocity): {len(small)}"
+            f"slips below that, from {ratio:.0f} % and {bounds} m/s on "
+            f"(4 standard deviations of the slip velocity): {len(small)}"
             + (f", axles {_few([str(axle) for axle in where])}" if small else "")
         )
     if report["cars"] is not None:

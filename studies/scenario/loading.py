@@ -51,6 +51,8 @@ def read_scenario(name_or_path: str | Path) -> dict[str, Any]:
     """Unchecked keys of a scenario as its file has them, with its name. Raises as `load_scenario`."""
     text = str(name_or_path)
     is_path = text.endswith(".toml") or "/" in text
+    if not is_path and text not in SCENARIOS and Path(f"{text}.toml").is_file():
+        raise StudyError(f"unknown scenario {text!r}; did you mean the file {text}.toml?")
     found = text if is_path else SCENARIOS.find(text)
     if isinstance(found, Mapping):
         return {"name": text} | dict(found)

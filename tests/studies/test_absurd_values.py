@@ -12,7 +12,6 @@ from alloc.simulation import simulate
 from studies.files.key_tables import in_toml
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
-from studies.files.units import unit_of
 from studies.scenario.scenario import Scenario
 from studies.scenario.train_file import read_train_file
 from tests.studies.test_bad_input_battery import KEYS, TRAM, content_with
@@ -23,8 +22,8 @@ NO_NUMBER_BY_DESIGN = {"level"}
 
 
 def named(key: str, message: str) -> bool:
-    """Whether a message names the key, or a quantity that several keys decide, without its unit."""
-    return key in message or f"{key.removesuffix(unit_of(key).ending)} " in message
+    """Whether a message names the key; running resistance is a quantity of three keys, and the whole is named."""
+    return key in message or (key.startswith("resistance_") and "resistance = " in message)
 
 
 def shown(key: tuple) -> str:
@@ -41,7 +40,7 @@ def test_an_absurd_number_is_refused_by_the_name_of_its_key_or_runs(key):
             except StudyError as error:
                 message = str(error)
                 assert "\n" not in message
-                assert named(name, message), message
+                assert name in message
                 continue
             if value == 10.0 and name == "duration_s":
                 continue
@@ -82,6 +81,13 @@ def test_no_rail_carries_more_than_the_wheels_load(rail, words):
          "onboard.perturb_observe.lowest_kmh = 3.6 must be below onboard.perturb_observe.highest_kmh = 1.8"),
         ({"onboard": {"mpc": {"step_s": -2.0}}}, "mpc.step_s = -2.0 must be"),
         ({"coupler": {"stiffness_n_per_m": 1e7, "slack_mm": -5.0}}, "coupler.slack_mm = -5.0 must be"),
+        ({"onboard": {"period_s": 0.5}},
+         "onboard.period_s = 0.5 must not exceed onboard.telegrams.period_s = 0.1"),
+        ({"onboard": {"telegrams": {"period_s": 0.001}}},
+         "onboard.period_s = 0.01 must not exceed onboard.telegrams.period_s = 0.001"),
+        ({"onboard": {"mpc": {"search": {"first_kmh": 9.0}}}},
+         "mpc.search.first_kmh = 9.0 must lie between mpc.search.lowest_kmh = 0.072 and mpc.search.highest_kmh = 5.76"),
+        ({"onboard": {"sensors": {"radius_error": 1.0}}}, "onboard.sensors.radius_error = 1.0 must lie in 0 to 0.5"),
         ({"load_t": [-2.0]}, "load_t[1] = -2.0 must be"),
         ({"line": {"tunnels": [{"start_m": 9.0, "end_m": 3.0}]}}, "end_m = 3.0 must lie beyond start_m = 9.0"),
     ],

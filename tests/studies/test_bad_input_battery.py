@@ -344,6 +344,8 @@ SCENARIO_FILES = [
     top("coupler = { stiffness_n_per_m = 1e300 }", "'coupler.stiffness_n_per_m' = 1e+300"),
     scenario("duration_s = 2.0", "duration_s = 1e12", "'duration_s' = 1000000000000.0"),
     scenario("duration_s = 2.0", "duration_s = 36000.0", "axle-steps"),
+    scenario("[[command]]", "[command]", "write [[command]], not [command]"),
+    Case("simulate my-event", "did you mean the file my-event.toml?", {"my-event.toml": SHORT}),
     scenario("duration_s = 2.0", "duration_s = 0.001", "must not be below the control period"),
     scenario("duration_s = 2.0", "duration_s = '2'", "'duration_s' = '2'"),
     scenario("duration_s = 2.0", "duration_s = true", "'duration_s' = True"),
