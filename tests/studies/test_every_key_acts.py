@@ -102,6 +102,9 @@ BESIDE: dict[str, dict[str, Any]] = {
     "onboard.mpc.search.given_share": {"onboard": {"mpc": {"search": {"seek": False}}}},
     "onboard.hold_time_s": {"onboard": {"trigger": "slip"}},
     "onboard.sanding.until_s": {"onboard": {"sanding": {"begin_s": 1.0}}},
+    "onboard.reference.radius_deviation": {
+        "onboard": {"reference": {"radii_compared": False}, "sensors": {"radius_error": 0.005}}
+    },
 }
 """Keys that act only with others -> these, as their descriptions say."""
 LAWS = ([5.0, 44.0, 0.1], [6.0, 40.0, 0.05])
@@ -128,7 +131,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
 NOT_SHOWN = {
     "target_speed_kmh": "acts on metrics, not on what a run records",
     "line.sections.start_m": "the first section reaches back to the start of the line; of a second one it acts",
-    "onboard.mpc.belief.floor": "acts on rails that carry less than these",
+    "onboard.mpc.belief.floor": "acts where a peak believed falls as low as this; these rails carry more",
     "onboard.mpc.deadline_s": "acts where the computer is too slow, so by the clock",
     **{
         f"onboard.mpc.group.{one}": "acts in mpc-car and mpc-train"

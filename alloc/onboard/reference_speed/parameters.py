@@ -105,7 +105,8 @@ class ReferenceSpeed:
     persist: float = quantity(0.6, "s")
     """Time for which a braked axle must show a deviating speed to be believed [s]."""
     radius_deviation: float = quantity(0.01, "1")
-    """Deviation of the wheels' believed radii, relative. The computers find them while the train rolls; 0: they do not."""
+    """Deviation of the wheels' believed radii before any comparison, relative. The computers compare them while the train
+    rolls; 0: they never do."""
     radii_compared: bool = True
     """Whether the train has rolled before the run, so that only the error that all radii have in common is left."""
     sounding: Sounding = field(default_factory=Sounding)
