@@ -30,14 +30,14 @@ FEWEST_WINDOWS = 8
 LEAST_GAIN = 0.06
 """Rate of the train's momentum over its weight that no gradient gives: there the balance is drawn too."""
 MISREAD = {
-    "speeds in mile/h that are taken for km/h": 0.6214,
-    "speeds in km/h that are taken for mile/h": 1.609,
-    "speeds in m/s that are taken for km/h": 1.0 / 3.6,
-    "speeds in km/h that are taken for m/s": 3.6,
-    "forces in kN that are taken for N": 1e3,
-    "forces in N that are taken for kN": 1e-3,
-    "forces in kgf or daN that are taken for N": 9.9,
-    "forces in lbf that are taken for N": 4.448,
+    "Speeds in mile/h that are taken for km/h": 0.6214,
+    "Speeds in km/h that are taken for mile/h": 1.609,
+    "Speeds in m/s that are taken for km/h": 1.0 / 3.6,
+    "Speeds in km/h that are taken for m/s": 3.6,
+    "Forces in kN that are taken for N": 1e3,
+    "Forces in N that are taken for kN": 1e-3,
+    "Forces in kgf or daN that are taken for N": 9.9,
+    "Forces in lbf that are taken for N": 4.448,
 }
 """Momentum gained over impulse of the forces, by the units that are mixed up."""
 ALIKE = 0.05
@@ -185,11 +185,11 @@ def forwards_too(
 
 
 def fitting_units(ratio: float) -> str:
-    """Which units mixed up would give this `ratio` of momentum gained over impulse, as words to go on with; "" if none."""
+    """Which units mixed up would give this `ratio` of momentum gained over impulse, as a sentence to go on with; "" if none."""
     if ratio <= 0.0:
         return ""
     what, value = min(MISREAD.items(), key=lambda one: abs(math.log(ratio / one[1])))
-    return f"; {what} would make it {value:.2g}" if abs(math.log(ratio / value)) < ALIKE else ""
+    return f" {what} would make it {value:.2g}" if abs(math.log(ratio / value)) < ALIKE else ""
 
 
 def check_balance(
