@@ -185,7 +185,7 @@ def forwards_too(
 
 
 def fitting_units(ratio: float) -> str:
-    """Which units mixed up would give this `ratio` of momentum gained over impulse, as a sentence to go on with; "" if none."""
+    """Which units mixed up would give this `ratio` of momentum gained over impulse: a sentence to go on with, or ""."""
     if ratio <= 0.0:
         return ""
     what, value = min(MISREAD.items(), key=lambda one: abs(math.log(ratio / one[1])))
