@@ -52,7 +52,7 @@ def headroom(table: pd.DataFrame) -> Figure:
     for axes, (controller, events) in zip(gains, pairs.items(), strict=True):
         _gains(axes, events)
         axes.set_title(f"{controller} ({len(events)} events)")
-    gains[0].set_ylabel("gain over alone\n[% of plan]")
+    gains[0].set_ylabel("gain over alone,\nof the plan [%]")
     handles = [*rule_handles(RULES[1:]), handle("the headroom", **BOUND)]
     above.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     costs = below.subplots(1, len(COSTS), sharey=True)
@@ -85,7 +85,7 @@ def _gains(axes: Axes, events: pd.DataFrame) -> None:
     axes.grid(visible=False, axis="x")
     axes.tick_params(axis="x", length=0)
     axes.set_xticks(range(len(STRATA)), [name.removesuffix(" points") for name in STRATA])
-    axes.set(xlim=(-0.5, len(STRATA) - 0.5), xlabel="headroom [% of plan]")
+    axes.set(xlim=(-0.5, len(STRATA) - 0.5), xlabel="headroom, of the plan [%]")
 
 
 def _costs(axes: Axes, panel: Panel, pairs: dict[str, pd.DataFrame]) -> None:

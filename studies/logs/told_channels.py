@@ -211,31 +211,34 @@ def _usable(one: Assigned, remarks: list[Remark]) -> bool:
     return True
 
 
-def _told_by_names(
-    recording: Recording, train: MeasuredTrain
-) -> tuple[list[Assigned], list[str], list[Remark]]:
-    """What columns are by their names, and by guesses of the others; those that stay unknown; the guesses."""
-    assigned = [one for one in map(by_name, recording.channels) if one is not None]
-    known = {one.column for one in assigned}
-    rest = [name for name in recording.channels if name not in known]
-    taken = {one.place for one in assigned}
-    guessed = guess(rest, recording.units, taken, train)
-    if known:
-        # beside columns that follow the rules, only what they lack is guessed: time, wheels
-        guessed = {n: g for n, g in guessed.items() if g.factor is not None or g.quantity == "time"}
-    remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]
-    unknown = [name for name in rest if name not in guessed]
-    return assigned + list(guessed.values()), unknown, remarks
-
-
-def _left_out(recording: Recording, train: MeasuredTrain, mapped: list[Assigned]) -> list[Remark]:
-    """Remarks on columns that a mapping file does not name, although their names tell what they are."""
+def _named_and_guessed(
+    recording: Recording, train: MeasuredTrain, mapped: list[Assigned]
+) -> tuple[dict[str, Assigned], dict[str, Assigned]]:
+    """What columns beside the `mapped` ones are by their names, and by guesses of the others."""
     known, taken = {one.column for one in mapped}, {one.place for one in mapped}
     rest = [name for name in recording.channels if name not in known]
     named = {name: one for name in rest if (one := by_name(name)) and one.place not in taken}
     taken |= {one.place for one in named.values()}
-    others = guess([name for name in rest if name not in named], recording.units, taken, train)
+    return named, guess([n for n in rest if n not in named], recording.units, taken, train)
+
+
+def _told_by_names(
+    recording: Recording, train: MeasuredTrain
+) -> tuple[list[Assigned], list[str], list[Remark]]:
+    """What columns are without a mapping file; those that stay unknown; what was guessed."""
+    named, guessed = _named_and_guessed(recording, train, [])
+    if named:
+        # beside columns that follow the rules, only what they lack is guessed: time, wheels
+        guessed = {n: g for n, g in guessed.items() if g.factor is not None or g.quantity == "time"}
+    remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]
+    unknown = [name for name in recording.channels if name not in named and name not in guessed]
+    return [*named.values(), *guessed.values()], unknown, remarks
+
+
+def _left_out(recording: Recording, train: MeasuredTrain, mapped: list[Assigned]) -> list[Remark]:
+    """Remarks on columns that a mapping file does not name, although their names tell what they are."""
+    named, guessed = _named_and_guessed(recording, train, mapped)
     return [
         Remark("unknown", column, f"the mapping file does not name {text}; so it is not used")
-        for column, text in described(named | others, recording.units)
+        for column, text in described(named | guessed, recording.units)
     ]
