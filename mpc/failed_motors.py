@@ -15,11 +15,6 @@ def leading(senses: Sequence[UnitSense]) -> int:
     return next(working, len(senses) - 1)
 
 
-def filled_by_air(unit: UnitContext, in_service: bool, target: float) -> bool:
-    """Whether air brakes fill all of a unit's torque `target`, for its motors have failed."""
-    return unit.blended and not in_service and target < 0.0
-
-
 class LostShare:
     """Part of the driver's plan that a group does not deliver because motors have failed."""
 

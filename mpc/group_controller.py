@@ -8,7 +8,7 @@ from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
 from mpc.belief import GroupBelief
 from mpc.control_period import PredictiveController
-from mpc.failed_motors import LostShare, filled_by_air, leading
+from mpc.failed_motors import LostShare, leading
 from mpc.group_problem import GroupProblem, WheelsAndRail
 from mpc.horizon import HorizonProblem
 from mpc.settings import MpcSettings
@@ -21,8 +21,7 @@ class GroupController(PredictiveController):
     It follows the total of the units' targets, whichever unit delivers it: the others make up for a unit whose rail fails,
     within what their motors and their believed adhesion allow. A unit alone keeps to its own target. If anything goes wrong,
     all units of the group get that status. The others also make up for a unit whose motors have failed. That unit commands
-    nothing. But where air brakes supply the part of a command for which there is no motor, it commands what the driver
-    wants.
+    nothing.
     """
 
     belief: GroupBelief
@@ -31,7 +30,7 @@ class GroupController(PredictiveController):
         self, contexts: Sequence[UnitContext], settings: MpcSettings | None = None
     ) -> None:
         settings = settings or MpcSettings()
-        self._contexts, self._lost = tuple(contexts), LostShare(contexts)
+        self._lost = LostShare(contexts)
         self._group = GroupProblem(contexts, settings)
         super().__init__(contexts, settings, self._group.solver)
         self.belief = GroupBelief(contexts, settings)
@@ -40,11 +39,7 @@ class GroupController(PredictiveController):
         """Torque command of each unit for the coming control period."""
         if all(sense.in_service for sense in senses):
             return self._answer(senses)
-        answers = self._answer(self._within_reach(senses))
-        for j, (one, sense) in enumerate(zip(self._contexts, senses, strict=True)):
-            if answers[j].ok and filled_by_air(one, sense.in_service, sense.target):
-                answers[j] = answers[j]._replace(torque=sense.target)
-        return answers
+        return self._answer(self._within_reach(senses))
 
     def _within_reach(self, senses: Sequence[UnitSense]) -> list[UnitSense]:
         """What the problem is to know: motors that have failed give nothing, and what is lost is for the others."""

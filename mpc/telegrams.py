@@ -12,7 +12,6 @@ import numpy as np
 from alloc.onboard.attachment import AddedNumbers
 from alloc.onboard.host import UnitContext, UnitSense
 from alloc.plant.structure import Floats
-from mpc.failed_motors import filled_by_air
 
 
 class Report(NamedTuple):
@@ -81,14 +80,12 @@ def read_order(numbers: Floats) -> Order | None:
     return None if math.isnan(order.torque) else order
 
 
-def ordered_target(order: Order | None, unit: UnitContext, sense: UnitSense) -> float:
-    """Torque target of a unit [N m]: the driver's where there is no order for this direction, or air brakes fill it.
+def ordered_target(order: Order | None, sense: UnitSense) -> float:
+    """Torque target of a unit [N m]: the driver's where there is no order for this direction.
 
     Else the order, in proportion to what the driver wants now, within what the motors can.
     """
     if order is None or order.demand * sense.target <= 0.0:
-        return sense.target
-    if filled_by_air(unit, sense.in_service, sense.target):
         return sense.target
     limit = sense.drive_limit if sense.target > 0.0 else sense.brake_limit
     torque = order.torque * sense.target / order.demand

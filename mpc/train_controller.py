@@ -97,7 +97,7 @@ class TrainMpc:
         if order is None:
             return sense
         # an order is for this unit alone: what is lost elsewhere is in it
-        return sense._replace(target=ordered_target(order, self._contexts[j], sense), planned=0.0)
+        return sense._replace(target=ordered_target(order, sense), planned=0.0)
 
     def _heard(self, j: int, time: float) -> Report | None:
         silent = self._silent(self.reports, j, time)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mpc.failed_motors import LostShare, filled_by_air, leading
-from mpc.group_controller import CarControllers, GroupController
+from mpc.failed_motors import LostShare, leading
+from mpc.group_controller import GroupController
 from mpc.unit_model import torque_per_coefficient
 
 
@@ -79,17 +79,6 @@ def test_the_foremost_unit_that_works_leads(make_sense):
         assert leading([sense(bool(one)) for one in works]) == leader
 
 
-def test_air_fills_what_failed_motors_lack_of_a_blended_brake_alone(make_context):
-    filled = {
-        (blended, works, target)
-        for blended in (False, True)
-        for works in (False, True)
-        for target in (-500.0, 0.0, 500.0)
-        if filled_by_air(make_context(blended=blended), works, target)
-    }
-    assert filled == {(True, False, -500.0)}
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_units_of_a_car_make_up_for_one_and_it_commands_nothing(make_context, make_sense, sign):
     # four small units of a car, the second of which has failed: three give what four were to give
@@ -107,10 +96,3 @@ def test_the_units_of_a_car_make_up_for_one_and_it_commands_nothing(make_context
     torques = np.array([answer.torque for answer in answers])
     assert torques[1] == 0.0
     np.testing.assert_allclose(torques[[0, 2, 3]], sign * 400.0, rtol=0.01)
-
-
-def test_a_failed_unit_that_air_fills_commands_what_the_driver_wants(make_context, make_sense):
-    # a command of nothing would pass for one that its readhesion control holds back, which air does not fill
-    cars = CarControllers([make_context(car=c, blended=True) for c in range(2)])
-    senses = [make_sense(target=-400.0, in_service=j == 1, planned=400.0) for j in range(2)]
-    assert cars.decide(senses)[0].torque == -400.0

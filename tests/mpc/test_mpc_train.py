@@ -190,18 +190,15 @@ def test_orders_on_their_way_count_from_when_they_act():
 
 def test_an_order_scales_with_the_driver_and_ends_with_him():
     order = Order(torque=600.0, demand=500.0)
-    unit = train_of(1)[0]
-    assert ordered_target(None, unit, _sense(0.0, target=400.0)) == 400.0
-    assert ordered_target(order, unit, _sense(0.0, target=400.0)) == pytest.approx(480.0)
-    assert ordered_target(order, unit, _sense(0.0, target=0.0)) == 0.0
-    assert ordered_target(order, unit, _sense(0.0, target=-300.0)) == -300.0
-    assert ordered_target(order, unit, _sense(0.0, target=900.0)) == 1e3  # what the motors can
-    assert ordered_target(Order(600.0, -500.0), unit, _sense(0.0, target=-250.0)) == -300.0
-    # of motors that have failed nothing is ordered; a blended brake is the driver's, for air fills it
+    assert ordered_target(None, _sense(0.0, target=400.0)) == 400.0
+    assert ordered_target(order, _sense(0.0, target=400.0)) == pytest.approx(480.0)
+    assert ordered_target(order, _sense(0.0, target=0.0)) == 0.0
+    assert ordered_target(order, _sense(0.0, target=-300.0)) == -300.0
+    assert ordered_target(order, _sense(0.0, target=900.0)) == 1e3  # what the motors can
+    assert ordered_target(Order(600.0, -500.0), _sense(0.0, target=-250.0)) == -300.0
+    # of motors that have failed nothing is ordered
     failed = _sense(0.0, target=-250.0)._replace(in_service=False)
-    for blended, target in ((False, 0.0), (True, -250.0)):
-        found = ordered_target(Order(0.0, -500.0), replace(unit, blended=blended), failed)
-        assert found == target
+    assert ordered_target(Order(0.0, -500.0), failed) == 0.0
 
 
 def test_a_report_arrives_as_it_was_written():
