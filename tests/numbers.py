@@ -43,6 +43,8 @@ class Source:
     """Options of the study beside these."""
     compared: Mapping[str, Any] | None
     """Options of `readhesion compare`, where it is no study that runs."""
+    module: str | None
+    """Module whose `measured` gives the table, called with the settings, where it is neither a study nor the comparison."""
     guard: tuple[str, ...]
     """Patterns of names in `tests/results_hash.json`: where one of these hashes changes, the values count as old."""
 
@@ -53,6 +55,8 @@ class Source:
             words = [f"--{key} {_words(value)}" for key, value in self.compared.items()]
             return " ".join(["readhesion compare", *words])
         words = [f"--{key} {_words(value)}" for key, value in self.settings.items()]
+        if self.module is not None:
+            return " ".join([f"python -m {self.module}", *words])
         start = f"readhesion sweep {self.study} --events {self.events} --seed {self.seed}"
         return " ".join([start, *words])
 
@@ -133,6 +137,7 @@ def sources() -> dict[str, Source]:
             entry.get("seed", 0),
             entry.get("settings", {}),
             entry.get("compare"),
+            entry.get("module"),
             tuple(entry["guard"]),
         )
         for name, entry in manifest()["study"].items()

@@ -1,4 +1,4 @@
-"""What a study or the comparison computes, by the cells that the manifest of numbers names (`tests.numbers`)."""
+"""What a study, the comparison or a measurement computes, by the cells that `docs/numbers.toml` names."""
 
 import json
 import math
@@ -6,6 +6,7 @@ import operator
 import re
 from collections.abc import Mapping, Sequence
 from functools import reduce
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ DIGITS = 8
 
 
 class StudyValues:
-    """What a source computed: statements or lines of a comparison by name, and the table."""
+    """What a source computed: statements or lines of a comparison by name, and the table, which is all of a measurement."""
 
     def __init__(self, source: Source, folder: Path, jobs: int) -> None:
         self.source = source
@@ -38,6 +39,12 @@ class StudyValues:
                 | {f"{name}, less alone": value for name, value in row["differences"].items()}
                 for row in rows
             }
+            return
+
+        if source.module is not None:
+            self.table = import_module(source.module).measured(**source.settings)
+            self.table["status"] = "ok"
+            self.named = {}
             return
 
         study = find_study(source.study)

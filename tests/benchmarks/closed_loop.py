@@ -181,7 +181,9 @@ def run(way: Way, event: Event) -> Run:
 
 
 def table(runs: Iterable[Run]) -> pd.DataFrame:
-    """A row per way: means over the events, times and iterations of all their periods."""
+    """A row per way: share of adhesion `used` and damage [kJ] as means over the events, iterations and times [ms] of all
+    periods. `step_error` is the worst of a quadratic program's steps, over the torque scale.
+    """
     rows = []
     found = list(runs)
     for name in dict.fromkeys(one.way for one in found):
@@ -193,13 +195,13 @@ def table(runs: Iterable[Run]) -> pd.DataFrame:
                 "solver": name,
                 "failures": sum(one.failures for one in mine),
                 "periods": sum(one.calls for one in mine),
-                "used [%]": 100.0 * pd.Series([one.used for one in mine]).mean(),  # nan left out
-                "Q [kJ]": np.mean([one.damage for one in mine]),
-                "iterations, median": np.median(steps),
-                "most": steps.max(),
-                "time, median [ms]": np.median(times),
-                "p99 [ms]": np.quantile(times, 0.99),
-                "worst QP step": pd.Series([one.step_error for one in mine]).max(),
+                "used": pd.Series([one.used for one in mine]).mean(),  # nan left out
+                "damage": np.mean([one.damage for one in mine]),
+                "iterations": np.median(steps),
+                "iterations_most": steps.max(),
+                "time": np.median(times),
+                "time_p99": np.quantile(times, 0.99),
+                "step_error": pd.Series([one.step_error for one in mine]).max(),
             }
         )
     return pd.DataFrame(rows).set_index("solver")
@@ -221,6 +223,32 @@ def differences(runs: Sequence[Run], reference: str = OWN_CONVERGED) -> dict[str
 def text(runs: Iterable[Run]) -> str:
     """The table in plain text."""
     return str(table(runs).to_string(float_format="%.4g", na_rep="-"))
+
+
+def run_ways(chosen: Iterable[Way], events: Sequence[Event]) -> list[Run]:
+    """Every event under every way that is not missing; a line of progress each."""
+    runs = []
+    for way in chosen:
+        if way.missing:
+            print(f"{way.name}: left out, {way.missing}")
+            continue
+        runs += [run(way, event) for event in events]
+        print(f"{way.name}: done", flush=True)
+    return runs
+
+
+def asked_ways(parts: Sequence[str]) -> list[Way]:
+    """Ways whose names have one of these parts; all without parts."""
+    return [way for way in ways() if not parts or any(part in way.name for part in parts)]
+
+
+def measured(events: int, seed: int, solver: Sequence[str] = ()) -> pd.DataFrame:
+    """Rows of `table` for drawn events, and each way's greatest difference of the share used in an event, `apart`.
+
+    What `docs/numbers.toml` takes the numbers of docs/mpc-peers.md from.
+    """
+    runs = run_ways(asked_ways(solver), [drawn_event(seed, k) for k in range(events)])
+    return table(runs).assign(apart=differences(runs)).reset_index()
 
 
 def _events(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> list[Event]:
@@ -247,25 +275,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=2026, help="of the drawn events")
     parser.add_argument("--scenario", action="append", default=[], help="a shipped event, as well")
     parser.add_argument("--seconds", type=float, default=8.0, help="length of a shipped event")
-    parser.add_argument(
-        "--solver", action="append", default=[], help="part of a name; default: all"
-    )
+    parser.add_argument("--solver", nargs="+", default=[], help="parts of names; default: all")
     asked = parser.parse_args(arguments)
-    events, everything = _events(parser, asked), ways()
-    chosen = [
-        way
-        for way in everything
-        if not asked.solver or any(part in way.name for part in asked.solver)
-    ]
+    events, chosen = _events(parser, asked), asked_ways(asked.solver)
     if not chosen:
-        parser.error(f"no solver is called so; there are {', '.join(w.name for w in everything)}")
-    runs = []
-    for way in chosen:
-        if way.missing:
-            print(f"{way.name}: left out, {way.missing}")
-            continue
-        runs += [run(way, event) for event in events]
-        print(f"{way.name}: done", flush=True)
+        parser.error(f"no solver is called so; there are {', '.join(w.name for w in ways())}")
+    runs = run_ways(chosen, events)
     print(text(runs))
     for event in events:
         print(f"\n{event.name}\n{text([one for one in runs if one.event == event.name])}")

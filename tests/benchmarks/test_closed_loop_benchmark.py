@@ -42,7 +42,7 @@ def test_in_the_closed_loop(benchmark, found, way):
     reference = closed_loop.OWN_CONVERGED if way.converges else closed_loop.COMPILED
     different = closed_loop.differences([*found[reference], *runs], reference)[way.name]
     benchmark.extra_info["difference of the adhesion used"] = different
-    if way.converges or way.name == closed_loop.OWN or row["worst QP step"] < EXACT:
+    if way.converges or way.name == closed_loop.OWN or row["step_error"] < EXACT:
         assert different < SAME_USE
     if way.converges and way.name != closed_loop.OWN_CONVERGED:
         times, own = (
