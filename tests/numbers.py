@@ -27,7 +27,13 @@ STORED = ROOT / "docs" / "results"
 GUARDS = ROOT / "tests" / "results_hash.json"
 OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "interval": 3}
 """What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
-SLOTS = {"f": r"([-+]?\d+(?:\.\d+)?)", "d": r"([-+]?\d+)", "s": r"([a-z, ]+?)", "<s": r"([^|\n]+?)"}
+SLOTS = {
+    "f": r"([-+]?\d+(?:\.\d+)?)",
+    "e": r"(\d+e[-+]\d+)",
+    "d": r"([-+]?\d+)",
+    "s": r"([a-z, ]+?)",
+    "<s": r"([^|\n]+?)",
+}
 """Kind of a slot -> what a page may have in it: numbers, words of verdicts, and a cell of a table."""
 
 

@@ -64,6 +64,8 @@ class StudyValues:
         times = float(factor or 1.0)
         if name in OVER_ROWS:
             chosen = self._rows(rest[1:]).astype({last: float})
+            if chosen.empty:
+                raise ValueError(f"{cell!r}: no row is so; what was left out is printed above")
             if name == "interval":
                 found = column_interval(chosen, last, times)
                 return [_kept(one, cell) for one in (found.value, found.low, found.high)]

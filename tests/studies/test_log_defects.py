@@ -18,7 +18,7 @@ from studies.logs.measured_log import MeasuredLog, check_log
 from studies.logs.open_questions import delay_remarks
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
-from tests.studies import log_defects as spoil
+from studies.log_accuracy import defects as spoil
 
 SHARE, SLIPS = 0.02, 2
 

@@ -14,7 +14,7 @@ from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping, read_mapping
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.remarks import MOST, grouped
-from tests.studies import log_defects as spoil
+from studies.log_accuracy import defects as spoil
 from tests.studies.test_measured_log import RADIUS, TRAIN, make_table
 
 TABLE = make_table()

@@ -1,11 +1,28 @@
 """Defects that loggers put into a log, each as a function of a clean table with columns such as `axle1_speed_kmh`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 PULSES_PER_TURN = 80
+
+
+def speeds_of(table: pd.DataFrame) -> list[str]:
+    """Columns of all speeds."""
+    return [name for name in table if "speed" in name]
+
+
+def forces_of(table: pd.DataFrame) -> list[str]:
+    """Columns of the axles' forces."""
+    return [name for name in table if name.startswith("axle") and "force" in name]
+
+
+def axles_of(table: pd.DataFrame) -> list[int]:
+    """Numbers of the axles that have a speed."""
+    names = [name for name in table if name.startswith("axle") and "speed" in name]
+    return [int(name.removeprefix("axle").partition("_")[0]) for name in names]
 
 
 def fixes_of(table: pd.DataFrame, late: float, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -81,14 +98,15 @@ def counted(table: pd.DataFrame, radius: np.ndarray, period: float = 0.01) -> pd
     return fine
 
 
-def every_seventh_missing(table: pd.DataFrame, axle: int = 2) -> pd.DataFrame:
+def values_missing(table: pd.DataFrame, axle: int = 2, each: int = 7) -> pd.DataFrame:
+    """An axle's speed without each so manieth value."""
     name = f"axle{axle}_speed_kmh"
-    return table.assign(**{name: table[name].where(np.arange(len(table)) % 7 != 3)})
+    return table.assign(**{name: table[name].where(np.arange(len(table)) % each != each // 2)})
 
 
 def noisy(table: pd.DataFrame, kmh: float = 0.04, seed: int = 0) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
-    names = [name for name in table if "speed" in name]
+    names = speeds_of(table)
     return table.assign(**{n: table[n] + rng.normal(0.0, kmh, len(table)) for n in names})
 
 
@@ -106,7 +124,7 @@ def defects(radius: np.ndarray) -> dict[str, Callable[[pd.DataFrame], pd.DataFra
         "counts 5 ms": lambda t: counted(t, radius, 0.005),
         "counts 10 ms": lambda t: counted(t, radius, 0.01),
         "counts 20 ms": lambda t: counted(t, radius, 0.02),
-        "seventh": every_seventh_missing,
+        "seventh": values_missing,
     }
 
 
@@ -144,3 +162,53 @@ def repeated_row(table: pd.DataFrame, row: int = 100) -> pd.DataFrame:
 
 def without_speed(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns="speed_kmh")
+
+
+def shifted(table: pd.DataFrame, names: Sequence[str], late: float) -> pd.DataFrame:
+    """These columns recorded `late` [s], earlier where it is negative."""
+    time = table["time_s"].to_numpy()
+    return table.assign(**{name: np.interp(time - late, time, table[name]) for name in names})
+
+
+def rounded_to(
+    table: pd.DataFrame,
+    names: Sequence[str],
+    step: float,
+    how: Callable[[Any], Any] = np.round,
+) -> pd.DataFrame:
+    """These columns in multiples of a step."""
+    return table.assign(**{name: how(table[name] / step + 1e-9) * step for name in names})
+
+
+def stuck(table: pd.DataFrame, axle: int, since: float, span: float) -> pd.DataFrame:
+    """An axle's speed that stays at its value for a `span` [s]."""
+    name, time = f"axle{axle}_speed_kmh", table["time_s"].to_numpy()
+    inside = (time >= since) & (time < since + span)
+    return table.assign(**{name: table[name].mask(inside, np.interp(since, time, table[name]))})
+
+
+def by_radius(table: pd.DataFrame, factors: Mapping[int, float]) -> pd.DataFrame:
+    """Rim speeds by radii that are wrong by these factors, by number of the axle."""
+    names = {axle: f"axle{axle}_speed_kmh" for axle in factors}
+    return table.assign(**{name: table[name] * factors[axle] for axle, name in names.items()})
+
+
+def outliers(table: pd.DataFrame, number: int, seed: int) -> pd.DataFrame:
+    """Single speeds that are 5 to 50 km/h too high or too low, but not below 0."""
+    rng, changed = np.random.default_rng(seed), table.copy()
+    for _ in range(number):
+        name = str(rng.choice(speeds_of(table)))
+        row = int(rng.integers(len(table)))
+        by = rng.uniform(5.0, 50.0) * rng.choice([-1.0, 1.0])
+        changed.loc[row, name] = max(float(table[name].iloc[row]) + by, 0.0)
+    return changed
+
+
+def rows_lost(table: pd.DataFrame, gaps: Sequence[tuple[float, float]]) -> pd.DataFrame:
+    """Without the rows of gaps, each by its begin as a share of the log and its length [s]."""
+    time = table["time_s"]
+    lost = time < time.iloc[0]
+    for begin, length in gaps:
+        start = time.iloc[0] + begin * (time.iloc[-1] - time.iloc[0])
+        lost |= (time >= start) & (time < start + length)
+    return table[~lost].reset_index(drop=True)

@@ -1,0 +1,128 @@
+"""Drawn runs, the logs that recorders would write of them, and what the analysis makes of each."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import Findings, analyse_run
+from alloc.metrics import METRICS
+from alloc.plant.sets import find_set
+from alloc.plant.train import Train
+from alloc.simulation import simulate
+from studies.blended.events import scenario as drawn_stop
+from studies.core.cell import Row
+from studies.core.job import Job, simulate_job
+from studies.files.study_error import StudyError
+from studies.ladder.events import scenario as drawn_start
+from studies.log_accuracy.drawn_defects import DEFECTS, Defect, Logged
+from studies.log_accuracy.forms import FORMS
+from studies.logs.export import log_table, rounded
+from studies.logs.measured_log import MeasuredLog, read_log
+from studies.logs.open_questions import delay_remarks
+from studies.wsp_acceptance.events import CURVES, stop_of
+
+STREAM = 41
+"""Number that distinguishes the draws from those of other studies."""
+LOGS = 8
+"""Spoiled logs of a run."""
+RULES = ("alone", "cooperative", "exact")
+CONTROLLERS = ("cut-and-ramp", "perturb-observe", "mpc")
+TRAINS = ("commuter-8car", "conventional-emu-8car")
+"""Sets that stop by air brakes and slide protection."""
+PERIOD = 0.01
+"""Of the recorder of the clean log [s]."""
+CLEAN, PLAIN = "none", "own names"
+TOLERANCE = 0.02
+"""Error of Q, as a share, up to which a log is right ..."""
+LITTLE = 0.5
+"""... or that much [kJ] where Q is little."""
+SLIPS = 2
+"""Slips too many or too few up to which it is right."""
+
+
+def drawn_run(seed: int, k: int) -> tuple[str, xr.Dataset, Train]:
+    """Run `k`, its name and its train: a start, a stop with motors and air, a stop by air and slide protection, in turn."""
+    g = np.random.default_rng([seed, k, STREAM])
+    if k % 3 == 2:
+        train, curve = find_set(str(g.choice(TRAINS))), str(g.choice(list(CURVES)))
+        level, speed = float(g.uniform(0.03, 0.09)), float(g.uniform(40.0, 90.0)) / 3.6
+        stop = stop_of(train, curve, level, speed).event
+        return f"air stop, {curve}, {level:.3f}", simulate(stop, "alone", "none"), stop.model.train
+    scenario = drawn_start(seed, k) if k % 3 == 0 else drawn_stop(seed, k)
+    job = Job(scenario, str(g.choice(RULES)), str(g.choice(CONTROLLERS)), 0)
+    return scenario.name, simulate_job(job), scenario.event(0).model.train
+
+
+def rows_of(seed: int, k: int, logs: int = LOGS) -> list[Row]:
+    """Rows of run `k`: its clean log, and `logs` that are spoiled and written as recorders do.
+
+    Defects take turns over the runs; of two logs one has a drawn form.
+    """
+    name, run, train = drawn_run(seed, k)
+    every = max(1, round(PERIOD / float(np.median(np.diff(run["time"].values)))))
+    clean = Logged(rounded(log_table(run, train, every)), MeasuredTrain.of(train), run)
+    damage = METRICS.find("damage").function(run)
+    own = {"run": name, "number": k, "damage_simulated": damage}
+    rows, slips = [], np.nan
+    for i in range(logs + 1):
+        turn = (k * logs + i - 1) % len(DEFECTS)
+        defect = CLEAN if i == 0 else list(DEFECTS)[turn]
+        g = np.random.default_rng([seed, k, i, STREAM])
+        form = str(g.choice(list(FORMS))) if i > 0 and g.random() < 0.5 else PLAIN
+        row = own | {"log": i, "defect": defect, "form": form}
+        row |= _judged(clean, DEFECTS.get(defect), form, g, damage, slips)
+        slips = row["slips"] if i == 0 else slips
+        rows.append(row)
+    return rows
+
+
+def _judged(
+    clean: Logged, defect: Defect | None, form: str, g: np.random.Generator, damage: float, slips: float
+) -> dict[str, Any]:  # fmt: skip
+    """What the analysis says of a log with this defect in this form; `damage` and `slips`: what would be right."""
+    table, train, drawn = clean.table, clean.train, ""
+    if defect is not None:
+        table, train, drawn = defect.spoil(clean, g)
+    with tempfile.TemporaryDirectory() as folder:
+        path = FORMS[form](table, train.radius, Path(folder) / "log")
+        try:
+            log = read_log(path, train)
+            found = analyse_run(log.run, log.train)
+        except StudyError as error:
+            text = str(error).replace(folder, "")
+            return {"drawn": drawn, "refused": True, "said": text} | dict.fromkeys(_NUMBERS, np.nan)
+    return {"drawn": drawn, "refused": False} | _figures(log, found, defect, damage, slips)
+
+
+_NUMBERS = ("damage", "stated", "slips", "right", "covered", "named", "remarked", "silent")
+
+
+def _figures(
+    log: MeasuredLog, found: Findings, defect: Defect | None, damage: float, slips: float
+) -> dict[str, Any]:
+    remarks = [*log.remarks, *delay_remarks(log, found)]
+    kinds = {remark.kind for remark in remarks}
+    q = 1e-3 * found.total_damage
+    stated = np.nan if found.errors is None else 1e-3 * found.errors.total
+    apart, many = abs(q - damage), len(found.events)
+    right = apart <= max(TOLERANCE * damage, LITTLE)
+    if slips == slips:
+        right &= abs(many - slips) <= SLIPS
+    covered = bool(apart <= 2.0 * stated)
+    named = defect is not None and bool(kinds & defect.named_by)
+    remarked = bool(kinds & {"delay", "radius", "balance", "sign", "stuck", "faulty"})
+    return {
+        "damage": q,
+        "stated": stated,
+        "slips": float(many),
+        "right": float(right),
+        "covered": float(covered),
+        "named": float(named),
+        "remarked": float(remarked),
+        "silent": float(not right and not covered and not named and not remarked),
+        "said": "; ".join(f"{remark.kind}: {remark.text}" for remark in remarks)[:600],
+    }
