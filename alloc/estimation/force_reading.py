@@ -103,6 +103,7 @@ def read_forces(
     train: MeasuredTrain,
     grade: Floats | None,
     fixes: Samples,
+    under_way: Floats,
     at_contact: bool | None = None,
 ) -> ForceReading | None:
     """The reading that explains the measured speed best, the usual one unless another is much better; None without forces.
@@ -112,14 +113,16 @@ def read_forces(
     shape = shape_of_forces(time, guess, rim, force, train, grade, bool(at_contact))
     if shape is None:
         return None
-    found = ForceReading(0.0, bool(at_contact), shape, find_delay(time, part, shape, fixes))
+    found = ForceReading(
+        0.0, bool(at_contact), shape, find_delay(time, part, shape, fixes, under_way)
+    )
     if not _poor(found.delay, fixes):
         return found
     arguments = (time, guess, rim, force, train, grade)
     if at_contact is None:
         other = shape_of_forces(*arguments, at_contact=True)
         assert other is not None
-        delay = find_delay(time, part, other, fixes)
+        delay = find_delay(time, part, other, fixes, under_way)
         if _explains_more(delay, found.delay):
             found = ForceReading(0.0, True, other, delay)
     if not _poor(found.delay, fixes):
@@ -131,9 +134,9 @@ def read_forces(
     seen = (fixes.time >= few[0][0]) & (fixes.time <= few[0][-1])
     shapes = _Shapes(*few, train, None if grade is None else grade[some], contact)
     own = fixes._replace(time=fixes.time[seen], value=fixes.value[seen])
-    late, spread = _late(shapes, part[some], own)
+    late, spread = _late(shapes, part[some], own, under_way[some])
     moved = _Shapes(*arguments, contact)(late)
-    delay = find_delay(time, part, moved, fixes)
+    delay = find_delay(time, part, moved, fixes, under_way)
     delay = delay._replace(deviation=math.hypot(delay.deviation, spread))
     best = ForceReading(late, contact, moved, delay)
     # what happens between two rows looks like a delay too
@@ -195,13 +198,16 @@ def _busiest(force: Floats) -> slice:
     return slice(begin, begin + MOST)
 
 
-def _late(shapes: _Shapes, part: NDArray[np.int64], fixes: Samples) -> tuple[float, float]:
+def _late(
+    shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, under_way: Floats
+) -> tuple[float, float]:
     """The delay of the forces that explains the speed best, and its standard deviation [s]."""
     tried: dict[float, float] = {}
 
     def misfit(late: float) -> float:
         if late not in tried:
-            tried[late] = find_delay(shapes.time, part, shapes(late), fixes).misfit
+            found = find_delay(shapes.time, part, shapes(late), fixes, under_way)
+            tried[late] = found.misfit
         return tried[late]
 
     best = min(DELAYS.tolist(), key=misfit)

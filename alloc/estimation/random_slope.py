@@ -4,6 +4,8 @@
 
 The shape p is the speed that follows from the forces, or from the wheels, with a scale s near 1. The drift b has everything
 else: gradient, resistance, sensors' offsets. A measurement beyond `OUTLIER` deviations is not used.
+
+Time is that under way: at rest nothing drifts, for what holds a train makes up for gradient and resistance.
 """
 
 import math
@@ -18,9 +20,13 @@ Floats = NDArray[np.float64]
 
 OUTLIER, FAR = 5.0, 0.1
 """Deviations, and beyond them speed [m/s], of the bound: the shape is never right to a millimetre per second."""
-SURE, UNSURE = np.array([1e4, 4e-4, 4e-4]), np.array([1e4, 0.15, 0.04])
-"""Variances of b [m2/s2], c [m2/s4] and s at the start: train and line are known to 2 % and 2 per mille; or forces
-may be wrong by a fifth, on up to 40 per mille."""
+STARTS = {
+    "level": np.array([1e4, 4e-4, 4e-4]),
+    "hill": np.array([1e4, 0.15, 4e-4]),
+    "unsure": np.array([1e4, 0.15, 0.04]),
+}
+"""Variances of b [m2/s2], c [m2/s4] and s at the start: train and line are known to 2 % and 2 per mille; the same on up to
+40 per mille that nobody told; or forces may be wrong by a fifth there."""
 
 
 @jit

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.random_slope import SURE, UNSURE, Work, likelihood, smoothed
+from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -36,6 +36,8 @@ MEAN_TIME = 0.2
 """Time [s] over which measurements that lie closer are averaged to find their delay."""
 MOST = 6_000
 """Largest number of measurements used to find a delay; of a longer series every n-th."""
+AROUND = 3.0
+"""Time [s] before and after a motion from which on measurements of a train at rest tell nothing of a delay."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
 SYSTEMATIC = 0.002
@@ -57,10 +59,15 @@ class Delay(NamedTuple):
     """Of a measurement, as found [m/s]."""
     drift: float
     """Of the shape, as found [m/s2 per root second]."""
-    sure: bool
-    """Whether the shape is right but for 2 %, by the likelihood."""
+    start: str
+    """What is known of the shape beforehand, by the likelihood: a name in `alloc.estimation.random_slope.STARTS`."""
     misfit: float
     """Minus twice the logarithm of the likelihood, per measurement."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the shape is right but for 2 % and a gradient."""
+        return self.start != "unsure"
 
 
 class FollowedSpeed(NamedTuple):
@@ -72,34 +79,44 @@ class FollowedSpeed(NamedTuple):
     """Standard deviation [m/s], with that of the delay."""
 
 
-def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> Delay:
-    """Find how late `fixes` are, by a `shape` [m/s] at instants [s] of a number of parts, (instants,) each."""
+def find_delay(
+    time: Floats, part: Numbers, shape: Floats, fixes: Samples, under_way: Floats
+) -> Delay:
+    """Find how late `fixes` are, by a `shape` [m/s] at instants [s] of a number of parts, (instants,) each.
+
+    `under_way` [s]: time for which the train has moved until each instant; the shape drifts while it does.
+    """
     at, value, width = _averaged(fixes)
+    ends = (np.interp(at + s * AROUND, time, under_way) for s in (1.0, -1.0))
+    last, first = ends
+    if (moves := last > first).any():
+        at, value = at[moves], value[moves]
     every = max(-(-at.size // MOST), 1)
     at, value = at[::every], value[::every]
     number = part[np.clip(np.searchsorted(time, at, "right") - 1, 0, time.size - 1)]
     margin = 0.5 * width if width > 0.0 else -EARLY
     average, work = _Average(*_extended(time, shape), width), Work.allocate()
+    clock = _Average(*_extended(time, under_way), width)
 
-    def misfit(delay: float, noise: float, drift: float, sure: bool) -> float:
+    def misfit(delay: float, noise: float, drift: float, known: str) -> float:
         moved = at - delay
         use = (moved > time[0] + margin) & (moved < time[-1] - margin)
         read = np.where(use, value, math.nan)
         # those that are left out are neither better nor worse than the others
         return at.size * float(
             likelihood(
-                moved,
+                clock(moved),
                 average(moved),
                 read,
                 number,
                 noise**2,
                 drift**2,
-                SURE if sure else UNSURE,
+                STARTS[known],
                 *work,
             )
         )
 
-    trials = list(product(NOISES, DRIFTS, (True, False)))
+    trials = list(product(NOISES, DRIFTS, STARTS))
     start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
     scores = np.array([misfit(d, *start) for d in DELAYS])
     delay = float(DELAYS[scores.argmin()])
@@ -122,14 +139,20 @@ def find_delay(time: Floats, part: Numbers, shape: Floats, fixes: Samples) -> De
 
 
 def follow(
-    time: Floats, part: Numbers, shape: Floats, fixes: Samples, delay: Delay
+    time: Floats,
+    part: Numbers,
+    shape: Floats,
+    fixes: Samples,
+    delay: Delay,
+    under_way: Floats,
 ) -> FollowedSpeed:
-    """Speed at all instants, from `fixes` less their `delay`; nan in parts in which there is none."""
+    """Speed at all instants, from `fixes` less their `delay`; nan in parts in which there is none. Else as `find_delay`."""
     speed, variance = np.full(time.size, np.nan), np.full(time.size, np.nan)
     at, value, width = _averaged(fixes)
     at = at - delay.value
     margin = 0.5 * width if width > 0.0 else -EARLY
     average = _Average(*_extended(time, shape), width)
+    clock = _Average(*_extended(time, under_way), width)
     bounds = np.flatnonzero(np.diff(part)) + 1
     for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
         inside = slice(begin, end)
@@ -143,8 +166,13 @@ def follow(
         order = np.argsort(instants, kind="stable")
         instants, read = instants[order], read[order]
         here = np.where(np.isnan(read), np.interp(instants, t, shape[inside]), average(instants))
-        start = SURE if delay.sure else UNSURE
-        found, spread = smoothed(instants, here, read, delay.noise, delay.drift, start)
+        moving = np.where(
+            np.isnan(read), np.interp(instants, t, under_way[inside]), clock(instants)
+        )
+        start = STARTS[delay.start]
+        found, spread = smoothed(
+            np.maximum.accumulate(moving), here, read, delay.noise, delay.drift, start
+        )
         speed[inside] = shape[inside] + np.interp(t, instants, found - here)
         variance[inside] = np.interp(t, instants, spread)
     rate = np.gradient(np.nan_to_num(speed), time)

@@ -7,6 +7,8 @@ forces. Creep and slides have no effect. An axle that rolls freely turns as the 
 represents the train under braking and the slowest under traction; creep then counts as the train's motion.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,10 @@ STANDING = 0.05
 """Speed of all wheels [m/s] below which a train stands, ..."""
 NEARLY = 1.0
 """... if it was measured below this."""
+AT_REST = 0.2
+"""Measured speed [m/s] below which it surely does: above it, wheels that stand may be locked."""
+AFTER = 2.0
+"""Time [s] for which that stays unclear: a train that slid to below it comes to rest."""
 LOCKED = 0.25
 """Share of the forces on wheels that stand, from which on the forces do not tell how the train slows down."""
 FREE = 2e-3
@@ -132,6 +138,24 @@ def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
     told = rim[:, np.isfinite(rim).any(axis=0)]
     fastest = np.nan_to_num(told).max(axis=1, initial=0.0)
     return np.asarray((fastest < STANDING) & (speed < NEARLY))
+
+
+class Motion(NamedTuple):
+    """When a train moves, as far as its wheels and a measured speed that may be late say it, (instants,) each."""
+
+    under_way: Floats
+    """Time [s] for which it has moved until each instant."""
+    unclear: NDArray[np.bool_]
+    """Where it may stand, or move with all wheels locked."""
+
+
+def motion_of(time: Floats, speed: Floats, rim: Floats) -> Motion:
+    """When a train moves; `speed` (instants,) and `rim` (instants, axles) [m/s]."""
+    still, slow = standing(speed, rim), speed < AT_REST
+    under_way = np.concatenate([[0.0], np.cumsum(np.diff(time) * ~(still & slow)[1:])])
+    unclear = still & ~slow
+    since = time - np.maximum.accumulate(np.where(unclear, time, -np.inf))
+    return Motion(under_way, still & (since < AFTER))
 
 
 def filled(time: Floats, values: Floats) -> Floats:

@@ -11,7 +11,7 @@ from alloc.estimation.force_reading import ForceReading, read_forces
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
-from alloc.estimation.speed_shape import shape_of_free_wheels, shape_of_wheels
+from alloc.estimation.speed_shape import motion_of, shape_of_free_wheels, shape_of_wheels
 
 Floats = NDArray[np.float64]
 
@@ -79,8 +79,16 @@ def measured_speed(
         "free wheels": shape_of_free_wheels(time, rim, force, train),
         "wheels": shape_of_wheels(time, guess, rim),
     }
-    found = {n: find_delay(time, part, s, fixes) for n, s in shapes.items() if s is not None}
-    reading = read_forces(time, part, guess, rim, force, train, grade, fixes, at_contact)
+    moving, unclear = motion_of(time, guess, rim)
+    clear, clear_part = _clear(time, part, unclear, fixes)
+    found = {
+        n: find_delay(time, clear_part, s, clear, moving)
+        for n, s in shapes.items()
+        if s is not None
+    }
+    reading = read_forces(
+        time, clear_part, guess, rim, force, train, grade, clear, moving, at_contact
+    )
     if reading is not None:
         shapes["forces"], found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
@@ -105,7 +113,7 @@ def measured_speed(
         used = used._replace(deviation=unsure)
     shape = shapes[name]
     assert shape is not None
-    speed, deviation = follow(time, part, shape, fixes, used)
+    speed, deviation = follow(time, part, shape, fixes, used, moving)
     if as_measured:
         speed[~lacking], deviation[~lacking] = plain.value[~lacking], plain.deviation[~lacking]
     else:
@@ -114,3 +122,16 @@ def measured_speed(
     # where measurements are far apart nothing tells the speed; a delay that is not known is stated instead
     speed[deviation**2 - by_delay**2 > UNKNOWN**2] = np.nan
     return MeasuredSpeed(speed, deviation, delay, not as_measured, name, reading)
+
+
+def _clear(
+    time: Floats, part: NDArray[np.int64], unclear: NDArray[np.bool_], fixes: Samples
+) -> tuple[Samples, NDArray[np.int64]]:
+    """Measurements without those at which a train may stand or slide on locked wheels, and parts that begin anew after."""
+    own = np.clip(np.searchsorted(time, fixes.time, "right") - 1, 0, time.size - 1)
+    keep = ~unclear[own]
+    if keep.all() or keep.sum() < FEWEST:
+        return fixes, part
+    changes = np.diff(unclear, prepend=unclear[0])
+    clear = fixes._replace(time=fixes.time[keep], value=fixes.value[keep])
+    return clear, part + np.cumsum(changes)

@@ -100,13 +100,20 @@ def _whole_kmh(table: pd.DataFrame, g: Generator) -> Drawn:
 
 
 def _stuck_wheel(table: pd.DataFrame, g: Generator) -> Drawn:
-    axle, since, span = int(g.choice(spoil.axles_of(table))), g.uniform(0.2, 0.8), g.uniform(1.0, 5.0)
+    axle, since, span = (
+        int(g.choice(spoil.axles_of(table))),
+        g.uniform(0.2, 0.8),
+        g.uniform(1.0, 5.0),
+    )
     at = since * float(table["time_s"].iloc[-1])
     return spoil.stuck(table, axle, at, span), f"axle {axle} at {at:.1f} s for {span:.1f} s"
 
 
 def _one_radius(log: Logged, g: Generator) -> Spoiled:
-    axle, error = int(g.choice(spoil.axles_of(log.table))), float(g.uniform(0.005, 0.03) * g.choice([-1, 1]))
+    axle, error = (
+        int(g.choice(spoil.axles_of(log.table))),
+        float(g.uniform(0.005, 0.03) * g.choice([-1, 1])),
+    )
     return Spoiled(
         spoil.by_radius(log.table, {axle: 1.0 + error}), log.train, f"axle {axle} by {100.0 * error:+.1f} %"
     )  # fmt: skip
@@ -183,7 +190,9 @@ def _clock_set_back(table: pd.DataFrame, g: Generator) -> Drawn:
 def _zero_when_slow(table: pd.DataFrame, g: Generator) -> Drawn:
     below = g.uniform(1.0, 5.0)
     names = [name for name in spoil.speeds_of(table) if name != "speed_kmh"]
-    return table.assign(**{n: table[n].where(table[n] >= below, 0.0) for n in names}), f"below {below:.1f} km/h"
+    return table.assign(
+        **{n: table[n].where(table[n] >= below, 0.0) for n in names}
+    ), f"below {below:.1f} km/h"
 
 
 def _without_speed(table: pd.DataFrame, g: Generator) -> Drawn:
@@ -203,14 +212,20 @@ def _rare_rows(table: pd.DataFrame, g: Generator) -> Drawn:
     return table.iloc[::every].reset_index(drop=True), f"every {every}th row"
 
 
-def _wrong_unit(factor: float, names: Callable[[pd.DataFrame], list[str]], table: pd.DataFrame, g: Generator) -> Drawn:
-    return table.assign(**{name: table[name] * factor for name in names(table)}), f"{factor:.3g} times"
+def _wrong_unit(
+    factor: float, names: Callable[[pd.DataFrame], list[str]], table: pd.DataFrame, g: Generator
+) -> Drawn:
+    return table.assign(
+        **{name: table[name] * factor for name in names(table)}
+    ), f"{factor:.3g} times"
 
 
 def _load_not_told(log: Logged, g: Generator) -> Spoiled:
     share = g.uniform(0.05, 0.25)
     told = replace(
-        log.train, car_mass=log.train.car_mass * (1.0 - share), axle_load=log.train.axle_load * (1.0 - share)
+        log.train,
+        car_mass=log.train.car_mass * (1.0 - share),
+        axle_load=log.train.axle_load * (1.0 - share),
     )
     return Spoiled(log.table, told, f"{100.0 * share:.0f} % of the mass")
 

@@ -31,7 +31,7 @@ LOGS = 8
 """Spoiled logs of a run."""
 RULES = ("alone", "cooperative", "exact")
 CONTROLLERS = ("cut-and-ramp", "perturb-observe", "mpc")
-TRAINS = ("commuter-8car", "conventional-emu-8car")
+TRAINS = ("commuter-8car", "gb-unit-8car", "jp4209318-3car")
 """Sets that stop by air brakes and slide protection."""
 PERIOD = 0.01
 """Of the recorder of the clean log [s]."""

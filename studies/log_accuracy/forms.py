@@ -27,7 +27,12 @@ JAPANESE = {
     r"time_s": "時刻[s]", r"speed_kmh": "列車速度[km/h]", r"axle(\d+)_speed_kmh": r"第\1軸周速[km/h]",
     r"axle(\d+)_force_kn": r"第\1軸力[kN]",
 }  # fmt: skip
-SHORT = {r"time_s": "t", r"speed_kmh": "v_train", r"axle(\d+)_speed_kmh": r"v\1", r"axle(\d+)_force_kn": r"F\1"}
+SHORT = {
+    r"time_s": "t",
+    r"speed_kmh": "v_train",
+    r"axle(\d+)_speed_kmh": r"v\1",
+    r"axle(\d+)_force_kn": r"F\1",
+}
 IN_SI = {"kmh": ("ms", 1.0 / 3.6), "kn": ("n", 1e3)}
 """Unit of a column's name -> the unit and factor in its place."""
 
@@ -106,7 +111,9 @@ def _milliseconds(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _since_1970(table: pd.DataFrame) -> pd.DataFrame:
-    return table.assign(time_s=1_774_745_990.0 + table["time_s"]).rename(columns={"time_s": "epoch"})
+    return table.assign(time_s=1_774_745_990.0 + table["time_s"]).rename(
+        columns={"time_s": "epoch"}
+    )
 
 
 FORMS: dict[str, Write] = {

@@ -199,7 +199,7 @@ def cut_out_stuck(
         for inside in list(stuck(own, speed, time, at_rest=STILL)):
             if abs(own[inside.start]) > STILL or dead:
                 text = "stuck: the train's speed changes; cut out"
-            elif _free(time[inside], applied[inside], load) or _too_fast(
+            elif _free(time[inside], applied[inside], under_way[inside], load) or _too_fast(
                 time, own, applied, inside.start, rotating, load
             ):
                 text = "zero though no brake holds the wheel: a dead sensor; cut out"
@@ -211,9 +211,9 @@ def cut_out_stuck(
     return remarks
 
 
-def _free(time: Floats, applied: Floats, load: float) -> bool:
-    """Whether nothing brakes a wheel for long: the rail would turn it."""
-    free = np.abs(applied) < HELD * load
+def _free(time: Floats, applied: Floats, under_way: NDArray[np.bool_], load: float) -> bool:
+    """Whether nothing brakes a wheel for long while the train moves: the rail would turn it."""
+    free = (np.abs(applied) < HELD * load) & under_way
     return any(time[end - 1] - time[begin] > FREE_TIME for begin, end in spans(free).tolist())
 
 

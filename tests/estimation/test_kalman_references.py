@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.estimation.logged_computers import FilterTrace
-from alloc.estimation.random_slope import SURE, UNSURE, smoothed
+from alloc.estimation.random_slope import STARTS, smoothed
 from alloc.estimation.speed_smoother import smooth
 from alloc.onboard.controllers.cubature_filter import correct, prediction
 
@@ -22,7 +22,7 @@ def shape_and_drift(seed, count=60):
     return time, shape, value
 
 
-@pytest.mark.parametrize("start", [SURE, UNSURE], ids=["sure", "unsure"])
+@pytest.mark.parametrize("start", list(STARTS.values()), ids=list(STARTS))
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_shape_with_a_drift_is_smoothed_as_by_a_library(start, seed):
     time, shape, value = shape_and_drift(seed)

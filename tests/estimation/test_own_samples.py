@@ -7,7 +7,7 @@ import pytest
 
 from alloc.estimation.common_instants import BRIDGED, common_instants, resample
 from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of
-from alloc.estimation.random_slope import SURE, UNSURE, Work, likelihood, smoothed
+from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
 from alloc.estimation.rim_speeds import ALIASED, pulse_step, rim_speed
 from alloc.estimation.speed_fixes import find_delay, follow
 
@@ -95,9 +95,9 @@ def test_a_delay_is_found_by_a_shape_of_another_scale(late):
     at = np.arange(2.0, 29.0)
     fixes = Samples(at, np.interp(at - late, TIME, SPEED), "sampled", 1.0, 0.0)
     part = np.zeros(TIME.size, dtype=np.int64)
-    delay = find_delay(TIME, part, shape, fixes)
+    delay = find_delay(TIME, part, shape, fixes, TIME)
     assert delay.value == pytest.approx(late, abs=3.0 * delay.deviation)
-    found = follow(TIME, part, shape, fixes, delay)
+    found = follow(TIME, part, shape, fixes, delay, TIME)
     inside = slice(300, 2700)
     assert np.abs(found.speed - SPEED)[inside].max() < 0.02
 
@@ -123,5 +123,5 @@ def test_smoother_and_likelihood_agree_with_linear_regression():
         for n in (0.02, 0.1, 0.5)
     ]
     assert scores[1] == min(scores)
-    assert SURE[1] < UNSURE[1]
+    assert STARTS["level"][1] < STARTS["hill"][1]
     assert math.isfinite(scores[0])
