@@ -40,8 +40,8 @@ TOLERANCE = 0.02
 """Error of Q, as a share, up to which a log is right ..."""
 LITTLE = 0.5
 """... or that much [kJ] where Q is little."""
-SLIPS = 2
-"""Slips too many or too few up to which it is right."""
+SLIPS, SHARE_OF_SLIPS = 2, 2.0 / 24.0
+"""Slips too many or too few up to which it is right: two, or two of 24."""
 
 
 def drawn_run(seed: int, k: int) -> tuple[str, xr.Dataset, Train]:
@@ -111,7 +111,7 @@ def _figures(
     apart, many = abs(q - damage), len(found.events)
     right = apart <= max(TOLERANCE * damage, LITTLE)
     if slips == slips:
-        right &= abs(many - slips) <= SLIPS
+        right &= abs(many - slips) <= max(SLIPS, SHARE_OF_SLIPS * slips)
     covered = bool(apart <= 2.0 * stated)
     named = defect is not None and bool(kinds & defect.named_by)
     remarked = bool(kinds & {"delay", "radius", "balance", "sign", "stuck", "faulty"})

@@ -27,6 +27,8 @@ MOST_STAND_INS = 0.3
 """Share of the values of a channel that one may be, if it stands for none."""
 FAR = 2.0
 """Distance of such a value from all others, in their range and in their size."""
+STAND_INS = (9999.0, 99999.0, 999.0, 999.9, 9999.9, 32767.0, 32768.0, 65535.0)
+"""Sizes of values that recorders write for none; such a one counts even if it is there once, or alone differs."""
 MOVING = 1.0
 """Speed [m/s] above which a speed has a sign."""
 
@@ -73,7 +75,11 @@ def _in_place_of_none(values: Floats) -> list[float]:
         for end in (low, high):
             others = known[known != end]
             times = known.size - others.size
-            if not 2 <= times <= MOST_STAND_INS * known.size or np.unique(others[:FEWEST]).size < 2:
+            usual = abs(end) in STAND_INS
+            least = 1 if usual else 2
+            if not least <= times <= MOST_STAND_INS * known.size:
+                continue
+            if not usual and np.unique(others[:FEWEST]).size < 2:
                 continue
             apart = np.abs(others - end).min()
             if apart > FAR * np.ptp(others) and apart > FAR * np.abs(others).max():

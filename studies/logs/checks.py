@@ -31,6 +31,8 @@ FREE_TIME = 0.5
 """... for so long [s]."""
 AWAY, HARDEST = 0.3, 4.0
 """Jump of the train's speed [m/s], and braking or pulling [m/s2] beyond it, that no train reaches."""
+HARDEST_OF_WHEELS = 60.0
+"""Acceleration of a wheel's rim [m/s2] that no brake and no rail gives it."""
 MOST_AWAY = 0.2
 """Share of such measurements above which the speed itself is in doubt, and none is left out."""
 OFTEN = 0.1
@@ -39,10 +41,6 @@ CONSTANT_TIME = 10.0
 """Time [s] for which a measured force never is exactly constant."""
 DEAD_SHARE = 0.95
 """Share of the time under way for which a wheel's speed is exactly zero, if its sensor is dead and not the wheel locked."""
-RADIUS_ERROR = 0.005
-"""Deviation of a rolling wheel's speed from the train's that its radius explains and that spoils Q."""
-ROLLING = 0.01
-"""Force over load below which a wheel without a motor rolls; a driven one pulls as much on a climb."""
 OTHER_UNIT = 1.5
 """Factor between two speeds from which on their units differ: less than that between miles and kilometres."""
 
@@ -142,6 +140,26 @@ def without_stuck(
     return fixes if keep.all() else fixes._replace(time=fixes.time[keep], value=fixes.value[keep])
 
 
+def without_spikes(samples: Samples, name: str, remarks: list[Remark]) -> Samples:
+    """A wheel's speed without single values from which it would have to jump back, as no wheelset does."""
+    time, value = samples.time, samples.value
+    if time.size < FEWEST_ROWS:
+        return samples
+    before, own, after = value[:-2], value[1:-1], value[2:]
+    step = np.minimum(np.diff(time)[:-1], np.diff(time)[1:])
+    least = max(AWAY, 8.0 * samples.noise) + HARDEST_OF_WHEELS * step
+    beyond = np.maximum(before, after) + least < own
+    beyond |= np.minimum(before, after) - least > own
+    off = np.zeros(time.size, dtype=bool)
+    off[1:-1] = beyond
+    if not off.any() or off.mean() > MOST_AWAY:
+        return samples
+    k = int(np.flatnonzero(off)[0])
+    text = f"{int(off.sum())} values to which no wheel jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
+    remarks.append(Remark("faulty", name, text, None, float(time[k])))
+    return samples._replace(time=time[~off], value=value[~off])
+
+
 def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Samples:
     """Measurements of the train's speed without those to which it jumps, and from which it jumps back, as no train does."""
     time, value = fixes.time, fixes.value
@@ -238,54 +256,3 @@ def _median(rim: Floats) -> Floats:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # rows without any wheel
         return np.asarray(np.nanmedian(rim, axis=1))
-
-
-def check_radius(
-    name: str, rim: Floats, speed: Floats, share: Floats, deviation: Floats | None = None
-) -> list[Remark]:
-    """Whether a wheel that neither pulls nor brakes turns as fast as the train runs; `share`: force over load.
-
-    `deviation` [m/s] of the train's speed: where that may be the cause nothing is said.
-    """
-    fast = (speed > 5.0) & np.isfinite(rim)
-    rolling = (np.abs(share) < ROLLING) & fast
-    if rolling.sum() < FEWEST_ROWS:
-        return _against_force(name, rim, speed, share, fast & np.isfinite(share), deviation)
-    error = float(np.median(rim[rolling] / speed[rolling])) - 1.0
-    unsure = 0.0
-    if deviation is not None:
-        unsure = 2.0 * float(np.median(deviation[rolling] / speed[rolling]))
-    if abs(error) <= RADIUS_ERROR + unsure:
-        return []
-    text = (
-        f"turns {100.0 * abs(error):.1f} % {'faster' if error > 0.0 else 'slower'} than the train where it rolls "
-        "freely: wheel radius or scale of a speed; Q and slips contain that"
-    )
-    return [Remark("radius", name, text)]
-
-
-def _against_force(
-    name: str,
-    rim: Floats,
-    speed: Floats,
-    share: Floats,
-    used: NDArray[np.bool_],
-    deviation: Floats | None,
-) -> list[Remark]:
-    """Whether a wheel that always pulls or brakes creeps the other way: a braked one is never faster than the train."""
-    used = used & (np.abs(share) > ROLLING)
-    if used.sum() < FEWEST_ROWS:
-        return []
-    against = -np.sign(share[used]) * (rim[used] / speed[used] - 1.0)
-    error = float(np.quantile(against, 0.75))
-    unsure = 0.0
-    if deviation is not None:
-        unsure = 2.0 * float(np.median(deviation[used] / speed[used]))
-    if error <= RADIUS_ERROR + unsure:
-        return []
-    braked = float(np.median(share[used])) < 0.0
-    text = (
-        f"turns {100.0 * error:.1f} % {'faster' if braked else 'slower'} than the train although it "
-        f"{'is braked' if braked else 'pulls'}: wheel radius or scale of a speed; Q and slips contain that"
-    )
-    return [Remark("radius", name, text)]

@@ -31,6 +31,8 @@ DAYS = 2e-5
 """Step below which a time without a unit counts days: rows are further apart than a fiftieth of a millisecond."""
 LONGEST_BACK = 2.0
 """Time [s] by which a row may be out of order; beyond, a clock was set back."""
+MOST_SETTINGS = 3
+"""Times that a clock is set in a log; if it goes back more often, rows are out of order."""
 DAY, HOUR = 86400.0, 3600.0
 """[s] A clock that goes back by a day less an hour at most has no date and passed midnight."""
 FEWEST_STAMPS = 3
@@ -90,7 +92,12 @@ def read_clock(
         remarks.append(Remark("time", name, text))
         return Clock(seconds, rows, origin, remarks, known)
     back = np.flatnonzero(step < 0.0)
+    if 0 < back.size <= MOST_SETTINGS:
+        seconds, told = _set_back(seconds, back, name)
+        remarks += told
+        back = np.flatnonzero(np.diff(seconds) < 0.0)
     if back.size:
+        step = np.diff(seconds)
         worst = int(back[np.argmin(step[back])])
         if np.maximum.accumulate(seconds)[worst] - seconds[worst + 1] > LONGEST_BACK:
             raise faulty(
@@ -108,6 +115,28 @@ def read_clock(
         if text:
             remarks.append(Remark("time", name, text))
     return Clock(seconds, rows, origin, remarks)
+
+
+def _set_back(seconds: Floats, back: NDArray[np.int64], name: str) -> tuple[Floats, list[Remark]]:
+    """Seconds that go on where a clock was set back for good, and what was done.
+
+    A row that is out of order is followed by one that jumps forwards again. Beyond `LONGEST_BACK` nothing is done.
+    """
+    period = float(np.median(np.diff(seconds)))
+    remarks = []
+    for k in back.tolist():
+        by = float(seconds[k] - seconds[k + 1])
+        rows = min(int(2.0 * by / period) + 1, seconds.size - k - 2)
+        after = np.diff(seconds[k + 1 : k + 2 + rows])
+        if not period < by <= LONGEST_BACK or after.size < rows or rows < 1:
+            continue
+        if np.any(np.abs(after - period) > 0.5 * period):
+            continue
+        seconds = seconds.copy()
+        seconds[k + 1 :] += by + period
+        text = f"the clock was set back by {by:.3g} s: what follows goes on from the row before"
+        remarks.append(Remark("time", name, text, k + 2, float(seconds[k])))
+    return seconds, remarks
 
 
 def _seconds(raw: NDArray[Any], name: str, unit: str, source: str) -> tuple[Floats, str, str]:

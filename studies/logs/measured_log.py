@@ -19,12 +19,13 @@ from studies.logs.axle_series import applied_forces, at_instants, typical, wheel
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
-from studies.logs.momentum_check import check_balance, forwards_too
+from studies.logs.momentum_check import check_balance, each_forwards, forwards_too
 from studies.logs.period import conclude_period
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
 from studies.logs.remarks import Remark, faulty
 from studies.logs.told_channels import Sources, open_sources
+from studies.logs.wheel_radii import make_up_for_radii
 
 Floats = NDArray[np.float64]
 
@@ -142,16 +143,17 @@ def measured(
     backwards = any(remark.kind == "sign" for remark in remarks)
     force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
+    force, turned = each_forwards(instants.time, as_measured, rim, force, train)
+    remarks += turned
     speed, extra = _speed(
         sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
     )
     remarks += extra
     force, read = _as_read(instants, speed, rim, force, train, told)
     remarks += read
-    for number, name in names.items():
-        share = force[:, number - 1] / train.axle_load[number - 1]
-        own = rim[:, number - 1]
-        remarks += checks.check_radius(name, own, speed.speed, share, speed.deviation)
+    if fixes is not None:
+        of_train = sources.assigned["speed", 0].column
+        remarks += make_up_for_radii(names, instants, speed, rim, force, train, of_train)
     remarks += check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)

@@ -42,6 +42,10 @@ MISREAD = {
 """Momentum gained over impulse of the forces, by the units that are mixed up."""
 ALIKE = 0.05
 """Relative difference up to which such a value fits."""
+FEWEST_AXLES = 4
+"""Axles with a force of which one may have the wrong sign."""
+ALIKE_FORCES = 0.8
+"""Correlation, not less its mean, with the others' from which on a force is that of the others, or against them."""
 MOVING = 2.0
 """Speed [m/s] from which on a balance of momentum says something: at rest a brake holds what pulls."""
 
@@ -182,6 +186,28 @@ def forwards_too(
     return -force, [
         Remark("sign", "axleN_force", f"by the motion the forces count the other way round: {how}")
     ]
+
+
+def each_forwards(
+    time: Floats, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain
+) -> tuple[Floats, list[Remark]]:
+    """Forces of single axles turned round where they are against all others, and would drive the wheel's slip."""
+    share = np.nan_to_num(force) / train.axle_load
+    told = np.flatnonzero(np.isfinite(force).any(axis=0) & (np.abs(share).max(axis=0) > 0.0))
+    if told.size < FEWEST_AXLES:
+        return force, []
+    total, remarks = share[:, told].sum(axis=1), []
+    for i in told.tolist():
+        own, others = share[:, i], total - share[:, i]
+        alike = float(own @ others) / max(np.sqrt(float(own @ own) * float(others @ others)), 1e-12)
+        power = np.nan_to_num(force[:, i] * (rim[:, i] - speed))
+        if alike > -ALIKE_FORCES or np.trapezoid(power, time) >= 0.0:
+            continue
+        force = force.copy()
+        force[:, i] *= -1.0
+        text = "against the forces of all other axles, and it would drive what brakes the wheel: turned round"
+        remarks.append(Remark("sign", f"axle{i + 1}_force", text))
+    return force, remarks
 
 
 def fitting_units(ratio: float) -> str:

@@ -1,0 +1,91 @@
+"""What wheels that roll freely say of their radius and of their delay.
+
+A wheel that nothing pulls or brakes turns as the train runs, so its measured speed u is
+
+    u(t) / v(t) - 1 = e - d a(t) / v(t)
+
+with the train's speed v and acceleration a. The error e is that of the wheel's radius, or of a speed's scale, and d is the
+time by which the wheel is recorded later than the train. The fit is robust: a wheel that comes back from a slide rolls
+freely too, and does not yet turn as the train runs.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from alloc.estimation.finite_series import mean_rate
+from alloc.spans import spans
+
+Floats = NDArray[np.float64]
+
+FREE = 0.01
+"""Force over load below which a wheel rolls freely."""
+SLOWEST = 5.0
+"""Speed [m/s] from which on it tells its radius."""
+SPAN, LEAST = 0.5, 1.0
+"""Time [s] for which it must roll at a stretch, and in all."""
+RATE_TIME = 0.5
+"""Time [s] over which the train's acceleration is taken."""
+WIDTH = 0.002
+"""Error, as a share, from which on a value counts less in the fit."""
+NEAR, MOST_OFF = 0.005, 0.3
+"""Distance from the fit, as a share, up to which a value agrees with it, and share of the values that need not."""
+TOGETHER = 0.2
+"""Time [s] within which errors are those of one value."""
+VARIES = 0.02
+"""Change of a / v [1/s], root mean square, from which on a delay can be told from a radius."""
+
+
+class Rolling(NamedTuple):
+    """What a wheel that rolls freely says."""
+
+    error: float
+    """By which it is faster than the train, as a share."""
+    deviation: float
+    late: float
+    """Time [s] by which it is recorded later; 0 where that cannot be told."""
+    late_deviation: float
+
+
+def rolling_wheel(
+    time: Floats, speed: Floats, rim: Floats, share: Floats, deviation: Floats
+) -> Rolling | None:
+    """What an axle says by its `rim` speed [m/s] and the `share` of its force in its load, (instants,) each.
+
+    `speed` of the train [m/s] and its `deviation`. None where it does not roll long enough, or not as the train runs.
+    """
+    free = (np.abs(share) < FREE) & (speed > SLOWEST) & np.isfinite(rim)
+    for begin, end in spans(free).tolist():
+        if time[end - 1] - time[begin] < SPAN:
+            free[begin:end] = False
+    period = float(np.median(np.diff(time)))
+    lasts = float(free.sum()) * period
+    if lasts < LEAST:
+        return None
+    y = rim[free] / speed[free] - 1.0
+    x = -mean_rate(time, np.nan_to_num(speed), RATE_TIME)[free] / speed[free]
+    varies = float(np.std(x)) > VARIES
+    columns = np.stack([np.ones_like(x), x], axis=1) if varies else np.ones((x.size, 1))
+    start = np.zeros(columns.shape[1])
+    start[0] = np.median(y)
+    unsure = float(np.median(deviation[free] / speed[free]))
+    width = max(WIDTH, unsure)
+    found = least_squares(
+        lambda b: columns @ b - y, start, jac=lambda _: columns, loss="cauchy", f_scale=width
+    )
+    rest = y - columns @ found.x
+    near = np.abs(rest) < max(NEAR, 3.0 * width)
+    if near.mean() < 1.0 - MOST_OFF:
+        return None
+    count = max(lasts * float(near.mean()) / TOGETHER, 3.0)
+    inverse = np.linalg.inv(columns[near].T @ columns[near] / near.sum())
+    spread = math.hypot(float(np.sqrt(np.mean(rest[near] ** 2))) / math.sqrt(count), 0.0)
+    error = math.hypot(spread * math.sqrt(inverse[0, 0]), unsure / math.sqrt(count))
+    if not varies:
+        return Rolling(float(found.x[0]), error, 0.0, 0.0)
+    return Rolling(
+        float(found.x[0]), error, float(found.x[1]), spread * math.sqrt(float(inverse[1, 1]))
+    )

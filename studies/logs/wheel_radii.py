@@ -1,0 +1,102 @@
+"""Radii of a log's wheels by those that roll freely: what differs from the train file is made up for, and said."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.estimation.common_instants import Instants
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.rolling_wheels import FREE, SLOWEST, Rolling, rolling_wheel
+from alloc.estimation.train_speed import MeasuredSpeed
+from studies.logs.remarks import Remark
+from studies.logs.told_channels import FEWEST_ROWS
+
+Floats = NDArray[np.float64]
+
+LEAST, MOST = 0.002, 0.12
+"""Error of a radius, as a share, from which on it is made up for; more than a wheel wears in its life is another fault."""
+SURE = 5.0
+"""Number of deviations from which on it is not due to chance."""
+ALIKE = 0.001
+"""Difference of the errors of all wheels up to which the scale of the train's speed is wrong, and no radius."""
+LEAST_LATE = 0.03
+"""Delay of a wheel [s] that is remarked on."""
+AGAINST = 0.005
+"""Share by which a wheel that always pulls or brakes creeps the wrong way, if its radius is wrong."""
+
+
+def make_up_for_radii(
+    names: dict[int, str],
+    instants: Instants,
+    speed: MeasuredSpeed,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    of_train: str,
+) -> list[Remark]:
+    """Rim speeds, in place, as fast as the train where wheels roll freely; `of_train`: column of the train's speed.
+
+    If all wheels that roll freely have the same error, it is that of the train's speed, and wheels that never do share it.
+    """
+    found: dict[int, Rolling] = {}
+    remarks: list[Remark] = []
+    for number, name in names.items():
+        share = force[:, number - 1] / train.axle_load[number - 1]
+        own = rim[:, number - 1]
+        one = rolling_wheel(instants.time, speed.speed, own, share, speed.deviation)
+        if one is None:
+            remarks += _against_force(name, own, speed.speed, share, speed.deviation)
+            continue
+        if abs(one.late) > max(LEAST_LATE, SURE * one.late_deviation):
+            how = f"{abs(one.late):.2f} s {'later' if one.late > 0.0 else 'earlier'}"
+            text = f"recorded {how} than the train's speed, by where it rolls freely: not made up for"
+            remarks.append(Remark("delay", name, text))
+        found[number] = one
+    errors = np.array([one.error for one in found.values()])
+    if errors.size > 1 and np.ptp(errors) < ALIKE and _is_wrong(*_least_sure(found)):
+        middle = float(np.median(errors))
+        how = f"{100.0 * abs(middle):.1f} % {'faster' if middle > 0.0 else 'slower'}"
+        text = f"all wheels turn {how} than the train where they roll freely: its scale, or all radii; made up for"
+        for number in names:
+            rim[:, number - 1] /= 1.0 + middle
+        return [r for r in remarks if r.kind != "radius"] + [Remark("radius", of_train, text)]
+    for number, one in found.items():
+        if _is_wrong(one.error, one.deviation):
+            rim[:, number - 1] /= 1.0 + one.error
+            how = f"{100.0 * abs(one.error):.1f} % {'faster' if one.error > 0.0 else 'slower'}"
+            text = f"turns {how} than the train where it rolls freely: its radius, made up for"
+            remarks.append(Remark("radius", names[number], text))
+    return remarks
+
+
+def _least_sure(found: dict[int, Rolling]) -> tuple[float, float]:
+    """The middle error, and the greatest deviation."""
+    errors = [one.error for one in found.values()]
+    return float(np.median(errors)), max(one.deviation for one in found.values())
+
+
+def _is_wrong(error: float, deviation: float) -> bool:
+    return max(LEAST, SURE * deviation) < abs(error) < MOST
+
+
+def _against_force(
+    name: str,
+    rim: Floats,
+    speed: Floats,
+    share: Floats,
+    deviation: Floats,
+) -> list[Remark]:
+    """Whether a wheel that always pulls or brakes creeps the other way: a braked one is never faster than the train."""
+    used = (speed > SLOWEST) & np.isfinite(rim) & (np.abs(share) > FREE)
+    if used.sum() < FEWEST_ROWS:
+        return []
+    against = -np.sign(share[used]) * (rim[used] / speed[used] - 1.0)
+    error = float(np.quantile(against, 0.75))
+    unsure = 2.0 * float(np.median(deviation[used] / speed[used]))
+    if error <= AGAINST + unsure:
+        return []
+    braked = float(np.median(share[used])) < 0.0
+    text = (
+        f"turns {100.0 * error:.1f} % {'faster' if braked else 'slower'} than the train although it "
+        f"{'is braked' if braked else 'pulls'}: wheel radius or scale of a speed; Q and slips contain that"
+    )
+    return [Remark("radius", name, text)]
