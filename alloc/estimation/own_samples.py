@@ -78,6 +78,13 @@ def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
     return Samples(t, v, kind, period, noise_of(v))
 
 
+def smoothed_steps(time: Floats, crossings: Samples) -> Samples:
+    """A rounded channel at all rows: straight lines between the instants at which its value changes."""
+    value = np.interp(time, crossings.time, crossings.value)
+    period = float(np.median(np.diff(time)))
+    return Samples(time, value, "sampled", period, crossings.noise)
+
+
 def noise_of(values: Floats) -> float:
     """Standard deviation of the white noise in a series, by its second differences, and of its rounding."""
     if values.size < FEWEST:

@@ -35,6 +35,8 @@ NEAR, MOST_OFF = 0.005, 0.3
 """Distance from the fit, as a share, up to which a value agrees with it, and share of the values that need not."""
 TOGETHER = 0.2
 """Time [s] within which errors are those of one value."""
+LASTING = 3.0
+"""Ratio of the stated deviation of speeds over what all values may have in common of it, as by rounding."""
 VARIES = 0.02
 """Change of a / v [1/s], root mean square, from which on a delay can be told from a radius."""
 
@@ -55,7 +57,7 @@ def rolling_wheel(
 ) -> Rolling | None:
     """What an axle says by its `rim` speed [m/s] and the `share` of its force in its load, (instants,) each.
 
-    `speed` of the train [m/s] and its `deviation`. None where it does not roll long enough, or not as the train runs.
+    `speed` of the train [m/s], and the `deviation` of both. None where it does not roll long enough, or not as the train runs.
     """
     free = (np.abs(share) < FREE) & (speed > SLOWEST) & np.isfinite(rim)
     for begin, end in spans(free).tolist():
@@ -82,8 +84,8 @@ def rolling_wheel(
         return None
     count = max(lasts * float(near.mean()) / TOGETHER, 3.0)
     inverse = np.linalg.inv(columns[near].T @ columns[near] / near.sum())
-    spread = math.hypot(float(np.sqrt(np.mean(rest[near] ** 2))) / math.sqrt(count), 0.0)
-    error = math.hypot(spread * math.sqrt(inverse[0, 0]), unsure / math.sqrt(count))
+    spread = float(np.sqrt(np.mean(rest[near] ** 2) / count))
+    error = math.hypot(spread * math.sqrt(inverse[0, 0]), unsure / LASTING)
     if not varies:
         return Rolling(float(found.x[0]), error, 0.0, 0.0)
     return Rolling(

@@ -134,9 +134,9 @@ def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
 
 
 def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
-    """Where a train stands, (instants,): it was slow, and no wheel turns."""
-    told = rim[:, np.isfinite(rim).any(axis=0)]
-    fastest = np.nan_to_num(told).max(axis=1, initial=0.0)
+    """Where a train stands, (instants,): it was slow, and no wheel turns; one at least must say so."""
+    fastest = np.max(np.nan_to_num(rim, nan=-1.0), axis=1, initial=-1.0)
+    fastest[fastest < 0.0] = np.inf
     return np.asarray((fastest < STANDING) & (speed < NEARLY))
 
 

@@ -1,6 +1,7 @@
 """Statements of the sweep `log-accuracy`."""
 
 import pandas as pd
+
 from studies.core.statement import Statement
 
 

@@ -33,7 +33,9 @@ def wheel_speeds(sources: Sources, fixes: Samples | None) -> dict[int, RimSpeed]
         if one.quantity == "axleN_pulses":
             found = _pulses(sources, number)
         else:
-            found = rim_speed(checks.without_spikes(sources.speed(place, like), one.column, sources.remarks))
+            found = rim_speed(
+                checks.without_spikes(sources.speed(place, like), one.column, sources.remarks)
+            )
         if found.time.size > 1:
             wheels[number] = found
         if found.step > 0.0:

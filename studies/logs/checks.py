@@ -152,6 +152,10 @@ def without_spikes(samples: Samples, name: str, remarks: list[Remark]) -> Sample
     beyond |= np.minimum(before, after) - least > own
     off = np.zeros(time.size, dtype=bool)
     off[1:-1] = beyond
+    # the first and the last one have one neighbour, and must be as far from the next as well
+    for end, near, next_ in ((0, 1, 2), (-1, -2, -3)):
+        away = value[end] - value[[near, next_]]
+        off[end] = bool(np.all(away > least[end]) or np.all(away < -least[end]))
     if not off.any() or off.mean() > MOST_AWAY:
         return samples
     k = int(np.flatnonzero(off)[0])
@@ -196,18 +200,17 @@ def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Sample
 def cut_out_stuck(
     names: dict[int, str],
     time: Floats,
-    speed: Floats | None,
+    speed: Floats,
     rim: Floats,
     force: Floats,
     train: MeasuredTrain,
 ) -> list[Remark]:
     """Cut out, in place, speeds of wheels that do not move while the train does; one at rest may be locked and is kept.
 
-    Without the train's speed the wheels' median replaces it. A wheel at rest that nothing brakes, or that stopped faster
+    `speed` of the train [m/s], or the wheels' median. A wheel at rest that nothing brakes, or that stopped faster
     than its inertia and the rail allow, has a dead sensor.
     """
     remarks = []
-    speed = _median(rim) if speed is None else speed
     under_way = speed > STUCK_CHANGE
     for number, name in names.items():
         own, applied = rim[:, number - 1], force[:, number - 1]
@@ -217,8 +220,10 @@ def cut_out_stuck(
         for inside in list(stuck(own, speed, time, at_rest=STILL)):
             if abs(own[inside.start]) > STILL or dead:
                 text = "stuck: the train's speed changes; cut out"
-            elif _free(time[inside], applied[inside], under_way[inside], load) or _too_fast(
-                time, own, applied, inside.start, rotating, load
+            elif (
+                _free(time[inside], applied[inside], under_way[inside], load)
+                or _pulled(applied[inside], under_way[inside], load)
+                or _too_fast(time, own, applied, inside.start, rotating, load)
             ):
                 text = "zero though no brake holds the wheel: a dead sensor; cut out"
             else:
@@ -233,6 +238,11 @@ def _free(time: Floats, applied: Floats, under_way: NDArray[np.bool_], load: flo
     """Whether nothing brakes a wheel for long while the train moves: the rail would turn it."""
     free = (np.abs(applied) < HELD * load) & under_way
     return any(time[end - 1] - time[begin] > FREE_TIME for begin, end in spans(free).tolist())
+
+
+def _pulled(applied: Floats, under_way: NDArray[np.bool_], load: float) -> bool:
+    """Whether a wheel at rest is pulled forwards most of the time while the train moves: nothing holds it."""
+    return bool(under_way.any() and np.mean(applied[under_way] > HELD * load) > 0.5)
 
 
 def _too_fast(

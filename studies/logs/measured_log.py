@@ -19,7 +19,7 @@ from studies.logs.axle_series import applied_forces, at_instants, typical, wheel
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping
-from studies.logs.momentum_check import check_balance, each_forwards, forwards_too
+from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.period import conclude_period
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
@@ -125,13 +125,15 @@ def measured(
         for number, name in names.items():
             own = rim[:, number - 1]
             checks.check_ratio(name, own, of_train, guess, recording.source)
-        remarks += checks.cut_out_stuck(names, instants.time, guess, rim, force, train)
-    else:
-        remarks += checks.cut_out_stuck(names, instants.time, None, rim, force, train)
+    as_measured = _median(rim) if fixes is None else guess
+    backwards = any(remark.kind == "sign" for remark in remarks)
+    force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
+    remarks += turned
+    remarks += checks.cut_out_stuck(names, instants.time, as_measured, rim, force, train)
     position = _other(sources, ("position", 0), instants)
     grade = _other(sources, ("gradient", 0), instants)
     if grade is None and line is not None:
-        grade = line.along(position, instants, guess if fixes is not None else _median(rim))
+        grade = line.along(position, instants, as_measured)
     # an error that lasts for a span counts as white noise that is as much larger
     lasts = np.sqrt(np.maximum(spans / np.median(np.diff(instants.time)), 1.0))
     smoothed = (rim_deviation * lasts)[spans > 0.0]
@@ -139,12 +141,6 @@ def measured(
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    as_measured = _median(rim) if fixes is None else guess
-    backwards = any(remark.kind == "sign" for remark in remarks)
-    force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
-    remarks += turned
-    force, turned = each_forwards(instants.time, as_measured, rim, force, train)
-    remarks += turned
     speed, extra = _speed(
         sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
     )
@@ -153,7 +149,9 @@ def measured(
     remarks += read
     if fixes is not None:
         of_train = sources.assigned["speed", 0].column
-        remarks += make_up_for_radii(names, instants, speed, rim, force, train, of_train)
+        remarks += make_up_for_radii(
+            names, instants, speed, rim, force, train, of_train, rim_deviation
+        )
     remarks += check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)

@@ -46,6 +46,8 @@ FEWEST_AXLES = 4
 """Axles with a force of which one may have the wrong sign."""
 ALIKE_FORCES = 0.8
 """Correlation, not less its mean, with the others' from which on a force is that of the others, or against them."""
+LITTLE_WORK, NEARLY_ALL = 0.01, 0.9
+"""Share of an axle in all work of friction from which on it counts, and share of such axles that must agree."""
 MOVING = 2.0
 """Speed [m/s] from which on a balance of momentum says something: at rest a brake holds what pulls."""
 
@@ -166,14 +168,30 @@ def forwards_too(
     train: MeasuredTrain,
     turned: bool,
 ) -> tuple[Floats, list[Remark]]:
-    """Forces turned round where only that makes them agree with the motion; `turned`: whether the speeds were too."""
+    """Forces turned round where only that makes them agree with the motion, all of them or single axles'.
+
+    `turned`: whether the speeds were too.
+    """
+    force, remarks = _all_forwards(instants, speed, rim, force, train, turned)
+    force, more = _each_forwards(instants.time, speed, rim, force, train)
+    return force, remarks + more
+
+
+def _all_forwards(
+    instants: Instants,
+    speed: Floats,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    turned: bool,
+) -> tuple[Floats, list[Remark]]:
     scale = scale_of_forces(instants, speed, rim, force, train)
     sure = (
         scale is not None
         and -BALANCE[1] < scale.value < -BALANCE[0]
         and scale.deviation * SURE < abs(scale.value)
     )
-    if turned and not sure:
+    if not sure and (turned or _drives_slip(instants.time, speed, rim, force)):
         balance = momentum_balance(instants, speed, rim, force, train, None)
         sure = balance is not None and -BALANCE[1] < balance.ratio < -BALANCE[0]
     if not sure:
@@ -188,7 +206,15 @@ def forwards_too(
     ]
 
 
-def each_forwards(
+def _drives_slip(time: Floats, speed: Floats, rim: Floats, force: Floats) -> bool:
+    """Whether the forces would drive the slip of nearly all wheels: friction brakes it."""
+    power = np.nan_to_num(force * (rim - speed[:, None]))
+    work = np.trapezoid(power, time, axis=0)
+    told = np.abs(work) > LITTLE_WORK * np.abs(work).sum()
+    return bool(told.any() and np.mean(work[told] < 0.0) > NEARLY_ALL)
+
+
+def _each_forwards(
     time: Floats, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> tuple[Floats, list[Remark]]:
     """Forces of single axles turned round where they are against all others, and would drive the wheel's slip."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import longest
 from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.own_samples import Samples, own_samples
+from alloc.estimation.own_samples import Samples, own_samples, smoothed_steps
 from alloc.spans import spans
 from studies.logs.assignment import Assigned, by_name, check_assignment
 from studies.logs.channel_values import carried, forwards, numbers, scale_of
@@ -129,7 +129,9 @@ class Sources:
         values = self.scaled(place, values, like)
         values, found = forwards(name, values, self.source)
         self.remarks += found
-        samples = own_samples(time, values, rounded=place[0] == "speed")
+        samples = own_samples(time, values, rounded=True)
+        if place[0] == "wheel" and samples.kind == "quantised":
+            samples = smoothed_steps(time, samples)
         self.note_missing(name, time, values, samples)
         return samples
 

@@ -32,6 +32,7 @@ def make_up_for_radii(
     force: Floats,
     train: MeasuredTrain,
     of_train: str,
+    rim_deviation: Floats,
 ) -> list[Remark]:
     """Rim speeds, in place, as fast as the train where wheels roll freely; `of_train`: column of the train's speed.
 
@@ -42,13 +43,16 @@ def make_up_for_radii(
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
-        one = rolling_wheel(instants.time, speed.speed, own, share, speed.deviation)
+        unsure = np.hypot(speed.deviation, rim_deviation[number - 1])
+        one = rolling_wheel(instants.time, speed.speed, own, share, unsure)
         if one is None:
             remarks += _against_force(name, own, speed.speed, share, speed.deviation)
             continue
         if abs(one.late) > max(LEAST_LATE, SURE * one.late_deviation):
             how = f"{abs(one.late):.2f} s {'later' if one.late > 0.0 else 'earlier'}"
-            text = f"recorded {how} than the train's speed, by where it rolls freely: not made up for"
+            text = (
+                f"recorded {how} than the train's speed, by where it rolls freely: not made up for"
+            )
             remarks.append(Remark("delay", name, text))
         found[number] = one
     errors = np.array([one.error for one in found.values()])

@@ -12,13 +12,13 @@ from alloc.estimation.slip_events import SMALL
 from alloc.plant.sets import find_set
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
+from studies.log_accuracy import defects as spoil
 from studies.logs.export import log_table, rounded
 from studies.logs.mapping import Mapping
 from studies.logs.measured_log import MeasuredLog, check_log
 from studies.logs.open_questions import delay_remarks
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
-from studies.log_accuracy import defects as spoil
 
 SHARE, SLIPS = 0.02, 2
 
