@@ -57,7 +57,8 @@ def rolling_wheel(
 ) -> Rolling | None:
     """What an axle says by its `rim` speed [m/s] and the `share` of its force in its load, (instants,) each.
 
-    `speed` of the train [m/s], and the `deviation` of both. None where it does not roll long enough, or not as the train runs.
+    `speed` of the train [m/s], and the `deviation` of both. None where it does not roll long enough, or not as the train
+    runs.
     """
     free = (np.abs(share) < FREE) & (speed > SLOWEST) & np.isfinite(rim)
     for begin, end in spans(free).tolist():

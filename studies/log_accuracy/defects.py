@@ -33,17 +33,20 @@ def fixes_of(table: pd.DataFrame, late: float, period: float) -> tuple[np.ndarra
 
 
 def speed_held(table: pd.DataFrame, late: float = 0.5, period: float = 1.0) -> pd.DataFrame:
+    """A train's speed that is rare, late and held in between."""
     at, value = fixes_of(table, late, period)
     last = np.searchsorted(at, table["time_s"].to_numpy() + 1e-9, "right") - 1
     return table.assign(speed_kmh=value[last])
 
 
 def speed_interpolated(table: pd.DataFrame, late: float = 0.5, period: float = 1.0) -> pd.DataFrame:
+    """The same on straight lines in between."""
     at, value = fixes_of(table, late, period)
     return table.assign(speed_kmh=np.interp(table["time_s"], at, value))
 
 
 def speed_with_gaps(table: pd.DataFrame, late: float = 0.5, period: float = 1.0) -> pd.DataFrame:
+    """The same with nothing in between."""
     held = speed_held(table, late, period)["speed_kmh"]
     time = table["time_s"].to_numpy()
     tick = np.floor((time - time[0] + 1e-9) / period)
@@ -105,6 +108,7 @@ def values_missing(table: pd.DataFrame, axle: int = 2, each: int = 7) -> pd.Data
 
 
 def noisy(table: pd.DataFrame, kmh: float = 0.04, seed: int = 0) -> pd.DataFrame:
+    """All speeds with white noise of this standard deviation [km/h]."""
     rng = np.random.default_rng(seed)
     names = speeds_of(table)
     return table.assign(**{n: table[n] + rng.normal(0.0, kmh, len(table)) for n in names})
@@ -157,10 +161,12 @@ def reversed_signs(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def repeated_row(table: pd.DataFrame, row: int = 100) -> pd.DataFrame:
+    """One row twice."""
     return pd.concat([table.iloc[: row + 1], table.iloc[row:]]).reset_index(drop=True)
 
 
 def without_speed(table: pd.DataFrame) -> pd.DataFrame:
+    """Without the train's speed."""
     return table.drop(columns="speed_kmh")
 
 

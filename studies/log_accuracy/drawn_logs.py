@@ -98,7 +98,7 @@ def _judged(
     return {"drawn": drawn, "refused": False} | _figures(log, found, defect, damage, slips)
 
 
-_NUMBERS = ("damage", "stated", "slips", "right", "covered", "named", "remarked", "silent")
+_NUMBERS = ("damage", "error", "stated", "slips", "right", "covered", "named", "remarked", "silent")
 
 
 def _figures(
@@ -117,6 +117,7 @@ def _figures(
     remarked = bool(kinds & {"delay", "radius", "balance", "sign", "stuck", "faulty"})
     return {
         "damage": q,
+        "error": apart / max(damage, LITTLE),
         "stated": stated,
         "slips": float(many),
         "right": float(right),

@@ -16,7 +16,8 @@ Write = Callable[[pd.DataFrame, np.ndarray, Path], Path]
 Returns the file's path."""
 
 GERMAN = {
-    r"time_s": "Zeit [s]", r"speed_kmh": "Zuggeschwindigkeit [km/h]", r"axle(\d+)_speed_kmh": r"Radsatz \1 Geschwindigkeit [km/h]",
+    r"time_s": "Zeit [s]", r"speed_kmh": "Zuggeschwindigkeit [km/h]",
+    r"axle(\d+)_speed_kmh": r"Radsatz \1 Geschwindigkeit [km/h]",
     r"axle(\d+)_force_kn": r"Radsatz \1 Zugkraft [kN]",
 }  # fmt: skip
 FRENCH = {

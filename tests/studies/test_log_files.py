@@ -118,9 +118,10 @@ def test_a_mapping_says_what_is_used_and_how(tmp_path):
     np.testing.assert_allclose(
         log.run.applied_force[:, 0], -plain.run.applied_force[:, 0], rtol=1e-9
     )
-    np.testing.assert_allclose(
-        log.run.rim_speed[:, 1], plain.run.rim_speed[:, 1] * 420 / 430, rtol=1e-9
-    )
+    # a radius that is told is used, and where the wheel rolls freely it shows that 420 mm is not its own
+    (wrong,) = (remark.text for remark in log.remarks if remark.kind == "radius")
+    assert "turns 2.3 % slower than the train where it rolls freely" in wrong
+    np.testing.assert_allclose(log.run.rim_speed[:, 1], plain.run.rim_speed[:, 1], rtol=1e-6)
     assert not [remark for remark in log.remarks if remark.kind == "guess"]
     left = [remark.text for remark in log.remarks if "mapping file does not name" in remark.text]
     assert any("'n_Achse3' to 'n_Achse4': axle 3 to 4 speed in 1/min" in text for text in left)
