@@ -135,9 +135,8 @@ def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
 
 def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
     """Where a train stands, (instants,): it was slow, and no wheel turns; one at least must say so."""
-    fastest = np.max(np.nan_to_num(rim, nan=-1.0), axis=1, initial=-1.0)
-    fastest[fastest < 0.0] = np.inf
-    return np.asarray((fastest < STANDING) & (speed < NEARLY))
+    fastest = np.max(np.where(np.isnan(rim), -np.inf, rim), axis=1, initial=-np.inf)
+    return np.asarray((np.abs(fastest) < STANDING) & (speed < NEARLY))
 
 
 class Motion(NamedTuple):
