@@ -1,6 +1,7 @@
 """A log of a real train: read, brought to common instants and SI units, and checked; defects are reported."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.gradients import GradientLine
+from studies.logs.late_recorders import bring_together
 from studies.logs.mapping import Mapping
 from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.period import conclude_period
@@ -141,10 +143,15 @@ def measured(
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
+    together, unsure = bring_together(instants, rim, force, train, grade, fixes, float(np.nanmax(rim_deviation)))
+    remarks += together
     speed, extra = _speed(
         sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
     )
     remarks += extra
+    if unsure and speed.delay is not None:
+        wider = math.hypot(speed.delay.deviation, unsure)
+        speed = replace(speed, delay=speed.delay._replace(deviation=wider))
     force, read = _as_read(instants, speed, rim, force, train, told)
     remarks += read
     if fixes is not None:
