@@ -123,7 +123,7 @@ def read_forces(
         other = shape_of_forces(*arguments, at_contact=True)
         assert other is not None
         delay = find_delay(time, part, other, fixes, under_way)
-        if _explains_more(delay, found.delay):
+        if explains_more(delay, found.delay):
             found = ForceReading(0.0, True, other, delay)
     if not _poor(found.delay, fixes):
         return found
@@ -141,7 +141,7 @@ def read_forces(
     best = ForceReading(late, contact, moved, delay)
     # what happens between two rows looks like a delay too
     least = max(LEAST, float(np.median(np.diff(time))))
-    if abs(best.late) < least or not _explains_more(best.delay, found.delay):
+    if abs(best.late) < least or not explains_more(best.delay, found.delay):
         return found
     if _unlike(found.delay, fixes):
         return best
@@ -182,7 +182,7 @@ def _unlike(delay: Delay, fixes: Samples) -> bool:
     return delay.drift >= UNLIKE or not delay.sure or noisy
 
 
-def _explains_more(one: Delay, other: Delay) -> bool:
+def explains_more(one: Delay, other: Delay) -> bool:
     """Whether a reading leaves much less unexplained than another: noise, drift, and what is unknown from the start on."""
     less = LESS * one.noise < other.noise or LESS * one.drift < other.drift or one.sure > other.sure
     return one.misfit < other.misfit - BETTER and one.sure >= other.sure and less

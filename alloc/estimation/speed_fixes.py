@@ -116,7 +116,7 @@ def find_delay(
             )
         )
 
-    trials = list(product(NOISES, DRIFTS, STARTS))
+    trials = list(product(NOISES, DRIFTS, STARTS.keys()))
     start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
     scores = np.array([misfit(d, *start) for d in DELAYS])
     delay = float(DELAYS[scores.argmin()])
@@ -135,7 +135,8 @@ def find_delay(
     bend = (misfit(delay + step, *start) + misfit(delay - step, *start) - 2.0 * best) / step**2
     narrow = math.sqrt(2.0 / bend) if bend > 0.0 else wide
     deviation = math.hypot(max(narrow, wide if wide > 0.03 else 0.0), SYSTEMATIC)
-    return Delay(delay, deviation, *start, best / max(at.size, 1))
+    noise, drift, known = start
+    return Delay(delay, deviation, noise, drift, known, best / max(at.size, 1))
 
 
 def follow(

@@ -9,19 +9,24 @@ import pandas as pd
 PULSES_PER_TURN = 80
 
 
+def names_of(table: pd.DataFrame, part: str = "") -> list[str]:
+    """Columns with this in their name, all without."""
+    return [name for name in map(str, table) if part in name]
+
+
 def speeds_of(table: pd.DataFrame) -> list[str]:
     """Columns of all speeds."""
-    return [name for name in table if "speed" in name]
+    return names_of(table, "speed")
 
 
 def forces_of(table: pd.DataFrame) -> list[str]:
     """Columns of the axles' forces."""
-    return [name for name in table if name.startswith("axle") and "force" in name]
+    return [name for name in names_of(table, "force") if name.startswith("axle")]
 
 
 def axles_of(table: pd.DataFrame) -> list[int]:
     """Numbers of the axles that have a speed."""
-    names = [name for name in table if name.startswith("axle") and "speed" in name]
+    names = [name for name in names_of(table, "speed") if name.startswith("axle")]
     return [int(name.removeprefix("axle").partition("_")[0]) for name in names]
 
 
@@ -64,7 +69,7 @@ def forces_at(table: pd.DataFrame, period: float = 0.05, held: bool = False) -> 
     time = table["time_s"].to_numpy()
     tick = np.floor((time - time[0] + 1e-9) / period)
     told = np.diff(tick, prepend=-1.0) > 0.0
-    changed = {name: table[name].where(told) for name in table if "force" in name}
+    changed = {name: table[name].where(told) for name in names_of(table, "force")}
     if held:
         changed = {name: values.ffill() for name, values in changed.items()}
     return table.assign(**changed)
@@ -72,7 +77,7 @@ def forces_at(table: pd.DataFrame, period: float = 0.05, held: bool = False) -> 
 
 def interleaved(table: pd.DataFrame) -> pd.DataFrame:
     """Two recorders, whose rows follow each other: speeds in one, forces 3 ms later in the other."""
-    forces = [name for name in table if "force" in name]
+    forces = names_of(table, "force")
     time = table["time_s"].to_numpy()
     later = table[["time_s", *forces]].copy()
     for name in forces:
@@ -157,7 +162,7 @@ def single_epoch(table: pd.DataFrame) -> pd.DataFrame:
 
 def reversed_signs(table: pd.DataFrame) -> pd.DataFrame:
     """A train whose recorder counts speeds backwards."""
-    return table.assign(**{name: -table[name] for name in table if "speed" in name})
+    return table.assign(**{name: -table[name] for name in speeds_of(table)})
 
 
 def repeated_row(table: pd.DataFrame, row: int = 100) -> pd.DataFrame:

@@ -67,16 +67,17 @@ def rows_of(seed: int, k: int, logs: int = LOGS) -> list[Row]:
     clean = Logged(rounded(log_table(run, train, every)), MeasuredTrain.of(train), run)
     damage = METRICS.find("damage").function(run)
     own = {"run": name, "number": k, "damage_simulated": damage}
-    rows, slips = [], np.nan
+    rows: list[Row] = []
+    slips = np.nan
     for i in range(logs + 1):
         turn = (k * logs + i - 1) % len(DEFECTS)
         defect = CLEAN if i == 0 else list(DEFECTS)[turn]
         g = np.random.default_rng([seed, k, i, STREAM])
         form = str(g.choice(list(FORMS))) if i > 0 and g.random() < 0.5 else PLAIN
         row = own | {"log": i, "defect": defect, "form": form}
-        row |= _judged(clean, DEFECTS.get(defect), form, g, damage, slips)
-        slips = row["slips"] if i == 0 else slips
-        rows.append(row)
+        found = _judged(clean, DEFECTS.get(defect), form, g, damage, slips)
+        slips = float(found["slips"]) if i == 0 else slips
+        rows.append(row | found)
     return rows
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.log_accuracy.defects import by_rpm, reversed_signs, stamped
+from studies.log_accuracy.defects import by_rpm, names_of, reversed_signs, stamped
 
 Write = Callable[[pd.DataFrame, np.ndarray, Path], Path]
 """Writes a table with the columns of `studies.logs.columns` to a path without an ending; the wheels' radii [m] are second.
@@ -41,7 +41,7 @@ IN_SI = {"kmh": ("ms", 1.0 / 3.6), "kn": ("n", 1e3)}
 def named(table: pd.DataFrame, words: Mapping[str, str]) -> pd.DataFrame:
     """The table with other names; columns that no pattern fits keep theirs."""
     names = {}
-    for name in table:
+    for name in names_of(table):
         for pattern, text in words.items():
             if re.fullmatch(pattern, name):
                 names[name] = re.sub(pattern, text, name)
@@ -51,7 +51,7 @@ def named(table: pd.DataFrame, words: Mapping[str, str]) -> pd.DataFrame:
 def in_si(table: pd.DataFrame) -> pd.DataFrame:
     """Speeds in m/s and forces in N, and the names say it."""
     changed = {}
-    for name in table:
+    for name in names_of(table):
         stem, _, unit = name.rpartition("_")
         other, factor = IN_SI.get(unit, (unit, 1.0))
         changed[f"{stem}_{other}" if stem else name] = table[name] * factor
@@ -85,8 +85,8 @@ def _parquet(table: pd.DataFrame, radius: np.ndarray, path: Path) -> Path:
 def _row_of_units(table: pd.DataFrame, radius: np.ndarray, path: Path) -> Path:
     """Names in one row, units in the next, and lines about the recorder above."""
     spelt = {"s": "s", "kmh": "km/h", "kn": "kN", "ms2": "m/s²"}
-    units = [spelt[name.rpartition("_")[2]] for name in table]
-    names = [name.rpartition("_")[0] for name in table]
+    units = [spelt[name.rpartition("_")[2]] for name in names_of(table)]
+    names = [name.rpartition("_")[0] for name in names_of(table)]
     file = path.with_suffix(".txt")
     with file.open("w", encoding="utf-8") as out:
         out.write("Recorder 7, firmware 2.1\nTrain: set 12\n")
@@ -99,7 +99,7 @@ def _words_for_nothing(table: pd.DataFrame) -> pd.DataFrame:
     """A value in 200 is a word or a number that stands for no value."""
     rng = np.random.default_rng(len(table))
     changed = table.astype(object)
-    for name in table:
+    for name in names_of(table):
         if name != "time_s":
             changed.loc[rng.random(len(table)) < 0.005, name] = rng.choice(["---", "n/a", "-9999"])
     return changed
@@ -109,6 +109,11 @@ def _milliseconds(table: pd.DataFrame) -> pd.DataFrame:
     rest = table.drop(columns="time_s")
     rest.insert(0, "time_ms", np.round(1e3 * table["time_s"]))
     return rest
+
+
+def _in_any_order(table: pd.DataFrame) -> pd.DataFrame:
+    names: list[str] = sorted(names_of(table), key=lambda name: name[::-1])
+    return table[names]
 
 
 def _since_1970(table: pd.DataFrame) -> pd.DataFrame:
@@ -132,6 +137,6 @@ FORMS: dict[str, Write] = {
     "since 1970": _text(_since_1970),
     "words for nothing": _text(_words_for_nothing),
     "speeds below 0": _text(reversed_signs),
-    "columns in any order": _text(lambda t: t[sorted(t, key=lambda n: (len(n), n[::-1]))]),
+    "columns in any order": _text(_in_any_order),
 }  # fmt: skip
 """Every form by name."""

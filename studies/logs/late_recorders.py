@@ -1,14 +1,14 @@
-"""Axles of a log that another recorder wrote, with a clock of its own: brought into time with the others, and said."""
+"""Axles that another recorder wrote, with a clock of its own: brought into time with the others, and said."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.axle_delays import LateAxles, late_axles
 from alloc.estimation.common_instants import Instants
-from alloc.estimation.force_reading import in_time
+from alloc.estimation.force_reading import explains_more, in_time
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_fixes import find_delay
+from alloc.estimation.speed_fixes import Delay, find_delay
 from alloc.estimation.speed_shape import motion_of, shape_of_forces
 from studies.logs.remarks import Remark
 
@@ -23,46 +23,50 @@ def bring_together(
     grade: Floats | None,
     fixes: Samples | None,
     noise: float,
-) -> tuple[list[Remark], float]:
-    """Rim speeds and forces (instants, axles), in place, as if one clock had been for all; remarks on it.
+) -> tuple[Floats, Floats, list[Remark], float]:
+    """Rim speeds [m/s] and forces [N], (instants, axles), as if one clock had been for all; remarks on it.
 
-    Forces are moved with the wheels unless the train's speed, of which `fixes` are measurements, says otherwise. The
-    second is what remains unknown of the delays, as a standard deviation of a delay of all axles [s].
+    Wheels that come together may have slipped apart. So axles are moved only where the train's momentum then explains
+    its speed, of which `fixes` are measurements, much better. Forces are moved with their wheels if that explains more. The
+    last number is what remains unknown of the delays, as a standard deviation of a delay of all axles [s].
     """
-    remarks, unsure = [], 0.0
-    for group in late_axles(instants.time, rim, train, noise):
-        axles = group.axles
-        rim[:, axles] = in_time(*instants, rim[:, axles], group.late)
-        with_wheels = force.copy()
-        with_wheels[:, axles] = in_time(*instants, force[:, axles], group.late)
-        both = _fits_better(instants, rim, (with_wheels, force), train, grade, fixes)
-        if both:
-            force[:, axles] = with_wheels[:, axles]
-        remarks.append(_remark(group, both))
-        unsure = float(np.hypot(unsure, group.deviation * axles.size / train.radius.size))
-    return remarks, unsure
+    as_recorded = rim, force, [], 0.0
+    if fixes is None or fixes.time.size == 0 or not np.isfinite(force).any():
+        return as_recorded
+    groups = late_axles(instants.time, rim, train, noise)
+    if not groups:
+        return as_recorded
+    moved = _moved(instants, rim, groups)
+    candidates = (rim, force), (moved, force), (moved, _moved(instants, force, groups))
+    before, wheels, both = (_fit(instants, *one, train, grade, fixes) for one in candidates)
+    best = 2 if both.misfit <= wheels.misfit else 1
+    if not explains_more((before, wheels, both)[best], before):
+        return as_recorded
+    unsure = [group.deviation * group.axles.size / train.radius.size for group in groups]
+    return *candidates[best], [_remark(one, best == 2) for one in groups], float(np.hypot.reduce(unsure))
 
 
-def _fits_better(
+def _moved(instants: Instants, values: Floats, groups: list[LateAxles]) -> Floats:
+    values = values.copy(order="K")
+    for group in groups:
+        values[:, group.axles] = in_time(*instants, values[:, group.axles], group.late)
+    return values
+
+
+def _fit(
     instants: Instants,
     rim: Floats,
-    forces: tuple[Floats, Floats],
+    force: Floats,
     train: MeasuredTrain,
     grade: Floats | None,
-    fixes: Samples | None,
-) -> bool:
-    """Whether the first of two readings of the forces explains the train's speed no worse than the second."""
-    if fixes is None or fixes.time.size == 0 or not np.isfinite(forces[0]).any():
-        return True
+    fixes: Samples,
+) -> Delay:
+    """How well wheels and forces explain the train's speed."""
     time, part = instants
     near = np.interp(time, fixes.time, fixes.value)
-    under_way = motion_of(time, near, rim).under_way
-    misfits = []
-    for force in forces:
-        shape = shape_of_forces(time, near, rim, force, train, grade)
-        assert shape is not None
-        misfits.append(find_delay(time, part, shape, fixes, under_way).misfit)
-    return misfits[0] <= misfits[1]
+    shape = shape_of_forces(time, near, rim, force, train, grade)
+    assert shape is not None
+    return find_delay(time, part, shape, fixes, motion_of(time, near, rim).under_way)
 
 
 def _remark(group: LateAxles, both: bool) -> Remark:

@@ -143,7 +143,9 @@ def measured(
     exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    together, unsure = bring_together(instants, rim, force, train, grade, fixes, float(np.nanmax(rim_deviation)))
+    rim, force, together, unsure = bring_together(
+        instants, rim, force, train, grade, fixes, float(np.nanmax(rim_deviation))
+    )
     remarks += together
     speed, extra = _speed(
         sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest

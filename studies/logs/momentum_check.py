@@ -209,7 +209,7 @@ def _all_forwards(
 def _drives_slip(time: Floats, speed: Floats, rim: Floats, force: Floats) -> bool:
     """Whether the forces would drive the slip of nearly all wheels: friction brakes it."""
     power = np.nan_to_num(force * (rim - speed[:, None]))
-    work = np.trapezoid(power, time, axis=0)
+    work = np.asarray(np.trapezoid(power, time, axis=0))
     told = np.abs(work) > LITTLE_WORK * np.abs(work).sum()
     return bool(told.any() and np.mean(work[told] < 0.0) > NEARLY_ALL)
 

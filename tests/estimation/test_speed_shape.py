@@ -1,0 +1,41 @@
+"""When a train moves: by its wheels, which may be locked, and a measured speed, which may be late."""
+
+import numpy as np
+
+from alloc.estimation.speed_shape import AFTER, motion_of, standing
+
+TIME = np.arange(0.0, 10.0, 0.1)
+
+
+def wheels(speed: np.ndarray) -> np.ndarray:
+    return np.stack([speed, speed, np.full(speed.size, np.nan)], axis=1)
+
+
+def test_a_train_that_stands_is_not_under_way():
+    speed = np.maximum(TIME - 4.0, 0.0)
+    under_way, unclear = motion_of(TIME, speed, wheels(speed))
+    assert np.all(under_way[TIME < 4.0] == 0.0)
+    assert np.isclose(under_way[-1], TIME[-1] - 4.0, atol=0.2)
+    assert not unclear[TIME > 4.3].any()
+
+
+def test_a_train_that_rolls_back_is_known():
+    """Wheels below 0 are as well known as others: a start on a hill is at rest until it moves."""
+    rolls = np.where(TIME < 3.0, -0.02, 2.0 * (TIME - 3.0))
+    assert standing(np.maximum(rolls, 0.0), wheels(rolls))[TIME < 3.0].all()
+    assert not standing(np.full(TIME.size, 0.5), wheels(np.full(TIME.size, -0.3))).any()
+
+
+def test_wheels_that_all_lock_leave_it_open_whether_the_train_moves():
+    speed = np.maximum(5.0 - TIME, 0.0)
+    locked = np.where(TIME < 4.2, speed, 0.0)
+    under_way, unclear = motion_of(TIME, speed, wheels(locked))
+    slides = (TIME > 4.25) & (speed > 0.25)
+    assert unclear[slides].all()
+    assert np.all(np.diff(under_way)[slides[1:]] > 0.0)
+    assert not unclear[TIME > 5.0 + AFTER].any()
+
+
+def test_unknown_wheels_do_not_stand():
+    assert not standing(np.zeros(3), np.full((3, 2), np.nan)).any()
+    assert not standing(np.zeros(3), np.zeros((3, 0))).any()
