@@ -7,7 +7,8 @@ than the axle r is
 
 wherever neither slips, with an error e of their radii. The delay is the one with which this is true at most instants: each
 counts by how near it comes, and slips do not count. Creep of a braked wheel looks like a delay of some 0.06 s against a
-wheel that is free. So driven axles and the others count as recorded together where one delay below `CREEP` brings them together.
+wheel that is free. So driven axles and the others count as recorded together where one
+delay below `CREEP` brings them together.
 """
 
 import math
@@ -82,7 +83,9 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
     width = max(NEAR, OF_NOISE * noise)
     grid = np.round(np.arange(-LONGEST, LONGEST + 0.5 * STEP, STEP), 6)
     picked = known[np.unique(np.linspace(0, known.size - 1, BEST).astype(np.int64))]
-    agree = [sum(_share(time, rim[:, i], rim[:, r], some, 0.0, width) for i in known) for r in picked]
+    agree = [
+        sum(_share(time, rim[:, i], rim[:, r], some, 0.0, width) for i in known) for r in picked
+    ]
     reference = picked[int(np.argmax(agree))]
     coarse = {}
     for i in known.tolist():
@@ -101,10 +104,11 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
 def _telling(time: Floats, rim: Floats, count: int) -> Floats:
     """Instants [s] at which wheels are compared: half of them where the train's speed changes most, the others anywhere."""
     period = float(np.median(np.diff(time)))
-    at = time[:: max(round(0.02 / period), 1)] if period > 0.0 else time
-    with np.errstate(all="ignore"):
-        middle = np.nan_to_num(np.nanmedian(rim[:: max(round(0.02 / period), 1)], axis=1))
-    at = at[: middle.size]
+    each = max(round(0.02 / period), 1) if period > 0.0 else 1
+    at, some = time[::each], rim[::each]
+    known = np.isfinite(some).any(axis=1)
+    middle = np.zeros(at.size)
+    middle[known] = np.nanmedian(some[known], axis=1)
     moving = middle > SLOWEST
     if moving.sum() < 2:
         return at[:0]
@@ -115,7 +119,9 @@ def _telling(time: Floats, rim: Floats, count: int) -> Floats:
     return np.union1d(at[::each], at[busy][:: max(each // 2, 1)])
 
 
-def _share(time: Floats, own: Floats, other: Floats, at: Floats, late: float, width: float) -> float:
+def _share(
+    time: Floats, own: Floats, other: Floats, at: Floats, late: float, width: float
+) -> float:
     """Share of the instants `at` at which an axle that is `late` agrees with another, weighted by how well."""
     x, y = np.interp(at + late, time, own), np.interp(at, time, other)
     used = (x > SLOWEST) & (y > SLOWEST)
@@ -181,7 +187,7 @@ def _groups(found: dict[int, _Match], train: MeasuredTrain) -> list[LateAxles]:
 def _later(
     group: list[int], in_time: list[int], late: dict[int, float], train: MeasuredTrain
 ) -> tuple[float, float]:
-    """By how much a group is later than another [s], and its standard deviation: by axles of a kind, as far as both have some."""
+    """By how much a group is later than another [s], and its standard deviation: by axles of a kind, if both have some."""
     values, weights = [], []
     for kind in (True, False):
         own, others = (
@@ -200,7 +206,10 @@ def _later(
 
 def _beside(axle: int, group: list[int], sure: dict[int, _Match]) -> bool:
     """Whether an axle that slips or is locked too often to tell stands among a group's: it is recorded with them."""
-    before, after = (max((i for i in sure if i < axle), default=None), min((i for i in sure if i > axle), default=None))
+    before, after = (
+        max((i for i in sure if i < axle), default=None),
+        min((i for i in sure if i > axle), default=None),
+    )
     return all(i in group for i in (before, after) if i is not None)
 
 

@@ -124,7 +124,9 @@ def _spacing(index: Numbers) -> float | None:
     if spacing < 1.5:
         return None
     times = np.round(distance / spacing)
-    fits = (times >= 1.0) & (np.abs(distance - times * spacing) <= max(0.5, 0.1 * spacing))
+    # a period that is no multiple of the rows' comes up to a row early or late
+    apart = max(min(0.95, 0.3 * spacing), 0.1 * spacing)
+    fits = (times >= 1.0) & (np.abs(distance - times * spacing) <= apart)
     return spacing if fits.mean() > REGULAR else None
 
 

@@ -40,6 +40,8 @@ AROUND = 3.0
 """Time [s] before and after a motion from which on measurements of a train at rest tell nothing of a delay."""
 TICK = 0.2
 """Time [s] between two instants of the drift."""
+MOST_TURNS = 4
+"""Number of times that noise and drift are found anew at a delay that they have improved."""
 SYSTEMATIC = 0.002
 """Standard deviation of a delay [s] by errors of the shape, which no number of measurements lessens."""
 EARLY = 0.02
@@ -124,11 +126,19 @@ def find_delay(
         start = min(trials, key=lambda trial: misfit(delay, *trial))
         scores = np.array([misfit(d, *start) for d in DELAYS])
         delay = float(DELAYS[scores.argmin()])
-    found = minimize_scalar(
-        lambda d: misfit(d, *start), bounds=(delay - 0.05, delay + 0.05), method="bounded",
-        options={"xatol": 5e-4},
-    )  # fmt: skip
-    delay, best = float(found.x), float(found.fun)
+    # noise and drift at the best of a grid are those of a delay that is wrong by half a step
+    best = math.inf
+    for _ in range(MOST_TURNS):
+        found = minimize_scalar(
+            lambda d, own: misfit(d, *own), args=(start,), bounds=(delay - 0.05, delay + 0.05), method="bounded",
+            options={"xatol": 5e-4},
+        )  # fmt: skip
+        delay, best = float(found.x), float(found.fun)
+        better = min(trials, key=lambda trial: misfit(delay, *trial))
+        if better == start:
+            break
+        start = better
+    scores = np.array([misfit(d, *start) for d in DELAYS])
     weight = np.exp(-0.5 * (scores - scores.min()))
     wide = math.sqrt(float(weight @ (DELAYS - delay) ** 2 / weight.sum()))
     step = 0.01

@@ -40,6 +40,8 @@ TOLERANCE = 0.02
 """Error of Q, as a share, up to which a log is right ..."""
 LITTLE = 0.5
 """... or that much [kJ] where Q is little."""
+FAULTS, LOCKED = ("delay", "radius", "balance", "sign", "stuck", "faulty"), "a locked wheel"
+"""Kinds of remarks that say that figures may be wrong, and what no fault of the log is."""
 SLIPS, SHARE_OF_SLIPS = 2, 2.0 / 24.0
 """Slips too many or too few up to which it is right: two, or two of 24."""
 
@@ -115,7 +117,7 @@ def _figures(
         right &= abs(many - slips) <= max(SLIPS, SHARE_OF_SLIPS * slips)
     covered = bool(apart <= 2.0 * stated)
     named = defect is not None and bool(kinds & defect.named_by)
-    remarked = bool(kinds & {"delay", "radius", "balance", "sign", "stuck", "faulty"})
+    remarked = any(remark.kind in FAULTS and LOCKED not in remark.text for remark in remarks)
     return {
         "damage": q,
         "error": apart / max(damage, LITTLE),

@@ -27,8 +27,8 @@ def bring_together(
     """Rim speeds [m/s] and forces [N], (instants, axles), as if one clock had been for all; remarks on it.
 
     Wheels that come together may have slipped apart. So axles are moved only where the train's momentum then explains
-    its speed, of which `fixes` are measurements, much better. Forces are moved with their wheels if that explains more. The
-    last number is what remains unknown of the delays, as a standard deviation of a delay of all axles [s].
+    its speed, of which `fixes` are measurements, much better. The last number is what remains unknown of the delays, as a
+    standard deviation of a delay of all axles [s].
     """
     as_recorded = rim, force, [], 0.0
     if fixes is None or fixes.time.size == 0 or not np.isfinite(force).any():
@@ -37,13 +37,13 @@ def bring_together(
     if not groups:
         return as_recorded
     moved = _moved(instants, rim, groups)
-    candidates = (rim, force), (moved, force), (moved, _moved(instants, force, groups))
-    before, wheels, both = (_fit(instants, *one, train, grade, fixes) for one in candidates)
-    best = 2 if both.misfit <= wheels.misfit else 1
-    if not explains_more((before, wheels, both)[best], before):
+    moved = tuple(_moved(instants, values, groups) for values in (rim, force))
+    if not explains_more(
+        *(_fit(instants, *one, train, grade, fixes) for one in (moved, (rim, force)))
+    ):
         return as_recorded
     unsure = [group.deviation * group.axles.size / train.radius.size for group in groups]
-    return *candidates[best], [_remark(one, best == 2) for one in groups], float(np.hypot.reduce(unsure))
+    return *moved, [_remark(one) for one in groups], float(np.hypot.reduce(unsure))
 
 
 def _moved(instants: Instants, values: Floats, groups: list[LateAxles]) -> Floats:
@@ -69,12 +69,11 @@ def _fit(
     return find_delay(time, part, shape, fixes, motion_of(time, near, rim).under_way)
 
 
-def _remark(group: LateAxles, both: bool) -> Remark:
+def _remark(group: LateAxles) -> Remark:
     axles = [int(i) + 1 for i in group.axles]
     whole = axles == list(range(axles[0], axles[-1] + 1))
     names = f"axles {axles[0]} to {axles[-1]}" if whole else f"axles {', '.join(map(str, axles))}"
     names = f"axle {axles[0]}" if len(axles) == 1 else names
     how = f"{abs(group.late):.3f} ± {group.deviation:.3f} s {'later' if group.late > 0.0 else 'earlier'}"
-    what = "speed and force" if both else "speed alone"
-    text = f"{names}: {what} recorded {how} than the others, by the wheels that roll; made up for"
+    text = f"{names}: recorded {how} than the others, by the wheels that roll; made up for"
     return Remark("delay", "axleN_speed", text)

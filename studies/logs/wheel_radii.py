@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.rolling_wheels import FREE, SLOWEST, Rolling, rolling_wheel
+from alloc.estimation.rolling_wheels import FREE, Rolling, rolling_wheel
 from alloc.estimation.train_speed import MeasuredSpeed
 from studies.logs.remarks import Remark
 from studies.logs.told_channels import FEWEST_ROWS
@@ -22,6 +22,9 @@ LEAST_LATE = 0.03
 """Delay of a wheel [s] that is remarked on."""
 AGAINST = 0.005
 """Share by which a wheel that always pulls or brakes creeps the wrong way, if its radius is wrong."""
+SLOW, SELDOM, MORE = 2.0, 0.02, 0.008
+"""Speed [m/s] from which on such a wheel is looked at, share of the time for which it creeps least, and by what it may creep
+more then than the others do."""
 
 
 def make_up_for_radii(
@@ -40,13 +43,18 @@ def make_up_for_radii(
     """
     found: dict[int, Rolling] = {}
     remarks: list[Remark] = []
+    creeps: dict[int, float] = {}
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
         unsure = np.hypot(speed.deviation, rim_deviation[number - 1])
         one = rolling_wheel(instants.time, speed.speed, own, share, unsure)
         if one is None:
-            remarks += _against_force(name, own, speed.speed, share, speed.deviation)
+            creep = _creeps(own, speed.speed, share)
+            if creep.size >= FEWEST_ROWS:
+                unsure = 2.0 * float(np.nanmedian(speed.deviation)) / SLOW
+                remarks += _against_force(name, creep, share, unsure)
+                creeps[number] = float(np.quantile(creep, SELDOM))
             continue
         if abs(one.late) > max(LEAST_LATE, SURE * one.late_deviation):
             how = f"{abs(one.late):.2f} s {'later' if one.late > 0.0 else 'earlier'}"
@@ -55,6 +63,7 @@ def make_up_for_radii(
             )
             remarks.append(Remark("delay", name, text))
         found[number] = one
+    remarks += _beside_others(names, creeps)
     errors = np.array([one.error for one in found.values()])
     if errors.size > 1 and np.ptp(errors) < ALIKE and _is_wrong(*_least_sure(found)):
         middle = float(np.median(errors))
@@ -82,25 +91,36 @@ def _is_wrong(error: float, deviation: float) -> bool:
     return max(LEAST, SURE * deviation) < abs(error) < MOST
 
 
-def _against_force(
-    name: str,
-    rim: Floats,
-    speed: Floats,
-    share: Floats,
-    deviation: Floats,
-) -> list[Remark]:
+def _creeps(rim: Floats, speed: Floats, share: Floats) -> Floats:
+    """By what share a wheel that pulls or brakes is faster or slower than the train, as its force makes it."""
+    used = (speed > SLOW) & np.isfinite(rim) & (np.abs(share) > FREE)
+    return np.asarray(np.sign(share[used]) * (rim[used] / speed[used] - 1.0))
+
+
+def _against_force(name: str, creep: Floats, share: Floats, unsure: float) -> list[Remark]:
     """Whether a wheel that always pulls or brakes creeps the other way: a braked one is never faster than the train."""
-    used = (speed > SLOWEST) & np.isfinite(rim) & (np.abs(share) > FREE)
-    if used.sum() < FEWEST_ROWS:
-        return []
-    against = -np.sign(share[used]) * (rim[used] / speed[used] - 1.0)
-    error = float(np.quantile(against, 0.75))
-    unsure = 2.0 * float(np.median(deviation[used] / speed[used]))
+    error = -float(np.quantile(creep, 0.25))
     if error <= AGAINST + unsure:
         return []
-    braked = float(np.median(share[used])) < 0.0
+    braked = float(np.nanmedian(share)) < 0.0
     text = (
         f"turns {100.0 * error:.1f} % {'faster' if braked else 'slower'} than the train although it "
         f"{'is braked' if braked else 'pulls'}: wheel radius or scale of a speed; Q and slips contain that"
     )
     return [Remark("radius", name, text)]
+
+
+def _beside_others(names: dict[int, str], creeps: dict[int, float]) -> list[Remark]:
+    """Wheels that always pull or brake, and never creep as little as the others do at times."""
+    remarks = []
+    for number, creep in creeps.items():
+        more = creep - float(
+            np.median([other for k, other in creeps.items() if k != number] or [creep])
+        )
+        if more > MORE:
+            text = (
+                f"never creeps by less than {100.0 * creep:.1f} %, {100.0 * more:.1f} % more than the others: its radius, "
+                "or a slip without an end; Q and slips contain that"
+            )
+            remarks.append(Remark("radius", names[number], text))
+    return remarks

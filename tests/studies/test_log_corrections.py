@@ -1,0 +1,106 @@
+"""What recorders do to a log and the analysis makes up for: the wheel damage is that of the clean log, and it is said."""
+
+from collections.abc import Callable
+
+import pandas as pd
+import pytest
+
+from alloc.plant.sets import find_set
+from studies.core.job import Job, simulate_job
+from studies.log_accuracy import defects as spoil
+from studies.scenario.loading import load_scenario
+from tests.simulation.slides import driven
+from tests.studies.test_log_defects import SHARE, Clean, clean
+
+Change = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def half_late(table: pd.DataFrame, late: float = 0.3) -> pd.DataFrame:
+    """The rear half of the train has a recorder of its own."""
+    axles = spoil.axles_of(table)
+    rear = [
+        f"axle{axle}_{what}"
+        for axle in axles[len(axles) // 2 :]
+        for what in ("speed_kmh", "force_kn")
+    ]
+    return spoil.shifted(table, rear, late)
+
+
+def set_back(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(time_s=table["time_s"].where(table["time_s"] < 5.0, table["time_s"] - 0.3))
+
+
+def at(table: pd.DataFrame, row: int, name: str, value: float) -> pd.DataFrame:
+    table = table.copy()
+    table.loc[row, name] = value
+    return table
+
+
+CORRECTED: dict[str, tuple[Change, str, str]] = {
+    "one force reversed": (lambda t: t.assign(axle2_force_kn=-t["axle2_force_kn"]), "sign", "against the forces"),
+    "all forces reversed": (
+        lambda t: t.assign(**{n: -t[n] for n in spoil.forces_of(t)}), "sign", "count the other way round",
+    ),
+    "clock set back": (set_back, "time", "set back by 0."),
+    "a value that no wheel reaches": (
+        lambda t: at(t, 400, "axle3_speed_kmh", 90.0), "faulty", "to which no wheel jumps",
+    ),
+    "a first value": (lambda t: at(t, 0, "axle3_speed_kmh", 90.0), "faulty", "to which no wheel jumps"),
+    "-9999, once": (lambda t: at(t, 400, "axle3_speed_kmh", -9999.0), "missing", "-9999"),
+    "wheels rounded": (lambda t: spoil.rounded_to(t, spoil.speeds_of(t), 0.1), "sampling", "rounded"),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def stop() -> Clean:
+    """Eight cars that stop on wet rail."""
+    scenario = load_scenario("wet-stop")
+    run = simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
+    return clean(run, scenario.event(0).model.train)
+
+
+@pytest.fixture(scope="module")
+def start() -> Clean:
+    """Eight cars whose motors pull; their trailers roll freely."""
+    return clean(driven(), find_set("commuter-8car"))
+
+
+@pytest.mark.parametrize("name", CORRECTED)
+def test_the_defect_is_made_up_for_and_said(stop, name):
+    change, kind, words = CORRECTED[name]
+    log, found = stop.found(change(stop.table))
+    assert [r for r in log.remarks if r.kind == kind and words in r.text]
+    assert found.total_damage == pytest.approx(stop.damage, rel=SHARE)
+    assert abs(len(found.events) - stop.slips) <= 2
+
+
+@pytest.mark.parametrize("error", [-0.02, 0.01])
+def test_a_wheel_that_rolls_freely_tells_its_radius(start, error):
+    free = [i for i in spoil.axles_of(start.table) if start.table[f"axle{i}_force_kn"].max() < 0.1]
+    log, found = start.found(spoil.by_radius(start.table, {free[0]: 1.0 + error}))
+    (remark,) = [r for r in log.remarks if r.kind == "radius"]
+    assert f"{100 * abs(error):.1f} % {'faster' if error > 0.0 else 'slower'}" in remark.text
+    assert found.total_damage == pytest.approx(start.damage, rel=SHARE)
+
+
+def test_a_scale_that_all_wheels_share_is_that_of_the_train_speed(stop):
+    log, found = stop.found(stop.table.assign(speed_kmh=1.01 * stop.table["speed_kmh"]))
+    (remark,) = [r for r in log.remarks if r.kind == "radius"]
+    assert "all wheels turn 1.0 % slower" in remark.text
+    assert found.total_damage == pytest.approx(stop.damage, rel=SHARE)
+
+
+def test_a_recorder_with_a_clock_of_its_own_is_found_by_the_wheels_that_roll(start):
+    log, found = start.found(half_late(start.table))
+    (remark,) = [r for r in log.remarks if "than the others" in r.text]
+    assert remark.text.startswith("axles 17 to 32: recorded 0.29")
+    # the last 0.3 s of those axles are not in the log
+    assert found.total_damage == pytest.approx(start.damage, rel=0.08)
+
+
+def test_a_wheel_that_never_creeps_as_little_as_the_others_is_named(start):
+    pulls = [i for i in spoil.axles_of(start.table) if start.table[f"axle{i}_force_kn"].max() > 1.0]
+    log, _ = start.found(spoil.by_radius(start.table, {pulls[0]: 1.03}))
+    (remark,) = [r for r in log.remarks if r.kind == "radius"]
+    assert remark.column == f"axle{pulls[0]}_speed_kmh"
+    assert "than the others: its radius" in remark.text
