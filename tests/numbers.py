@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 MANIFEST = ROOT / "docs" / "numbers.toml"
 STORED = ROOT / "docs" / "results"
 GUARDS = ROOT / "tests" / "results_hash.json"
-OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "interval": 3}
+OVER_ROWS = {"mean": 1, "median": 1, "max": 1, "sum": 1, "count": 1, "interval": 3}
 """What a cell may ask of a column of a study's table -> how many values that gives; an interval is mean, low and high."""
 SLOTS = {
     "f": r"([-+]?\d+(?:\.\d+)?)",

@@ -63,6 +63,7 @@ SMALL: dict[str, tuple[int, dict[str, Any]]] = {
     "resistance": (1, {}),
     "line-position": (1, {"arms": ("none", "all")}),
     "slide-protection": (1, {}),
+    "log-accuracy": (3, {"logs": 6}),
     "slide-calibration": (1, {"effort": Effort(12, 1, 1, 1, 6)}),
 }
 """Study -> events and settings of its small run."""
