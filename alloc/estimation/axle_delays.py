@@ -7,8 +7,8 @@ than the axle r is
 
 wherever neither slips, with an error e of their radii. The delay is the one with which this is true at most instants: each
 counts by how near it comes, and slips do not count. Creep of a braked wheel looks like a delay of some 0.06 s against a
-wheel that is free. So driven axles and the others count as recorded together where one
-delay below `CREEP` brings them together.
+wheel that is free. So driven axles and the others count as recorded together where one delay below `CREEP` brings them
+together.
 """
 
 import math

@@ -35,7 +35,9 @@ def measure(run: xr.Dataset) -> dict[str, float]:
     if command.shape[1] == 0:
         return result | dict.fromkeys(names, np.nan)
     time = np.arange(count) * record_period(run)
-    relative = command / command.mean(axis=0) - 1.0
+    mean = command.mean(axis=0)
+    # a command of 0 all the time moves nothing
+    relative = command / np.where(mean > 0.0, mean, 1.0) - (mean > 0.0)
     about = _without(relative, _trend(time))
     beside = _beside_swing(relative, max(1, round(SlipSearch().swing_time / record_period(run))))
     values = (_amplitude(about), _amplitude(beside), _greatest_line(beside))

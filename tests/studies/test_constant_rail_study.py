@@ -55,6 +55,14 @@ def test_a_trend_is_no_cycle():
     assert measure(run(0.02 * TIME + 0.003 * TIME**2))["swinging"] < 1e-3
 
 
+def test_a_unit_without_torque_does_not_move_it():
+    one = run(sine(3.0))
+    one["torque_command"][:, 0] = 0.0
+    assert measure(one)["beside_swing"] == pytest.approx(0.04, rel=0.2)
+    one["torque_command"][:] = 0.0
+    assert measure(one)["swinging"] == 0.0
+
+
 def test_what_is_over_before_the_end_does_not_count():
     early = np.where(TIME[-1] - SETTLED - 0.1 > TIME, sine(3.0), 0.0)
     assert measure(run(early))["swinging"] < 1e-9
