@@ -32,6 +32,10 @@ LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
 SEEN = 0.15
 """Time [s] between knots above which straight lines differ from a smooth motion; below it they do no harm."""
+MOSTLY = 0.9
+"""Share of the rows that have a value, above which the others do not break a straight line."""
+SINGLE = 1e-6
+"""Change over the largest value that the rounding of single precision may make."""
 PIECES, PIECE = 20, 5000
 """Number of pieces of a long series from which its noise is estimated, and number of values in a piece."""
 MEDIAN_DEVIATION = 1.4826
@@ -67,7 +71,7 @@ def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
         found = _held(v)
         kind = "held"
         if found is None:
-            found, kind = _interpolated(v), "interpolated"
+            found, kind = _interpolated(time, values, finite), "interpolated"
         if found is not None and kind == "interpolated" and np.median(np.diff(t[found])) < SEEN:
             found = None
         if found is None:
@@ -119,13 +123,13 @@ def _spacing(index: Numbers) -> float | None:
     if distance.size < FEWEST - 1:
         return None
     usual = int(np.bincount(distance).argmax())
-    near = distance[np.abs(distance - usual) <= 0.3 * usual]
+    near = distance[np.abs(distance - usual) <= max(0.3 * usual, float(usual > 1))]
     spacing = float(near.mean())
     if spacing < 1.5:
         return None
     times = np.round(distance / spacing)
     # a period that is no multiple of the rows' comes up to a row early or late
-    apart = max(min(0.95, 0.3 * spacing), 0.1 * spacing)
+    apart = max(min(0.95, 0.35 * spacing), 0.1 * spacing)
     fits = (times >= 1.0) & (np.abs(distance - times * spacing) <= apart)
     return spacing if fits.mean() > REGULAR else None
 
@@ -198,17 +202,26 @@ def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([at, stays])[order], np.concatenate([middle, said])[order]
 
 
-def _interpolated(values: Floats) -> Numbers | None:
-    """Rows at which an interpolated channel was sampled, its knots; None if it is not interpolated."""
+def _interpolated(time: Floats, values: Floats, finite: NDArray[np.bool_]) -> Numbers | None:
+    """At which of the `finite` values an interpolated channel was sampled, its knots; None if it is not interpolated."""
+    if not MOSTLY < finite.mean() < 1.0:
+        return _knots(values[finite])
+    # a line on which a value is missing goes on
+    found = _knots(np.interp(time, time[finite], values[finite]))
+    return None if found is None else (np.cumsum(finite) - 1)[found[finite[found]]]
+
+
+def _knots(values: Floats) -> Numbers | None:
     if noise_of(values) > STRAIGHT:
         return None
     bend = np.abs(np.diff(values, 2))
-    moving = bend[bend > 1e-9]
+    single = SINGLE * float(np.abs(values).max())
+    moving = bend[bend > max(1e-9, single)]
     if moving.size < FEWEST:
         return None
     # few rows bend at all where nothing is rounded
     rounding = float(moving.min()) if moving.size > REPEATED * bend.size else 0.0
-    bound = max(6.0 * float(np.median(bend)), 3.0 * rounding, 1e-9)
+    bound = max(6.0 * float(np.median(bend)), 3.0 * rounding, single, 1e-9)
     knot = np.flatnonzero(bend > bound) + 1
     if knot.size < FEWEST or knot.size > 0.5 * values.size:
         return None
@@ -220,6 +233,6 @@ def _interpolated(values: Floats) -> Numbers | None:
     index = _ends(_between(knot, spacing), spacing, values.size)
     line = np.interp(np.arange(values.size), index, values[index])
     inside = slice(index[0], index[-1] + 1)
-    reach = 4.0 * rounding + 2.0 * bound / spacing
+    reach = 4.0 * rounding + single + 2.0 * bound / spacing
     off = np.abs(values - line)[inside]
     return index if np.mean(off <= reach) > REGULAR else None

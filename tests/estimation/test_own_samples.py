@@ -30,6 +30,30 @@ def test_held_and_interpolated_channels_have_their_own_samples(every):
         )
 
 
+@pytest.mark.parametrize("period", [0.023, 0.045, 0.061, 0.136])
+def test_a_held_channel_whose_period_is_no_multiple_of_the_rows(period):
+    tick = np.floor(TIME / period + 1e-9).astype(int)
+    first = np.searchsorted(tick, np.arange(tick[-1] + 1))
+    held = own_samples(TIME, SPEED[first][tick])
+    assert held.kind == "held"
+    known = np.interp(held.time, TIME, SPEED)
+    # all but a few are found where they are, the others a row beside
+    assert np.mean(np.abs(held.value - known) < 1e-9) > 0.9
+    assert np.abs(held.value - known).max() < 0.02
+
+
+@pytest.mark.parametrize("every", [20, 50, 100])
+def test_lines_stay_lines_where_values_are_missing_or_single(every):
+    own = np.arange(0, TIME.size, every)
+    lines = np.interp(TIME, TIME[own], SPEED[own])
+    some = np.random.default_rng(2).random(TIME.size) < 0.01
+    for values in (np.where(some, np.nan, lines), lines.astype(np.float32).astype(float)):
+        found = own_samples(TIME, values)
+        assert found.kind == "interpolated"
+        assert found.period == pytest.approx(0.01 * every)
+        np.testing.assert_allclose(np.interp(found.time, TIME, lines), found.value, atol=1e-5)
+
+
 def test_what_is_measured_in_every_row_stays_as_it_is():
     rng = np.random.default_rng(0)
     for values in (SPEED, SPEED + rng.normal(0.0, 0.05, TIME.size), np.zeros(TIME.size)):
