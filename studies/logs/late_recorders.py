@@ -30,20 +30,18 @@ def bring_together(
     its speed, of which `fixes` are measurements, much better. The last number is what remains unknown of the delays, as a
     standard deviation of a delay of all axles [s].
     """
-    as_recorded = rim, force, [], 0.0
+    as_recorded: tuple[Floats, Floats, list[Remark], float] = rim, force, [], 0.0
     if fixes is None or fixes.time.size == 0 or not np.isfinite(force).any():
         return as_recorded
     groups = late_axles(instants.time, rim, train, noise)
     if not groups:
         return as_recorded
-    moved = _moved(instants, rim, groups)
-    moved = tuple(_moved(instants, values, groups) for values in (rim, force))
-    if not explains_more(
-        *(_fit(instants, *one, train, grade, fixes) for one in (moved, (rim, force)))
-    ):
+    wheels, forces = _moved(instants, rim, groups), _moved(instants, force, groups)
+    before = _fit(instants, rim, force, train, grade, fixes)
+    if not explains_more(_fit(instants, wheels, forces, train, grade, fixes), before):
         return as_recorded
     unsure = [group.deviation * group.axles.size / train.radius.size for group in groups]
-    return *moved, [_remark(one) for one in groups], float(np.hypot.reduce(unsure))
+    return wheels, forces, [_remark(one) for one in groups], float(np.hypot.reduce(unsure))
 
 
 def _moved(instants: Instants, values: Floats, groups: list[LateAxles]) -> Floats:
