@@ -61,12 +61,10 @@ def shape_of_forces(
     mass = float(train.car_mass.sum())
     rotating = np.zeros(train.radius.size) if at_contact else train.inertia / train.radius**2
     wheels = np.zeros(time.size)
-    fastest = np.zeros(time.size)
     for i, inertia in enumerate(rotating):
         if np.isfinite(rim[:, i]).any():
             own = filled(time, rim[:, i])
             wheels += inertia * own
-            np.maximum(fastest, own, out=fastest)
         else:
             mass += float(inertia)
     if train.resistance is not None:
@@ -78,11 +76,12 @@ def shape_of_forces(
     given = np.zeros(time.size)
     given[1:] = 0.5 * (total[1:] + total[:-1]) * np.diff(time)
     # what holds a train at rest is no less than what pulls it: there its wheels tell how it moves
-    stands = (fastest < STANDING) & (speed < NEARLY)
+    stands = standing(speed, rim)
     middle = np.zeros(time.size)
     middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
     rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
-    rise = np.where(stands, rolled, (given - gained) / mass)
+    since = np.concatenate([[False], stands[1:] & stands[:-1]])
+    rise = np.where(since, rolled, (given - gained) / mass)
     # the brake of a locked wheel gives what the rail carries, which nobody knows: there the measured speed goes on
     locked = locked_share(speed, rim, force) > LOCKED
     return np.asarray(np.cumsum(np.where(locked, np.diff(speed, prepend=speed[0]), rise)))
@@ -152,7 +151,7 @@ def motion_of(time: Floats, speed: Floats, rim: Floats) -> Motion:
     """When a train moves; `speed` (instants,) and `rim` (instants, axles) [m/s]."""
     still, slow = standing(speed, rim), speed < AT_REST
     under_way = np.concatenate([[0.0], np.cumsum(np.diff(time) * ~(still & slow)[1:])])
-    unclear = still & ~slow
+    unclear = still & (speed > STANDING)
     since = time - np.maximum.accumulate(np.where(unclear, time, -np.inf))
     return Motion(under_way, still & (since < AFTER))
 
