@@ -21,8 +21,8 @@ from alloc.spans import spans
 
 Floats = NDArray[np.float64]
 
-FREE = 0.01
-"""Force over load below which a wheel rolls freely."""
+FREE = 0.003
+"""Force over load below which a wheel rolls freely: on the poorest rail, three times as much is all that there is."""
 SLOWEST = 5.0
 """Speed [m/s] from which on it tells its radius."""
 SPAN, LEAST = 0.5, 1.0

@@ -25,7 +25,7 @@ NEARLY = 1.0
 AT_REST = 0.2
 """Measured speed [m/s] below which it surely does: above it, wheels that stand may be locked."""
 AFTER = 2.0
-"""Time [s] for which that stays unclear: a train that slid to below it comes to rest."""
+"""Time [s] from which on a train whose wheels stand, and whose measured speed is 0, surely is at rest."""
 LOCKED = 0.25
 """Share of the forces on wheels that stand, from which on the forces do not tell how the train slows down."""
 FREE = 2e-3

@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 
 FASTEST = 160.0
 """Speed [m/s] that no train on wheels has exceeded in service or on test."""
-BACKWARDS = -0.5
-"""Speed [m/s] down to which a negative one passes as a sensor's noise at standstill."""
+BACKWARDS = -2.0
+"""Speed [m/s] down to which a negative one passes: noise at standstill, or a train that rolls back."""
 IMPLAUSIBLE = 0.01
 """Share of the values of a channel that may be impossible, and are left out."""
 LARGEST_COEFFICIENT = 1.0

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.rolling_wheels import FREE, Rolling, rolling_wheel
+from alloc.estimation.rolling_wheels import Rolling, rolling_wheel
 from alloc.estimation.train_speed import MeasuredSpeed
 from studies.logs.remarks import Remark
 from studies.logs.told_channels import FEWEST_ROWS
@@ -22,6 +22,8 @@ LEAST_LATE = 0.03
 """Delay of a wheel [s] that is remarked on."""
 AGAINST = 0.005
 """Share by which a wheel that always pulls or brakes creeps the wrong way, if its radius is wrong."""
+PULLS = 0.01
+"""Force over load above which a wheel pulls or brakes."""
 SLOW, SELDOM, MORE = 2.0, 0.02, 0.008
 """Speed [m/s] from which on such a wheel is looked at, share of the time for which it creeps least, and by what it may creep
 more then than the others do."""
@@ -93,7 +95,7 @@ def _is_wrong(error: float, deviation: float) -> bool:
 
 def _creeps(rim: Floats, speed: Floats, share: Floats) -> Floats:
     """By what share a wheel that pulls or brakes is faster or slower than the train, as its force makes it."""
-    used = (speed > SLOW) & np.isfinite(rim) & (np.abs(share) > FREE)
+    used = (speed > SLOW) & np.isfinite(rim) & (np.abs(share) > PULLS)
     return np.asarray(np.sign(share[used]) * (rim[used] / speed[used] - 1.0))
 
 
