@@ -24,7 +24,7 @@ AGAINST = 0.005
 """Share by which a wheel that always pulls or brakes creeps the wrong way, if its radius is wrong."""
 PULLS = 0.01
 """Force over load above which a wheel pulls or brakes."""
-SLOW, SELDOM, MORE = 2.0, 0.02, 0.008
+SLOW, SELDOM, MORE = 2.0, 0.02, 0.01
 """Speed [m/s] from which on such a wheel is looked at, share of the time for which it creeps least, and by what it may creep
 more then than the others do."""
 
