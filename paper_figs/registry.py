@@ -100,7 +100,16 @@ FIGURES: Registry[FigureEntry[Any]] = Registry(
 def figure(
     name: str, description: str, *needs: Need, events: str = "events"
 ) -> Callable[[Callable[Data, Figure]], FigureEntry[Data]]:
-    """Register a function as the figure `name`; it takes what each of `needs` gives. `events`: what means are over."""
+    """Register a function as the figure `name`; it takes what each of `needs` gives. `events`: what means are over.
+
+    Raises `StudyError` for a need that is no function, such as a name of data.
+    """
+    for need in needs:
+        if not callable(need):
+            raise StudyError(
+                f"figure {name!r} needs {need!r}, which gives no data; give comparison, study(...) or recorded(...) of "
+                "paper_figs.source"
+            )
 
     def register(function: Callable[Data, Figure]) -> FigureEntry[Data]:
         entry = FigureEntry(name, function, description, needs, events)

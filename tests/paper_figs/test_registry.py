@@ -86,6 +86,11 @@ def test_a_figure_is_drawn_from_what_it_needs(tmp_path):
     assert figure("rows", "rows of a comparison", comparison)(pair.function).of_comparison
 
 
+def test_a_need_is_a_function():
+    with pytest.raises(StudyError, match="figure 'mine' needs 'comparison', which gives no data"):
+        figure("mine", "a name in place of its data", "comparison")
+
+
 def test_a_name_belongs_to_one_module():
     with pytest.raises(StudyError, match=r"'ladder' exists already, from paper_figs\.ladder"):
         figure("ladder", "another ladder")(lambda: None)

@@ -19,6 +19,7 @@ from alloc.onboard.quantity import quantity
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
+from paper_figs.registry import FIGURES
 from studies.command_line.main import run
 from studies.core.cell import key_of
 from studies.core.job import Job
@@ -29,7 +30,7 @@ from studies.scenario.loading import SCENARIOS, load_scenario
 from tests.test_sources import forget
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"
-REGISTRIES = (RULES, CONTROLLERS, CURVES, SETS, METRICS, SCENARIOS)
+REGISTRIES = (RULES, CONTROLLERS, CURVES, SETS, METRICS, SCENARIOS, FIGURES)
 SCENARIO = """
 title = "a tram pulls away on the double exponential"
 train = "tram"
@@ -92,6 +93,7 @@ def test_every_kind_is_listed(examples, capsys):
         ("adhesion curves", "double-exponential"),
         ("trains", "tram"),
         ("metrics", "slip_distance"),
+        ("figures", "use-against-slip"),
     ):
         assert content[kind][name].strip()
 
