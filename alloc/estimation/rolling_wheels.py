@@ -29,6 +29,8 @@ SPAN, LEAST = 0.5, 1.0
 """Time [s] for which it must roll at a stretch, and in all."""
 RATE_TIME = 0.5
 """Time [s] over which the train's acceleration is taken."""
+MOST = 20_000
+"""Instants of a long log that enter the fit, or up to twice as many."""
 WIDTH = 0.002
 """Error, as a share, from which on a value counts less in the fit."""
 NEAR, MOST_OFF = 0.005, 0.3
@@ -68,13 +70,15 @@ def rolling_wheel(
     lasts = float(free.sum()) * period
     if lasts < LEAST:
         return None
-    y = rim[free] / speed[free] - 1.0
-    x = -mean_rate(time, np.nan_to_num(speed), RATE_TIME)[free] / speed[free]
+    # of a long log, instants from all over tell as much
+    some = np.flatnonzero(free)[:: max(int(free.sum()) // MOST, 1)]
+    y = rim[some] / speed[some] - 1.0
+    x = -mean_rate(time, np.nan_to_num(speed), RATE_TIME)[some] / speed[some]
     varies = float(np.std(x)) > VARIES
     columns = np.stack([np.ones_like(x), x], axis=1) if varies else np.ones((x.size, 1))
     start = np.zeros(columns.shape[1])
     start[0] = np.median(y)
-    unsure = float(np.median(deviation[free] / speed[free]))
+    unsure = float(np.median(deviation[some] / speed[some]))
     width = max(WIDTH, unsure)
     found = least_squares(
         lambda b: columns @ b - y, start, jac=lambda _: columns, loss="cauchy", f_scale=width

@@ -100,23 +100,20 @@ def find_delay(
     average, work = _Average(*_extended(time, shape), width), Work.allocate()
     clock = _Average(*_extended(time, under_way), width)
 
+    by_delay: dict[float, tuple[Floats, Floats, Floats]] = {}
+
+    def moved(delay: float) -> tuple[Floats, Floats, Floats]:
+        if delay not in by_delay:
+            then = at - delay
+            use = (then > time[0] + margin) & (then < time[-1] - margin)
+            by_delay[delay] = clock(then), average(then), np.where(use, value, math.nan)
+        return by_delay[delay]
+
     def misfit(delay: float, noise: float, drift: float, known: str) -> float:
-        moved = at - delay
-        use = (moved > time[0] + margin) & (moved < time[-1] - margin)
-        read = np.where(use, value, math.nan)
+        squares = noise**2, drift**2
+        found = likelihood(*moved(delay), number, *squares, STARTS[known], *work)
         # those that are left out are neither better nor worse than the others
-        return at.size * float(
-            likelihood(
-                clock(moved),
-                average(moved),
-                read,
-                number,
-                noise**2,
-                drift**2,
-                STARTS[known],
-                *work,
-            )
-        )
+        return at.size * float(found)
 
     trials = list(product(NOISES, DRIFTS, STARTS.keys()))
     start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))

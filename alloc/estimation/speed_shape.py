@@ -89,9 +89,12 @@ def shape_of_forces(
 
 def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
     """Share of all forces that act on wheels that stand while the train moves, (instants,)."""
-    own = np.nan_to_num(np.abs(force))
-    at_rest = (np.abs(np.nan_to_num(rim, nan=np.inf)) < STANDING) & (speed > NEARLY)[:, None]
-    return np.asarray((own * at_rest).sum(axis=1) / np.maximum(own.sum(axis=1), 1e-9))
+    moving, at_rest, total = speed > NEARLY, np.zeros(speed.size), np.zeros(speed.size)
+    for i in range(rim.shape[1]):  # axle by axle: a long log has little room for more of its kind
+        own = np.nan_to_num(np.abs(force[:, i]))
+        total += own
+        at_rest += np.where(moving & (np.abs(rim[:, i]) < STANDING), own, 0.0)
+    return at_rest / np.maximum(total, 1e-9)
 
 
 def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
@@ -134,7 +137,9 @@ def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
 
 def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
     """Where a train stands, (instants,): it was slow, and no wheel turns; one at least must say so."""
-    fastest = np.max(np.where(np.isnan(rim), -np.inf, rim), axis=1, initial=-np.inf)
+    fastest = np.full(speed.size, -np.inf)
+    for i in range(rim.shape[1]):
+        np.fmax(fastest, rim[:, i], out=fastest)
     return np.asarray((np.abs(fastest) < STANDING) & (speed < NEARLY))
 
 

@@ -208,8 +208,12 @@ def _all_forwards(
 
 def _drives_slip(time: Floats, speed: Floats, rim: Floats, force: Floats) -> bool:
     """Whether the forces would drive the slip of nearly all wheels: friction brakes it."""
-    power = np.nan_to_num(force * (rim - speed[:, None]))
-    work = np.asarray(np.trapezoid(power, time, axis=0))
+    work = np.array(
+        [
+            np.trapezoid(np.nan_to_num(force[:, i] * (rim[:, i] - speed)), time)
+            for i in range(rim.shape[1])
+        ]
+    )
     told = np.abs(work) > LITTLE_WORK * np.abs(work).sum()
     return bool(told.any() and np.mean(work[told] < 0.0) > NEARLY_ALL)
 
@@ -218,11 +222,12 @@ def _each_forwards(
     time: Floats, speed: Floats, rim: Floats, force: Floats, train: MeasuredTrain
 ) -> tuple[Floats, list[Remark]]:
     """Forces of single axles turned round where they are against all others, and would drive the wheel's slip."""
-    share = np.nan_to_num(force) / train.axle_load
-    told = np.flatnonzero(np.isfinite(force).any(axis=0) & (np.abs(share).max(axis=0) > 0.0))
+    share = np.nan_to_num(force)
+    share /= train.axle_load
+    told = np.flatnonzero(share.any(axis=0))
     if told.size < FEWEST_AXLES:
         return force, []
-    total, remarks = share[:, told].sum(axis=1), []
+    total, remarks = share.sum(axis=1), []
     for i in told.tolist():
         own, others = share[:, i], total - share[:, i]
         alike = float(own @ others) / max(np.sqrt(float(own @ own) * float(others @ others)), 1e-12)
