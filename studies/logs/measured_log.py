@@ -23,11 +23,11 @@ from studies.logs.late_recorders import bring_together
 from studies.logs.mapping import Mapping
 from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.period import conclude_period
+from studies.logs.radius_correction import make_up_for_radii
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
 from studies.logs.remarks import Remark, faulty
 from studies.logs.told_channels import Sources, open_sources
-from studies.logs.wheel_radii import make_up_for_radii
 
 Floats = NDArray[np.float64]
 

@@ -172,19 +172,6 @@ def forwards_too(
 
     `turned`: whether the speeds were too.
     """
-    force, remarks = _all_forwards(instants, speed, rim, force, train, turned)
-    force, more = _each_forwards(instants.time, speed, rim, force, train)
-    return force, remarks + more
-
-
-def _all_forwards(
-    instants: Instants,
-    speed: Floats,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    turned: bool,
-) -> tuple[Floats, list[Remark]]:
     scale = scale_of_forces(instants, speed, rim, force, train)
     sure = (
         scale is not None
@@ -194,16 +181,18 @@ def _all_forwards(
     if not sure and (turned or _drives_slip(instants.time, speed, rim, force)):
         balance = momentum_balance(instants, speed, rim, force, train, None)
         sure = balance is not None and -BALANCE[1] < balance.ratio < -BALANCE[0]
-    if not sure:
-        return force, []
-    how = (
-        "turned round with the speeds"
-        if turned
-        else "braking counts positive in the log; turned round"
-    )
-    return -force, [
-        Remark("sign", "axleN_force", f"by the motion the forces count the other way round: {how}")
-    ]
+    remarks = []
+    if sure:
+        force = -force
+        how = (
+            "turned round with the speeds"
+            if turned
+            else "braking counts positive in the log; turned round"
+        )
+        text = f"by the motion the forces count the other way round: {how}"
+        remarks.append(Remark("sign", "axleN_force", text))
+    force, more = _each_forwards(instants.time, speed, rim, force, train)
+    return force, remarks + more
 
 
 def _drives_slip(time: Floats, speed: Floats, rim: Floats, force: Floats) -> bool:
