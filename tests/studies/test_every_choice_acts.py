@@ -1,0 +1,91 @@
+"""Every switch and every choice of a scenario acts: each of its values gives a run of its own, in some world."""
+
+from contextlib import suppress
+from itertools import combinations
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+from pydantic import BaseModel
+
+from studies.files.strict import Strict
+from studies.files.study_error import StudyError
+from studies.scenario.scenario import Scenario
+from tests.studies import test_every_key_acts as numbers
+from tests.studies.test_bad_input_battery import NEEDED, _record_in
+from tests.studies.test_every_key_acts import content, differs, run, shown
+
+
+def choices_in(annotation: Any) -> tuple[Any, ...]:
+    """Values of a switch or of a choice; () of another key."""
+    if annotation is bool:
+        return (False, True)
+    if get_origin(annotation) is Literal:
+        return get_args(annotation)
+    return tuple(value for part in get_args(annotation) for value in choices_in(part))
+
+
+def choice_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
+    """(path, what its table needs, name, values) of every switch and choice of `kind`."""
+    found: list = []
+    kind = kind.complete() if issubclass(kind, Strict) else kind
+    for name, field in kind.model_fields.items():
+        record = _record_in(field.annotation)
+        if record is not None:
+            inner = {k: NEEDED[k] for k, own in record.model_fields.items() if own.is_required()}
+            found += choice_keys(record, inner, (*place, (name, "tuple" in str(field.annotation))))
+        elif values := choices_in(field.annotation):
+            found.append((place, base, name, values))
+    return found
+
+
+KEYS = [key for key in choice_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
+FIRST = {"onboard": {"learning": {"first": 1, "further": 1}}}
+BESIDE: dict[str, dict[str, Any]] = {
+    "onboard.learning.kind": FIRST,
+    "onboard.learning.reference": {
+        "onboard": {
+            "learning": {"kind": "running-mean"} | FIRST["onboard"]["learning"],
+            "trigger": "slip",
+        }
+    },
+    "onboard.braking.air_force": {"receptivity": {"mean": 0.5, "amplitude": 0.4, "period_s": 3.0}},
+    "onboard.mpc.compensated": {"onboard": {"mpc": {"computing_delay": 1}}},
+}
+"""Keys that act only with others -> these."""
+GIVEN = {"values": [0.002 * k for k in range(32)]}
+"""What the choice `given` needs beside it."""
+NOT_SHOWN = {
+    "case": "a word for readers: it says what the event is meant to show",
+    "in_default_comparison": "acts on what `readhesion compare` runs",
+}
+"""Keys of which no run shows anything -> why."""
+
+
+def values_apart(key: tuple) -> set[tuple[Any, Any]]:
+    """Pairs of a key's values that some world tells apart."""
+    place, base, name, values = key
+    controller = "mpc" if ("mpc", False) in place else "perturb-observe"
+    pairs: set[tuple[Any, Any]] = set()
+    for world in numbers.WORLDS:
+        made = {}
+        for value in values:
+            whole = numbers.merged(world, BESIDE.get(shown(key), {}))
+            given = {name: value} | (GIVEN if value == "given" else {})
+            with suppress(StudyError):
+                made[value] = run(content(whole, (place, base, name), given), "greedy", controller)
+        pairs |= {pair for pair in combinations(made, 2) if differs(made[pair[0]], made[pair[1]])}
+    return pairs
+
+
+@pytest.mark.parametrize("key", [key for key in KEYS if shown(key) not in NOT_SHOWN], ids=shown)
+def test_every_value_of_a_choice_acts(key):
+    assert values_apart(key) == set(combinations(key[3], 2))
+
+
+def test_a_choice_that_nothing_reads_would_be_noticed():
+    key = next(one for one in KEYS if shown(one) == "case")
+    assert values_apart(key) == set()
+
+
+def test_keys_with_a_word_of_their_own_exist():
+    assert {*BESIDE, *NOT_SHOWN} <= {shown(key) for key in KEYS}
