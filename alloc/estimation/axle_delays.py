@@ -106,9 +106,10 @@ def _telling(time: Floats, rim: Floats, count: int) -> Floats:
     period = float(np.median(np.diff(time)))
     each = max(round(0.02 / period), 1) if period > 0.0 else 1
     at, some = time[::each], rim[::each]
-    known = np.isfinite(some).any(axis=1)
-    middle = np.zeros(at.size)
-    middle[known] = np.nanmedian(some[known], axis=1)
+    finite = np.isfinite(some)
+    known, middle = finite.any(axis=1), np.zeros(at.size)
+    # without gaps in three times the speed
+    middle[known] = (np.median if finite.all() else np.nanmedian)(some[known], axis=1)
     moving = middle > SLOWEST
     if moving.sum() < 2:
         return at[:0]
