@@ -98,7 +98,7 @@ def test_a_solver_that_finds_nothing_is_counted(own):
     assert 0.2 * found.calls < found.failures < found.calls
     row = closed_loop.table([own, found]).loc["other"]
     assert row["failures"] == found.failures
-    assert row["used [%]"] == pytest.approx(100.0 * found.used)
+    assert row["used"] == pytest.approx(found.used)
 
 
 def test_a_program_without_an_answer_has_none(context):
