@@ -126,6 +126,16 @@ def test_a_delay_is_found_by_a_shape_of_another_scale(late):
     assert np.abs(found.speed - SPEED)[inside].max() < 0.02
 
 
+@pytest.mark.parametrize("late", [0.02, 0.22, 0.41])
+def test_noise_and_drift_are_those_of_the_delay_that_is_found(late):
+    """Beside it, by half a step of the grid, a dense speed looks as if it had noise or a drift."""
+    hill = SPEED + 0.15 * TIME
+    fixes = Samples(TIME, np.interp(TIME - late, TIME, SPEED), "sampled", 0.01, 0.0)
+    delay = find_delay(TIME, np.zeros(TIME.size, dtype=np.int64), hill, fixes, TIME)
+    assert delay.value == pytest.approx(late, abs=0.002)
+    assert (delay.noise, delay.drift, delay.start) == (0.0003, 0.0003, "hill")
+
+
 def test_smoother_and_likelihood_agree_with_linear_regression():
     """Without drift and with a vague start, v = s p + b + c t is ordinary least squares."""
     rng = np.random.default_rng(3)

@@ -32,6 +32,12 @@ def test_the_error_is_within_its_stated_deviation():
     assert all(abs(one.error - 0.01) < 2.0 * one.deviation for one in found)
 
 
+def test_noise_that_nobody_stated_widens_the_deviation():
+    found = rolling_wheel(TIME, SPEED, of_wheel(0.01, 0.0, 0.05), FREE, UNSURE)
+    assert found.deviation > 1.5e-4
+    assert abs(found.error - 0.01) < 3.0 * found.deviation
+
+
 def test_slides_of_a_tenth_of_the_time_do_not_count():
     own = of_wheel(0.01, 0.0)
     own[1000:1300] *= 0.7

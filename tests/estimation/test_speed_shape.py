@@ -1,8 +1,12 @@
 """When a train moves: by its wheels, which may be locked, and a measured speed, which may be late."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from alloc.estimation.speed_shape import AFTER, motion_of, standing
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.speed_shape import AFTER, motion_of, shape_of_forces, standing
+from tests.simulation.slides import TRAIN
 
 TIME = np.arange(0.0, 10.0, 0.1)
 
@@ -34,6 +38,26 @@ def test_wheels_that_all_lock_leave_it_open_whether_the_train_moves():
     assert unclear[slides].all()
     assert np.all(np.diff(under_way)[slides[1:]] > 0.0)
     assert not unclear[TIME > 5.0 + AFTER].any()
+
+
+def test_wheels_that_lock_in_the_last_moment_leave_it_open_too():
+    speed = np.maximum(0.3 - 0.1 * TIME, 0.0)
+    locked = np.where(speed > 0.18, speed, 0.0)
+    unclear = motion_of(TIME, speed, wheels(locked)).unclear
+    assert unclear[(locked == 0.0) & (speed > 0.06)].all()
+
+
+def test_a_train_that_comes_to_rest_while_it_rolls_leaves_no_jump():
+    """On a hill that nobody told, the shape drifts from the speed evenly, and not while the train stands."""
+    train = replace(MeasuredTrain.of(TRAIN), resistance=None)
+    time = np.arange(0.0, 20.0, 0.01)
+    speed = 1.2 - 0.12 * time
+    rim = np.repeat(speed[:, None], train.radius.size, axis=1)
+    shape = shape_of_forces(time, speed, rim, np.zeros(rim.shape), train, None)
+    apart = np.diff(shape - speed) / 0.01
+    assert np.ptp(apart[:800]) < 1e-9
+    assert apart.min() > -1e-9
+    assert apart.max() < 0.13
 
 
 def test_unknown_wheels_do_not_stand():

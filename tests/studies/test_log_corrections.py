@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -46,6 +47,9 @@ CORRECTED: dict[str, tuple[Change, str, str]] = {
         lambda t: at(t, 400, "axle3_speed_kmh", 90.0), "faulty", "to which no wheel jumps",
     ),
     "a first value": (lambda t: at(t, 0, "axle3_speed_kmh", 90.0), "faulty", "to which no wheel jumps"),
+    "a last value": (
+        lambda t: at(t, len(t) - 1, "axle3_speed_kmh", 130.0), "faulty", "to which no wheel jumps",
+    ),
     "-9999, once": (lambda t: at(t, 400, "axle3_speed_kmh", -9999.0), "missing", "-9999"),
     "wheels rounded": (lambda t: spoil.rounded_to(t, spoil.speeds_of(t), 0.1), "sampling", "rounded"),
 }  # fmt: skip
@@ -80,6 +84,9 @@ def test_a_wheel_that_rolls_freely_tells_its_radius(start, error):
     log, found = start.found(spoil.by_radius(start.table, {free[0]: 1.0 + error}))
     (remark,) = [r for r in log.remarks if r.kind == "radius"]
     assert f"{100 * abs(error):.1f} % {'faster' if error > 0.0 else 'slower'}" in remark.text
+    fast = log.run.speed > 5.0
+    own = log.run.rim_speed[fast, free[0] - 1]
+    np.testing.assert_allclose(own, log.run.speed[fast], rtol=2e-3)
     assert found.total_damage == pytest.approx(start.damage, rel=SHARE)
 
 
