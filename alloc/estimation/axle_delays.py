@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.speed_shape import middle_speed
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +78,8 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
     known = np.flatnonzero(np.isfinite(rim).mean(axis=0) > 0.5)
     if known.size < 2:
         return []
-    some = _telling(time, rim[:, known], FEW)
+    at, busy = _telling(time, rim[:, known])
+    some = _spread(at, busy, FEW)
     if some.size < FEW // 10:
         return []
     width = max(NEAR, OF_NOISE * noise)
@@ -93,7 +95,7 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
         coarse[i] = float(grid[int(np.argmax(shares))])
     if max(coarse.values()) - min(coarse.values()) < APART:
         return []
-    many = _telling(time, rim[:, known], MANY)
+    many = _spread(at, busy, MANY)
     found = {
         i: _refined(time, rim[:, i], rim[:, reference], many, late, width)
         for i, late in coarse.items()
@@ -101,23 +103,23 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
     return _groups(found, train)
 
 
-def _telling(time: Floats, rim: Floats, count: int) -> Floats:
-    """Instants [s] at which wheels are compared: half of them where the train's speed changes most, the others anywhere."""
+def _telling(time: Floats, rim: Floats) -> tuple[Floats, Floats]:
+    """Instants [s] at which the train moves, and the half of them at which its speed changes most."""
     period = float(np.median(np.diff(time)))
     each = max(round(0.02 / period), 1) if period > 0.0 else 1
-    at, some = time[::each], rim[::each]
-    finite = np.isfinite(some)
-    known, middle = finite.any(axis=1), np.zeros(at.size)
-    # without gaps in three times the speed
-    middle[known] = (np.median if finite.all() else np.nanmedian)(some[known], axis=1)
+    at, middle = time[::each], np.nan_to_num(middle_speed(rim[::each]))
     moving = middle > SLOWEST
     if moving.sum() < 2:
-        return at[:0]
+        return at[:0], at[:0]
     rate = np.abs(mean_rate(at, middle, RATE_TIME))[moving]
     at = at[moving]
+    return at, at[np.sort(np.argsort(rate, kind="stable")[at.size // 2 :])]
+
+
+def _spread(at: Floats, busy: Floats, count: int) -> Floats:
+    """About `count` instants [s] of both from all over, half of each."""
     each = max(-(-at.size // (count // 2)), 1)
-    busy = np.sort(np.argsort(rate, kind="stable")[at.size // 2 :])
-    return np.union1d(at[::each], at[busy][:: max(each // 2, 1)])
+    return np.union1d(at[::each], busy[:: max(each // 2, 1)])
 
 
 def _share(

@@ -16,7 +16,14 @@ from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import Delay, find_delay
-from alloc.estimation.speed_shape import LOCKED, filled, locked_share, shape_of_forces, standing
+from alloc.estimation.speed_shape import (
+    LOCKED,
+    filled,
+    goes_on,
+    locked_share,
+    shape_of_forces,
+    standing,
+)
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +92,7 @@ class _Shapes:
         self.total = np.zeros(time.size)
         for i in np.flatnonzero(np.isfinite(force).any(axis=0)).tolist():
             self.total += filled(time, force[:, i])
-        self.moves = ~standing(guess, rim) & ~locked
+        self.moves = ~goes_on(standing(guess, rim)) & ~locked
 
     def __call__(self, late: float) -> Floats:
         moved = np.interp(self.time + late, self.time, self.total)

@@ -78,10 +78,9 @@ def shape_of_forces(
     # what holds a train at rest is no less than what pulls it: there its wheels tell how it moves
     stands = standing(speed, rim)
     middle = np.zeros(time.size)
-    middle[stands] = np.nanmedian(rim[stands][:, np.isfinite(rim).any(axis=0)], axis=1)
-    rolled = np.nan_to_num(np.diff(middle, prepend=middle[0]))
-    since = np.concatenate([[False], stands[1:] & stands[:-1]])
-    rise = np.where(since, rolled, (given - gained) / mass)
+    middle[stands] = middle_speed(rim[stands])
+    rolled = np.diff(middle, prepend=middle[0])
+    rise = np.where(goes_on(stands), rolled, (given - gained) / mass)
     # the brake of a locked wheel gives what the rail carries, which nobody knows: there the measured speed goes on
     locked = locked_share(speed, rim, force) > LOCKED
     return np.asarray(np.cumsum(np.where(locked, np.diff(speed, prepend=speed[0]), rise)))
@@ -141,6 +140,21 @@ def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
     for i in range(rim.shape[1]):
         np.fmax(fastest, rim[:, i], out=fastest)
     return np.asarray((np.abs(fastest) < STANDING) & (speed < NEARLY))
+
+
+def goes_on(stands: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where a train stands as it did an instant before, (instants,): its wheels tell what it gained in between."""
+    return np.concatenate([[False], stands[1:] & stands[:-1]])
+
+
+def middle_speed(rim: Floats) -> Floats:
+    """Median speed of the wheels [m/s], (instants,); nan where none is known. `rim` (instants, axles)."""
+    finite = np.isfinite(rim)
+    if finite.all():  # in a third of the time
+        return np.asarray(np.median(rim, axis=1))
+    known, middle = finite.any(axis=1), np.full(len(rim), np.nan)
+    middle[known] = np.nanmedian(rim[known], axis=1)
+    return middle
 
 
 class Motion(NamedTuple):

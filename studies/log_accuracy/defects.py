@@ -24,10 +24,14 @@ def forces_of(table: pd.DataFrame) -> list[str]:
     return [name for name in names_of(table, "force") if name.startswith("axle")]
 
 
+def wheels_of(table: pd.DataFrame) -> list[str]:
+    """Columns of the axles' speeds."""
+    return [name for name in speeds_of(table) if name.startswith("axle")]
+
+
 def axles_of(table: pd.DataFrame) -> list[int]:
     """Numbers of the axles that have a speed."""
-    names = [name for name in names_of(table, "speed") if name.startswith("axle")]
-    return [int(name.removeprefix("axle").partition("_")[0]) for name in names]
+    return [int(name.removeprefix("axle").partition("_")[0]) for name in wheels_of(table)]
 
 
 def fixes_of(table: pd.DataFrame, late: float, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -179,6 +183,14 @@ def shifted(table: pd.DataFrame, names: Sequence[str], late: float) -> pd.DataFr
     """These columns recorded `late` [s], earlier where it is negative."""
     time = table["time_s"].to_numpy()
     return table.assign(**{name: np.interp(time - late, time, table[name]) for name in names})
+
+
+def rear_late(table: pd.DataFrame, late: float) -> pd.DataFrame:
+    """The rear half of the axles has a recorder of its own, which is `late` [s]."""
+    axles = axles_of(table)
+    rear = {f"axle{axle}" for axle in axles[len(axles) // 2 :]}
+    names = [n for n in wheels_of(table) + forces_of(table) if n.partition("_")[0] in rear]
+    return shifted(table, names, late)
 
 
 def rounded_to(

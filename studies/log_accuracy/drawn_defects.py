@@ -131,10 +131,8 @@ def _late_forces(table: pd.DataFrame, g: Generator) -> Drawn:
 
 
 def _late_axles(table: pd.DataFrame, g: Generator) -> Drawn:
-    late, axles = g.uniform(0.05, 0.4), spoil.axles_of(table)
-    half = {f"axle{axle}_speed_kmh" for axle in axles[len(axles) // 2 :]}
-    half |= {f"axle{axle}_force_kn" for axle in axles[len(axles) // 2 :]}
-    return spoil.shifted(table, [n for n in table if n in half], late), f"{late:.2f} s"
+    late = g.uniform(0.05, 0.4)
+    return spoil.rear_late(table, late), f"{late:.2f} s"
 
 
 def _one_sign(table: pd.DataFrame, g: Generator) -> Drawn:
@@ -189,9 +187,8 @@ def _clock_set_back(table: pd.DataFrame, g: Generator) -> Drawn:
 
 def _zero_when_slow(table: pd.DataFrame, g: Generator) -> Drawn:
     below = g.uniform(1.0, 5.0)
-    names = [name for name in spoil.speeds_of(table) if name != "speed_kmh"]
     return table.assign(
-        **{n: table[n].where(table[n] >= below, 0.0) for n in names}
+        **{n: table[n].where(table[n] >= below, 0.0) for n in spoil.wheels_of(table)}
     ), f"below {below:.1f} km/h"
 
 

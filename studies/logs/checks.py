@@ -1,6 +1,5 @@
 """What is wrong with the series of a log at common instants; remarks on all of it, and what cannot be used is cut out."""
 
-import warnings
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
+from alloc.estimation.speed_shape import middle_speed
 from alloc.spans import spans
 from studies.logs.remarks import Remark, faulty
 from studies.logs.told_channels import FEWEST_ROWS
@@ -125,7 +125,7 @@ def without_stuck(
     if fixes.time.size < STUCK_SAMPLES:
         return fixes
     every = max(int(OFTEN / np.median(np.diff(instants.time))), 1)
-    wheels, time = _median(rim[::every]), instants.time[::every]
+    wheels, time = middle_speed(rim[::every]), instants.time[::every]
     known = np.isfinite(wheels)
     if not known.any():
         return fixes
@@ -156,12 +156,7 @@ def without_spikes(samples: Samples, name: str, remarks: list[Remark]) -> Sample
     for end, near, next_ in ((0, 1, 2), (-1, -2, -3)):
         away = value[end] - value[[near, next_]]
         off[end] = bool(np.all(away > least[end]) or np.all(away < -least[end]))
-    if not off.any() or off.mean() > MOST_AWAY:
-        return samples
-    k = int(np.flatnonzero(off)[0])
-    text = f"{int(off.sum())} values to which no wheel jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
-    remarks.append(Remark("faulty", name, text, None, float(time[k])))
-    return samples._replace(time=time[~off], value=value[~off])
+    return _left_out(samples, off, "wheel", name, remarks)
 
 
 def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Samples:
@@ -189,12 +184,23 @@ def without_outliers(fixes: Samples, name: str, remarks: list[Remark]) -> Sample
     for begin, end in reversed(stretches[:longest_of]):
         if reaches(last, end - 1):
             off[begin:end], last = False, begin
+    return _left_out(fixes, off, "train", name, remarks)
+
+
+def _left_out(
+    samples: Samples, off: NDArray[np.bool_], what: str, name: str, remarks: list[Remark]
+) -> Samples:
+    """The samples without those that are `off`, and a remark; all of them where so many are that the channel is in doubt."""
     if not off.any() or off.mean() > MOST_AWAY:
-        return fixes
+        return samples
+    time, value = samples.time, samples.value
     k = int(np.flatnonzero(off)[0])
-    text = f"{int(off.sum())} values to which no train jumps left out, the first {value[k]:.4g} m/s at {time[k]:.6g} s"
+    text = (
+        f"{int(off.sum())} values to which no {what} jumps left out, the first {value[k]:.4g} m/s "
+        f"at {time[k]:.6g} s"
+    )
     remarks.append(Remark("faulty", name, text, None, float(time[k])))
-    return fixes._replace(time=time[~off], value=value[~off])
+    return samples._replace(time=time[~off], value=value[~off])
 
 
 def cut_out_stuck(
@@ -260,9 +266,3 @@ def _too_fast(
 def _stuck(name: str, time: Floats, inside: slice, text: str) -> Remark:
     begin, end = float(time[inside.start]), float(time[inside.stop - 1])
     return Remark("stuck", name, f"{text}, {begin:.6g} s to {end:.6g} s", inside.start + 1, begin)
-
-
-def _median(rim: Floats) -> Floats:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # rows without any wheel
-        return np.asarray(np.nanmedian(rim, axis=1))

@@ -14,6 +14,7 @@ from alloc.estimation.force_reading import at_rims, in_time
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import WINDOW, MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
+from alloc.estimation.speed_shape import middle_speed
 from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
@@ -127,7 +128,7 @@ def measured(
         for number, name in names.items():
             own = rim[:, number - 1]
             checks.check_ratio(name, own, of_train, guess, recording.source)
-    as_measured = _median(rim) if fixes is None else guess
+    as_measured = middle_speed(rim) if fixes is None else guess
     backwards = any(remark.kind == "sign" for remark in remarks)
     force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
@@ -246,11 +247,6 @@ def _guess(fixes: Samples, instants: Instants) -> Floats:
     after = np.clip(np.searchsorted(fixes.time, instants.time), 1, fixes.time.size - 1)
     guess[np.abs(fixes.time[after] - fixes.time[after - 1]) > reach] = np.nan
     return guess
-
-
-def _median(rim: Floats) -> Floats:
-    with np.errstate(all="ignore"):
-        return np.asarray(np.nanmedian(rim, axis=1))
 
 
 def _speed(

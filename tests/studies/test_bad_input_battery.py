@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -644,21 +645,20 @@ def test_bad_input_is_one_line_and_exit_code_2_and_nothing_is_written(place, cal
     assert tree(place) == before
 
 
-def number_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
-    """(path, content of a file that has all on the way to it) of every key of `kind` that holds numbers."""
+def keys_of(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
+    """(path, content of its table that has all that this needs, name, annotation) of every key of `kind` but tables."""
     found = []
     kind = kind.complete() if issubclass(kind, Strict) else kind
     for name, field in kind.model_fields.items():
-        stated = str(field.annotation)
         record = _record_in(field.annotation)
         if record is not None:
-            several = "tuple" in stated
+            several = "tuple" in str(field.annotation)
             inner = {
                 key: NEEDED[key] for key, own in record.model_fields.items() if own.is_required()
             }
-            found += number_keys(record, inner, (*place, (name, several)))
-        elif "float" in stated or "int" in stated:
-            found.append((place, base, name))
+            found += keys_of(record, inner, (*place, (name, several)))
+        else:
+            found.append((place, base, name, field.annotation))
     return found
 
 
@@ -667,8 +667,10 @@ NEEDED = {
     "grade_permille": 5.0, "radius_m": 300.0, "time_s": 0.0, "acceleration_kmhs": 3.0, "level": 0.1, "begin_s": 0.0,
     "increments": {"law": "none"}, "law": "logarithmic",
 }  # fmt: skip
-KEYS = [key for key in number_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
-"""Every key of a scenario that holds numbers; settings of controllers too, of the MPC once."""
+ALL_KEYS = [key for key in keys_of(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
+"""Every key of a scenario; settings of controllers too, of the MPC once."""
+KEYS = [key[:3] for key in ALL_KEYS if re.search("float|int", str(key[3]))]
+"""Those that hold numbers."""
 
 
 def content_with(place, base, name, value) -> dict[str, Any]:

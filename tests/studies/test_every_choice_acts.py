@@ -5,13 +5,10 @@ from itertools import combinations
 from typing import Any, Literal, get_args, get_origin
 
 import pytest
-from pydantic import BaseModel
 
-from studies.files.strict import Strict
 from studies.files.study_error import StudyError
-from studies.scenario.scenario import Scenario
 from tests.studies import test_every_key_acts as numbers
-from tests.studies.test_bad_input_battery import NEEDED, _record_in
+from tests.studies.test_bad_input_battery import ALL_KEYS
 from tests.studies.test_every_key_acts import content, differs, run, shown
 
 
@@ -24,21 +21,8 @@ def choices_in(annotation: Any) -> tuple[Any, ...]:
     return tuple(value for part in get_args(annotation) for value in choices_in(part))
 
 
-def choice_keys(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
-    """(path, what its table needs, name, values) of every switch and choice of `kind`."""
-    found: list = []
-    kind = kind.complete() if issubclass(kind, Strict) else kind
-    for name, field in kind.model_fields.items():
-        record = _record_in(field.annotation)
-        if record is not None:
-            inner = {k: NEEDED[k] for k, own in record.model_fields.items() if own.is_required()}
-            found += choice_keys(record, inner, (*place, (name, "tuple" in str(field.annotation))))
-        elif values := choices_in(field.annotation):
-            found.append((place, base, name, values))
-    return found
-
-
-KEYS = [key for key in choice_keys(Scenario, {}) if not any("mpc_" in t for t, _ in key[0])]
+KEYS = [(*key[:3], values) for key in ALL_KEYS if (values := choices_in(key[3]))]
+"""(path, what its table needs, name, values) of every switch and choice."""
 FIRST = {"onboard": {"learning": {"first": 1, "further": 1}}}
 BESIDE: dict[str, dict[str, Any]] = {
     "onboard.learning.kind": FIRST,

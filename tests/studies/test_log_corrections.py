@@ -16,17 +16,6 @@ from tests.studies.test_log_defects import SHARE, Clean, clean
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 
 
-def half_late(table: pd.DataFrame, late: float = 0.3) -> pd.DataFrame:
-    """The rear half of the train has a recorder of its own."""
-    axles = spoil.axles_of(table)
-    rear = [
-        f"axle{axle}_{what}"
-        for axle in axles[len(axles) // 2 :]
-        for what in ("speed_kmh", "force_kn")
-    ]
-    return spoil.shifted(table, rear, late)
-
-
 def set_back(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(time_s=table["time_s"].where(table["time_s"] < 5.0, table["time_s"] - 0.3))
 
@@ -98,7 +87,7 @@ def test_a_scale_that_all_wheels_share_is_that_of_the_train_speed(stop):
 
 
 def test_a_recorder_with_a_clock_of_its_own_is_found_by_the_wheels_that_roll(start):
-    log, found = start.found(half_late(start.table))
+    log, found = start.found(spoil.rear_late(start.table, 0.3))
     (remark,) = [r for r in log.remarks if "than the others" in r.text]
     assert remark.text.startswith("axles 17 to 32: recorded 0.29")
     # the last 0.3 s of those axles are not in the log

@@ -9,6 +9,7 @@ import pytest
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
+from studies.log_accuracy import defects as spoil
 from studies.logs.export import log_table, rounded
 from studies.logs.mapping import Mapping
 from studies.logs.measured_log import MeasuredLog, check_log
@@ -41,15 +42,6 @@ def clean() -> Clean:
     return Clean(table, train, found.total_damage, len(found.events))
 
 
-def names(table: pd.DataFrame, what: str) -> list[str]:
-    return [name for name in table if name.startswith("axle") and what in name]
-
-
-def later(table: pd.DataFrame, columns: list[str], late: float) -> pd.DataFrame:
-    time = table["time_s"]
-    return table.assign(**{name: np.interp(time - late, time, table[name]) for name in columns})
-
-
 def at_contact(clean: Clean) -> pd.DataFrame:
     time, found = clean.table["time_s"], {}
     for i, (inertia, radius) in enumerate(
@@ -71,11 +63,11 @@ def dropped(table: pd.DataFrame) -> pd.DataFrame:
 
 
 REPAIRED: dict[str, tuple[Callable[[Clean], pd.DataFrame], str]] = {
-    "forces late": (lambda c: later(c.table, names(c.table, "force"), 0.3), "recorded 0.300 s later"),
-    "forces early": (lambda c: later(c.table, names(c.table, "force"), -0.2), "s earlier than the wheels"),
-    "wheels late": (lambda c: later(c.table, names(c.table, "speed"), 0.2), "s earlier than the wheels"),
+    "forces late": (lambda c: spoil.shifted(c.table, spoil.forces_of(c.table), 0.3), "recorded 0.300 s later"),
+    "forces early": (lambda c: spoil.shifted(c.table, spoil.forces_of(c.table), -0.2), "s earlier than the wheels"),
+    "wheels late": (lambda c: spoil.shifted(c.table, spoil.wheels_of(c.table), 0.2), "s earlier than the wheels"),
     "braking positive": (
-        lambda c: c.table.assign(**{n: -c.table[n] for n in names(c.table, "force")}), "braking counts positive",
+        lambda c: c.table.assign(**{n: -c.table[n] for n in spoil.forces_of(c.table)}), "braking counts positive",
     ),
     "at the contact": (at_contact, "between wheel and rail"),
     "dropouts": (lambda c: dropped(c.table), "to which no train jumps"),
@@ -84,8 +76,8 @@ REPAIRED: dict[str, tuple[Callable[[Clean], pd.DataFrame], str]] = {
 
 @pytest.mark.parametrize("name", REPAIRED)
 def test_what_contradicts_the_motion_is_repaired_and_said(clean, name):
-    spoil, words = REPAIRED[name]
-    log, found = clean.found(spoil(clean))
+    change, words = REPAIRED[name]
+    log, found = clean.found(change(clean))
     assert any(words in remark.text for remark in log.remarks)
     assert found.total_damage == pytest.approx(clean.damage, rel=0.02)
     assert abs(len(found.events) - clean.slips) <= 2
@@ -117,7 +109,7 @@ def test_a_gear_ratio_lies_between_motor_and_wheelset(clean):
 
 @pytest.mark.parametrize("factor", [1.609344, 1.0 / 1.609344, 1.3])
 def test_a_unit_that_all_speeds_share_shows_in_the_balance(clean, factor):
-    speeds = ["speed_kmh", *names(clean.table, "speed")]
+    speeds = spoil.speeds_of(clean.table)
     log, _ = clean.found(clean.table.assign(**{n: clean.table[n] * factor for n in speeds}))
     (balance,) = (remark for remark in log.remarks if remark.kind == "balance")
     assert f"{factor:.2g} ±" in balance.text or f"{factor:.2g} times" in balance.text
