@@ -24,6 +24,8 @@ NEARLY = 1.0
 """... if it was measured below this."""
 AT_REST = 0.2
 """Measured speed [m/s] below which it surely does: above it, wheels that stand may be locked."""
+OF_NOISE = 4.0
+"""Deviations of a measured speed that noise may add to it."""
 AFTER = 2.0
 """Time [s] from which on a train whose wheels stand, and whose measured speed is 0, surely is at rest."""
 LOCKED = 0.25
@@ -166,11 +168,12 @@ class Motion(NamedTuple):
     """Where it may stand, or move with all wheels locked."""
 
 
-def motion_of(time: Floats, speed: Floats, rim: Floats) -> Motion:
-    """When a train moves; `speed` (instants,) and `rim` (instants, axles) [m/s]."""
+def motion_of(time: Floats, speed: Floats, rim: Floats, noise: float = 0.0) -> Motion:
+    """When a train moves; `speed` (instants,), whose values have this `noise`, and `rim` (instants, axles) [m/s]."""
     still, slow = standing(speed, rim), speed < AT_REST
     under_way = np.concatenate([[0.0], np.cumsum(np.diff(time) * ~(still & slow)[1:])])
-    unclear = still & (speed > STANDING)
+    # a speed that noise alone may give a train at rest does not make its rest unclear
+    unclear = still & (speed > min(STANDING + OF_NOISE * noise, AT_REST))
     since = time - np.maximum.accumulate(np.where(unclear, time, -np.inf))
     return Motion(under_way, still & (since < AFTER))
 

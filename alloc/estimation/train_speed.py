@@ -79,7 +79,7 @@ def measured_speed(
         "free wheels": shape_of_free_wheels(time, rim, force, train),
         "wheels": shape_of_wheels(time, guess, rim),
     }
-    moving, unclear = motion_of(time, guess, rim)
+    moving, unclear = motion_of(time, guess, rim, fixes.noise)
     clear, clear_part = _clear(time, part, unclear, fixes)
     found = {
         n: find_delay(time, clear_part, s, clear, moving)

@@ -47,6 +47,13 @@ def test_wheels_that_lock_in_the_last_moment_leave_it_open_too():
     assert unclear[(locked == 0.0) & (speed > 0.06)].all()
 
 
+def test_noise_does_not_make_a_rest_unclear():
+    speed = np.maximum(TIME - 4.0, 0.0)
+    noisy = speed + 0.05 * np.random.default_rng(3).standard_normal(TIME.size)
+    assert motion_of(TIME, noisy, wheels(speed)).unclear[TIME < 4.0].any()
+    assert not motion_of(TIME, noisy, wheels(speed), 0.05).unclear.any()
+
+
 def test_a_train_that_comes_to_rest_while_it_rolls_leaves_no_jump():
     """On a hill that nobody told, the shape drifts from the speed evenly, and not while the train stands."""
     train = replace(MeasuredTrain.of(TRAIN), resistance=None)

@@ -94,6 +94,16 @@ def test_a_recorder_with_a_clock_of_its_own_is_found_by_the_wheels_that_roll(sta
     assert found.total_damage == pytest.approx(start.damage, rel=0.08)
 
 
+@pytest.mark.parametrize("kmh", [0.05, 0.1, 0.2])
+def test_a_noisy_start_on_a_hill_has_no_delay(kmh):
+    scenario = load_scenario("gradient-start")
+    run = simulate_job(Job(scenario, "cooperative", "perturb-observe", 4))
+    plain = clean(run, scenario.event(4).model.train)
+    log, found = plain.found(spoil.noisy(plain.table, kmh, 3))
+    assert abs(log.run.speed_delay.value) < 0.02
+    assert found.total_damage == pytest.approx(plain.damage, rel=0.05)
+
+
 def test_a_wheel_that_never_creeps_as_little_as_the_others_is_named(start):
     pulls = [i for i in spoil.axles_of(start.table) if start.table[f"axle{i}_force_kn"].max() > 1.0]
     log, _ = start.found(spoil.by_radius(start.table, {pulls[0]: 1.03}))
