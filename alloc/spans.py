@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 def spans(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     """First instant and first one after it of every stretch in which `flags` (instants,) are true, (spans, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return edges.reshape(-1, 2)
+    padded = np.zeros(flags.size + 2, dtype=np.bool_)
+    padded[1:-1] = flags
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def bridged_spans(

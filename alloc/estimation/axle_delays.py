@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.speed_shape import middle_speed
 
 Floats = NDArray[np.float64]
@@ -35,6 +36,8 @@ SLOWEST = 0.3
 """Speed [m/s] from which on wheels are compared."""
 FEW, MANY = 600, 3000
 """Instants at which delays are tried, and at which the best is refined."""
+MOST = 60_000
+"""Instants, or up to twice as many, of which both are chosen."""
 RATE_TIME = 1.0
 """Time [s] over which the train's acceleration is taken: delays show where it is large."""
 FITS = 0.25
@@ -105,8 +108,8 @@ def late_axles(time: Floats, rim: Floats, train: MeasuredTrain, noise: float) ->
 
 def _telling(time: Floats, rim: Floats) -> tuple[Floats, Floats]:
     """Instants [s] at which the train moves, and the half of them at which its speed changes most."""
-    period = float(np.median(np.diff(time)))
-    each = max(round(0.02 / period), 1) if period > 0.0 else 1
+    period = usual_period(time)
+    each = max(round(0.02 / period), time.size // MOST, 1) if period > 0.0 else 1
     at, middle = time[::each], np.nan_to_num(middle_speed(rim[::each]))
     moving = middle > SLOWEST
     if moving.sum() < 2:

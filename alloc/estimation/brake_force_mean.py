@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from alloc.display import displayed
 from alloc.errors import EstimationError
@@ -88,7 +88,7 @@ class SeriesMean:
         """Lower and upper end of the confidence interval; `constant`: deviation of errors that averaging does not remove."""
         deviation = np.hypot(self.deviation, constant)
         freedom = effective_freedom(self.freedom, self.noise, deviation)
-        half = student.ppf(0.5 + 0.5 * confidence, freedom) * deviation
+        half = stdtrit(freedom, 0.5 + 0.5 * confidence) * deviation
         return self.mean - half, self.mean + half
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from alloc.display import displayed
 from alloc.errors import EstimationError
@@ -133,5 +133,5 @@ def find_shortfalls(
         mean[k], noise[k], freedom[k] = float(one.mean), float(one.noise), one.freedom
     deviation = np.hypot(noise, constant)
     whole = np.where(judged, effective_freedom(freedom, noise, deviation), 1.0)
-    quantile = student.ppf(1.0 - (1.0 - confidence) / cars, whole)
+    quantile = stdtrit(whole, 1.0 - (1.0 - confidence) / cars)
     return Shortfalls(mean, deviation, quantile * deviation)

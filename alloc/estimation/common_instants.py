@@ -55,9 +55,9 @@ def resample(samples: Samples, time: Floats) -> Series:
     """A channel at `time` [s], (instants,)."""
     t, v = samples.time, samples.value
     if t.size == time.size and np.array_equal(t, time):
-        return Series(v, np.full(time.size, samples.noise))
+        return Series(v, np.broadcast_to(samples.noise, time.shape))
     if t.size < 2:
-        return Series(np.full(time.size, np.nan), np.full(time.size, np.nan))
+        return Series(*np.full((2, time.size), np.nan))
     reach = longest(samples.period)
     after = np.clip(np.searchsorted(t, time), 1, t.size - 1)
     step = t[after] - t[after - 1]

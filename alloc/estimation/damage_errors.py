@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.estimation.long_series import usual_period
+
 if TYPE_CHECKING:
     from alloc.estimation.measured_run import MeasuredRun
 
@@ -68,7 +70,7 @@ def damage_errors(
     step = np.diff(time, append=time[-1])
     step[:-1][np.diff(run.part) != 0] = 0.0
     total, sensors = np.zeros(time.size), 0.0
-    period = float(np.median(np.diff(time)))
+    period = usual_period(time)
     lasts = max(WINDOW, period)
     for i in range(axle_load.size):
         force = coefficient[:, i] * axle_load[i]

@@ -37,9 +37,13 @@ def positive_series(name: str, values: ArrayLike, *shapes: tuple[int | None, ...
     return array
 
 
-def mean_rate(time: Floats, values: Floats, window: float) -> Floats:
-    """Rate of change of `values` (instants,): mean over `window` around each instant, at the ends over what there is."""
-    begin = np.maximum(time - 0.5 * window, time[0])
-    end = np.minimum(time + 0.5 * window, time[-1])
+def mean_rate(time: Floats, values: Floats, window: float, at: Floats | None = None) -> Floats:
+    """Rate of change of `values` (instants,): mean over `window` around each instant, at the ends over what there is.
+
+    `at`: the instants around which it is wanted; all of them by default.
+    """
+    around = time if at is None else at
+    begin = np.maximum(around - 0.5 * window, time[0])
+    end = np.minimum(around + 0.5 * window, time[-1])
     gained = np.interp(end, time, values) - np.interp(begin, time, values)
     return np.asarray(gained / (end - begin))

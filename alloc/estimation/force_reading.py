@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import Delay, find_delay
 from alloc.estimation.speed_shape import (
@@ -147,7 +148,7 @@ def read_forces(
     delay = delay._replace(deviation=math.hypot(delay.deviation, spread))
     best = ForceReading(late, contact, moved, delay)
     # what happens between two rows looks like a delay too
-    least = max(LEAST, float(np.median(np.diff(time))))
+    least = max(LEAST, usual_period(time))
     if abs(best.late) < least or not explains_more(best.delay, found.delay):
         return found
     if _unlike(found.delay, fixes):

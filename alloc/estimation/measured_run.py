@@ -33,6 +33,7 @@ from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
 from alloc.estimation.speed_fixes import Delay
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
@@ -161,7 +162,7 @@ def analyse_run(
                 f"{name}: shape {getattr(run, name).shape} must be ({count}, {axles})"
             )
     criterion = criterion or SlipCriterion()
-    period = float(np.median(np.diff(run.time)))
+    period = usual_period(run.time)
     window = max(window, 2.0 * period)
     coefficient, damage = (np.full((count, axles), np.nan, order="F") for _ in range(2))
     covered, slipping = np.zeros(axles), np.zeros(axles)

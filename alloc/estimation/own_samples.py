@@ -11,6 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from alloc.estimation.long_series import excerpt, usual_period
+
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
@@ -36,8 +38,6 @@ MOSTLY = 0.9
 """Share of the rows that have a value, above which the others do not break a straight line."""
 SINGLE = 1e-6
 """Change over the largest value that the rounding of single precision may make."""
-PIECES, PIECE = 20, 5000
-"""Number of pieces of a long series from which its noise is estimated, and number of values in a piece."""
 MEDIAN_DEVIATION = 1.4826
 """Standard deviation over the median of the magnitude, of normally distributed numbers."""
 
@@ -62,30 +62,30 @@ def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
     """
     finite = np.isfinite(values)
     t, v = (time, values) if finite.all() else (time[finite], values[finite])
-    kind: Kind = "sampled"
-    if v.size >= FEWEST:
-        if rounded and _quantised(v):
-            noise = quantum_of(v) / math.sqrt(12.0)
-            t, v = _crossings(t, v)
-            return Samples(t, v, "quantised", float(np.median(np.diff(t))), noise)
-        found = _held(v)
-        kind = "held"
-        if found is None:
-            found, kind = _interpolated(time, values, finite), "interpolated"
-        if found is not None and kind == "interpolated" and np.median(np.diff(t[found])) < SEEN:
+    if v.size < FEWEST:
+        return Samples(t, v, "sampled", usual_period(t) if t.size > 1 else math.nan, 0.0)
+    repeats = _repeats(v)
+    if rounded and repeats and _quantised(v):
+        noise = quantum_of(v) / math.sqrt(12.0)
+        t, v = _crossings(t, v)
+        return Samples(t, v, "quantised", usual_period(t), noise)
+    noise = noise_of(v)
+    kind: Kind = "held"
+    found = _held(v) if repeats else None
+    if found is None and noise <= STRAIGHT:
+        kind, found = "interpolated", _interpolated(time, values, finite)
+        if found is not None and usual_period(t[found]) < SEEN:
             found = None
-        if found is None:
-            kind = "sampled"
-        else:
-            t, v = t[found], v[found]
-    period = float(np.median(np.diff(t))) if t.size > 1 else math.nan
-    return Samples(t, v, kind, period, noise_of(v))
+    if found is None:
+        return Samples(t, v, "sampled", usual_period(t), noise)
+    t, v = t[found], v[found]
+    return Samples(t, v, kind, usual_period(t), noise_of(v))
 
 
 def smoothed_steps(time: Floats, crossings: Samples) -> Samples:
     """A rounded channel at all rows: straight lines between the instants at which its value changes."""
     value = np.interp(time, crossings.time, crossings.value)
-    period = float(np.median(np.diff(time)))
+    period = usual_period(time)
     return Samples(time, value, "sampled", period, crossings.noise)
 
 
@@ -96,14 +96,6 @@ def noise_of(values: Floats) -> float:
     values = excerpt(values)
     bend = float(MEDIAN_DEVIATION * np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
     return math.hypot(bend, quantum_of(values) / math.sqrt(12.0))
-
-
-def excerpt(values: Floats) -> Floats:
-    """The values, or for a very long series as many as its noise requires: pieces of `PIECE` from all over."""
-    if values.size <= PIECES * PIECE:
-        return values
-    starts = np.linspace(0, values.size - PIECE, PIECES).astype(np.int64)
-    return np.concatenate([values[k : k + PIECE] for k in starts])
 
 
 def quantum_of(values: Floats) -> float:
@@ -151,11 +143,14 @@ def _ends(index: Numbers, spacing: float, count: int) -> Numbers:
     return np.concatenate([np.round(before), index, np.round(after)]).astype(np.int64)
 
 
+def _repeats(values: Floats) -> bool:
+    """Whether so many rows repeat the one before that a channel may be held or rounded."""
+    some = excerpt(values)
+    return bool(np.mean(some[1:] == some[:-1]) >= 0.5 * REPEATED)
+
+
 def _held(values: Floats) -> Numbers | None:
     """Rows at which a held channel was sampled; None if it is not held."""
-    some = excerpt(values)
-    if np.mean(some[1:] == some[:-1]) < 0.5 * REPEATED:
-        return None
     change = np.flatnonzero(np.diff(values)) + 1
     if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
         return None
@@ -212,8 +207,6 @@ def _interpolated(time: Floats, values: Floats, finite: NDArray[np.bool_]) -> Nu
 
 
 def _knots(values: Floats) -> Numbers | None:
-    if noise_of(values) > STRAIGHT:
-        return None
     bend = np.abs(np.diff(values, 2))
     single = SINGLE * float(np.abs(values).max())
     moving = bend[bend > max(1e-9, single)]

@@ -52,16 +52,17 @@ def _read(x, p, z, shape, r2, gain, free):
     for a in range(3):
         gain[a] = p[a, 0] + shape * p[a, 2]
     spread += gain[0] + shape * gain[2]
-    ratio = error * error / spread
+    share = 1.0 / spread
+    ratio = error * error * share
     far = OUTLIER * math.sqrt(spread) + FAR
     if abs(error) > far and not free:  # as Huber: it counts, but no more than one at the bound
-        ratio = (2.0 * abs(error) - far) * far / spread
+        ratio = (2.0 * abs(error) - far) * far * share
         error = far if error > 0.0 else -far
     for a in range(3):
-        x[a] += gain[a] / spread * error
+        x[a] += gain[a] * share * error
     for a in range(3):
         for b in range(3):
-            p[a, b] -= gain[a] * gain[b] / spread
+            p[a, b] -= gain[a] * share * gain[b]
     return math.log(spread) + ratio
 
 

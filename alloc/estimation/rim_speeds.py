@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
-from alloc.estimation.own_samples import Samples, excerpt
+from alloc.estimation.long_series import excerpt, usual_period
+from alloc.estimation.own_samples import Samples
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def rim_speed(samples: Samples) -> RimSpeed:
 
 def of_way(time: Floats, way: Floats, pulse: float, step: float = 0.0) -> RimSpeed:
     """Speed from the way [m] of a wheel at instants [s], whole `pulse`s [m]."""
-    period = float(np.median(np.diff(time)))
+    period = usual_period(time)
     speed, rows = _slope(time, way, period, SPAN)
     span = (rows - 1) * period
     return RimSpeed(time, speed, ALIASED * pulse / span, span, step or pulse / period)
@@ -134,6 +134,8 @@ def _slope_between_gaps(time: Floats, way: Floats, period: float, rows: int) -> 
 
 def _even_slope(way: Floats, period: float, rows: int) -> Floats:
     """The same on even instants. At the ends the way goes on with the acceleration that it had over `ENDS` as many rows."""
+    from scipy.signal import savgol_filter  # slow to import, and needed for pulses and noise alone
+
     half, count = rows // 2, min(ENDS * rows, way.size)
     index = np.arange(count, dtype=float)
     beyond = np.arange(1.0, half + 1.0)

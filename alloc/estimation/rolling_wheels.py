@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from alloc.estimation.finite_series import mean_rate
+from alloc.estimation.long_series import usual_period
 from alloc.spans import spans
 
 Floats = NDArray[np.float64]
@@ -55,30 +56,39 @@ class Rolling(NamedTuple):
 
 
 def rolling_wheel(
-    time: Floats, speed: Floats, rim: Floats, share: Floats, deviation: Floats
+    time: Floats,
+    speed: Floats,
+    rim: Floats,
+    share: Floats,
+    deviation: Floats,
+    rim_deviation: float,
 ) -> Rolling | None:
     """What an axle says by its `rim` speed [m/s] and the `share` of its force in its load, (instants,) each.
 
-    `speed` of the train [m/s], and the `deviation` of both. None where it does not roll long enough, or not as the train
-    runs.
+    `speed` of the train [m/s] with its standard `deviation` (instants,), and `rim_deviation`, that of the wheel's. None
+    where it does not roll long enough, or not as the train runs.
     """
     free = (np.abs(share) < FREE) & (speed > SLOWEST) & np.isfinite(rim)
-    for begin, end in spans(free).tolist():
-        if time[end - 1] - time[begin] < SPAN:
-            free[begin:end] = False
-    period = float(np.median(np.diff(time)))
+    stretches = spans(free)
+    short = time[stretches[:, 1] - 1] - time[stretches[:, 0]] < SPAN
+    for begin, end in stretches[short].tolist():
+        free[begin:end] = False
+    period = usual_period(time)
     lasts = float(free.sum()) * period
     if lasts < LEAST:
         return None
     # of a long log, instants from all over tell as much
     some = np.flatnonzero(free)[:: max(int(free.sum()) // MOST, 1)]
-    y = rim[some] / speed[some] - 1.0
-    x = -mean_rate(time, np.nan_to_num(speed), RATE_TIME)[some] / speed[some]
+    rate = mean_rate(time, speed, RATE_TIME, at=time[some])
+    some, rate = some[np.isfinite(rate)], rate[np.isfinite(rate)]
+    if some.size == 0:
+        return None
+    y, x = rim[some] / speed[some] - 1.0, -rate / speed[some]
     varies = float(np.std(x)) > VARIES
     columns = np.stack([np.ones_like(x), x], axis=1) if varies else np.ones((x.size, 1))
     start = np.zeros(columns.shape[1])
     start[0] = np.median(y)
-    unsure = float(np.median(deviation[some] / speed[some]))
+    unsure = float(np.median(np.hypot(deviation[some], rim_deviation) / speed[some]))
     width = max(WIDTH, unsure)
     found = least_squares(
         lambda b: columns @ b - y, start, jac=lambda _: columns, loss="cauchy", f_scale=width

@@ -105,13 +105,14 @@ def find_slips(
     """
     slip = rim_speed - speed
     bound = criterion.bound(speed, rim_speed, noise)
+    share = slip / bound
     events = []
     for sign in (1.0, -1.0):
         for begin, end in bridged_spans(
-            sign * slip > 0.5 * bound, lambda end, begin: time[begin] - time[end - 1] < BRIDGED
+            sign * share > 0.5, lambda end, begin: time[begin] - time[end - 1] < BRIDGED
         ):
             inside = slice(begin, end)
-            beyond = np.flatnonzero(sign * slip[inside] > bound[inside])
+            beyond = np.flatnonzero(sign * share[inside] > 1.0)
             if beyond.size == 0:
                 continue
             worst = begin + int(np.argmax(sign * slip[inside]))
@@ -150,4 +151,5 @@ def inside_of(time: Floats, first: float, last: float) -> slice:
 
 def apart(events: list[SlipEvent], others: list[SlipEvent]) -> list[SlipEvent]:
     """Those of `events` that overlap none of the `others`, all of one axle."""
-    return [e for e in events if not any(e.start <= o.end and o.start <= e.end for o in others)]
+    start, end = np.array([(o.start, o.end) for o in others]).reshape(-1, 2).T
+    return [e for e in events if not np.any((e.start <= end) & (start <= e.end))]

@@ -9,6 +9,7 @@ it, and the stated deviation of the delay says so.
 """
 
 import math
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+Complexes = NDArray[np.complex128]
 
 DELAYS = np.arange(-0.5, 2.51, 0.05)
 """Delays that are tried [s]: a recorder that stamps too early, to a receiver that smooths."""
@@ -97,37 +99,37 @@ def find_delay(
     at, value = at[::every], value[::every]
     number = part[np.clip(np.searchsorted(time, at, "right") - 1, 0, time.size - 1)]
     margin = 0.5 * width if width > 0.0 else -EARLY
-    average, work = _Average(*_extended(time, shape), width), Work.allocate()
-    clock = _Average(*_extended(time, under_way), width)
+    average, work = _Average(time, shape, under_way, width), Work.allocate()
 
-    by_delay: dict[float, tuple[Floats, Floats, Floats]] = {}
-
+    @cache
     def moved(delay: float) -> tuple[Floats, Floats, Floats]:
-        if delay not in by_delay:
-            then = at - delay
-            use = (then > time[0] + margin) & (then < time[-1] - margin)
-            by_delay[delay] = clock(then), average(then), np.where(use, value, math.nan)
-        return by_delay[delay]
+        then = at - delay
+        use = (then > time[0] + margin) & (then < time[-1] - margin)
+        there, moving = average(then)
+        return moving, there, np.where(use, value, math.nan)
 
+    @cache
     def misfit(delay: float, noise: float, drift: float, known: str) -> float:
         squares = noise**2, drift**2
         found = likelihood(*moved(delay), number, *squares, STARTS[known], *work)
         # those that are left out are neither better nor worse than the others
         return at.size * float(found)
 
+    def of_delays(start: tuple[float, float, str]) -> Floats:
+        return np.array([misfit(d, *start) for d in DELAYS.tolist()])
+
     trials = list(product(NOISES, DRIFTS, STARTS.keys()))
-    start = min(trials, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
-    scores = np.array([misfit(d, *start) for d in DELAYS])
-    delay = float(DELAYS[scores.argmin()])
+    decades = product(NOISES[::2], DRIFTS[::2], STARTS.keys())
+    start = min(decades, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
+    delay = float(DELAYS[of_delays(start).argmin()])
     for _ in range(2):
         start = min(trials, key=lambda trial: misfit(delay, *trial))
-        scores = np.array([misfit(d, *start) for d in DELAYS])
-        delay = float(DELAYS[scores.argmin()])
+        delay = float(DELAYS[of_delays(start).argmin()])
     # noise and drift at the best of a grid are those of a delay that is wrong by half a step
     best = math.inf
     for _ in range(MOST_TURNS):
         found = minimize_scalar(
-            lambda d, own: misfit(d, *own), args=(start,), bounds=(delay - 0.05, delay + 0.05), method="bounded",
+            misfit, args=start, bounds=(delay - 0.05, delay + 0.05), method="bounded",
             options={"xatol": 5e-4},
         )  # fmt: skip
         delay, best = float(found.x), float(found.fun)
@@ -135,7 +137,7 @@ def find_delay(
         if better == start:
             break
         start = better
-    scores = np.array([misfit(d, *start) for d in DELAYS])
+    scores = of_delays(start)
     weight = np.exp(-0.5 * (scores - scores.min()))
     wide = math.sqrt(float(weight @ (DELAYS - delay) ** 2 / weight.sum()))
     step = 0.01
@@ -159,8 +161,7 @@ def follow(
     at, value, width = _averaged(fixes)
     at = at - delay.value
     margin = 0.5 * width if width > 0.0 else -EARLY
-    average = _Average(*_extended(time, shape), width)
-    clock = _Average(*_extended(time, under_way), width)
+    average = _Average(time, shape, under_way, width)
     bounds = np.flatnonzero(np.diff(part)) + 1
     for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
         inside = slice(begin, end)
@@ -173,10 +174,9 @@ def follow(
         read = np.concatenate([np.full(ticks.size, np.nan), value[own]])
         order = np.argsort(instants, kind="stable")
         instants, read = instants[order], read[order]
-        here = np.where(np.isnan(read), np.interp(instants, t, shape[inside]), average(instants))
-        moving = np.where(
-            np.isnan(read), np.interp(instants, t, under_way[inside]), clock(instants)
-        )
+        there, moved = average(instants)
+        here = np.where(np.isnan(read), np.interp(instants, t, shape[inside]), there)
+        moving = np.where(np.isnan(read), np.interp(instants, t, under_way[inside]), moved)
         start = STARTS[delay.start]
         found, spread = smoothed(
             np.maximum.accumulate(moving), here, read, delay.noise, delay.drift, start
@@ -188,19 +188,26 @@ def follow(
 
 
 class _Average:
-    """Mean of a shape over `width` [s] around any instant, on which measurements are averaged too; 0: the shape itself."""
+    """Means of a shape and of the time under way over `width` [s] around any instant, as of measurements; 0: themselves."""
 
-    def __init__(self, time: Floats, shape: Floats, width: float) -> None:
-        self.time, self.shape, self.width = time, shape, width
-        step = 0.5 * (shape[1:] + shape[:-1]) * np.diff(time)
-        self.integral = np.concatenate([[0.0], np.cumsum(step)])
+    def __init__(self, time: Floats, shape: Floats, under_way: Floats, width: float) -> None:
+        # as one complex series: each instant is then looked up once
+        self.time, self.both = _extended(time, shape + 1j * under_way)
+        self.width = width
+        if width > 0.0:
+            step = 0.5 * (self.both[1:] + self.both[:-1]) * np.diff(self.time)
+            self.both = np.concatenate([[0.0], np.cumsum(step)])
 
-    def __call__(self, at: Floats) -> Floats:
+    def __call__(self, at: Floats) -> tuple[Floats, Floats]:
         if self.width == 0.0:
-            return np.interp(at, self.time, self.shape)
-        ends = (np.interp(at + s * 0.5 * self.width, self.time, self.integral) for s in (1.0, -1.0))
-        last, first = ends
-        return np.asarray((last - first) / self.width)
+            found = np.interp(at, self.time, self.both)
+        else:
+            first, last = (
+                np.interp(at + end, self.time, self.both)
+                for end in (-0.5 * self.width, 0.5 * self.width)
+            )
+            found = (last - first) / self.width
+        return found.real.copy(), found.imag.copy()
 
 
 def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
@@ -214,7 +221,7 @@ def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
     return at[near], value[near], count * fixes.period  # a mean over a gap is none
 
 
-def _extended(time: Floats, shape: Floats) -> tuple[Floats, Floats]:
+def _extended(time: Floats, shape: Complexes) -> tuple[Floats, Complexes]:
     """Instants and shape with an instant before and after, at the slope that it has there."""
     first = max(int(np.searchsorted(time, time[0] + END_TIME)), 1)
     last = min(int(np.searchsorted(time, time[-1] - END_TIME)), time.size - 2)

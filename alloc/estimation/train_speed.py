@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from alloc.estimation.common_instants import Instants, resample
 from alloc.estimation.force_reading import ForceReading, read_forces
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
 from alloc.estimation.speed_shape import motion_of, shape_of_free_wheels, shape_of_wheels
@@ -93,7 +94,7 @@ def measured_speed(
         shapes["forces"], found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
     delay = found[name]
-    rows = float(np.median(np.diff(time)))
+    rows = usual_period(time)
     if name == "forces":
         # between its samples a force is not known, and what it does there comes early or late
         sampled = SAMPLED * max(force_period - rows, 0.0)

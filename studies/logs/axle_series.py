@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants, Series, resample
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples, own_samples
 from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
 from studies.logs import checks
@@ -113,7 +114,7 @@ def _gained(time: Floats, count: Floats) -> tuple[Floats, int]:
 
 def at_instants(wheel: RimSpeed, instants: Instants) -> Series:
     """A wheel's speed at the common instants; its samples are taken as they come."""
-    period = float(np.median(np.diff(wheel.time)))
+    period = usual_period(wheel.time)
     return resample(
         Samples(wheel.time, wheel.speed, "sampled", period, wheel.deviation), instants.time
     )

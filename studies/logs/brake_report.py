@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from alloc.errors import EstimationError
 from alloc.estimation.brake_force_smoother import SmoothedForces, smooth_brake_forces
 from alloc.estimation.brake_shortfall import find_shortfalls
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.measured_run import train_acceleration
 from alloc.estimation.own_samples import noise_of
 from alloc.plant.equations import GRAVITY
@@ -46,7 +47,7 @@ def brake_report(log: MeasuredLog) -> dict[str, Any] | None:
     }
     try:
         smoothed = smooth_brake_forces(
-            acceleration, coupler, train.car_mass, float(np.median(np.diff(run.time[inside]))),
+            acceleration, coupler, train.car_mass, usual_period(run.time[inside]),
             noise["acceleration"], noise["coupler"], resistance=resistance,
         )  # fmt: skip
         short = _shortfall(smoothed, train.car_mass)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import excerpt
 from alloc.plant.equations import GRAVITY
 from studies.logs.assignment import Assigned
 from studies.logs.number_texts import numbers_of
@@ -67,12 +68,14 @@ def numbers(values: NDArray[Any], name: str, source: str) -> tuple[Floats, list[
 def _in_place_of_none(values: Floats) -> list[float]:
     """Numbers such as -9999 that stand for no value: an end of the range, far from all others, again and again."""
     found: list[float] = []
+    known = values[np.isfinite(values)]
     for _ in range(2):
-        known = values[np.isfinite(values) & ~np.isin(values, found)]
         if known.size < FEWEST:
             break
-        low, high = float(known.min()), float(known.max())
-        for end in (low, high):
+        some = excerpt(known)
+        for end in (float(known.min()), float(known.max())):
+            if not _is_far(end, some[some != end]):  # nor is it from all others
+                continue
             others = known[known != end]
             times = known.size - others.size
             usual = abs(end) in STAND_INS
@@ -81,13 +84,21 @@ def _in_place_of_none(values: Floats) -> list[float]:
                 continue
             if not usual and np.unique(others[:FEWEST]).size < 2:
                 continue
-            apart = np.abs(others - end).min()
-            if apart > FAR * np.ptp(others) and apart > FAR * np.abs(others).max():
+            if _is_far(end, others):
                 found.append(end)
+                known = others
                 break
         else:
             break
     return found
+
+
+def _is_far(end: float, others: Floats) -> bool:
+    """Whether an end of a range is far from all others, in their range and in their size; true where there are none."""
+    if others.size == 0:
+        return True
+    apart = np.abs(others - end).min()
+    return bool(apart > FAR * max(np.ptp(others), np.abs(others).max()))
 
 
 def forwards(name: str, speed: Floats, source: str) -> tuple[Floats, list[Remark]]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import excerpt, usual_period
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_shape import middle_speed
 from alloc.spans import spans
@@ -88,7 +89,7 @@ def check_ratio(name: str, rim: Floats, train_name: str, speed: Floats, source: 
     moving = np.isfinite(rim) & np.isfinite(speed) & (speed > 2.0)
     if moving.sum() < FEWEST_ROWS:
         return
-    low, middle, high = np.quantile(rim[moving] / speed[moving], (0.25, 0.5, 0.75))
+    low, middle, high = np.quantile(excerpt(rim[moving] / speed[moving]), (0.25, 0.5, 0.75))
     if high - low >= 0.1 * middle or 1.0 / OTHER_UNIT < middle < OTHER_UNIT:
         return
     known = any(abs(middle / factor - 1.0) < 0.08 for factor in (3.6, 1.0 / 3.6))
@@ -109,10 +110,10 @@ def stuck(
     """Stretches in which a speed stays exactly the same, or within `at_rest` of zero, although the `other` one changes."""
     rest = np.abs(values) <= at_rest
     same = np.concatenate([(np.diff(values) == 0.0) | (rest[1:] & rest[:-1]), [False]])
-    for begin, end in spans(same).tolist():
+    begins, ends = spans(same).T
+    lasting = (time[ends] - time[begins] >= STUCK_TIME) & (ends - begins >= least)
+    for begin, end in zip(begins[lasting].tolist(), ends[lasting].tolist(), strict=True):
         inside = slice(begin, end + 1)
-        if time[end] - time[begin] < STUCK_TIME or end - begin < least:
-            continue
         seen = other[inside][np.isfinite(other[inside])]
         if seen.size and seen.max() - seen.min() > STUCK_CHANGE:
             yield inside
@@ -124,7 +125,7 @@ def without_stuck(
     """Measurements of the train's speed without those that do not move while the wheels do."""
     if fixes.time.size < STUCK_SAMPLES:
         return fixes
-    every = max(int(OFTEN / np.median(np.diff(instants.time))), 1)
+    every = max(int(OFTEN / usual_period(instants.time)), 1)
     wheels, time = middle_speed(rim[::every]), instants.time[::every]
     known = np.isfinite(wheels)
     if not known.any():
@@ -243,7 +244,8 @@ def cut_out_stuck(
 def _free(time: Floats, applied: Floats, under_way: NDArray[np.bool_], load: float) -> bool:
     """Whether nothing brakes a wheel for long while the train moves: the rail would turn it."""
     free = (np.abs(applied) < HELD * load) & under_way
-    return any(time[end - 1] - time[begin] > FREE_TIME for begin, end in spans(free).tolist())
+    begins, ends = spans(free).T
+    return bool(np.any(time[ends - 1] - time[begins] > FREE_TIME))
 
 
 def _pulled(applied: Floats, under_way: NDArray[np.bool_], load: float) -> bool:

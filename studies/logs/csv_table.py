@@ -45,6 +45,8 @@ NOTHING = [
 ]  # fmt: skip
 """Texts for a missing value."""
 BROKEN = re.compile(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?")
+NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_null)
+"""Kinds of columns that are read as floats; those that are told so are read in half of the time."""
 IN_BRACKETS = re.compile(r"^[\[({<]?\s*(.*?)\s*[\])}>]?$")
 
 
@@ -149,7 +151,7 @@ def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingCol
     kinds = {
         name: pa.float64()
         for name, kind in zip(schema.names, schema.types, strict=True)
-        if pa.types.is_integer(kind) or pa.types.is_null(kind)
+        if any(is_one(kind) for is_one in NUMBERS)
     }
     # an epoch of whole numbers has more digits than a float, and keeps its kind
     first = schema.names[0]

@@ -12,6 +12,7 @@ from alloc.display import displayed
 from alloc.estimation.common_instants import Instants, common_instants, longest, resample
 from alloc.estimation.force_reading import at_rims, in_time
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.estimation.measured_run import WINDOW, MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_shape import middle_speed
@@ -138,10 +139,10 @@ def measured(
     if grade is None and line is not None:
         grade = line.along(position, instants, as_measured)
     # an error that lasts for a span counts as white noise that is as much larger
-    lasts = np.sqrt(np.maximum(spans / np.median(np.diff(instants.time)), 1.0))
+    lasts = np.sqrt(np.maximum(spans / usual_period(instants.time), 1.0))
     smoothed = (rim_deviation * lasts)[spans > 0.0]
     noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
-    exact = noise == 0.0 and slowest < SLOW * float(np.median(np.diff(instants.time)))
+    exact = noise == 0.0 and slowest < SLOW * usual_period(instants.time)
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
     rim, force, together, unsure = bring_together(
@@ -179,7 +180,7 @@ def measured(
         run=run,
         train=train,
         remarks=tuple(remarks),
-        period=float(np.median(np.diff(instants.time))),
+        period=usual_period(instants.time),
         origin="" if clock is None else clock.origin,
         rows=0 if clock is None else clock.time.size,
         pressure=pressure,

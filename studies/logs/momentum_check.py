@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import usual_period
 from alloc.plant.equations import GRAVITY
 from studies.logs.remarks import Remark
 
@@ -104,7 +105,7 @@ def _gains(
     grade: Floats | None,
 ) -> _Gains:
     time, part = instants
-    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
+    width = max(int(BALANCE_WINDOW / usual_period(time)), 1)
     rotating = train.inertia / train.radius**2
     momentum, total = train.car_mass.sum() * speed, np.zeros(time.size)
     for i in range(train.radius.size):
@@ -251,7 +252,7 @@ def check_balance(
     used = 0.0
     if np.isfinite(force).any():
         used = float(np.nanmax(np.abs(force))) / float(train.axle_load.min())
-    width = max(int(BALANCE_WINDOW / np.median(np.diff(time))), 1)
+    width = max(int(BALANCE_WINDOW / usual_period(time)), 1)
     rate = np.abs(speed[width:] - speed[:-width]) / (time[width:] - time[:-width])
     fastest = rate[np.isfinite(rate) & (part[width:] == part[:-width])].max(initial=0.0)
     if 0.0 < used < 0.25 * LEAST_EFFORT and fastest > LEAST_EFFORT * GRAVITY:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.long_series import excerpt
 from alloc.estimation.rolling_wheels import Rolling, rolling_wheel
 from alloc.estimation.train_speed import MeasuredSpeed
 from studies.logs.remarks import Remark
@@ -49,8 +50,8 @@ def make_up_for_radii(
     for number, name in names.items():
         share = force[:, number - 1] / train.axle_load[number - 1]
         own = rim[:, number - 1]
-        unsure = np.hypot(speed.deviation, rim_deviation[number - 1])
-        one = rolling_wheel(instants.time, speed.speed, own, share, unsure)
+        of_wheel = float(rim_deviation[number - 1])
+        one = rolling_wheel(instants.time, speed.speed, own, share, speed.deviation, of_wheel)
         if one is None:
             creep = _creeps(own, speed.speed, share)
             if creep.size >= FEWEST_ROWS:
@@ -96,7 +97,8 @@ def _is_wrong(error: float, deviation: float) -> bool:
 def _creeps(rim: Floats, speed: Floats, share: Floats) -> Floats:
     """By what share a wheel that pulls or brakes is faster or slower than the train, as its force makes it."""
     used = (speed > SLOW) & np.isfinite(rim) & (np.abs(share) > PULLS)
-    return np.asarray(np.sign(share[used]) * (rim[used] / speed[used] - 1.0))
+    creep = np.sign(share[used]) * (rim[used] / speed[used] - 1.0)
+    return excerpt(np.asarray(creep))
 
 
 def _against_force(name: str, creep: Floats, share: Floats, unsure: float) -> list[Remark]:
