@@ -24,6 +24,7 @@ from alloc.estimation.speed_shape import (
     locked_share,
     shape_of_forces,
     standing,
+    with_locked,
 )
 
 Floats = NDArray[np.float64]
@@ -82,10 +83,9 @@ class _Shapes:
         none = np.where(np.isfinite(force), 0.0, force)
         without = shape_of_forces(time, guess, rim, none, train, grade, at_contact)
         assert without is not None
-        locked = locked_share(guess, rim, force) > LOCKED
-        rise = np.diff(without, prepend=without[0])
-        without = np.cumsum(np.where(locked, np.diff(guess, prepend=guess[0]), rise))
-        self.time, self.without = time, without
+        self.time, self.guess = time, guess
+        self.without = np.diff(without, prepend=without[0])
+        self.locked = locked_share(guess, rim, force) > LOCKED
         self.mass = float(train.car_mass.sum())
         if not at_contact:
             unknown = ~np.isfinite(rim).any(axis=0)
@@ -93,13 +93,14 @@ class _Shapes:
         self.total = np.zeros(time.size)
         for i in np.flatnonzero(np.isfinite(force).any(axis=0)).tolist():
             self.total += filled(time, force[:, i])
-        self.moves = ~goes_on(standing(guess, rim)) & ~locked
+        self.rests = goes_on(standing(guess, rim))
 
     def __call__(self, late: float) -> Floats:
         moved = np.interp(self.time + late, self.time, self.total)
         given = np.zeros(self.time.size)
         given[1:] = 0.5 * (moved[1:] + moved[:-1]) * np.diff(self.time)
-        return np.asarray(self.without + np.cumsum(np.where(self.moves, given, 0.0)) / self.mass)
+        rise = self.without + np.where(self.rests, 0.0, given) / self.mass
+        return with_locked(self.time, self.guess, rise, self.rests, self.locked)
 
 
 def read_forces(

@@ -82,11 +82,31 @@ def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
     return Samples(t, v, kind, usual_period(t), noise_of(v))
 
 
-def smoothed_steps(time: Floats, crossings: Samples) -> Samples:
-    """A rounded channel at all rows: straight lines between the instants at which its value changes."""
-    value = np.interp(time, crossings.time, crossings.value)
-    period = usual_period(time)
-    return Samples(time, value, "sampled", period, crossings.noise)
+def smoothed_steps(time: Floats, values: Floats, crossings: Samples) -> Samples:
+    """A rounded speed (rows,) at all rows: straight lines between the instants at which it changes.
+
+    As it becomes 0 the line goes on until it is 0, and the wheel stands, unless it passes to the other direction.
+    """
+    changes = crossings.value != 0.0
+    t, v = crossings.time[changes], crossings.value[changes]
+    slope = np.diff(v) / np.diff(t)
+    stops, starts = t.copy(), t.copy()
+    stops[1:] -= np.where(slope * v[1:] < 0.0, v[1:] / np.where(slope == 0.0, 1.0, slope), 0.0)
+    starts[:-1] -= np.where(slope * v[:-1] > 0.0, v[:-1] / np.where(slope == 0.0, 1.0, slope), 0.0)
+    stands = values[np.clip(np.searchsorted(time, t), 0, time.size - 1)] == 0.0
+    between = stands[:-1] & (v[:-1] * v[1:] > 0.0) & (stops[:-1] <= starts[1:])
+    zeros = np.concatenate(
+        [
+            starts[:1][values[:1] == 0.0],
+            stops[:-1][between],
+            starts[1:][between],
+            stops[-1:][stands[-1:]],
+        ]
+    )
+    at, said = np.concatenate([t, zeros]), np.concatenate([v, np.zeros(zeros.size)])
+    order = np.argsort(at, kind="stable")
+    value = np.interp(time, at[order], said[order])
+    return Samples(time, value, "sampled", usual_period(time), crossings.noise)
 
 
 def noise_of(values: Floats) -> float:

@@ -71,7 +71,8 @@ def shape_of_forces(
             mass += float(inertia)
     if train.resistance is not None:
         by_power = train.resistance.sum(axis=0)
-        total -= by_power[0] + speed * (by_power[1] + speed * by_power[2])
+        against = by_power[0] + np.abs(speed) * (by_power[1] + np.abs(speed) * by_power[2])
+        total -= np.where(speed < 0.0, -against, against)  # a train may roll back
     if grade is not None:
         total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(grade)
     gained = np.diff(wheels, prepend=wheels[0])
@@ -82,10 +83,29 @@ def shape_of_forces(
     middle = np.zeros(time.size)
     middle[stands] = middle_speed(rim[stands])
     rolled = np.diff(middle, prepend=middle[0])
-    rise = np.where(goes_on(stands), rolled, (given - gained) / mass)
-    # the brake of a locked wheel gives what the rail carries, which nobody knows: there the measured speed goes on
-    locked = locked_share(speed, rim, force) > LOCKED
-    return np.asarray(np.cumsum(np.where(locked, np.diff(speed, prepend=speed[0]), rise)))
+    rests = goes_on(stands)
+    rise = np.where(rests, rolled, (given - gained) / mass)
+    return with_locked(time, speed, rise, rests, locked_share(speed, rim, force) > LOCKED)
+
+
+def with_locked(
+    time: Floats,
+    speed: Floats,
+    rise: Floats,
+    rests: NDArray[np.bool_],
+    locked: NDArray[np.bool_],
+) -> Floats:
+    """Speed [m/s] of which each instant's `rise` is known by the forces but where wheels are `locked`, (instants,) each.
+
+    Their brakes give what the rail carries, which nobody knows: there the measured `speed` goes on, less what the forces
+    lack everywhere else while the train does not rest, as a gradient that nobody told.
+    """
+    if not locked.any():
+        return np.asarray(np.cumsum(rise))
+    step, gained = np.diff(time, prepend=time[0]), np.diff(speed, prepend=speed[0])
+    other = ~(locked | rests)
+    lacking = float(np.sum((gained - rise)[other])) / max(float(np.sum(step[other])), 1e-9)
+    return np.asarray(np.cumsum(np.where(locked, gained - lacking * step, rise)))
 
 
 def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
@@ -140,8 +160,8 @@ def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
     """Where a train stands, (instants,): it was slow, and no wheel turns; one at least must say so."""
     fastest = np.full(speed.size, -np.inf)
     for i in range(rim.shape[1]):
-        np.fmax(fastest, rim[:, i], out=fastest)
-    return np.asarray((np.abs(fastest) < STANDING) & (speed < NEARLY))
+        np.fmax(fastest, np.abs(rim[:, i]), out=fastest)
+    return np.asarray((fastest >= 0.0) & (fastest < STANDING) & (speed < NEARLY))
 
 
 def goes_on(stands: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.long_series import excerpt
+from alloc.estimation.rim_speeds import pulse_step
 from alloc.plant.equations import GRAVITY
 from studies.logs.assignment import Assigned
 from studies.logs.number_texts import numbers_of
@@ -108,9 +109,13 @@ def forwards(name: str, speed: Floats, source: str) -> tuple[Floats, list[Remark
     if moving.any() and np.mean(speed[moving] < 0.0) > 0.98:
         speed = -speed
         remarks.append(Remark("sign", name, "negative all the time: the direction is turned round"))
+    backwards = speed < BACKWARDS
+    if backwards.any():
+        # one pulse back in a row is no speed: the wheel rolls back a little
+        backwards = speed < BACKWARDS - pulse_step(speed[np.isfinite(speed)])
     for bad, reason in (
         (speed > FASTEST, "m/s is faster than any train; wrong unit?"),
-        (speed < BACKWARDS, "m/s is negative; speeds count forwards, whichever way the train runs"),
+        (backwards, "m/s is negative; speeds count forwards, whichever way the train runs"),
     ):
         rows = np.flatnonzero(bad)
         if rows.size > IMPLAUSIBLE * speed.size:

@@ -131,7 +131,7 @@ class Sources:
         self.remarks += found
         samples = own_samples(time, values, rounded=True)
         if place[0] == "wheel" and samples.kind == "quantised":
-            samples = smoothed_steps(time, samples)
+            samples = smoothed_steps(time, values, samples)
         self.note_missing(name, time, values, samples)
         return samples
 
