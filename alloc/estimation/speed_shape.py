@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 STANDING = 0.05
 """Speed of all wheels [m/s] below which a train stands, ..."""
+STILL = 0.01
+"""Speed of its wheels [m/s] below which a single car stands."""
 NEARLY = 1.0
 """... if it was measured below this."""
 AT_REST = 0.2
@@ -70,9 +72,7 @@ def shape_of_forces(
         else:
             mass += float(inertia)
     if train.resistance is not None:
-        by_power = train.resistance.sum(axis=0)
-        against = by_power[0] + np.abs(speed) * (by_power[1] + np.abs(speed) * by_power[2])
-        total -= np.where(speed < 0.0, -against, against)  # a train may roll back
+        total -= _resistance(speed, rim, train, train.resistance)
     if grade is not None:
         total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(grade)
     gained = np.diff(wheels, prepend=wheels[0])
@@ -86,6 +86,22 @@ def shape_of_forces(
     rests = goes_on(stands)
     rise = np.where(rests, rolled, (given - gained) / mass)
     return with_locked(time, speed, rise, rests, locked_share(speed, rim, force) > LOCKED)
+
+
+def _resistance(speed: Floats, rim: Floats, train: MeasuredTrain, by_power: Floats) -> Floats:
+    """Running resistance [N] against the motion, (instants,), `by_power` of the speed (cars, 3).
+
+    A car that stands has none: behind slack couplers, cars start one after another.
+    """
+    size = np.abs(speed)
+    a, b, c = by_power.sum(axis=0)
+    against = np.asarray(a + size * (b + size * c))
+    slow = np.flatnonzero(size < NEARLY)
+    for car, own in enumerate(by_power):
+        wheels = np.abs(rim[np.ix_(slow, train.axle_car == car)])
+        rests = slow[np.isfinite(wheels).any(axis=1) & ~(wheels > STILL).any(axis=1)]
+        against[rests] -= own[0] + size[rests] * (own[1] + size[rests] * own[2])
+    return np.where(speed < 0.0, -against, against)  # a train may roll back
 
 
 def with_locked(
