@@ -7,6 +7,7 @@ together with them.
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,12 @@ AROUND = np.round(np.arange(-0.04, 0.041, 0.008), 6)
 """Delays around it [s] through whose misfits a parabola is laid: noise and drift of each are found on a grid."""
 BETTER = 0.4
 """Misfit per measurement by which another reading of the forces must explain the speed better."""
+MUCH = 2.0
+"""The same, where soft couplers may be the reason."""
+SURE, NEARER = 3.0, 0.3
+"""Number of deviations by which it surely is, and share of that time to which another reading must bring it."""
+TOO_EARLY = 5.0
+"""Misfit per measurement for each second by which a speed would be measured before it happens."""
 MOST = 20_000
 """Rows of a log in which the delay of the forces is looked for."""
 LESS = 2.5
@@ -150,9 +157,15 @@ def read_forces(
     best = ForceReading(late, contact, moved, delay)
     # what happens between two rows looks like a delay too
     least = max(LEAST, usual_period(time))
-    if abs(best.late) < least or not explains_more(best.delay, found.delay):
+    if abs(best.late) < least:
         return found
-    if _unlike(found.delay, fixes):
+    # a speed that is measured before the train has it is none: then the forces are late
+    as_well = best.delay.misfit < found.delay.misfit + BETTER
+    as_well &= best.delay.sure >= found.delay.sure
+    too_early = as_well and _too_early(found.delay, best.delay)
+    if not (too_early or explains_more(best.delay, found.delay)):
+        return found
+    if too_early or _unlike(found.delay, fixes) or best.delay.misfit < found.delay.misfit - MUCH:
         return best
     # soft couplers delay what the front feels of the forces, too: that is no reason to move them
     return found._replace(perhaps_late=best.late)
@@ -178,6 +191,12 @@ def at_rims(
     rotating = train.inertia / train.radius**2
     rates = [mean_rate(time, rim[:, i], window) for i in range(rim.shape[1])]
     return np.asarray(force + rotating * np.stack(rates, axis=1))
+
+
+def _too_early(found: Delay, other: Delay) -> bool:
+    """Whether a reading surely has the speed measured before it happens, and another one has it in time."""
+    early = -found.value
+    return early > max(LEAST, SURE * found.deviation) and abs(other.value) < NEARER * early
 
 
 def _poor(delay: Delay, fixes: Samples) -> bool:
@@ -211,17 +230,20 @@ def _late(
     shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, under_way: Floats
 ) -> tuple[float, float]:
     """The delay of the forces that explains the speed best, and its standard deviation [s]."""
-    tried: dict[float, float] = {}
+
+    @cache
+    def reading(late: float) -> Delay:
+        return find_delay(shapes.time, part, shapes(late), fixes, under_way)
 
     def misfit(late: float) -> float:
-        if late not in tried:
-            found = find_delay(shapes.time, part, shapes(late), fixes, under_way)
-            tried[late] = found.misfit
-        return tried[late]
+        return reading(late).misfit
 
-    best = min(DELAYS.tolist(), key=misfit)
+    def not_early(late: float) -> float:
+        return misfit(late) + TOO_EARLY * max(-reading(late).value - LEAST, 0.0)
+
+    best = min(DELAYS.tolist(), key=not_early)
     for step in FINER:
-        best = min((round(best - step, 6), best, round(best + step, 6)), key=misfit)
+        best = min((round(best - step, 6), best, round(best + step, 6)), key=not_early)
     near = [round(best + d, 6) for d in AROUND.tolist()]
     curve = np.polynomial.Polynomial.fit(near, [misfit(d) for d in near], 2, domain=[-1, 1])
     bend = float(curve.coef[2])

@@ -179,9 +179,12 @@ def forwards_too(
         and -BALANCE[1] < scale.value < -BALANCE[0]
         and scale.deviation * SURE < abs(scale.value)
     )
-    if not sure and (turned or _drives_slip(instants.time, speed, rim, force)):
+    drives = not sure and _drives_slip(instants.time, speed, rim, force)
+    if not sure and (turned or drives):
         balance = momentum_balance(instants, speed, rim, force, train, None)
-        sure = balance is not None and -BALANCE[1] < balance.ratio < -BALANCE[0]
+        # where the forces would drive the wheels' slip too, a gradient may add to what they give
+        least = -math.inf if drives else -BALANCE[1]
+        sure = balance is not None and least < balance.ratio < -BALANCE[0]
     remarks = []
     if sure:
         force = -force

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.estimation.common_instants import BRIDGED, common_instants, resample
-from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of
+from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of, smoothed_steps
 from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
 from alloc.estimation.rim_speeds import ALIASED, pulse_step, rim_speed
 from alloc.estimation.speed_fixes import find_delay, follow
@@ -98,6 +98,33 @@ def test_a_wheel_that_stands_has_no_speed():
     counted = np.concatenate([np.tile([1.0, 0.0], 200), np.zeros(300)]) * 3.4
     time = 0.01 * np.arange(counted.size)
     assert np.all(rim_speed(Samples(time, counted, "sampled", 0.01, 0.0)).speed[-200:] == 0.0)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.07, 0.14])
+def test_a_rounded_wheel_that_locks_stands_and_one_that_turns_back_does_not(step):
+    """A wheel locks for two seconds; later it passes through rest, and rolls back."""
+    at, knots = [0.0, 9.0, 10.5, 12.5, 13.5, 20.0, 30.0], [10.0, 5.0, 0.0, 0.0, 4.5, 1.0, -1.0]
+    speed = np.interp(TIME, at, knots)
+    values = np.round(speed / step) * step
+    own = own_samples(TIME, values, rounded=True)
+    assert own.kind == "quantised"
+    found = smoothed_steps(TIME, values, own).value
+    assert np.all(found[(TIME > 10.53) & (TIME < 12.47)] == 0.0)
+    slow = np.abs(speed) < 0.4 * step
+    assert np.all(
+        np.sign(found) == np.sign(speed), where=slow & (TIME > 20.0) & (np.abs(speed) > 0.1 * step)
+    )
+    inside = (TIME > 1.0) & (TIME < 29.0)
+    assert np.abs(found - speed)[inside].max() < step
+
+
+def test_a_rounded_wheel_starts_and_stops_with_the_slope_that_it_has_there():
+    step = 0.2
+    speed = np.clip(np.minimum(0.5 * (TIME - 4.0), 0.8 * (20.0 - TIME)), 0.0, None)
+    values = np.round(speed / step) * step
+    found = smoothed_steps(TIME, values, own_samples(TIME, values, rounded=True))
+    near = (np.abs(TIME - 4.0) < 1.0) | (np.abs(TIME - 20.0) < 1.0)
+    assert np.abs(found.value - speed)[near].max() < 0.1 * step
 
 
 def test_a_channel_is_interpolated_between_its_samples_and_not_over_gaps():

@@ -70,3 +70,60 @@ def test_a_train_that_comes_to_rest_while_it_rolls_leaves_no_jump():
 def test_unknown_wheels_do_not_stand():
     assert not standing(np.zeros(3), np.full((3, 2), np.nan)).any()
     assert not standing(np.zeros(3), np.zeros((3, 0))).any()
+
+
+def shape_of(
+    time: np.ndarray, cars: np.ndarray, against: np.ndarray, train: MeasuredTrain
+) -> np.ndarray:
+    """The shape by the force that gives `cars` (instants, cars) their speeds `against` the rest, (instants,)."""
+    rim = cars[:, train.axle_car]
+    return shape_of_rims(time, cars @ train.car_mass / train.car_mass.sum(), rim, against, train)
+
+
+def shape_of_rims(
+    time: np.ndarray, speed: np.ndarray, rim: np.ndarray, against: np.ndarray, train: MeasuredTrain
+) -> np.ndarray:
+    momentum = train.car_mass.sum() * speed + rim @ (train.inertia / train.radius**2)
+    force = np.gradient(momentum, time) + against
+    forces = np.repeat(force[:, None] / rim.shape[1], rim.shape[1], axis=1)
+    shape = shape_of_forces(time, speed, rim, forces, train, None)
+    return shape - shape[0]
+
+
+def against_of(cars: np.ndarray, train: MeasuredTrain) -> np.ndarray:
+    """Running resistance of the cars that move."""
+    a, b, c = train.resistance.T
+    return (np.sign(cars) * (a + np.abs(cars) * (b + np.abs(cars) * c))).sum(axis=1)
+
+
+def test_a_car_that_stands_has_no_resistance():
+    """Cars that start one after another, as behind slack couplers."""
+    train, time = MeasuredTrain.of(TRAIN), np.arange(0.0, 12.0, 0.01)
+    cars = 0.3 * np.maximum(time[:, None] - [0.0, 2.0, 5.0], 0.0)
+    speed = cars @ train.car_mass / train.car_mass.sum()
+    shape = shape_of(time, cars, against_of(cars, train), train)
+    np.testing.assert_allclose(shape, speed, atol=0.01)
+
+
+def test_resistance_turns_round_with_a_train_that_rolls_back():
+    train, time = MeasuredTrain.of(TRAIN), np.arange(0.0, 12.0, 0.01)
+    cars = np.repeat((3.0 - 0.5 * time)[:, None], train.car_mass.size, axis=1)
+    shape = shape_of(time, cars, against_of(cars, train), train)
+    np.testing.assert_allclose(shape, cars[:, 0] - cars[0, 0], atol=2e-3)
+
+
+def test_locked_wheels_do_not_change_how_an_unknown_gradient_drifts():
+    """The shape lacks the gradient all the time, also where the measured speed stands in for the forces."""
+    train = replace(MeasuredTrain.of(TRAIN), resistance=None)
+    time, lacking = np.arange(0.0, 12.0, 0.01), 0.2
+    speed = 20.0 - 0.8 * time
+    turns = np.interp(time, [4.5, 5.0, 7.0, 7.5], [1.0, 0.0, 0.0, 1.0])
+    rim = np.repeat((turns * speed)[:, None], train.radius.size, axis=1)
+    shape = shape_of_rims(
+        time, speed, rim, np.full(time.size, lacking * train.car_mass.sum()), train
+    )
+    np.testing.assert_allclose(shape - (speed - speed[0]), lacking * time, atol=0.03)
+
+
+def test_wheels_that_all_roll_back_do_not_stand():
+    assert not standing(np.zeros(TIME.size), wheels(np.full(TIME.size, -0.1))).any()

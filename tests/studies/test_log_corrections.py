@@ -9,6 +9,7 @@ import pytest
 from alloc.plant.sets import find_set
 from studies.core.job import Job, simulate_job
 from studies.log_accuracy import defects as spoil
+from studies.logs.channel_values import forwards
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import driven
 from tests.studies.test_log_defects import SHARE, Clean, clean
@@ -92,6 +93,38 @@ def test_a_recorder_with_a_clock_of_its_own_is_found_by_the_wheels_that_roll(sta
     assert remark.text.startswith("axles 17 to 32: recorded 0.29")
     # the last 0.3 s of those axles are not in the log
     assert found.total_damage == pytest.approx(start.damage, rel=0.08)
+
+
+@pytest.mark.parametrize("late", [0.15, 0.3])
+def test_forces_that_would_have_the_speed_measured_too_early_are_late(start, late):
+    log, found = start.found(spoil.shifted(start.table, spoil.forces_of(start.table), late))
+    (remark,) = [r for r in log.remarks if r.kind == "delay"]
+    assert f"all forces are recorded {late:.2f}" in remark.text
+    # the last forces are not in the log
+    assert found.total_damage == pytest.approx(start.damage, rel=0.08)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+def test_wagons_that_start_one_after_another_are_no_delay(late):
+    scenario = load_scenario("freight-start")
+    run = simulate_job(Job(scenario, "greedy", "cut-and-ramp", 3))
+    plain = clean(run, scenario.event(3).model.train)
+    log, found = plain.found(spoil.shifted(plain.table, spoil.forces_of(plain.table), late))
+    assert [r.kind for r in log.remarks] == ["delay"] * (late > 0.0)
+    assert abs(log.run.speed_delay.value) < 0.01
+    assert found.total_damage == pytest.approx(plain.damage, rel=SHARE)
+
+
+def test_a_pulse_back_is_no_fault_and_a_speed_far_below_0_is():
+    counts = np.tile([1.0, 0.0], 200)
+    counts[300:] *= -1.0
+    speed, remarks = forwards("axle1_speed", 3.4 * counts, "log")
+    assert (np.isfinite(speed).all(), remarks) == (True, [])
+    smooth = np.linspace(20.0, 0.0, 400)
+    smooth[100:103] = -3.4
+    speed, remarks = forwards("axle1_speed", smooth, "log")
+    assert np.isnan(speed[100:103]).all()
+    assert "3 values that no train has" in remarks[0].text
 
 
 @pytest.mark.parametrize("kmh", [0.05, 0.1, 0.2])

@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run
 from studies.log_accuracy import defects as spoil
 from studies.logs.export import log_table, rounded
 from studies.logs.mapping import Mapping
 from studies.logs.measured_log import MeasuredLog, check_log
+from studies.logs.momentum_check import forwards_too
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, readhering
 
 EVERY = 2
@@ -139,3 +141,21 @@ def test_a_wheel_that_stands_but_for_rounding_is_locked(clean):
     log, _ = clean.found(table)
     assert any("a locked wheel" in remark.text for remark in log.remarks)
     assert np.isfinite(log.run.rim_speed[stand, 0]).all()
+
+
+@pytest.mark.parametrize(("turned", "gain"), [(True, -1.6), (False, 0.6)])
+def test_forces_whose_signs_differ_show_on_a_hill_too(turned, gain):
+    """Uphill, a braked train slows down by more than its brakes; pulled too little, it slows down too."""
+    time, train = np.arange(0.0, 20.0, 0.01), MeasuredTrain.of(TRAIN)
+    axles = train.radius.size
+    force = np.full((time.size, axles), 0.06 * train.car_mass.sum() * 9.81 / axles)
+    rate = gain * force.sum(axis=1) / train.car_mass.sum()
+    speed = 25.0 + np.cumsum(rate) * 0.01
+    if turned:  # recorded as positive, and the wheels creep as braked ones do
+        rim = np.repeat(0.99 * speed[:, None], axles, axis=1)
+    else:
+        speed, rim = 45.0 - speed, np.repeat(1.01 * (45.0 - speed[:, None]), axles, axis=1)
+    instants = Instants(time, np.zeros(time.size, dtype=np.int64))
+    found, remarks = forwards_too(instants, speed, rim, force, train, False)
+    assert [r.kind for r in remarks] == ["sign"] * turned
+    np.testing.assert_array_equal(found, -force if turned else force)
