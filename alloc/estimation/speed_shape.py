@@ -72,7 +72,7 @@ def shape_of_forces(
         else:
             mass += float(inertia)
     if train.resistance is not None:
-        total -= _resistance(speed, rim, train, train.resistance)
+        total -= _resistance(time, speed, rim, train, train.resistance)
     if grade is not None:
         total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(grade)
     gained = np.diff(wheels, prepend=wheels[0])
@@ -88,15 +88,20 @@ def shape_of_forces(
     return with_locked(time, speed, rise, rests, locked_share(speed, rim, force) > LOCKED)
 
 
-def _resistance(speed: Floats, rim: Floats, train: MeasuredTrain, by_power: Floats) -> Floats:
+def _resistance(
+    time: Floats, speed: Floats, rim: Floats, train: MeasuredTrain, by_power: Floats
+) -> Floats:
     """Running resistance [N] against the motion, (instants,), `by_power` of the speed (cars, 3).
 
-    A car that stands has none: behind slack couplers, cars start one after another.
+    A car that still stands has none: behind slack couplers, cars start one after another.
     """
     size = np.abs(speed)
     a, b, c = by_power.sum(axis=0)
     against = np.asarray(a + size * (b + size * c))
     slow = np.flatnonzero(size < NEARLY)
+    slow = slow[
+        mean_rate(time, speed, RATE_TIME, at=time[slow]) > 0.0
+    ]  # else its wheels are locked
     for car, own in enumerate(by_power):
         wheels = np.abs(rim[np.ix_(slow, train.axle_car == car)])
         rests = slow[np.isfinite(wheels).any(axis=1) & ~(wheels > STILL).any(axis=1)]
