@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
 """Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
 SAMPLED = 0.15
 """Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
+AGAIN = 0.05
+"""Delay [s] from which on it is found again with a first guess of the speed that is in time."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 UNKNOWN = 0.3
@@ -75,25 +78,11 @@ def measured_speed(
     if fixes.time.size < FEWEST:
         return MeasuredSpeed(*plain, None, False, "")
     time, part = instants
-    guess = np.interp(time, fixes.time, fixes.value)
-    shapes = {
-        "free wheels": shape_of_free_wheels(time, rim, force, train),
-        "wheels": shape_of_wheels(time, guess, rim),
-    }
-    moving, unclear = motion_of(time, guess, rim, fixes.noise)
-    clear, clear_part = _clear(time, part, unclear, fixes)
-    found = {
-        n: find_delay(time, clear_part, s, clear, moving)
-        for n, s in shapes.items()
-        if s is not None
-    }
-    reading = read_forces(
-        time, clear_part, guess, rim, force, train, grade, clear, moving, at_contact
-    )
-    if reading is not None:
-        shapes["forces"], found["forces"] = reading.shape, reading.delay
-    name = min(found, key=lambda n: found[n].misfit + PENALTY[n])
-    delay = found[name]
+    arguments = (instants, fixes, rim, force, train, grade, at_contact)
+    best = _best_shape(0.0, *arguments)
+    if abs(best.delay.value) > AGAIN:
+        best = _best_shape(best.delay.value, *arguments)
+    name, delay, reading, moving = best.name, best.delay, best.forces, best.under_way
     rows = usual_period(time)
     if name == "forces":
         # between its samples a force is not known, and what it does there comes early or late
@@ -112,9 +101,7 @@ def measured_speed(
     if reading is not None and name == "forces":
         unsure = math.hypot(used.deviation, reading.perhaps_late)
         used = used._replace(deviation=unsure)
-    shape = shapes[name]
-    assert shape is not None
-    speed, deviation = follow(time, part, shape, fixes, used, moving)
+    speed, deviation = follow(time, part, best.shape, fixes, used, moving)
     if as_measured:
         speed[~lacking], deviation[~lacking] = plain.value[~lacking], plain.deviation[~lacking]
     else:
@@ -125,11 +112,58 @@ def measured_speed(
     return MeasuredSpeed(speed, deviation, delay, not as_measured, name, reading)
 
 
+class _BestShape(NamedTuple):
+    """The shape to which the measurements fit best."""
+
+    name: str
+    shape: Floats
+    delay: Delay
+    forces: ForceReading | None
+    under_way: Floats
+
+
+def _best_shape(
+    late: float,
+    instants: Instants,
+    fixes: Samples,
+    rim: Floats,
+    force: Floats,
+    train: MeasuredTrain,
+    grade: Floats | None,
+    at_contact: bool | None,
+) -> _BestShape:
+    """By a first guess of the speed, its measurements less a delay `late` [s]."""
+    time, part = instants
+    guess = np.interp(time, fixes.time - late, fixes.value)
+    shapes = {
+        "free wheels": shape_of_free_wheels(time, rim, force, train),
+        "wheels": shape_of_wheels(time, guess, rim),
+    }
+    moving, unclear = motion_of(time, guess, rim, fixes.noise)
+    clear, clear_part = _clear(time, part, unclear, fixes, late)
+    found = {
+        n: (s, find_delay(time, clear_part, s, clear, moving))
+        for n, s in shapes.items()
+        if s is not None
+    }
+    reading = read_forces(
+        time, clear_part, guess, rim, force, train, grade, clear, moving, at_contact
+    )
+    if reading is not None:
+        found["forces"] = reading.shape, reading.delay
+    name = min(found, key=lambda n: found[n][1].misfit + PENALTY[n])
+    return _BestShape(name, *found[name], reading, moving)
+
+
 def _clear(
-    time: Floats, part: NDArray[np.int64], unclear: NDArray[np.bool_], fixes: Samples
+    time: Floats,
+    part: NDArray[np.int64],
+    unclear: NDArray[np.bool_],
+    fixes: Samples,
+    late: float,
 ) -> tuple[Samples, NDArray[np.int64]]:
     """Measurements without those at which a train may stand or slide on locked wheels, and parts that begin anew after."""
-    own = np.clip(np.searchsorted(time, fixes.time, "right") - 1, 0, time.size - 1)
+    own = np.clip(np.searchsorted(time, fixes.time - late, "right") - 1, 0, time.size - 1)
     keep = ~unclear[own]
     if keep.all() or keep.sum() < FEWEST:
         return fixes, part
