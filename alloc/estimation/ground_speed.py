@@ -91,12 +91,10 @@ def estimate_ground_speed(
         if not seen[begin].any() or inside.stop - begin <= SHORTEST_PART:
             continue
         step = np.diff(time[inside])
-        series = LoggedSeries(
-            np.concatenate([[np.median(step)], step]), np.ascontiguousarray(rim_speed[inside]),
-            np.ascontiguousarray(seen[inside]), np.ascontiguousarray(held[inside]), told,
-            np.ascontiguousarray(grade[inside]),
-        )  # fmt: skip
-        for whole, own in zip(found, _estimate(series, train, least_noise), strict=True):
+        step = np.concatenate([[np.median(step)], step])
+        of_stretch = rim_speed[inside], seen[inside], held[inside], told, grade[inside]
+        trace, variance = _filtered(step, *of_stretch, train, least_noise)
+        for whole, own in zip(found, _smoothed(step, trace, variance), strict=True):
             whole[inside] = own
     if not np.isfinite(found.speed).any():
         raise EstimationError("speed over ground: at no instant are forces and a wheel known")
@@ -132,11 +130,23 @@ def _stretches(known: Flags, part: Numbers) -> Iterator[slice]:
             yield slice(begin, end)
 
 
-def _estimate(
-    series: LoggedSeries, train: MeasuredTrain, least_noise: float
-) -> tuple[Floats, Floats, Flags]:
-    """Speed, its deviation, and whether an axle told it, in one stretch."""
-    count, axles = series.rim.shape
+def _filtered(
+    step: Floats,
+    rim: Floats,
+    seen: Flags,
+    force: Floats,
+    told: Flags,
+    grade: Floats,
+    train: MeasuredTrain,
+    least_noise: float,
+) -> tuple[FilterTrace, float]:
+    """What the filter did in one stretch, and the variance of its speeds by their rounding."""
+    # the copies go as this returns: smoothing a long log needs their room
+    series = LoggedSeries(
+        step, np.ascontiguousarray(rim), np.ascontiguousarray(seen), np.ascontiguousarray(force), told,
+        np.ascontiguousarray(grade),
+    )  # fmt: skip
+    count, axles = rim.shape
     noise, quantum = _sensor_errors(series)
     noise = max(noise, least_noise)
     coarse = quantum if quantum > max(COARSE, 2.0 * noise) else 0.0
@@ -157,11 +167,16 @@ def _estimate(
     run_filter(
         *map(ByReference, (equipment, reference_settings(onboard), memory, series, trace))
     )  # fmt: skip
-    state, covariance = smooth(series.step, trace)
+    return trace, coarse**2 / 12.0
+
+
+def _smoothed(step: Floats, trace: FilterTrace, variance: float) -> tuple[Floats, Floats, Flags]:
+    """Speed, its deviation, and whether an axle told it; `variance`: of its own, beyond the filter's."""
+    state, covariance = smooth(step, trace)
     # what the smoother had to move the estimate by, beyond what the filter held possible
     moved = (state[:, SPEED] - trace.state[:, SPEED]) ** 2 - 9.0 * trace.covariance[:, SPEED, SPEED]
-    variance = covariance[:, SPEED, SPEED] + coarse**2 / 12.0 + np.maximum(moved, 0.0)
-    return state[:, SPEED] + trace.lead, np.sqrt(variance), trace.told
+    variances = covariance[:, SPEED, SPEED] + variance + np.maximum(moved, 0.0)
+    return state[:, SPEED] + trace.lead, np.sqrt(variances), trace.told
 
 
 def _sensor_errors(series: LoggedSeries) -> tuple[float, float]:

@@ -223,8 +223,10 @@ def _as_read(
         remarks.append(Remark("delay", "axleN_force", text))
     if late:
         how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
+        end = "last" if late > 0.0 else "first"
         text = (
-            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for"
+            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for; the {end} "
+            f"{abs(late):.2g} s have none"
         )
         remarks.append(Remark("delay", "axleN_force", text))
         force = in_time(*instants, force, late)

@@ -6,10 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.measured_run import analyse_run
+from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from studies.core.job import Job, simulate_job
 from studies.log_accuracy import defects as spoil
+from studies.log_accuracy.drawn_logs import drawn_run
 from studies.logs.channel_values import forwards
+from studies.logs.export import log_table, rounded
+from studies.logs.measured_log import check_log
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import driven
 from tests.studies.test_log_defects import SHARE, Clean, clean
@@ -113,6 +119,25 @@ def test_wagons_that_start_one_after_another_are_no_delay(late):
     assert [r.kind for r in log.remarks] == ["delay"] * (late > 0.0)
     assert abs(log.run.speed_delay.value) < 0.01
     assert found.total_damage == pytest.approx(plain.damage, rel=SHARE)
+
+
+ON_HILLS: dict[str, tuple[int, Callable[[pd.DataFrame, np.ndarray], pd.DataFrame]]] = {
+    "late, and wheels lock": (49, lambda t, _: spoil.speed_with_gaps(t, 1.07, 0.5)),
+    "pulses, and it rolls back": (1, lambda t, radius: spoil.counted(t, radius, 0.01)),
+    "rounded, and it rolls back": (1, lambda t, _: spoil.rounded_to(t, spoil.speeds_of(t), 0.1)),
+}
+
+
+@pytest.mark.parametrize("name", ON_HILLS)
+def test_stops_on_hills_whose_wheels_lock_or_roll_back(name):
+    """Drawn stops in which 3 to 280 % of Q were lost."""
+    k, change = ON_HILLS[name]
+    _, run, train = drawn_run(211, k)
+    measured, table = MeasuredTrain.of(train), rounded(log_table(run, train))
+    log = check_log(change(table, measured.radius), measured, "log")
+    found = analyse_run(log.run, measured)
+    damage = 1e3 * METRICS.find("damage").function(run)
+    assert found.total_damage == pytest.approx(damage, rel=SHARE)
 
 
 def test_a_pulse_back_is_no_fault_and_a_speed_far_below_0_is():
