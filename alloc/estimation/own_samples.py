@@ -90,19 +90,14 @@ def smoothed_steps(time: Floats, values: Floats, crossings: Samples) -> Samples:
     changes = crossings.value != 0.0
     t, v = crossings.time[changes], crossings.value[changes]
     slope = np.diff(v) / np.diff(t)
+    steep = np.where(slope == 0.0, 1.0, slope)
     stops, starts = t.copy(), t.copy()
-    stops[1:] -= np.where(slope * v[1:] < 0.0, v[1:] / np.where(slope == 0.0, 1.0, slope), 0.0)
-    starts[:-1] -= np.where(slope * v[:-1] > 0.0, v[:-1] / np.where(slope == 0.0, 1.0, slope), 0.0)
+    stops[1:] -= np.where(slope * v[1:] < 0.0, v[1:] / steep, 0.0)
+    starts[:-1] -= np.where(slope * v[:-1] > 0.0, v[:-1] / steep, 0.0)
     stands = values[np.clip(np.searchsorted(time, t), 0, time.size - 1)] == 0.0
     between = stands[:-1] & (v[:-1] * v[1:] > 0.0) & (stops[:-1] <= starts[1:])
-    zeros = np.concatenate(
-        [
-            starts[:1][values[:1] == 0.0],
-            stops[:-1][between],
-            starts[1:][between],
-            stops[-1:][stands[-1:]],
-        ]
-    )
+    first, last = starts[:1][values[:1] == 0.0], stops[-1:][stands[-1:]]
+    zeros = np.concatenate([first, stops[:-1][between], starts[1:][between], last])
     at, said = np.concatenate([t, zeros]), np.concatenate([v, np.zeros(zeros.size)])
     order = np.argsort(at, kind="stable")
     value = np.interp(time, at[order], said[order])

@@ -99,13 +99,11 @@ def _resistance(
     a, b, c = by_power.sum(axis=0)
     against = np.asarray(a + size * (b + size * c))
     slow = np.flatnonzero(size < NEARLY)
-    slow = slow[
-        mean_rate(time, speed, RATE_TIME, at=time[slow]) > 0.0
-    ]  # else its wheels are locked
+    starts = slow[mean_rate(time, speed, RATE_TIME, at=time[slow]) > 0.0]
     for car, own in enumerate(by_power):
-        wheels = np.abs(rim[np.ix_(slow, train.axle_car == car)])
-        rests = slow[np.isfinite(wheels).any(axis=1) & ~(wheels > STILL).any(axis=1)]
-        against[rests] -= own[0] + size[rests] * (own[1] + size[rests] * own[2])
+        wheels = np.abs(rim[np.ix_(starts, train.axle_car == car)])
+        at = starts[np.isfinite(wheels).any(axis=1) & ~(wheels > STILL).any(axis=1)]
+        against[at] -= own[0] + size[at] * (own[1] + size[at] * own[2])
     return np.where(speed < 0.0, -against, against)  # a train may roll back
 
 
