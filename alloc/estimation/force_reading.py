@@ -171,15 +171,18 @@ def read_forces(
     return found._replace(perhaps_late=best.late)
 
 
-def in_time(time: Floats, part: NDArray[np.int64], force: Floats, late: float) -> Floats:
-    """Forces (instants, axles) less their delay [s]; nan where that reaches out of a part."""
-    moved = np.full_like(force, np.nan)
+def in_time(
+    time: Floats, part: NDArray[np.int64], values: Floats, late: float, held: bool = False
+) -> Floats:
+    """Series (instants, axles) less their delay [s]; nan where that reaches out of a part, or `held` as at its end."""
+    moved = np.full_like(values, np.nan)
     bounds = np.flatnonzero(np.diff(part)) + 1
     for begin, end in zip([0, *bounds.tolist()], [*bounds.tolist(), time.size], strict=True):
         t = time[begin:end]
-        for i in range(force.shape[1]):
-            own = np.interp(t + late, t, force[begin:end, i])
-            own[(t + late < t[0]) | (t + late > t[-1])] = np.nan
+        for i in range(values.shape[1]):
+            own = np.interp(t + late, t, values[begin:end, i])
+            if not held:
+                own[(t + late < t[0]) | (t + late > t[-1])] = np.nan
             moved[begin:end, i] = own
     return moved
 

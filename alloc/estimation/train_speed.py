@@ -35,6 +35,8 @@ AGAIN = 0.05
 """Delay [s] from which on it is found again with a first guess of the speed that is in time."""
 FEWEST = 3
 """Measurements of which a delay is found."""
+LOST = 1.0
+"""Distance [m/s] between the measurements and a speed that follows them, in the middle, from which on it does not."""
 UNKNOWN = 0.3
 """Standard deviation [m/s] above which a speed counts as unknown."""
 
@@ -102,6 +104,9 @@ def measured_speed(
         unsure = math.hypot(used.deviation, reading.perhaps_late)
         used = used._replace(deviation=unsure)
     speed, deviation = follow(time, part, best.shape, fixes, used, moving)
+    apart = np.abs(np.interp(fixes.time - used.value, time, speed) - fixes.value)
+    if np.nanmedian(apart) > LOST:  # the shape misled: better late than wrong
+        return MeasuredSpeed(*plain, delay, False, name, reading)
     if as_measured:
         speed[~lacking], deviation[~lacking] = plain.value[~lacking], plain.deviation[~lacking]
     else:

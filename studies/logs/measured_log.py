@@ -225,11 +225,11 @@ def _as_read(
         how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
         end = "last" if late > 0.0 else "first"
         text = (
-            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for; the {end} "
-            f"{abs(late):.2g} s have none"
+            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for; in the {end} "
+            f"{abs(late):.2g} s they are held"
         )
         remarks.append(Remark("delay", "axleN_force", text))
-        force = in_time(*instants, force, late)
+        force = in_time(*instants, force, late, held=True)
     if at_contact:
         if told is None:
             text = (
