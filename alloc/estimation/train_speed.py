@@ -13,7 +13,13 @@ from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
-from alloc.estimation.speed_shape import motion_of, shape_of_free_wheels, shape_of_wheels
+from alloc.estimation.speed_shape import (
+    LOCKED,
+    locked_share,
+    motion_of,
+    shape_of_free_wheels,
+    shape_of_wheels,
+)
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +38,7 @@ PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
 SAMPLED = 0.15
 """Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
 AGAIN = 0.05
-"""Delay [s] from which on it is found again with a first guess of the speed that is in time."""
+"""Delay [s] from which on, if wheels lock, it is found again with a first guess of the speed that is in time."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 LOST = 1.0
@@ -82,7 +88,7 @@ def measured_speed(
     time, part = instants
     arguments = (instants, fixes, rim, force, train, grade, at_contact)
     best = _best_shape(0.0, *arguments)
-    if abs(best.delay.value) > AGAIN:
+    if abs(best.delay.value) > AGAIN and _some_locked(instants, fixes, rim, force):
         best = _best_shape(best.delay.value, *arguments)
     name, delay, reading, moving = best.name, best.delay, best.forces, best.under_way
     rows = usual_period(time)
@@ -158,6 +164,12 @@ def _best_shape(
         found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n][1].misfit + PENALTY[n])
     return _BestShape(name, *found[name], reading, moving)
+
+
+def _some_locked(instants: Instants, fixes: Samples, rim: Floats, force: Floats) -> bool:
+    """Whether the measured speed itself is part of the shape, where wheels are locked."""
+    guess = np.interp(instants.time, fixes.time, fixes.value)
+    return bool((locked_share(guess, rim, force) > LOCKED).any())
 
 
 def _clear(
