@@ -99,7 +99,7 @@ def _is_far(end: float, others: Floats) -> bool:
     if others.size == 0:
         return True
     apart = np.abs(others - end).min()
-    return bool(apart > FAR * max(np.ptp(others), np.abs(others).max()))
+    return bool(apart / FAR > max(np.ptp(others), np.abs(others).max()))
 
 
 def forwards(name: str, speed: Floats, source: str) -> tuple[Floats, list[Remark]]:
