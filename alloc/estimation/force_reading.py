@@ -40,10 +40,10 @@ BETTER = 0.4
 """Misfit per measurement by which another reading of the forces must explain the speed better."""
 MUCH = 2.0
 """The same, where soft couplers may be the reason."""
-SURE, NEARER = 3.0, 0.3
-"""Number of deviations by which it surely is, and share of that time to which another reading must bring it."""
 TOO_EARLY = 5.0
 """Misfit per measurement for each second by which a speed would be measured before it happens."""
+SURE, NEARER = 3.0, 0.3
+"""Number of deviations by which it surely is, and share of that time to which another reading must bring it."""
 MOST = 20_000
 """Rows of a log in which the delay of the forces is looked for."""
 LESS = 2.5

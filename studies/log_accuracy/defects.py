@@ -185,6 +185,11 @@ def shifted(table: pd.DataFrame, names: Sequence[str], late: float) -> pd.DataFr
     return table.assign(**{name: np.interp(time - late, time, table[name]) for name in names})
 
 
+def zero_below(table: pd.DataFrame, kmh: float) -> pd.DataFrame:
+    """Wheels whose sensors say 0 at low speed."""
+    return table.assign(**{n: table[n].where(table[n] >= kmh, 0.0) for n in wheels_of(table)})
+
+
 def rear_late(table: pd.DataFrame, late: float) -> pd.DataFrame:
     """The rear half of the axles has a recorder of its own, which is `late` [s]."""
     axles = axles_of(table)

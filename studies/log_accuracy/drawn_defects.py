@@ -187,9 +187,7 @@ def _clock_set_back(table: pd.DataFrame, g: Generator) -> Drawn:
 
 def _zero_when_slow(table: pd.DataFrame, g: Generator) -> Drawn:
     below = g.uniform(1.0, 5.0)
-    return table.assign(
-        **{n: table[n].where(table[n] >= below, 0.0) for n in spoil.wheels_of(table)}
-    ), f"below {below:.1f} km/h"
+    return spoil.zero_below(table, below), f"below {below:.1f} km/h"
 
 
 def _without_speed(table: pd.DataFrame, g: Generator) -> Drawn:

@@ -144,8 +144,7 @@ def test_a_speed_that_cannot_be_followed_is_taken_as_it_stands():
     """A drawn start whose sensors say 0 below 1.8 km/h: by them it stands, and then jumps."""
     _, run, train = drawn_run(307, 18)
     measured, table = MeasuredTrain.of(train), rounded(log_table(run, train))
-    wheels = {n: table[n].where(table[n] > 1.8, 0.0) for n in spoil.wheels_of(table)}
-    log = check_log(table.assign(**wheels), measured, "log")
+    log = check_log(spoil.zero_below(table, 1.8), measured, "log")
     moves = log.run.speed > 1.0
     np.testing.assert_allclose(log.run.speed[moves], table["speed_kmh"][moves] / 3.6, atol=0.05)
 
