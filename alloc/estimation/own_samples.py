@@ -30,8 +30,12 @@ COARSE = 0.02
 """Step of a rounded speed [m/s] above which rounding matters."""
 STAYS = 1.0
 """Time [s] after a change from which on a rounded speed of 0 counts as standstill."""
+LEAST_PART = 10
+"""Rows between two own samples from which on all distances are hardly multiples of them by chance."""
 LEAST_KNOTS = 4
 """Rows between two own samples of an interpolated channel, at least."""
+LEAST_TICKS = 6
+"""Distances between changes of a rounded channel that show whether it is held as well."""
 SEEN = 0.15
 """Time [s] between knots above which straight lines differ from a smooth motion; below it they do no harm."""
 MOSTLY = 0.9
@@ -130,8 +134,16 @@ def _spacing(index: Numbers) -> float | None:
     if distance.size < FEWEST - 1:
         return None
     usual = int(np.bincount(distance).argmax())
+    # where an evenly changing value hides most samples, twice or three times the spacing is the usual distance
+    parts = [part for part in (distance.min(), usual // 2, usual // 3) if part >= LEAST_PART]
+    found = (_multiples_of(distance, float(one)) for one in (usual, *parts))
+    return next((spacing for spacing in found if spacing is not None), None)
+
+
+def _multiples_of(distance: Numbers, usual: float) -> float | None:
+    """The same if it is about `usual`."""
     near = distance[np.abs(distance - usual) <= max(0.3 * usual, float(usual > 1))]
-    spacing = float(near.mean())
+    spacing = float(near.mean()) if near.size else usual
     if spacing < 1.5:
         return None
     times = np.round(distance / spacing)
@@ -146,9 +158,11 @@ def _between(index: Numbers, spacing: float) -> Numbers:
     count = np.maximum(np.round(np.diff(index) / spacing).astype(np.int64), 1)
     if count.max(initial=1) == 1:
         return index
-    stretches = zip(index[:-1], index[1:], count, strict=True)
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in stretches]
-    return np.round(np.concatenate([*pieces, index[-1:]])).astype(np.int64)
+    first = np.cumsum(count) - count
+    number = np.arange(int(count.sum())) - np.repeat(first, count)
+    share = number / np.repeat(count, count)
+    between = np.repeat(index[:-1], count) + share * np.repeat(np.diff(index), count)
+    return np.append(np.round(between).astype(np.int64), index[-1])
 
 
 def _ends(index: Numbers, spacing: float, count: int) -> Numbers:
@@ -195,10 +209,14 @@ def _quantised(values: Floats) -> bool:
 
 
 def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """As a rounded value changes, the true one is in the middle; in between it is not known, but at rest it is none."""
+    """As a rounded value changes, the true one is in the middle; in between it is not known, but at rest it is none.
+
+    A value that is held as well has become another one since it was sampled before.
+    """
     change = np.flatnonzero(np.diff(values))
+    before = np.maximum(change + 1 - _ticks(change), 0)
     at, middle = (
-        0.5 * (time[change] + time[change + 1]),
+        0.5 * (time[before] + time[change + 1]),
         0.5 * (values[change] + values[change + 1]),
     )
     stays = np.arange(time[0], time[-1], STAYS)
@@ -210,6 +228,20 @@ def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
     said = np.zeros(stays.size)
     order = np.argsort(np.concatenate([at, stays]), kind="stable")
     return np.concatenate([at, stays])[order], np.concatenate([middle, said])[order]
+
+
+def _ticks(change: Numbers) -> int:
+    """Number of rows of which the distances between changes are multiples: those between two samples; 1 if there is none."""
+    distance = np.diff(change)
+    if distance.size < LEAST_TICKS:
+        return 1
+    for rows in range(int(distance.min()), LEAST_KNOTS, -1):
+        times = np.round(distance / rows).astype(np.int64)
+        # a speed that changes evenly has changes at even distances, too: but not at different multiples of one
+        fits = np.abs(distance - rows * times) <= 0.05 * rows
+        if fits.mean() > REGULAR and np.bincount(times).max() < MOSTLY * times.size:
+            return rows
+    return 1
 
 
 def _interpolated(time: Floats, values: Floats, finite: NDArray[np.bool_]) -> Numbers | None:

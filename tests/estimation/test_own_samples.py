@@ -1,15 +1,11 @@
 """What a channel really measured is found again, whatever the logger filled in; pulses give back the way that made them."""
 
-import math
-
 import numpy as np
 import pytest
 
 from alloc.estimation.common_instants import BRIDGED, common_instants, resample
 from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of, smoothed_steps
-from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
 from alloc.estimation.rim_speeds import ALIASED, pulse_step, rim_speed
-from alloc.estimation.speed_fixes import find_delay, follow
 
 TIME = 0.01 * np.arange(3000)
 SPEED = 25.0 - 0.8 * np.clip(TIME - 4.0, 0.0, 12.0) - 0.3 * np.sin(0.7 * TIME)
@@ -138,51 +134,3 @@ def test_a_channel_is_interpolated_between_its_samples_and_not_over_gaps():
     assert np.all(error <= found.deviation[known] + 1e-12)
     assert np.diff(common_instants([time]).part).sum() == 1
     assert BRIDGED > 2 * 0.05
-
-
-@pytest.mark.parametrize("late", [-0.2, 0.0, 0.5, 1.3])
-def test_a_delay_is_found_by_a_shape_of_another_scale(late):
-    shape = 1.02 * SPEED + 0.05 * TIME
-    at = np.arange(2.0, 29.0)
-    fixes = Samples(at, np.interp(at - late, TIME, SPEED), "sampled", 1.0, 0.0)
-    part = np.zeros(TIME.size, dtype=np.int64)
-    delay = find_delay(TIME, part, shape, fixes, TIME)
-    assert delay.value == pytest.approx(late, abs=3.0 * delay.deviation)
-    found = follow(TIME, part, shape, fixes, delay, TIME)
-    inside = slice(300, 2700)
-    assert np.abs(found.speed - SPEED)[inside].max() < 0.02
-
-
-@pytest.mark.parametrize("late", [0.02, 0.22, 0.41])
-def test_noise_and_drift_are_those_of_the_delay_that_is_found(late):
-    """Beside it, by half a step of the grid, a dense speed looks as if it had noise or a drift."""
-    hill = SPEED + 0.15 * TIME
-    fixes = Samples(TIME, np.interp(TIME - late, TIME, SPEED), "sampled", 0.01, 0.0)
-    delay = find_delay(TIME, np.zeros(TIME.size, dtype=np.int64), hill, fixes, TIME)
-    assert delay.value == pytest.approx(late, abs=0.002)
-    assert (delay.noise, delay.drift, delay.start) == (0.0003, 0.0003, "hill")
-
-
-def test_smoother_and_likelihood_agree_with_linear_regression():
-    """Without drift and with a vague start, v = s p + b + c t is ordinary least squares."""
-    rng = np.random.default_rng(3)
-    time, noise = np.linspace(0.0, 10.0, 40), 0.1
-    shape = np.sin(time)
-    value = 0.9 * shape + 2.0 + 0.1 * time + rng.normal(0.0, noise, time.size)
-    vague = np.array([1e6, 1e6, 1e6])
-    speed, variance = smoothed(time, shape, value, noise, 0.0, vague)
-    columns = np.stack([shape, np.ones_like(time), time], axis=1)
-    best = columns @ np.linalg.lstsq(columns, value, rcond=None)[0]
-    np.testing.assert_allclose(speed, best, atol=1e-3)
-    expected = noise**2 * np.einsum(
-        "ij,jk,ik->i", columns, np.linalg.inv(columns.T @ columns), columns
-    )
-    np.testing.assert_allclose(variance, expected, rtol=1e-2)
-    part = np.zeros(time.size, dtype=np.int64)
-    scores = [
-        likelihood(time, shape, value, part, n**2, 0.0, vague, *Work.allocate())
-        for n in (0.02, 0.1, 0.5)
-    ]
-    assert scores[1] == min(scores)
-    assert STARTS["level"][1] < STARTS["hill"][1]
-    assert math.isfinite(scores[0])
