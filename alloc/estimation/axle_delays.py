@@ -165,17 +165,19 @@ def _refined(
 def _groups(found: dict[int, _Match], train: MeasuredTrain) -> list[LateAxles]:
     """Axles by their delays; the group with most axles is in time, of two such the earlier one."""
     sure = {i: m for i, m in found.items() if m.share > FITS}
+    late, groups = _apart(sure, train)
+    # a driven axle that is alone creeps more than the others, or slips for long: it does not tell its delay
+    alone = {group[0] for group in groups if len(group) == 1 and train.driven[group[0]]}
+    if alone:
+        sure = {i: m for i, m in sure.items() if i not in alone}
+        late, groups = _apart(sure, train)
     if len(sure) < 2:
         return []
-    offset = _by_creep(sure, train)
-    late = {i: m.late - offset * bool(train.driven[i]) for i, m in sure.items()}
-    order = sorted(late, key=lambda i: late[i])
-    groups = [[order[0]]]
-    for i in order[1:]:
-        if late[i] - late[groups[-1][-1]] > APART:
-            groups.append([])
-        groups[-1].append(i)
-    in_time = max(groups, key=len)
+    members = {
+        group[0]: [*group, *(i for i in found if i not in sure and _beside(i, group, sure, train))]
+        for group in groups
+    }
+    in_time = max(groups, key=lambda group: len(members[group[0]]))
     # where those in time are not those of the reference, a delay of 0 fits neither better nor worse
     gained = {i: sure[i].share - sure[i].without for i in sure}
     of_most = float(np.median([gained[i] for i in in_time]))
@@ -185,9 +187,22 @@ def _groups(found: dict[int, _Match], train: MeasuredTrain) -> list[LateAxles]:
         of_group = float(np.median([gained[i] for i in group]))
         if group is in_time or abs(value) < APART or max(of_group, of_most) < BETTER:
             continue
-        members = sorted([*group, *(i for i in found if i not in sure and _beside(i, group, sure))])
-        late_ones.append(LateAxles(np.array(members), value, deviation))
+        late_ones.append(LateAxles(np.array(sorted(members[group[0]])), value, deviation))
     return late_ones
+
+
+def _apart(
+    sure: dict[int, _Match], train: MeasuredTrain
+) -> tuple[dict[int, float], list[list[int]]]:
+    """Delays of axles without what creep adds to them [s], and the axles in groups that are `APART`."""
+    offset = _by_creep(sure, train)
+    late = {i: m.late - offset * bool(train.driven[i]) for i, m in sure.items()}
+    groups: list[list[int]] = []
+    for i in sorted(late, key=lambda i: late[i]):
+        if not groups or late[i] - late[groups[-1][-1]] > APART:
+            groups.append([])
+        groups[-1].append(i)
+    return late, groups
 
 
 def _later(
@@ -210,8 +225,11 @@ def _later(
     return float(np.average(values, weights=weights)), 1.0 / math.sqrt(sum(weights))
 
 
-def _beside(axle: int, group: list[int], sure: dict[int, _Match]) -> bool:
-    """Whether an axle that slips or is locked too often to tell stands among a group's: it is recorded with them."""
+def _beside(axle: int, group: list[int], sure: dict[int, _Match], train: MeasuredTrain) -> bool:
+    """Whether an axle that slips or is locked too often to tell is in a group's car, or stands among its axles."""
+    mates = [i for i in sure if train.axle_car[i] == train.axle_car[axle]]
+    if mates:
+        return all(i in group for i in mates)
     before, after = (
         max((i for i in sure if i < axle), default=None),
         min((i for i in sure if i > axle), default=None),
