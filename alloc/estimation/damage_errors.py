@@ -2,6 +2,7 @@
 
 Q = sum_i integral of F_t,i (R omega_i - v) dt. An error of the train's speed acts on all axles at once, and persists: that
 of the delay all the time, the rest for `CORRELATED` seconds. Noise of a wheel or of a force averages out within a window.
+What happens between two instants is unknown: every second of them alone would give another Q, and that much is stated.
 """
 
 from dataclasses import dataclass
@@ -54,6 +55,8 @@ class DamageErrors:
     """Due to the uncertainty of the delay."""
     by_sensors: float
     """Due to noise of wheels and forces."""
+    by_sampling: float
+    """Due to what happens between two instants."""
     of_radius: float
     """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
     per_second: float
@@ -63,9 +66,17 @@ class DamageErrors:
 
 
 def damage_errors(
-    run: "MeasuredRun", coefficient: Floats, axle_load: Floats
+    run: "MeasuredRun",
+    coefficient: Floats,
+    axle_load: Floats,
+    by_half: float = 0.0,
+    of_car: float = 0.0,
 ) -> DamageErrors | None:
-    """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,)."""
+    """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,).
+
+    `by_half` [J]: Q less that by every second instant. `of_car`: standard deviation of the speed of the cars against their
+    train [m/s], which lasts throughout.
+    """
     time = run.time
     step = np.diff(time, append=time[-1])
     step[:-1][np.diff(run.part) != 0] = 0.0
@@ -98,8 +109,11 @@ def damage_errors(
         of_delay = float(step @ (total * (speed - late)))
     blocks = np.floor((time - time[0]) / CORRELATED).astype(np.int64)
     each = np.bincount(blocks, weights=step * np.abs(total) * deviation)
-    by_speed = float(np.sqrt(np.sum(each**2)))
+    slack = of_car * float(step @ np.abs(total))
+    by_speed = float(np.hypot(np.sqrt(np.sum(each**2)), slack))
     by_sensors = float(np.sqrt(sensors))
     radius = PERMILLE * float(step @ (total * speed))
-    all_of = float(np.sqrt(by_speed**2 + by_delay**2 + sensors))
-    return DamageErrors(all_of, by_speed, by_delay, by_sensors, radius, per_second, of_delay)
+    all_of = float(np.sqrt(by_speed**2 + by_delay**2 + sensors + by_half**2))
+    return DamageErrors(
+        all_of, by_speed, by_delay, by_sensors, abs(by_half), radius, per_second, of_delay
+    )

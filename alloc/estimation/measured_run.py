@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.car_speeds import UNKNOWN, UNSURE, speeds_against_train
 from alloc.estimation.damage_errors import DamageErrors, damage_errors, slip_noise
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
@@ -109,11 +110,15 @@ class Findings:
     """Slip velocity below which a small slip cannot be distinguished from noise [m/s], (axles,)."""
     errors: DamageErrors | None = None
     """Uncertainty of the wheel damage; None where no errors are known."""
+    over_car: Floats | None = None
+    """Speed of each axle's car [m/s], (instants, axles), which the wheels slip against; None: it is the train's."""
 
     @property
     def slip_velocity(self) -> Floats:
         """(instants, axles) [m/s]; computed on request, to save memory with long logs."""
-        return self.run.rim_speed - self.run.speed[:, None]
+        return self.run.rim_speed - (
+            self.run.speed[:, None] if self.over_car is None else self.over_car
+        )
 
     @property
     def axle_damage(self) -> Floats:
@@ -169,8 +174,12 @@ def analyse_run(
     events: list[SlipEvent] = []
     small: list[SlipEvent] = []
     noise = slip_noise(run)
+    over_car = _speed_of_cars(run, train)
+    of_car = 0.0 if train.coupler is None else UNKNOWN if over_car is None else UNSURE
+    by_half = 0.0
     for i in range(axles):
-        turning = np.isfinite(run.rim_speed[:, i]) & np.isfinite(run.speed)
+        speed = run.speed if over_car is None else over_car[:, i]
+        turning = np.isfinite(run.rim_speed[:, i]) & np.isfinite(speed)
         known = turning & np.isfinite(run.applied_force[:, i])
         gained = np.zeros(count)
         for inside in parts(known, run.part):
@@ -182,7 +191,8 @@ def analyse_run(
             longest = float(np.diff(run.time[inside]).max())
             force = tangential_force(*arguments, inertia, radius, max(window, longest))
             coefficient[inside, i] = force[:, 0] / train.axle_load[i]
-            lost = wheel_damage(*arguments, run.speed[inside], inertia, radius)[:, 0]
+            lost = wheel_damage(*arguments, speed[inside], inertia, radius)[:, 0]
+            by_half += lost[-1] - _by_every_second(*arguments, speed[inside], inertia, radius)
             gained[inside] += np.diff(lost, prepend=0.0)
             covered[i] += run.time[inside][-1] - run.time[inside][0]
         if covered[i] > 0.0:
@@ -193,7 +203,7 @@ def analyse_run(
             for inside in parts(kind, run.part):
                 with_force = bool(kind is has_force)
                 series = (
-                    i, run.time[inside], run.speed[inside], run.rim_speed[inside, i],
+                    i, run.time[inside], speed[inside], run.rim_speed[inside, i],
                     coefficient[inside, i] if with_force else None,
                     damage[inside, i] if with_force else None,
                 )  # fmt: skip
@@ -213,8 +223,27 @@ def analyse_run(
         window=window,
         small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
         least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
-        errors=damage_errors(run, coefficient, train.axle_load),
+        errors=damage_errors(run, coefficient, train.axle_load, by_half, of_car),
+        over_car=over_car,
     )
+
+
+def _by_every_second(
+    time: Floats, force: Floats, omega: Floats, speed: Floats, inertia: float, radius: float
+) -> float:
+    """Wheel damage [J] of an axle by every second instant, and the last one."""
+    some = np.append(np.arange(0, time.size - 1, 2), time.size - 1)
+    return float(
+        wheel_damage(time[some], force[some], omega[some], speed[some], inertia, radius)[-1, 0]
+    )
+
+
+def _speed_of_cars(run: MeasuredRun, train: MeasuredTrain) -> Floats | None:
+    """Speed of each axle's car (instants, axles), by the accelerations of all cars; None where they are not measured."""
+    if run.car_acceleration is None or run.speed_source == "estimated":
+        return None
+    own = speeds_against_train(run.time, run.part, run.car_acceleration, train.car_mass)
+    return run.speed[:, None] + np.nan_to_num(own)[:, train.axle_car]
 
 
 def _car_forces(run: MeasuredRun, train: MeasuredTrain, window: float) -> Floats | None:

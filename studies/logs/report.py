@@ -105,6 +105,7 @@ def _damage_error(found: Findings) -> dict[str, float] | None:
         "by_speed": 1e-3 * e.by_speed,
         "by_delay": 1e-3 * e.by_delay,
         "by_sensors": 1e-3 * e.by_sensors,
+        "by_sampling": 1e-3 * e.by_sampling,
         "per_permille_of_radius": 1e-3 * e.of_radius,
     }
 
