@@ -27,12 +27,13 @@ from alloc.estimation.speed_shape import (
     standing,
     with_locked,
 )
+from alloc.estimation.train_readings import TrainReadings
 
 Floats = NDArray[np.float64]
 
 DELAYS = np.round(np.arange(-0.5, 1.21, 0.1), 6)
 """Delays of the forces that are tried [s]."""
-FINER = (0.04, 0.02)
+FINER = (0.06, 0.04, 0.02)
 """Steps [s] around the best of them."""
 AROUND = np.round(np.arange(-0.04, 0.041, 0.008), 6)
 """Delays around it [s] through whose misfits a parabola is laid: noise and drift of each are found on a grid."""
@@ -40,10 +41,16 @@ BETTER = 0.4
 """Misfit per measurement by which another reading of the forces must explain the speed better."""
 MUCH = 2.0
 """The same, where soft couplers may be the reason."""
-TOO_EARLY = 5.0
-"""Misfit per measurement for each second by which a speed would be measured before it happens."""
+TOO_EARLY, NOT_BY_WHEELS = 5.0, 20.0
+"""Misfit per measurement for each second by which a speed would be measured before it happens, or not when wheels say it."""
+FAR = 0.5
+"""Misfit per measurement for each second of the delay of the forces: of two that explain as much, the smaller one."""
 SURE, NEARER = 3.0, 0.3
 """Number of deviations by which it surely is, and share of that time to which another reading must bring it."""
+FINE = 0.04
+"""Time between two rows [s] up to which wheels that slip show whether forces act at the rims or at the rail."""
+SAMPLED = 0.15
+"""Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
 MOST = 20_000
 """Rows of a log in which the delay of the forces is looked for."""
 LESS = 2.5
@@ -71,28 +78,22 @@ class ForceReading(NamedTuple):
     """That of the measured speed, with the forces in time; its deviation has what is not known of theirs."""
     perhaps_late: float = 0.0
     """As `late`, where that would explain more but the forces as recorded are not in contradiction to the speed."""
+    perhaps_at_contact: bool = False
+    """Whether they explain the speed with the train's known mass only if they act between wheel and rail."""
 
 
 class _Shapes:
     """Speeds by the forces of a log, by their delay."""
 
-    def __init__(
-        self,
-        time: Floats,
-        guess: Floats,
-        rim: Floats,
-        force: Floats,
-        train: MeasuredTrain,
-        grade: Floats | None,
-        at_contact: bool,
-    ) -> None:
+    def __init__(self, readings: TrainReadings, guess: Floats, at_contact: bool) -> None:
+        time, rim, force, train = readings.time, readings.rim, readings.force, readings.train
         # the shape is linear in the forces: that without any, and what they give
         none = np.where(np.isfinite(force), 0.0, force)
-        without = shape_of_forces(time, guess, rim, none, train, grade, at_contact)
+        without = shape_of_forces(readings._replace(force=none), guess, at_contact)
         assert without is not None
         self.time, self.guess = time, guess
         self.without = np.diff(without, prepend=without[0])
-        self.locked = locked_share(guess, rim, force) > LOCKED
+        self.locked = locked_share(readings, guess) > LOCKED
         self.mass = float(train.car_mass.sum())
         if not at_contact:
             unknown = ~np.isfinite(rim).any(axis=0)
@@ -100,7 +101,7 @@ class _Shapes:
         self.total = np.zeros(time.size)
         for i in np.flatnonzero(np.isfinite(force).any(axis=0)).tolist():
             self.total += filled(time, force[:, i])
-        self.rests = goes_on(standing(guess, rim))
+        self.rests = goes_on(standing(readings, guess))
 
     def __call__(self, late: float) -> Floats:
         moved = np.interp(self.time + late, self.time, self.total)
@@ -111,61 +112,58 @@ class _Shapes:
 
 
 def read_forces(
-    time: Floats,
-    part: NDArray[np.int64],
+    readings: TrainReadings,
     guess: Floats,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
     fixes: Samples,
     under_way: Floats,
     at_contact: bool | None = None,
+    by_wheels: Delay | None = None,
 ) -> ForceReading | None:
     """The reading that explains the measured speed best, the usual one unless another is much better; None without forces.
 
-    Arguments as of `alloc.estimation.train_speed.measured_speed`.
+    `guess` of the speed [m/s] and time `under_way` [s], (instants,); else as `alloc.estimation.train_speed.measured_speed`.
+    `by_wheels`: how late the speed is by wheels that roll freely; None where none do.
     """
-    shape = shape_of_forces(time, guess, rim, force, train, grade, bool(at_contact))
+    time, part = readings.time, readings.part
+    sampled = 2.0 * SAMPLED * readings.force_period
+    clock = _Clock(by_wheels, max(LEAST, usual_period(time), sampled))
+    shape = shape_of_forces(readings, guess, bool(at_contact))
     if shape is None:
         return None
     found = ForceReading(
         0.0, bool(at_contact), shape, find_delay(time, part, shape, fixes, under_way)
     )
-    if not _poor(found.delay, fixes):
+    if not _poor(found.delay, fixes, clock):
         return found
-    arguments = (time, guess, rim, force, train, grade)
-    if at_contact is None:
-        other = shape_of_forces(*arguments, at_contact=True)
+    if at_contact is None and usual_period(time) <= FINE:
+        other = shape_of_forces(readings, guess, at_contact=True)
         assert other is not None
         delay = find_delay(time, part, other, fixes, under_way)
-        if explains_more(delay, found.delay):
+        explains = explains_more(delay, found.delay) and not clock.out_of_time(delay)
+        if explains or clock.brings(delay, found.delay):
             found = ForceReading(0.0, True, other, delay)
-    if not _poor(found.delay, fixes):
+        elif delay.sure > found.delay.sure and delay.misfit < found.delay.misfit:
+            found = found._replace(perhaps_at_contact=True)
+    if not _poor(found.delay, fixes, clock):
         return found
     # both at once would explain too much: forces that nobody says to be at the contact are late at the rims
     contact = bool(at_contact)
-    some = _busiest(force)
-    few = (time[some], guess[some], rim[some], force[some])
-    seen = (fixes.time >= few[0][0]) & (fixes.time <= few[0][-1])
-    shapes = _Shapes(*few, train, None if grade is None else grade[some], contact)
+    some = _busiest(readings.force)
+    few = readings.rows(some)
+    seen = (fixes.time >= few.time[0]) & (fixes.time <= few.time[-1])
     own = fixes._replace(time=fixes.time[seen], value=fixes.value[seen])
-    late, spread = _late(shapes, part[some], own, under_way[some])
-    moved = _Shapes(*arguments, contact)(late)
+    shapes = _Shapes(few, guess[some], contact)
+    late, spread = _late(shapes, few.part, own, under_way[some], clock)
+    moved = _Shapes(readings, guess, contact)(late)
     delay = find_delay(time, part, moved, fixes, under_way)
     delay = delay._replace(deviation=math.hypot(delay.deviation, spread))
     best = ForceReading(late, contact, moved, delay)
-    # what happens between two rows looks like a delay too
-    least = max(LEAST, usual_period(time))
-    if abs(best.late) < least:
+    if abs(best.late) < clock.least:
         return found
-    # a speed that is measured before the train has it is none: then the forces are late
-    as_well = best.delay.misfit < found.delay.misfit + BETTER
-    as_well &= best.delay.sure >= found.delay.sure
-    too_early = as_well and _too_early(found.delay, best.delay)
-    if not (too_early or explains_more(best.delay, found.delay)):
+    brings = clock.brings(best.delay, found.delay)
+    if not (brings or explains_more(best.delay, found.delay)):
         return found
-    if too_early or _unlike(found.delay, fixes) or best.delay.misfit < found.delay.misfit - MUCH:
+    if brings or _unlike(found.delay, fixes) or best.delay.misfit < found.delay.misfit - MUCH:
         return best
     # soft couplers delay what the front feels of the forces, too: that is no reason to move them
     return found._replace(perhaps_late=best.late)
@@ -196,15 +194,42 @@ def at_rims(
     return np.asarray(force + rotating * np.stack(rates, axis=1))
 
 
-def _too_early(found: Delay, other: Delay) -> bool:
-    """Whether a reading surely has the speed measured before it happens, and another one has it in time."""
-    early = -found.value
-    return early > max(LEAST, SURE * found.deviation) and abs(other.value) < NEARER * early
+class _Clock(NamedTuple):
+    """What is known beforehand of the delay of the speed: none is measured before the train has it, and what wheels say."""
+
+    by_wheels: Delay | None
+    """By wheels that roll freely; None where none do."""
+    least: float
+    """Time [s] below which it is none: what happens between two rows looks like a delay too."""
+
+    def off(self, delay: Delay) -> float:
+        """By what time [s] a reading of the forces contradicts that."""
+        if self.by_wheels is None:
+            return max(-delay.value, 0.0)
+        return abs(delay.value - self.by_wheels.value)
+
+    def costs(self, delay: Delay) -> float:
+        """What that adds to the misfit of a reading."""
+        each = TOO_EARLY if self.by_wheels is None else NOT_BY_WHEELS
+        return each * max(self.off(delay) - LEAST, 0.0)
+
+    def out_of_time(self, delay: Delay) -> bool:
+        """Whether it surely does."""
+        wheels = 0.0 if self.by_wheels is None else self.by_wheels.deviation
+        return self.off(delay) > max(self.least, SURE * math.hypot(delay.deviation, wheels))
+
+    def brings(self, other: Delay, found: Delay) -> bool:
+        """Whether another reading does not, and explains the speed as well as what was `found`."""
+        worse = max(BETTER, self.costs(found) if self.by_wheels is not None else 0.0)
+        as_well = other.misfit < found.misfit + worse and other.sure >= found.sure
+        nearer = self.off(other) < max(NEARER * self.off(found), self.least)
+        return as_well and nearer and self.out_of_time(found)
 
 
-def _poor(delay: Delay, fixes: Samples) -> bool:
-    """Whether a reading leaves much of the speed unexplained, or has it measured before it happens."""
-    return delay.drift >= POOR or delay.value < -LEAST or _unlike(delay, fixes)
+def _poor(delay: Delay, fixes: Samples, clock: _Clock) -> bool:
+    """Whether a reading leaves much of the speed unexplained, or has it measured at another time than it happens."""
+    early = delay.value < -LEAST or clock.out_of_time(delay)
+    return delay.drift >= POOR or early or _unlike(delay, fixes)
 
 
 def _unlike(delay: Delay, fixes: Samples) -> bool:
@@ -230,7 +255,11 @@ def _busiest(force: Floats) -> slice:
 
 
 def _late(
-    shapes: _Shapes, part: NDArray[np.int64], fixes: Samples, under_way: Floats
+    shapes: _Shapes,
+    part: NDArray[np.int64],
+    fixes: Samples,
+    under_way: Floats,
+    clock: _Clock,
 ) -> tuple[float, float]:
     """The delay of the forces that explains the speed best, and its standard deviation [s]."""
 
@@ -238,20 +267,18 @@ def _late(
     def reading(late: float) -> Delay:
         return find_delay(shapes.time, part, shapes(late), fixes, under_way)
 
-    def misfit(late: float) -> float:
-        return reading(late).misfit
+    def score(late: float) -> float:
+        found = reading(late)
+        return found.misfit + clock.costs(found) + FAR * abs(late)
 
-    def not_early(late: float) -> float:
-        return misfit(late) + TOO_EARLY * max(-reading(late).value - LEAST, 0.0)
-
-    best = min(DELAYS.tolist(), key=not_early)
+    best = min(DELAYS.tolist(), key=score)
     for step in FINER:
-        best = min((round(best - step, 6), best, round(best + step, 6)), key=not_early)
+        best = min((round(best - step, 6), best, round(best + step, 6)), key=score)
     near = [round(best + d, 6) for d in AROUND.tolist()]
-    curve = np.polynomial.Polynomial.fit(near, [misfit(d) for d in near], 2, domain=[-1, 1])
+    curve = np.polynomial.Polynomial.fit(near, [score(d) for d in near], 2, domain=[-1, 1])
     bend = float(curve.coef[2])
     spread = FINER[-1]
     if bend > 0.0:
         best = float(np.clip(-0.5 * curve.coef[1] / bend, near[0], near[-1]))
         spread = min(1.0 / math.sqrt(fixes.time.size * bend), spread)
-    return min(best, *near, key=misfit), spread  # where the misfit is no parabola
+    return min(best, *near, key=score), spread  # where the misfit is no parabola

@@ -21,12 +21,14 @@ Floats = NDArray[np.float64]
 OUTLIER, FAR = 5.0, 0.1
 """Deviations, and beyond them speed [m/s], of the bound: the shape is never right to a millimetre per second."""
 STARTS = {
+    "rolling": np.array([4e-6, 1e-8, 4e-4]),
     "level": np.array([1e4, 4e-4, 4e-4]),
     "hill": np.array([1e4, 0.15, 4e-4]),
     "unsure": np.array([1e4, 0.15, 0.04]),
 }
-"""Variances of b [m2/s2], c [m2/s4] and s at the start: train and line are known to 2 % and 2 per mille; the same on up to
-40 per mille that nobody told; or forces may be wrong by a fifth there."""
+"""Variances of b [m2/s2], c [m2/s4] and s at the start: the shape is the speed itself, by wheels whose radius is known to
+2 %; train and line are known to 2 % and 2 per mille; the same on up to 40 per mille that nobody told; or forces may be wrong
+by a fifth there."""
 
 
 @jit

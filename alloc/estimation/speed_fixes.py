@@ -48,8 +48,12 @@ SYSTEMATIC = 0.002
 """Standard deviation of a delay [s] by errors of the shape, which no number of measurements lessens."""
 EARLY = 0.02
 """Time [s] by which a measurement may lie outside of a part and still belong to it."""
-END_TIME = 0.3
-"""Time [s] over which the shape's slope at an end counts, to continue it."""
+END_TIME, FAR = 0.3, 5.0
+"""Time [s] over which the shape's slope at an end counts, to continue it, and for how long it is."""
+OF_FORCES = "level", "hill", "unsure"
+"""What may be known beforehand of the shape by forces or by creeping wheels."""
+ROLLING = ("rolling",)
+"""The same of the shape by wheels that roll freely."""
 
 
 class Delay(NamedTuple):
@@ -84,11 +88,19 @@ class FollowedSpeed(NamedTuple):
 
 
 def find_delay(
-    time: Floats, part: Numbers, shape: Floats, fixes: Samples, under_way: Floats
+    time: Floats,
+    part: Numbers,
+    shape: Floats,
+    fixes: Samples,
+    under_way: Floats,
+    starts: tuple[str, ...] = OF_FORCES,
+    least_noise: float = 0.0,
 ) -> Delay:
     """Find how late `fixes` are, by a `shape` [m/s] at instants [s] of a number of parts, (instants,) each.
 
-    `under_way` [s]: time for which the train has moved until each instant; the shape drifts while it does.
+    `under_way` [s]: time for which the train has moved until each instant; the shape drifts while it does. `starts`: what
+    may be known of the shape beforehand, names in `alloc.estimation.random_slope.STARTS`. `least_noise` [m/s]: standard
+    deviation that the shape is known to have.
     """
     at, value, width = _averaged(fixes)
     ends = (np.interp(at + s * AROUND, time, under_way) for s in (1.0, -1.0))
@@ -101,10 +113,12 @@ def find_delay(
     margin = 0.5 * width if width > 0.0 else -EARLY
     average, work = _Average(time, shape, under_way, width), Work.allocate()
 
+    earliest, latest = average.known(margin)
+
     @cache
     def moved(delay: float) -> tuple[Floats, Floats, Floats]:
         then = at - delay
-        use = (then > time[0] + margin) & (then < time[-1] - margin)
+        use = (then > earliest) & (then < latest)
         there, moving = average(then)
         return moving, there, np.where(use, value, math.nan)
 
@@ -118,8 +132,12 @@ def find_delay(
     def of_delays(start: tuple[float, float, str]) -> Floats:
         return np.array([misfit(d, *start) for d in DELAYS.tolist()])
 
-    trials = list(product(NOISES, DRIFTS, STARTS.keys()))
-    decades = product(NOISES[::2], DRIFTS[::2], STARTS.keys())
+    noises: tuple[float, ...] = NOISES
+    if least_noise > NOISES[0]:
+        noises = (least_noise, *(noise for noise in NOISES if noise > least_noise))
+    drifts = DRIFTS[:1] if starts == ROLLING else DRIFTS  # wheels that roll do not drift
+    trials = list(product(noises, drifts, starts))
+    decades = product(noises[::2], drifts[::2], starts)
     start = min(decades, key=lambda trial: min(misfit(d, *trial) for d in FIRST))
     delay = float(DELAYS[of_delays(start).argmin()])
     for _ in range(2):
@@ -194,9 +212,20 @@ class _Average:
         # as one complex series: each instant is then looked up once
         self.time, self.both = _extended(time, shape + 1j * under_way)
         self.width = width
+        self.rests = bool(under_way[1] == under_way[0]), bool(under_way[-1] == under_way[-2])
         if width > 0.0:
             step = 0.5 * (self.both[1:] + self.both[:-1]) * np.diff(self.time)
             self.both = np.concatenate([[0.0], np.cumsum(step)])
+
+    def known(self, margin: float) -> tuple[float, float]:
+        """Between which instants [s] the shape is known: a train at rest was so before, or remains so."""
+        first, last = (
+            end if rests else end + inside
+            for end, rests, inside in zip(
+                self.time[[0, -1]], self.rests, (FAR + margin, -FAR - margin), strict=True
+            )
+        )
+        return float(first), float(last)
 
     def __call__(self, at: Floats) -> tuple[Floats, Floats]:
         if self.width == 0.0:
@@ -222,13 +251,17 @@ def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
 
 
 def _extended(time: Floats, shape: Complexes) -> tuple[Floats, Complexes]:
-    """Instants and shape with an instant before and after, at the slope that it has there."""
+    """Instants and shape with an instant before and after, at the slope that it has there; a train at rest remains so."""
     first = max(int(np.searchsorted(time, time[0] + END_TIME)), 1)
     last = min(int(np.searchsorted(time, time[-1] - END_TIME)), time.size - 2)
-    far = 5.0
-    before = shape[0] - far * (shape[first] - shape[0]) / (time[first] - time[0])
-    after = shape[-1] + far * (shape[-1] - shape[last]) / (time[-1] - time[last])
+    begins, ends = shape[first] - shape[0], shape[-1] - shape[last]
+    if shape[1].imag == shape[0].imag:
+        begins = 0.0
+    if shape[-1].imag == shape[-2].imag:
+        ends = 0.0
+    before = shape[0] - FAR * begins / (time[first] - time[0])
+    after = shape[-1] + FAR * ends / (time[-1] - time[last])
     return (
-        np.concatenate([[time[0] - far], time, [time[-1] + far]]),
+        np.concatenate([[time[0] - FAR], time, [time[-1] + FAR]]),
         np.concatenate([[before], shape, [after]]),
     )

@@ -7,6 +7,7 @@ forces. Creep and slides have no effect. An axle that rolls freely turns as the 
 represents the train under braking and the slowest under traction; creep then counts as the train's motion.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,20 +15,15 @@ from numpy.typing import NDArray
 
 from alloc.estimation.finite_series import mean_rate
 from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.train_readings import OF_NOISE, STANDING, TrainReadings
 from alloc.plant.equations import GRAVITY
 
 Floats = NDArray[np.float64]
 
-STANDING = 0.05
-"""Speed of all wheels [m/s] below which a train stands, ..."""
-STILL = 0.01
-"""Speed of its wheels [m/s] below which a single car stands."""
 NEARLY = 1.0
-"""... if it was measured below this."""
+"""Measured speed [m/s] below which a train whose wheels stand may stand."""
 AT_REST = 0.2
 """Measured speed [m/s] below which it surely does: above it, wheels that stand may be locked."""
-OF_NOISE = 4.0
-"""Deviations of a measured speed that noise may add to it."""
 AFTER = 2.0
 """Time [s] from which on a train whose wheels stand, and whose measured speed is 0, surely is at rest."""
 LOCKED = 0.25
@@ -41,21 +37,14 @@ RATE_TIME = 2.0
 
 
 def shape_of_forces(
-    time: Floats,
-    speed: Floats,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
-    at_contact: bool = False,
+    readings: TrainReadings, speed: Floats, at_contact: bool = False
 ) -> Floats | None:
     """Speed [m/s] by the forces, (instants,), except for a constant; None without forces.
 
-    `at_contact`: the forces act between wheel and rail, and the wheelsets take nothing of them; else at the rims.
-
-    `speed` (instants,) is a first guess, for the resistance alone; `rim` [m/s] and `force` [N] (instants, axles), nan where
-    unknown; `grade` (instants,), the rise per run.
+    `speed` (instants,) is a first guess, for the resistance alone. `at_contact`: the forces act between wheel and rail, and
+    the wheelsets take nothing of them; else at the rims.
     """
+    time, rim, force, train = readings.time, readings.rim, readings.force, readings.train
     told = np.isfinite(force).any(axis=0)
     if not told.any():
         return None
@@ -72,37 +61,47 @@ def shape_of_forces(
         else:
             mass += float(inertia)
     if train.resistance is not None:
-        total -= _resistance(time, speed, rim, train, train.resistance)
-    if grade is not None:
-        total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(grade)
+        total -= _resistance(readings, speed, train.resistance)
+    if readings.grade is not None:
+        total -= train.car_mass.sum() * GRAVITY * np.nan_to_num(readings.grade)
     gained = np.diff(wheels, prepend=wheels[0])
     given = np.zeros(time.size)
     given[1:] = 0.5 * (total[1:] + total[:-1]) * np.diff(time)
     # what holds a train at rest is no less than what pulls it: there its wheels tell how it moves
-    stands = standing(speed, rim)
+    stands = standing(readings, speed)
     middle = np.zeros(time.size)
-    middle[stands] = np.nanmean(rim[stands], axis=1)  # one car may move before the others
+    middle[stands] = _mean_of_cars(rim[stands], train)
     rolled = np.diff(middle, prepend=middle[0])
     rests = goes_on(stands)
     rise = np.where(rests, rolled, (given - gained) / mass)
-    return with_locked(time, speed, rise, rests, locked_share(speed, rim, force) > LOCKED)
+    return with_locked(time, speed, rise, rests, locked_share(readings, speed) > LOCKED)
 
 
-def _resistance(
-    time: Floats, speed: Floats, rim: Floats, train: MeasuredTrain, by_power: Floats
-) -> Floats:
+def _mean_of_cars(rim: Floats, train: MeasuredTrain) -> Floats:
+    """Speed [m/s] of the train's centre of mass by its wheels (instants, axles): one car may move before the others."""
+    total, mass = np.zeros(len(rim)), np.zeros(len(rim))
+    for car, own in enumerate(train.car_mass):
+        wheels = rim[:, train.axle_car == car]
+        known = np.isfinite(wheels)
+        count = known.sum(axis=1)
+        total += own * np.where(known, wheels, 0.0).sum(axis=1) / np.maximum(count, 1)
+        mass += own * (count > 0)
+    return total / mass
+
+
+def _resistance(readings: TrainReadings, speed: Floats, by_power: Floats) -> Floats:
     """Running resistance [N] against the motion, (instants,), `by_power` of the speed (cars, 3).
 
     A car that still stands has none: behind slack couplers, cars start one after another.
     """
-    size = np.abs(speed)
+    time, size = readings.time, np.abs(speed)
     a, b, c = by_power.sum(axis=0)
     against = np.asarray(a + size * (b + size * c))
     slow = np.flatnonzero(size < NEARLY)
     starts = slow[mean_rate(time, speed, RATE_TIME, at=time[slow]) > 0.0]
     for car, own in enumerate(by_power):
-        wheels = np.abs(rim[np.ix_(starts, train.axle_car == car)])
-        at = starts[np.isfinite(wheels).any(axis=1) & ~(wheels > STILL).any(axis=1)]
+        wheels = np.abs(readings.rim[np.ix_(starts, readings.train.axle_car == car)])
+        at = starts[np.isfinite(wheels).any(axis=1) & ~(wheels > readings.still).any(axis=1)]
         against[at] -= own[0] + size[at] * (own[1] + size[at] * own[2])
     return np.where(speed < 0.0, -against, against)  # a train may roll back
 
@@ -127,8 +126,9 @@ def with_locked(
     return np.asarray(np.cumsum(np.where(locked, gained - lacking * step, rise)))
 
 
-def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
+def locked_share(readings: TrainReadings, speed: Floats) -> Floats:
     """Share of all forces that act on wheels that stand while the train moves, (instants,)."""
+    rim, force = readings.rim, readings.force
     moving, at_rest, total = speed > NEARLY, np.zeros(speed.size), np.zeros(speed.size)
     for i in range(rim.shape[1]):  # axle by axle: a long log has little room for more of its kind
         own = np.nan_to_num(np.abs(force[:, i]))
@@ -137,8 +137,9 @@ def locked_share(speed: Floats, rim: Floats, force: Floats) -> Floats:
     return at_rest / np.maximum(total, 1e-9)
 
 
-def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
+def shape_of_wheels(readings: TrainReadings, speed: Floats) -> Floats:
     """Speed [m/s] by the wheels, (instants,): the fastest wheel under braking, the slowest under traction."""
+    time, rim = readings.time, readings.rim
     known = rim[:, np.isfinite(rim).any(axis=0)]
     fastest, slowest = (
         filled(time, _extreme(known, np.fmax)),
@@ -152,14 +153,31 @@ def shape_of_wheels(time: Floats, speed: Floats, rim: Floats) -> Floats:
     return np.concatenate([[fastest[0]], fastest[0] + np.cumsum(gained)])
 
 
-def shape_of_free_wheels(
-    time: Floats, rim: Floats, force: Floats, train: MeasuredTrain
-) -> Floats | None:
-    """Gain of speed [m/s] of axles that nothing pulls or brakes, (instants,); None unless one nearly always rolls freely."""
+def rolls_always(force: Floats, load: Floats) -> NDArray[np.bool_]:
+    """Which axles nothing pulls or brakes, (axles,); `force` (instants, axles) and `load` (axles,) [N]."""
+    free = [np.mean(np.abs(force[:, i]) < FREE * one) > ALWAYS for i, one in enumerate(load)]
+    return np.array(free, dtype=bool)
+
+
+class FreeWheels(NamedTuple):
+    """What axles say that nothing pulls or brakes."""
+
+    speed: Floats
+    """Of the train [m/s], (instants,)."""
+    noise: float
+    """Standard deviation that it is known to have, by errors of the wheels that last [m/s]."""
+
+
+def free_wheels(readings: TrainReadings) -> FreeWheels | None:
+    """Speed by axles that nothing pulls or brakes; None unless one nearly always rolls freely."""
+    time, rim, load = readings.time, readings.rim, readings.train.axle_load
     count, gained = np.zeros(time.size - 1), np.zeros(time.size - 1)
+    number, total = np.zeros(time.size), np.zeros(time.size)
     for i in range(rim.shape[1]):
-        free = np.isfinite(rim[:, i]) & (np.abs(force[:, i]) < FREE * train.axle_load[i])
+        free = np.isfinite(rim[:, i]) & (np.abs(readings.force[:, i]) < FREE * load[i])
         if free.any():
+            number += free
+            total += np.where(free, rim[:, i], 0.0)
             both = free[1:] & free[:-1]
             count += both
             gained += np.where(both, np.diff(rim[:, i]), 0.0)
@@ -168,19 +186,24 @@ def shape_of_free_wheels(
         return None
     gained[known] /= count[known]
     gained[~known] = np.interp(time[1:][~known], time[1:][known], gained[known])
-    return np.concatenate([[0.0], np.cumsum(gained)])
+    shape = np.concatenate([[0.0], np.cumsum(gained)])
+    # not their mean: it jumps where one more rolls freely, whose radius differs
+    rolls = number > 0.0
+    shape += np.median(total[rolls] / number[rolls] - shape[rolls])
+    lasting = readings.rim_noise if readings.rim_span > 0.0 else 0.0
+    return FreeWheels(shape, lasting / math.sqrt(float(np.median(number[rolls]))))
 
 
 def _extreme(rim: Floats, choose: np.ufunc) -> Floats:
     return np.asarray(choose.reduce(rim, axis=1))
 
 
-def standing(speed: Floats, rim: Floats) -> NDArray[np.bool_]:
+def standing(readings: TrainReadings, speed: Floats) -> NDArray[np.bool_]:
     """Where a train stands, (instants,): it was slow, and no wheel turns; one at least must say so."""
     fastest = np.full(speed.size, -np.inf)
-    for i in range(rim.shape[1]):
-        np.fmax(fastest, np.abs(rim[:, i]), out=fastest)
-    return np.asarray((fastest >= 0.0) & (fastest < STANDING) & (speed < NEARLY))
+    for i in range(readings.rim.shape[1]):
+        np.fmax(fastest, np.abs(readings.rim[:, i]), out=fastest)
+    return np.asarray((fastest >= 0.0) & (fastest < readings.still) & (speed < NEARLY))
 
 
 def goes_on(stands: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -207,12 +230,13 @@ class Motion(NamedTuple):
     """Where it may stand, or move with all wheels locked."""
 
 
-def motion_of(time: Floats, speed: Floats, rim: Floats, noise: float = 0.0) -> Motion:
-    """When a train moves; `speed` (instants,), whose values have this `noise`, and `rim` (instants, axles) [m/s]."""
-    still, slow = standing(speed, rim), speed < AT_REST
+def motion_of(readings: TrainReadings, speed: Floats, noise: float = 0.0) -> Motion:
+    """When a train moves, by its wheels and a measured `speed` [m/s], (instants,), whose values have this `noise`."""
+    time = readings.time
+    still, slow = standing(readings, speed), speed < AT_REST
     under_way = np.concatenate([[0.0], np.cumsum(np.diff(time) * ~(still & slow)[1:])])
     # a speed that noise alone may give a train at rest does not make its rest unclear
-    unclear = still & (speed > min(STANDING + OF_NOISE * noise, AT_REST))
+    unclear = still & (speed > min(readings.still + OF_NOISE * noise, AT_REST))
     since = time - np.maximum.accumulate(np.where(unclear, time, -np.inf))
     return Motion(under_way, still & (since < AFTER))
 

@@ -7,19 +7,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants, resample
-from alloc.estimation.force_reading import ForceReading, read_forces
-from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.common_instants import resample
+from alloc.estimation.force_reading import SAMPLED, ForceReading, read_forces
 from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
+from alloc.estimation.speed_fixes import (
+    SPARSE,
+    Delay,
+    find_delay,
+    follow,
+)
 from alloc.estimation.speed_shape import (
     LOCKED,
+    free_wheels,
     locked_share,
     motion_of,
-    shape_of_free_wheels,
     shape_of_wheels,
 )
+from alloc.estimation.train_readings import TrainReadings
 
 Floats = NDArray[np.float64]
 
@@ -33,16 +38,21 @@ LATE_OF_SHAPE, UNLIKE = 0.1, 0.02
 """The same [s] where the speed is not that of the shape, by a drift from this on [m/s2 per root second]."""
 NOISY = 0.03
 """Standard deviation of a measurement [m/s] above which the speed follows the shape."""
-PENALTY = {"free wheels": 0.0, "forces": 0.5, "wheels": 1.0}
+OF_FREE_WHEELS = {"rolling": "free wheels", "unsure": "free wheels but for an offset"}
+"""What may be known beforehand of the shape by free wheels, and its name then."""
+PENALTY = {"free wheels": 0.0, "forces": 0.5, "free wheels but for an offset": 1.0, "wheels": 1.0}
 """Misfit per measurement that is added to that of a shape: free wheels are right, and creep looks like a delay."""
-SAMPLED = 0.15
-"""Standard deviation of a delay, by forces that are sampled, in periods of theirs beyond one of the wheels."""
 AGAIN = 0.05
 """Delay [s] from which on, if wheels lock, it is found again with a first guess of the speed that is in time."""
 FEWEST = 3
 """Measurements of which a delay is found."""
 LOST = 1.0
 """Distance [m/s] between the measurements and a speed that follows them, in the middle, from which on it does not."""
+OF_COUPLERS = 0.006
+"""Standard deviation of a delay [s] by the forces of a train whose couplers give way."""
+SLACK, OF_SLACK = 0.03, 0.05
+"""Noise of a speed by wheels that roll freely that slack couplers make at a start [m/s], and what it leaves open of the
+delay of a rare speed [s]."""
 UNKNOWN = 0.3
 """Standard deviation [m/s] above which a speed counts as unknown."""
 
@@ -66,36 +76,31 @@ class MeasuredSpeed:
 
 
 def measured_speed(
-    instants: Instants,
+    readings: TrainReadings,
     fixes: Samples,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None = None,
     least_delay: float = LATE,
     at_contact: bool | None = None,
-    force_period: float = 0.0,
 ) -> MeasuredSpeed:
-    """Speed at `instants` from `fixes` [m/s]; `rim` [m/s] and `force` [N] (instants, axles), nan where not known.
+    """Speed at the instants of the wheels from `fixes` [m/s].
 
     `least_delay` [s]: one that is made up for where the measurements are dense. What they leave out for long is followed.
-    `force_period` [s]: time between two samples of the forces.
     `at_contact`: whether the forces act between wheel and rail; None: as the speed says.
     """
-    plain = resample(fixes, instants.time)
+    time, part = readings.time, readings.part
+    plain = resample(fixes, time)
     if fixes.time.size < FEWEST:
         return MeasuredSpeed(*plain, None, False, "")
-    time, part = instants
-    arguments = (instants, fixes, rim, force, train, grade, at_contact)
-    best = _best_shape(0.0, *arguments)
-    if abs(best.delay.value) > AGAIN and _some_locked(instants, fixes, rim, force):
-        best = _best_shape(best.delay.value, *arguments)
+    best = _best_shape(readings, fixes, at_contact)
+    if abs(best.delay.value) > AGAIN and _some_locked(readings, fixes):
+        best = _best_shape(readings, fixes, at_contact, best.delay.value)
     name, delay, reading, moving = best.name, best.delay, best.forces, best.under_way
     rows = usual_period(time)
     if name == "forces":
         # between its samples a force is not known, and what it does there comes early or late
-        sampled = SAMPLED * max(force_period - rows, 0.0)
-        delay = delay._replace(deviation=math.hypot(delay.deviation, sampled))
+        sampled = SAMPLED * max(readings.force_period - rows, 0.0)
+        # and what couplers do to a car is no motion of the train
+        coupled = 0.0 if readings.train.coupler is None else OF_COUPLERS
+        delay = delay._replace(deviation=math.hypot(delay.deviation, sampled, coupled))
     # what happens between two rows, and what the shape does not follow, looks like a delay too
     of_rows = ROWS * rows
     of_shape = LATE_OF_SHAPE if delay.drift > UNLIKE else 0.0
@@ -134,52 +139,53 @@ class _BestShape(NamedTuple):
 
 
 def _best_shape(
-    late: float,
-    instants: Instants,
-    fixes: Samples,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
-    at_contact: bool | None,
+    readings: TrainReadings, fixes: Samples, at_contact: bool | None, late: float = 0.0
 ) -> _BestShape:
     """By a first guess of the speed, its measurements less a delay `late` [s]."""
-    time, part = instants
+    time = readings.time
     guess = np.interp(time, fixes.time - late, fixes.value)
-    shapes = {
-        "free wheels": shape_of_free_wheels(time, rim, force, train),
-        "wheels": shape_of_wheels(time, guess, rim),
-    }
-    moving, unclear = motion_of(time, guess, rim, fixes.noise)
-    clear, clear_part = _clear(time, part, unclear, fixes, late)
-    found = {
-        n: (s, find_delay(time, clear_part, s, clear, moving))
-        for n, s in shapes.items()
-        if s is not None
-    }
-    reading = read_forces(
-        time, clear_part, guess, rim, force, train, grade, clear, moving, at_contact
-    )
+    moving, unclear = motion_of(readings, guess, fixes.noise)
+    clear, part = clear_of_rest(readings, unclear, fixes, late)
+    shape = shape_of_wheels(readings, guess)
+    found = {"wheels": (shape, find_delay(time, part, shape, clear, moving))}
+    rolling = free_wheels(readings)
+    if rolling is not None:
+        for start, name in OF_FREE_WHEELS.items():
+            delay = find_delay(time, part, rolling.speed, clear, moving, (start,), rolling.noise)
+            found[name] = rolling.speed, delay
+    told = _told_by_wheels({name: delay for name, (_, delay) in found.items()}, fixes)
+    reading = read_forces(readings._replace(part=part), guess, clear, moving, at_contact, told)
     if reading is not None:
         found["forces"] = reading.shape, reading.delay
     name = min(found, key=lambda n: found[n][1].misfit + PENALTY[n])
     return _BestShape(name, *found[name], reading, moving)
 
 
-def _some_locked(instants: Instants, fixes: Samples, rim: Floats, force: Floats) -> bool:
+def _told_by_wheels(found: dict[str, Delay], fixes: Samples) -> Delay | None:
+    """The delay by wheels that roll freely, where they turn as the train runs but for slack; None where none do."""
+    rolling, unsure = (found.get(name) for name in OF_FREE_WHEELS.values())
+    if rolling is None or unsure is None or rolling.noise > SLACK:
+        return None
+    if fixes.period < SPARSE or rolling.misfit < unsure.misfit:
+        return rolling
+    # slack that runs out is all that a few measurements see of a start
+    return rolling._replace(deviation=math.hypot(rolling.deviation, OF_SLACK))
+
+
+def _some_locked(readings: TrainReadings, fixes: Samples) -> bool:
     """Whether the measured speed itself is part of the shape, where wheels are locked."""
-    guess = np.interp(instants.time, fixes.time, fixes.value)
-    return bool((locked_share(guess, rim, force) > LOCKED).any())
+    guess = np.interp(readings.time, fixes.time, fixes.value)
+    return bool((locked_share(readings, guess) > LOCKED).any())
 
 
-def _clear(
-    time: Floats,
-    part: NDArray[np.int64],
-    unclear: NDArray[np.bool_],
-    fixes: Samples,
-    late: float,
+def clear_of_rest(
+    readings: TrainReadings, unclear: NDArray[np.bool_], fixes: Samples, late: float = 0.0
 ) -> tuple[Samples, NDArray[np.int64]]:
-    """Measurements without those at which a train may stand or slide on locked wheels, and parts that begin anew after."""
+    """Measurements without those at which a train may stand or slide on locked wheels, and parts that begin anew after.
+
+    `unclear` (instants,) as of `Motion`; `late` [s]: how late the measurements are.
+    """
+    time, part = readings.time, readings.part
     own = np.clip(np.searchsorted(time, fixes.time - late, "right") - 1, 0, time.size - 1)
     keep = ~unclear[own]
     if keep.all() or keep.sum() < FEWEST:

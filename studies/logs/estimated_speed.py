@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.known_train import MeasuredTrain
+from alloc.estimation.train_readings import TrainReadings
 from alloc.spans import bridged_spans
 from studies.logs.remarks import Remark, faulty
 
@@ -18,24 +18,17 @@ MOMENT = 0.2
 
 
 def estimated_speed(
-    time: Floats,
-    part: NDArray[np.int64],
-    rim: Floats,
-    force: Floats,
-    grade: Floats | None,
-    train: MeasuredTrain,
-    source: str,
-    noise: float = 0.0,
+    readings: TrainReadings, source: str, noise: float = 0.0
 ) -> tuple[GroundSpeed, list[Remark]]:
     """As `estimate_ground_speed`, with remarks; raises `Faulty` where it cannot be estimated."""
     try:
-        found = estimate_ground_speed(time, part, rim, force, train, grade, noise)
+        found = estimate_ground_speed(*readings[:6], noise)
     except EstimationError as error:
         reason = str(error).removeprefix("speed over ground: ")
         raise faulty(
             source, "speed_kmh or speed_ms", None, f"is missing and cannot be estimated: {reason}"
         ) from None
-    return found, _blind(time, found)
+    return found, _blind(readings.time, found)
 
 
 def _blind(time: Floats, found: GroundSpeed) -> list[Remark]:

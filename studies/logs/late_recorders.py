@@ -4,67 +4,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.axle_delays import LateAxles, late_axles
-from alloc.estimation.common_instants import Instants
 from alloc.estimation.force_reading import explains_more, in_time
-from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_fixes import Delay, find_delay
-from alloc.estimation.speed_shape import motion_of, shape_of_forces
+from alloc.estimation.speed_shape import motion_of, rolls_always, shape_of_forces
+from alloc.estimation.train_readings import TrainReadings
+from alloc.estimation.train_speed import clear_of_rest
 from studies.logs.remarks import Remark
 
 Floats = NDArray[np.float64]
 
 
 def bring_together(
-    instants: Instants,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
-    fixes: Samples | None,
-    noise: float,
-) -> tuple[Floats, Floats, list[Remark], float]:
-    """Rim speeds [m/s] and forces [N], (instants, axles), as if one clock had been for all; remarks on it.
+    readings: TrainReadings, fixes: Samples | None
+) -> tuple[TrainReadings, list[Remark], float]:
+    """Wheels and forces as if one clock had been for all; remarks on it.
 
-    Wheels that come together may have slipped apart. So axles are moved only where the train's momentum then explains
-    its speed, of which `fixes` are measurements, much better. The last number is what remains unknown of the delays, as a
-    standard deviation of a delay of all axles [s].
+    Wheels that come together may have slipped apart. So axles are moved only where some of them, and some of the others,
+    always roll freely; or where the train's momentum then explains its speed much better, of which `fixes` are measurements.
+    The last number is what remains unknown of the delays, as a standard deviation of a delay of all axles [s].
     """
-    as_recorded: tuple[Floats, Floats, list[Remark], float] = rim, force, [], 0.0
-    if fixes is None or fixes.time.size == 0 or not np.isfinite(force).any():
-        return as_recorded
-    groups = late_axles(instants.time, rim, train, noise)
+    if fixes is None or fixes.time.size == 0 or not np.isfinite(readings.force).any():
+        return readings, [], 0.0
+    groups = late_axles(readings.time, readings.rim, readings.train, readings.rim_noise)
     if not groups:
-        return as_recorded
-    wheels, forces = _moved(instants, rim, groups), _moved(instants, force, groups)
-    before = _fit(instants, rim, force, train, grade, fixes)
-    if not explains_more(_fit(instants, wheels, forces, train, grade, fixes), before):
-        return as_recorded
-    unsure = [group.deviation * group.axles.size / train.radius.size for group in groups]
-    return wheels, forces, [_remark(one) for one in groups], float(np.hypot.reduce(unsure))
+        return readings, [], 0.0
+    rim, force = (_moved(readings, values, groups) for values in (readings.rim, readings.force))
+    together = readings._replace(rim=rim, force=force)
+    if not (
+        _by_free_axles(readings, groups)
+        or explains_more(_fit(together, fixes), _fit(readings, fixes))
+    ):
+        return readings, [], 0.0
+    axles = readings.train.radius.size
+    unsure = [group.deviation * group.axles.size / axles for group in groups]
+    return together, [_remark(one) for one in groups], float(np.hypot.reduce(unsure))
 
 
-def _moved(instants: Instants, values: Floats, groups: list[LateAxles]) -> Floats:
+def _by_free_axles(readings: TrainReadings, groups: list[LateAxles]) -> bool:
+    """Whether each group has an axle that always rolls freely, and so have those that are in time."""
+    free = rolls_always(readings.force, readings.train.axle_load)
+    others = np.setdiff1d(np.arange(free.size), np.concatenate([one.axles for one in groups]))
+    return bool(free[others].any() and all(free[one.axles].any() for one in groups))
+
+
+def _moved(readings: TrainReadings, values: Floats, groups: list[LateAxles]) -> Floats:
     values = values.copy(order="K")
     for group in groups:
-        values[:, group.axles] = in_time(*instants, values[:, group.axles], group.late)
+        own = values[:, group.axles]
+        values[:, group.axles] = in_time(readings.time, readings.part, own, group.late)
     return values
 
 
-def _fit(
-    instants: Instants,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    grade: Floats | None,
-    fixes: Samples,
-) -> Delay:
+def _fit(readings: TrainReadings, fixes: Samples) -> Delay:
     """How well wheels and forces explain the train's speed."""
-    time, part = instants
-    near = np.interp(time, fixes.time, fixes.value)
-    shape = shape_of_forces(time, near, rim, force, train, grade)
+    near = np.interp(readings.time, fixes.time, fixes.value)
+    shape = shape_of_forces(readings, near)
     assert shape is not None
-    return find_delay(time, part, shape, fixes, motion_of(time, near, rim).under_way)
+    under_way, unclear = motion_of(readings, near, fixes.noise)
+    clear, part = clear_of_rest(readings, unclear, fixes)
+    return find_delay(readings.time, part, shape, clear, under_way)
 
 
 def _remark(group: LateAxles) -> Remark:

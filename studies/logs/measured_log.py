@@ -10,16 +10,18 @@ from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.estimation.common_instants import Instants, common_instants, longest, resample
-from alloc.estimation.force_reading import at_rims, in_time
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.long_series import usual_period
-from alloc.estimation.measured_run import WINDOW, MeasuredRun, SpeedSource
+from alloc.estimation.measured_run import MeasuredRun, SpeedSource
 from alloc.estimation.own_samples import Samples
 from alloc.estimation.speed_shape import middle_speed
+from alloc.estimation.train_readings import TrainReadings
 from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
+from studies.logs.dead_zone import filled_dead_zone
 from studies.logs.estimated_speed import estimated_speed
+from studies.logs.forces_as_read import as_read
 from studies.logs.gradients import GradientLine
 from studies.logs.late_recorders import bring_together
 from studies.logs.mapping import Mapping
@@ -133,6 +135,8 @@ def measured(
     backwards = any(remark.kind == "sign" for remark in remarks)
     force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
     remarks += turned
+    unknown, dead = filled_dead_zone(names, as_measured, rim)
+    remarks += dead
     remarks += checks.cut_out_stuck(names, instants.time, as_measured, rim, force, train)
     position = _other(sources, ("position", 0), instants)
     grade = _other(sources, ("gradient", 0), instants)
@@ -145,24 +149,27 @@ def measured(
     exact = noise == 0.0 and slowest < SLOW * usual_period(instants.time)
     told = None if mapping is None else mapping.at_contact
     least_delay = LATE if exact else LATE_OF_MEANS
-    rim, force, together, unsure = bring_together(
-        instants, rim, force, train, grade, fixes, float(np.nanmax(rim_deviation))
+    worst = float(np.nanmax(rim_deviation))
+    readings = TrainReadings(
+        *instants, rim, force, train, grade, worst, float(spans.max()), slowest
     )
+    readings, together, unsure = bring_together(readings, fixes)
+    rim, force = readings.rim, readings.force
     remarks += together
-    speed, extra = _speed(
-        sources, fixes, instants, rim, force, grade, noise, least_delay, told, slowest
-    )
+    speed, extra = _speed(sources, fixes, readings, noise, least_delay, told)
     remarks += extra
     if unsure and speed.delay is not None:
         wider = math.hypot(speed.delay.deviation, unsure)
         speed = replace(speed, delay=speed.delay._replace(deviation=wider))
-    force, read = _as_read(instants, speed, rim, force, train, told)
+    force, read = as_read(readings, speed, told)
     remarks += read
     if fixes is not None:
         of_train = sources.assigned["speed", 0].column
         remarks += make_up_for_radii(
             names, instants, speed, rim, force, train, of_train, rim_deviation
         )
+    if unknown is not None:
+        rim[unknown] = np.nan
     remarks += check_balance(instants, speed.speed, rim, force, train, grade)
     coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
     acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
@@ -203,44 +210,6 @@ def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> l
     return remarks
 
 
-def _as_read(
-    instants: Instants,
-    speed: MeasuredSpeed,
-    rim: Floats,
-    force: Floats,
-    train: MeasuredTrain,
-    told: bool | None,
-) -> tuple[Floats, list[Remark]]:
-    """The forces at the rims and in time with the wheels; `told`: whether they are said to act between wheel and rail."""
-    late, at_contact = 0.0, bool(told)
-    if speed.forces is not None:
-        late, at_contact = speed.forces.late, speed.forces.at_contact
-    remarks = []
-    perhaps = 0.0 if speed.forces is None else speed.forces.perhaps_late
-    if perhaps:
-        how = f"{abs(perhaps):.2g} s {'later' if perhaps > 0.0 else 'earlier'}"
-        text = f"the forces may be recorded {how} than the wheels, by the train's momentum: not made up for"
-        remarks.append(Remark("delay", "axleN_force", text))
-    if late:
-        how = f"{abs(late):.3f} s {'later' if late > 0.0 else 'earlier'}"
-        end = "last" if late > 0.0 else "first"
-        text = (
-            f"all forces are recorded {how} than the wheels, by the train's momentum: made up for; in the {end} "
-            f"{abs(late):.2g} s they are held"
-        )
-        remarks.append(Remark("delay", "axleN_force", text))
-        force = in_time(*instants, force, late, held=True)
-    if at_contact:
-        if told is None:
-            text = (
-                "the forces are those between wheel and rail, by the train's momentum; taken so (a mapping file may say "
-                'at = "rim" under [forces])'
-            )
-            remarks.append(Remark("guess", "axleN_force", text))
-        force = at_rims(instants.time, rim, force, train, WINDOW)
-    return force, remarks
-
-
 def _guess(fixes: Samples, instants: Instants) -> Floats:
     """The train's speed as it stands, on straight lines between its samples; nan where they are far apart."""
     if fixes.time.size < 2:
@@ -255,25 +224,19 @@ def _guess(fixes: Samples, instants: Instants) -> Floats:
 def _speed(
     sources: Sources,
     fixes: Samples | None,
-    instants: Instants,
-    rim: Floats,
-    force: Floats,
-    grade: Floats | None,
+    readings: TrainReadings,
     noise: float,
     least_delay: float,
     told: bool | None,
-    force_period: float,
 ) -> tuple[MeasuredSpeed, list[Remark]]:
     """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
-    source, train = sources.recording.source, sources.train
+    source = sources.recording.source
     if fixes is None:
-        ground, remarks = estimated_speed(*instants, rim, force, grade, train, source, noise)
+        ground, remarks = estimated_speed(readings, source, noise)
         return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
     name = sources.assigned["speed", 0].column
-    found = measured_speed(
-        instants, fixes, rim, force, train, grade, least_delay, told, force_period
-    )
-    if not np.isfinite(found.speed[:, None] * rim).any():
+    found = measured_speed(readings, fixes, least_delay, told)
+    if not np.isfinite(found.speed[:, None] * readings.rim).any():
         raise faulty(source, name, None, "at no instant are train and a wheel known")
     return found, []
 

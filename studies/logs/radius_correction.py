@@ -7,6 +7,7 @@ from alloc.estimation.common_instants import Instants
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.long_series import excerpt
 from alloc.estimation.rolling_wheels import Rolling, rolling_wheel
+from alloc.estimation.speed_shape import rolls_always
 from alloc.estimation.train_speed import MeasuredSpeed
 from studies.logs.remarks import Remark
 from studies.logs.told_channels import FEWEST_ROWS
@@ -42,7 +43,8 @@ def make_up_for_radii(
 ) -> list[Remark]:
     """Rim speeds, in place, as fast as the train where wheels roll freely; `of_train`: column of the train's speed.
 
-    If all wheels that roll freely have the same error, it is that of the train's speed, and wheels that never do share it.
+    If all wheels that roll freely have the same error, it is that of the train's speed, and wheels that never do share it. A
+    wheel that rolls all the time is surer than a speed that is followed between measurements: then it counts however small.
     """
     found: dict[int, Rolling] = {}
     remarks: list[Remark] = []
@@ -68,12 +70,17 @@ def make_up_for_radii(
         found[number] = one
     remarks += _beside_others(names, creeps)
     errors = np.array([one.error for one in found.values()])
-    if errors.size > 1 and np.ptp(errors) < ALIKE and _is_wrong(*_least_sure(found)):
-        middle = float(np.median(errors))
-        how = f"{100.0 * abs(middle):.1f} % {'faster' if middle > 0.0 else 'slower'}"
-        text = f"all wheels turn {how} than the train where they roll freely: its scale, or all radii; made up for"
+    middle = float(np.median(errors)) if errors.size else 0.0
+    alike = errors.size > 1 and np.ptp(errors) < ALIKE
+    rolling = rolls_always(force, train.axle_load)
+    surer = speed.followed and abs(middle) < MOST and any(rolling[k - 1] for k in found)
+    if alike and (surer or _is_wrong(*_least_sure(found))):
         for number in names:
             rim[:, number - 1] /= 1.0 + middle
+        if abs(middle) < LEAST:
+            return remarks
+        how = f"{100.0 * abs(middle):.1f} % {'faster' if middle > 0.0 else 'slower'}"
+        text = f"all wheels turn {how} than the train where they roll freely: its scale, or all radii; made up for"
         return [r for r in remarks if r.kind != "radius"] + [Remark("radius", of_train, text)]
     for number, one in found.items():
         if _is_wrong(one.error, one.deviation):

@@ -10,9 +10,10 @@ from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import analyse_run
 from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
+from studies.blended.events import scenario as drawn_stop
 from studies.core.job import Job, simulate_job
+from studies.ladder.events import scenario as drawn_start
 from studies.log_accuracy import defects as spoil
-from studies.log_accuracy.drawn_logs import drawn_run
 from studies.logs.channel_values import forwards
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import check_log
@@ -121,18 +122,32 @@ def test_wagons_that_start_one_after_another_are_no_delay(late):
     assert found.total_damage == pytest.approx(plain.damage, rel=SHARE)
 
 
-ON_HILLS: dict[str, tuple[int, Callable[[pd.DataFrame, np.ndarray], pd.DataFrame]]] = {
-    "late, and wheels lock": (49, lambda t, _: spoil.speed_with_gaps(t, 1.07, 0.5)),
-    "pulses, and it rolls back": (1, lambda t, radius: spoil.counted(t, radius, 0.01)),
-    "rounded, and it rolls back": (1, lambda t, _: spoil.rounded_to(t, spoil.speeds_of(t), 0.1)),
+ON_HILLS: dict[str, tuple[int, str, Callable[[pd.DataFrame, np.ndarray], pd.DataFrame]]] = {
+    "late, and wheels lock": (
+        49,
+        "perturb-observe",
+        lambda t, _: spoil.speed_with_gaps(t, 1.07, 0.5),
+    ),
+    "pulses, and it rolls back": (
+        1,
+        "cut-and-ramp",
+        lambda t, radius: spoil.counted(t, radius, 0.01),
+    ),
+    "rounded, and it rolls back": (
+        1,
+        "cut-and-ramp",
+        lambda t, _: spoil.rounded_to(t, spoil.speeds_of(t), 0.1),
+    ),
 }
 
 
 @pytest.mark.parametrize("name", ON_HILLS)
 def test_stops_on_hills_whose_wheels_lock_or_roll_back(name):
     """Drawn stops in which 3 to 280 % of Q were lost."""
-    k, change = ON_HILLS[name]
-    _, run, train = drawn_run(211, k)
+    k, controller, change = ON_HILLS[name]
+    scenario = drawn_stop(211, k)
+    run = simulate_job(Job(scenario, "cooperative", controller, 0))
+    train = scenario.event(0).model.train
     measured, table = MeasuredTrain.of(train), rounded(log_table(run, train))
     log = check_log(change(table, measured.radius), measured, "log")
     found = analyse_run(log.run, measured)
@@ -142,7 +157,9 @@ def test_stops_on_hills_whose_wheels_lock_or_roll_back(name):
 
 def test_a_speed_that_cannot_be_followed_is_taken_as_it_stands():
     """A drawn start whose sensors say 0 below 1.8 km/h: by them it stands, and then jumps."""
-    _, run, train = drawn_run(307, 18)
+    scenario = drawn_start(307, 18)
+    run = simulate_job(Job(scenario, "cooperative", "mpc", 0))
+    train = scenario.event(0).model.train
     measured, table = MeasuredTrain.of(train), rounded(log_table(run, train))
     log = check_log(spoil.zero_below(table, 1.8), measured, "log")
     moves = log.run.speed > 1.0
