@@ -143,12 +143,13 @@ def defects(radius: np.ndarray) -> dict[str, Callable[[pd.DataFrame], pd.DataFra
 
 def by_rpm(table: pd.DataFrame, radius: np.ndarray) -> pd.DataFrame:
     """Turning speeds of wheels [1/min]."""
-    changed = table.copy()
-    for i, r in enumerate(radius, 1):
-        name = f"axle{i}_speed_kmh"
-        if name in changed:
-            changed[name.replace("kmh", "rpm")] = changed.pop(name) / 3.6 / r * 60.0 / (2.0 * np.pi)
-    return changed
+    per_kmh = {
+        f"axle{i}_speed_kmh": 60.0 / (3.6 * 2.0 * np.pi * r) for i, r in enumerate(radius, 1)
+    }
+    wheels = {name: table[name] * per_kmh[name] for name in wheels_of(table)}
+    return table.assign(**wheels).rename(
+        columns={name: name.replace("kmh", "rpm") for name in wheels}
+    )
 
 
 def stamped(table: pd.DataFrame) -> pd.DataFrame:

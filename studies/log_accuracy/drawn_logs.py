@@ -23,6 +23,7 @@ from studies.log_accuracy.forms import FORMS
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import MeasuredLog, read_log
 from studies.logs.open_questions import delay_remarks
+from studies.scenario.loading import shipped_scenario
 from studies.wsp_acceptance.events import CURVES, stop_of
 
 STREAM = 41
@@ -33,6 +34,8 @@ RULES = ("alone", "cooperative", "exact")
 CONTROLLERS = ("cut-and-ramp", "perturb-observe", "mpc")
 TRAINS = ("commuter-8car", "gb-unit-8car", "jp4209318-3car")
 """Sets that stop by air brakes and slide protection."""
+SHIPPED_STARTS = "long-train", "gradient-start", "freight-start", "uneven-load"
+"""Scenarios of starts from rest: sixteen cars, a hill, a locomotive and wagons behind slack couplers, full cars."""
 PERIOD = 0.01
 """Of the recorder of the clean log [s]."""
 CLEAN, PLAIN = "none", "own names"
@@ -47,16 +50,25 @@ SLIPS, SHARE_OF_SLIPS = 2, 2.0 / 24.0
 
 
 def drawn_run(seed: int, k: int) -> tuple[str, xr.Dataset, Train]:
-    """Run `k`, its name and its train: a start, a stop with motors and air, a stop by air and slide protection, in turn."""
+    """Run `k`, its name and its train.
+
+    In turn: a start on a drawn rail, a stop with motors and air, a stop by air and slide protection, and a shipped start
+    with a drawn seed. Trains take turns within each: multiple units, sixteen cars, locomotives with wagons or coaches.
+    """
     g = np.random.default_rng([seed, k, STREAM])
-    if k % 3 == 2:
+    kind, number, own_seed = k % 4, k // 4, 0
+    if kind == 2:
         train, curve = find_set(str(g.choice(TRAINS))), str(g.choice(list(CURVES)))
         level, speed = float(g.uniform(0.03, 0.09)), float(g.uniform(40.0, 90.0)) / 3.6
         stop = stop_of(train, curve, level, speed).event
         return f"air stop, {curve}, {level:.3f}", simulate(stop, "alone", "none"), stop.model.train
-    scenario = drawn_start(seed, k) if k % 3 == 0 else drawn_stop(seed, k)
-    job = Job(scenario, str(g.choice(RULES)), str(g.choice(CONTROLLERS)), 0)
-    return scenario.name, simulate_job(job), scenario.event(0).model.train
+    if kind == 3:
+        scenario = shipped_scenario(SHIPPED_STARTS[number % len(SHIPPED_STARTS)])
+        own_seed = int(g.integers(1, 1000))
+    else:
+        scenario = drawn_start(seed, number) if kind == 0 else drawn_stop(seed, number)
+    job = Job(scenario, str(g.choice(RULES)), str(g.choice(CONTROLLERS)), own_seed)
+    return scenario.name, simulate_job(job), scenario.event(own_seed).model.train
 
 
 def rows_of(seed: int, k: int, logs: int = LOGS) -> list[Row]:
@@ -68,7 +80,12 @@ def rows_of(seed: int, k: int, logs: int = LOGS) -> list[Row]:
     every = max(1, round(PERIOD / float(np.median(np.diff(run["time"].values)))))
     clean = Logged(rounded(log_table(run, train, every)), MeasuredTrain.of(train), run)
     damage = METRICS.find("damage").function(run)
-    own = {"run": name, "number": k, "damage_simulated": damage}
+    own = {
+        "run": name,
+        "number": k,
+        "coupled": clean.train.coupler is not None,
+        "damage_simulated": damage,
+    }
     rows: list[Row] = []
     slips = np.nan
     for i in range(logs + 1):

@@ -18,7 +18,18 @@ def log_accuracy_statements(table: pd.DataFrame) -> list[Statement]:
     """Of clean logs, of spoiled ones, of wrong figures that nothing is said of, and of what is refused."""
     read = table[~table["refused"].astype(bool)]
     clean, spoiled = (read[(read["defect"] == CLEAN) == own] for own in (True, False))
-    return [_clean(clean), _right(spoiled), _silent(spoiled), _refused(table)]
+    coupled = clean["coupled"].astype(bool)
+    return [
+        _clean(clean[~coupled], "clean", "a log without a defect"),
+        _clean(
+            clean[coupled],
+            "clean-coupled",
+            "a log without a defect, of a train whose couplers give way,",
+        ),
+        _right(spoiled),
+        _silent(spoiled),
+        _refused(table),
+    ]
 
 
 def _is(rows: pd.DataFrame, column: str) -> "pd.Series[bool]":
@@ -32,10 +43,10 @@ def _by(rows: pd.DataFrame, column: str, what: str) -> Numbers:
     }
 
 
-def _clean(rows: pd.DataFrame) -> Statement:
+def _clean(rows: pd.DataFrame, name: str, what: str) -> Statement:
     wrong = ~_is(rows, "right")
     return decided(
-        "clean", f"a log without a defect gives the simulator's Q within {TOLERANCE:.0%}",
+        name, f"{what} gives the simulator's Q within {TOLERANCE:.0%}",
         {f"{int(wrong.sum())} of {len(rows)} logs": not wrong.any()},
         {"share right": ~wrong, "error of Q, share": rows["error"], "share with a fault found": _is(rows, "remarked")},
         f"{RIGHT}; holds if it does in every log", enough=len(rows) >= LEAST_EVENTS,
@@ -47,6 +58,8 @@ def _right(rows: pd.DataFrame) -> Statement:
     plain = rows["form"] == PLAIN
     numbers = {
         **_by(rows, "defect", "right"),
+        "right, rigid trains": right[~rows["coupled"].astype(bool)],
+        "right, trains whose couplers give way": right[rows["coupled"].astype(bool)],
         "right, in the project's own form": right[plain],
         "right, in another form": right[~plain],
         "share within twice the stated error": _is(rows, "covered"),
