@@ -210,9 +210,9 @@ class _Average:
 
     def __init__(self, time: Floats, shape: Floats, under_way: Floats, width: float) -> None:
         # as one complex series: each instant is then looked up once
-        self.time, self.both = _extended(time, shape + 1j * under_way)
-        self.width = width
         self.rests = bool(under_way[1] == under_way[0]), bool(under_way[-1] == under_way[-2])
+        self.time, self.both = _extended(time, shape + 1j * under_way, self.rests)
+        self.width = width
         if width > 0.0:
             step = 0.5 * (self.both[1:] + self.both[:-1]) * np.diff(self.time)
             self.both = np.concatenate([[0.0], np.cumsum(step)])
@@ -250,15 +250,12 @@ def _averaged(fixes: Samples) -> tuple[Floats, Floats, float]:
     return at[near], value[near], count * fixes.period  # a mean over a gap is none
 
 
-def _extended(time: Floats, shape: Complexes) -> tuple[Floats, Complexes]:
-    """Instants and shape with an instant before and after, at the slope that it has there; a train at rest remains so."""
+def _extended(time: Floats, shape: Complexes, rests: tuple[bool, bool]) -> tuple[Floats, Complexes]:
+    """Instants and shape with an instant before and after, at the slope that it has there; none where a train rests."""
     first = max(int(np.searchsorted(time, time[0] + END_TIME)), 1)
     last = min(int(np.searchsorted(time, time[-1] - END_TIME)), time.size - 2)
-    begins, ends = shape[first] - shape[0], shape[-1] - shape[last]
-    if shape[1].imag == shape[0].imag:
-        begins = 0.0
-    if shape[-1].imag == shape[-2].imag:
-        ends = 0.0
+    begins = 0.0 if rests[0] else shape[first] - shape[0]
+    ends = 0.0 if rests[1] else shape[-1] - shape[last]
     before = shape[0] - FAR * begins / (time[first] - time[0])
     after = shape[-1] + FAR * ends / (time[-1] - time[last])
     return (
