@@ -229,7 +229,7 @@ def _told_by_names(
 ) -> tuple[list[Assigned], list[str], list[Remark]]:
     """What columns are without a mapping file; those that stay unknown; what was guessed."""
     named, guessed = _named_and_guessed(recording, train, [])
-    if any(one.place[0] in ("wheel", "effort", "speed") for one in named.values()):
+    if any(one.place[0] == "wheel" for one in named.values()):
         # beside columns that follow the rules, only what they lack is guessed: time, wheels
         guessed = {n: g for n, g in guessed.items() if g.factor is not None or g.quantity == "time"}
     remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]

@@ -58,3 +58,11 @@ def test_a_part_of_one_instant_is_unknown(count):
     part[-1:] = count
     found = speeds_against_train(TIME, part, np.gradient(run_out(), TIME, axis=0), MASS)
     assert np.isnan(found[-1]).all() == (count == 1)
+
+
+def test_accelerations_that_miss_the_impacts_tell_nothing():
+    rare = slice(None, None, 8)
+    found = speeds_against_train(
+        TIME[rare], WHOLE[rare], np.gradient(run_out(), TIME, axis=0)[rare], MASS
+    )
+    assert np.isnan(found).all()

@@ -134,3 +134,24 @@ def test_a_channel_is_interpolated_between_its_samples_and_not_over_gaps():
     assert np.all(error <= found.deviation[known] + 1e-12)
     assert np.diff(common_instants([time]).part).sum() == 1
     assert BRIDGED > 2 * 0.05
+
+
+@pytest.mark.parametrize("period", [0.1, 0.2])
+def test_a_speed_that_is_held_and_rounded_changed_between_two_samples(period):
+    """Not as it was written: that is half a period later, on average."""
+    tick = np.floor(TIME / period + 1e-9) * period
+    whole = np.round(np.interp(tick, TIME, SPEED) / (1.0 / 3.6)) / 3.6
+    found = own_samples(TIME, whole, rounded=True)
+    assert found.kind == "quantised"
+    brakes = (found.time > 4.5) & (found.time < 15.5)
+    late = (np.interp(found.time, TIME, SPEED) - found.value)[brakes] / 0.8
+    assert abs(np.mean(late)) < 0.2 * period
+
+
+def test_an_even_motion_is_not_held_because_it_is_rounded():
+    """Its changes have even distances nearly always; they are told to half a row all the same."""
+    speed = 20.0 - 0.5 * TIME - 0.25 * np.clip(TIME - 28.0, 0.0, 1.0)
+    found = own_samples(TIME, np.round(speed / 0.075) * 0.075, rounded=True)
+    assert found.kind == "quantised"
+    known = np.interp(found.time, TIME, speed)
+    np.testing.assert_allclose(known, found.value, atol=0.75 * 0.0051)

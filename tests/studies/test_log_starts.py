@@ -1,5 +1,6 @@
 """Starts of long trains, on hills and behind slack couplers, and long stops: Q is right whatever their recorders do."""
 
+import re
 from collections.abc import Callable
 from functools import cache, partial
 
@@ -105,6 +106,10 @@ def test_a_locomotive_slips_against_itself_and_not_against_its_train():
     log, found, damage = found_in("freight-start", 12, lambda t, _: t)
     assert found.total_damage == pytest.approx(damage, rel=SHARE)
     assert found.events == []
+    # what slack leaves open of Q and of the delay is stated
+    assert abs(found.total_damage - damage) < 2.0 * found.errors.by_speed
+    assert found.errors.total < 0.05 * damage
+    assert log.run.speed_delay.deviation > 0.006
     assert found.slip_velocity.shape == log.run.rim_speed.shape
     slack = found.over_car - log.run.speed[:, None]
     assert np.abs(slack).max() > 0.05
@@ -113,6 +118,39 @@ def test_a_locomotive_slips_against_itself_and_not_against_its_train():
     )
     assert without.over_car is None
     assert len(without.events) > 0
+
+
+def test_what_happens_between_two_rows_is_in_the_error_of_damage():
+    _, all_rows, damage = found_in("long-train", 17, lambda t, _: t)
+    _, rare, _ = found_in("long-train", 17, lambda t, _: t.iloc[::10].reset_index(drop=True))
+    assert rare.errors.total >= rare.errors.by_sampling > 10.0 * all_rows.errors.by_sampling
+    assert abs(rare.total_damage - damage) < 2.0 * rare.errors.total
+
+
+def test_names_beside_those_of_cars_are_guessed():
+    """Wheels with short names, and accelerations of cars with names that follow the rules."""
+    words = {r"axle(\d+)_speed_kmh": "v", r"axle(\d+)_force_kn": "F"}
+    table, _, _ = started("freight-start", 12)
+    names = {}
+    for name in map(str, table):
+        for pattern, letter in words.items():
+            if found := re.fullmatch(pattern, name):
+                names[name] = letter + found[1]
+    log, found, damage = found_in("freight-start", 12, lambda t, _: t.rename(columns=names))
+    assert {r.kind for r in log.remarks} == {"guess"}
+    assert found.total_damage == pytest.approx(damage, rel=SHARE)
+
+
+def test_wagons_of_a_late_recorder_are_told_by_those_that_are_in_time():
+    """Their forces are none, so the momentum says nothing."""
+    log, found, damage = found_in("freight-start", 12, lambda t, _: spoil.rear_late(t, 0.1))
+    assert [r for r in log.remarks if r.text.startswith("axles 14 to 26: recorded 0.0")]
+    assert found.total_damage == pytest.approx(damage, rel=SHARE)
+
+
+def test_forces_that_fit_the_told_mass_at_the_rail_alone_are_named():
+    log, _, _ = found_in("uneven-load", 5, at_the_rail)
+    assert [r for r in log.remarks if "only if they act between wheel and rail" in r.text]
 
 
 def test_forces_at_the_rail_are_told_by_when_the_speed_is_measured():
@@ -140,6 +178,21 @@ def test_wheels_that_say_0_at_low_speed_do_not_slide(kmh):
     assert [r for r in log.remarks if "all wheels say 0 below" in r.text]
     assert found.total_damage == pytest.approx(damage, rel=0.03)
     assert found.events == []
+
+
+def test_a_wheel_that_locked_before_stands_also_below_that_speed():
+    """Seven wheels roll to 1 m/s, where their sensors say 0; the eighth locked at 8 m/s."""
+    time = 0.01 * np.arange(1200)
+    speed = np.maximum(11.5 - time, 0.0)
+    rim = np.repeat(np.where(speed > 1.0, speed, 0.0)[:, None], 8, axis=1)
+    rim[350:, 7] = 0.0
+    unknown, (remark,) = filled_dead_zone(dict(enumerate("abcdefgh", 1)), speed, rim)
+    assert "all wheels say 0 below 1 m/s" in remark.text
+    slow = (speed > 0.01) & (speed <= 1.0)
+    assert unknown[slow, :7].all()
+    assert not unknown[:, 7].any()
+    np.testing.assert_array_equal(rim[slow, 0], speed[slow])
+    assert not rim[350:, 7].any()
 
 
 def test_wheels_that_lock_are_no_dead_zone():
