@@ -17,7 +17,6 @@ Floats = NDArray[np.float64]
 FORGOTTEN = 60.0
 """Time [s] within which an error of an acceleration is forgotten, and with it that slack was run out: less would make wheels
 that pull slip by that way again."""
-
 UNSURE, UNKNOWN = 0.0015, 0.003
 """Standard deviation of the mean speed of a car over a start of 15 s [m/s], by accelerations at 10 ms, and by the train's
 speed in its place: some 2 and 4 cm of slack."""

@@ -11,12 +11,7 @@ from alloc.estimation.common_instants import resample
 from alloc.estimation.force_reading import SAMPLED, ForceReading, read_forces
 from alloc.estimation.long_series import usual_period
 from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_fixes import (
-    SPARSE,
-    Delay,
-    find_delay,
-    follow,
-)
+from alloc.estimation.speed_fixes import SPARSE, Delay, find_delay, follow
 from alloc.estimation.speed_shape import (
     LOCKED,
     free_wheels,

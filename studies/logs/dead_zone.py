@@ -4,13 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.spans import spans
+from studies.logs.checks import STILL
 from studies.logs.remarks import Remark
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-STILL, LEAST = 0.01, 0.2
-"""Speed [m/s] up to which a wheel stands, and from which on that a sensor leaves out matters."""
+LEAST = 0.2
+"""Speed [m/s] from which on it matters that a sensor leaves slower ones out."""
 NEAR, SHARE, FEWEST = 1.25, 0.3, 4
 """Ratio to the slowest jump up to which others are like it; share and number of them that are, if a sensor makes them and
 not wheels that lock, which stop from any speed."""
@@ -26,11 +27,14 @@ def filled_dead_zone(
     `speed` of the train (instants,) and `rim` (instants, axles) [m/s]. What slips there nobody knows: it is to be left out
     as soon as the speed has been found.
     """
-    sizes = np.concatenate([np.zeros(0), *(_jumps(rim[:, number - 1]) for number in names)])
+    wheels = [
+        rim[:, number - 1] for number in names
+    ]  # one by one: a long log has little room for more of its kind
+    sizes = np.concatenate([np.zeros(0), *map(_jumps, wheels)])
     if sizes.size < FEWEST or (bound := float(sizes.min())) < LEAST:
         return None, []
     alike = np.count_nonzero(sizes < NEAR * bound)
-    if alike < max(FEWEST, SHARE * sizes.size) or _slowest(rim) < bound:
+    if alike < max(FEWEST, SHARE * sizes.size) or min(map(_slowest, wheels)) < bound:
         return None, []
     unknown = np.zeros(rim.shape, dtype=bool)
     slow = ~(speed > ROLLS * bound)
@@ -55,6 +59,6 @@ def _jumps(rim: Floats) -> Floats:
 
 
 def _slowest(rim: Floats) -> float:
-    """The least speed of a wheel that turns [m/s]."""
+    """The least speed of a wheel while it turns [m/s]."""
     size = np.abs(rim)
     return float(np.min(size, where=size > STILL, initial=np.inf))

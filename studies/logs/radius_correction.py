@@ -72,9 +72,11 @@ def make_up_for_radii(
     errors = np.array([one.error for one in found.values()])
     middle = float(np.median(errors)) if errors.size else 0.0
     alike = errors.size > 1 and np.ptp(errors) < ALIKE
-    rolling = rolls_always(force, train.axle_load)
-    surer = speed.followed and abs(middle) < MOST and any(rolling[k - 1] for k in found)
-    if alike and (surer or _is_wrong(*_least_sure(found))):
+    surer = alike and speed.followed and abs(middle) < MOST
+    if surer:
+        rolling = rolls_always(force, train.axle_load)
+        surer = any(rolling[k - 1] for k in found)
+    if surer or (alike and _is_wrong(*_least_sure(found))):
         for number in names:
             rim[:, number - 1] /= 1.0 + middle
         if abs(middle) < LEAST:
