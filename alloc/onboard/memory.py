@@ -1,6 +1,6 @@
 """What the train's computers remember in a run; nothing is allocated later."""
 
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,10 +130,9 @@ def _block(kind: Any, size: int) -> tuple[Any, Floats]:
     return kind(*values), values
 
 
-def _singles(kind: Any) -> Any:
-    """A record of single zeros, of the types that its fields state."""
-    dtypes = [get_args(get_args(array)[1])[0] for array in kind.__annotations__.values()]
-    return kind(*(np.zeros(1, dtype) for dtype in dtypes))
+def _singles(kind: Any, dtype: Any = np.float64, **others: Any) -> Any:
+    """A record of single zeros of `dtype`; `others`: types of the fields that have another."""
+    return kind(*(np.zeros(1, others.get(name, dtype)) for name in kind._fields))
 
 
 def attachments(m: Memory) -> tuple[Attachment, Attachment]:
@@ -157,7 +156,7 @@ def memory(
     train, train_block = _block(TrainMemory, 1)
     train.expected[:] = expected
     train.level[:] = np.nan
-    lead = _singles(LeadMemory)
+    lead = _singles(LeadMemory, unit=np.int64, allocate=np.bool_)
     lead.detected[:] = lead.slipped[:] = -np.inf
     learnt, learning = learning_memory(eq.learnt)
     nothing = np.tile([np.inf, *[np.nan] * added.order], (n, 1))
@@ -170,7 +169,7 @@ def memory(
         train=train,
         train_block=train_block,
         lead=lead,
-        counter=_singles(Counters),
+        counter=_singles(Counters, np.int64),
         slide=slide_memory(eq.axle_car.size, eq.group.unit.size),
         estimate=reference_memory(bodies, eq.axle_car.size, n, eq.group.unit.size),
         sanding=SandingMemory(np.full(1, -np.inf), np.full(1, -np.inf)),
