@@ -6,12 +6,14 @@ and a changed comment would cost minutes.
 
 import hashlib
 import inspect
+import io
 import logging
 import os
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,12 +21,14 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
 from numba.extending import register_jitable
 
 from alloc.private_folder import cache_folder, cache_part
 from alloc.sources import path_of, syntax_hash
+from alloc.whole_file import sealed, set_aside_damaged
 
 # No `nnan`/`ninf`: a nan must surface. `contract` allows fused multiply-add; `nsz` lets LLVM turn the
 # equations' selections into vector minimum and maximum.
@@ -91,10 +95,34 @@ class _Place(CompileResultCacheImpl):
         return self._stamp
 
 
+class _Files(IndexDataCacheFile):
+    """Numba's files of one function, sealed: machine code with one flipped bit is run, and may do anything."""
+
+    def _load_index(self) -> Any:
+        set_aside_damaged(Path(self._index_path))
+        return super()._load_index()
+
+    def _load_data(self, name: str) -> Any:
+        set_aside_damaged(Path(self._data_path(name)))
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        with super()._open_for_write(filepath) as file:
+            content = io.BytesIO()
+            yield content
+            file.write(sealed(content.getvalue()))
+
+
 class _Cache(FunctionCache):
     """Numba's cache of one function, in a folder of ours; what cannot be read is compiled again."""
 
     _impl_class = _Place
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        place = self._impl
+        self._cache_file = _Files(place.get_cache_path(), place.filename_base, place._stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         self._impl.ensure_cache_path()
@@ -156,13 +184,28 @@ def jit(function: Any) -> Any:
     return compiled(function, **_COMPILED)
 
 
+class _Part(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function without the wrapper for calls from Python, without which Numba calls address 0."""
+
+    __slots__ = ()
+
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        raise TypeError(
+            f"{name} is a part of compiled code: call it from a function under numba.njit"
+        )
+
+
 def inlined_jit(function: Any) -> Any:
     """Decorator of a part of a compiled loop that is called from one or two places.
 
     The compiler then sees the whole of a step, and keeps in registers what its parts share. No wrapper for calls from Python
-    is made, for nobody makes any.
+    is made, for nobody makes any: such a call raises `TypeError`.
     """
-    return compiled(function, **_COMPILED, forceinline=True, no_cpython_wrapper=True)
+    part = compiled(function, **_COMPILED, forceinline=True, no_cpython_wrapper=True)
+    if isinstance(part, CPUDispatcher):
+        part.__class__ = _Part
+    return part
 
 
 # (`Any`: Numba's own annotation of such options is private.)

@@ -1,6 +1,7 @@
 """Errors of this package, and the one check of numbers that a user gives."""
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any, ClassVar
@@ -90,6 +91,12 @@ class OnboardError(InputError):
 
 class SimulationError(InputError):
     """A run cannot be made as asked."""
+
+
+def check_compiling() -> None:
+    """Raise `SimulationError` where Numba may not compile: the plant's vectors exist in compiled code alone."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        raise SimulationError("simulations need compiled code: unset NUMBA_DISABLE_JIT")
 
 
 class EstimationError(InputError):

@@ -13,7 +13,7 @@ import xarray as xr
 
 from alloc.by_reference import ByReference
 from alloc.canonical import canonical
-from alloc.errors import OnboardError
+from alloc.errors import OnboardError, check_compiling
 from alloc.event import DriverCommand, Event, SimulationError
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
 from alloc.onboard.attachment import NOTHING_ADDED
@@ -135,6 +135,7 @@ def simulate(
     cannot be simulated. Several threads may simulate at once, also the same event: each run depends on its own call alone. A
     plug-in's rule and `on_progress` must allow it too.
     """
+    check_compiling()
     try:
         found = CONTROLLERS.find(controller) if isinstance(controller, str) else controller
     except OnboardError as error:

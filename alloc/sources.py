@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alloc.private_folder import cache_folder
-from alloc.whole_file import write_whole
+from alloc.whole_file import SEAL, sealed, set_aside_damaged, write_whole
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("alloc", "mpc", "studies")
@@ -161,13 +161,14 @@ class _Memo:
 
     @classmethod
     def path(cls) -> Path:
-        return cache_folder() / "sources.json"
+        return cache_folder() / "sources"
 
     @classmethod
     def entries(cls) -> dict[str, Source]:
         if cls.found is None:
             try:
-                stored = json.loads(cls.path().read_bytes())
+                set_aside_damaged(cls.path())
+                stored = json.loads(cls.path().read_bytes()[:-SEAL])
                 cls.found = {key: Source(*entry) for key, entry in stored.items()}
             except (OSError, ValueError, TypeError, AttributeError):
                 cls.found = {}  # it is only slower then
@@ -177,7 +178,8 @@ class _Memo:
     def keep(cls) -> None:
         if cls.changed and cls.found is not None:
             newest = dict(list(cls.found.items())[-cls.SIZE :])
-            write_whole(cls.path(), lambda path: path.write_text(json.dumps(newest)))
+            content = sealed(json.dumps(newest).encode())
+            write_whole(cls.path(), lambda path: path.write_bytes(content))
 
 
 register(_Memo.keep)

@@ -1,12 +1,17 @@
-"""Files that other processes see whole or not at all."""
+"""Files that other processes see whole or not at all, and that are not used once they are damaged."""
 
+import hashlib
 import os
 import uuid
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 ASIDE = ".part"
 """In the name of a file that is being written."""
+SEAL = 32
+"""Bytes of the digest behind what `sealed` has sealed."""
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
@@ -20,3 +25,23 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
         os.replace(aside, path)
     finally:
         aside.unlink(missing_ok=True)
+
+
+def sealed(content: bytes) -> bytes:
+    """`content` and its digest; pickle, marshal and loaders of libraries ignore what stands behind the end."""
+    return content + hashlib.sha256(content).digest()
+
+
+def set_aside_damaged(path: Path, content: bytes | None = None) -> None:
+    """Rename `path`, with a warning, if it is not as it was written: `content`, or whatever was sealed."""
+    with suppress(FileNotFoundError):  # as another process may set it aside too
+        found = path.read_bytes()
+        if found == (sealed(found[:-SEAL]) if content is None else content):
+            return
+        aside = path.with_name(f"damaged-{path.name}")
+        os.replace(path, aside)
+        warnings.warn(
+            f"{str(path)!r} is damaged and made again; what it was is now {aside.name!r}",
+            RuntimeWarning,
+            stacklevel=2,
+        )

@@ -135,7 +135,7 @@ def compile_c_functions(functions: list[cs.Function]) -> dict[str, Any]:
     version = _run([*compiler, "--version"]).stdout
     parts = (c_source(functions, ""), *compiler, version, *FLAGS, NATIVE, _machine())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-    library = folder() / f"readhesion_c_{key}.so"
+    library = folder() / f"c_{key}.so"
     create(library, lambda aside: _compile(compiler, c_source(functions, key), aside))
     llvm.load_library_permanently(str(library))
     return compile_source("".join(_caller(function, key) for function in functions))

@@ -1,15 +1,19 @@
 """Compiled code is never stale, is not compiled again for a comment, and is loaded from no folder of somebody else."""
 
+import contextlib
 import importlib
 import io
+import multiprocessing
 import os
 import pickle
 import pkgutil
+import subprocess
 import sys
 import textwrap
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
@@ -21,7 +25,7 @@ from alloc.onboard.controllers.built_in import BuiltInController
 from alloc.plant import compiled
 from alloc.private_folder import VARIABLES, cache_folder, private
 from alloc.sources import closure, path_of
-from alloc.whole_file import write_whole
+from alloc.whole_file import sealed, write_whole
 from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]
@@ -186,7 +190,7 @@ def poison(folder, witness):
     indices = list(folder.rglob("*.nbi"))
     for path in indices:
         version = pickle.loads(path.read_bytes())
-        path.write_bytes(pickle.dumps(version) + pickle.dumps(Exploit(witness)))
+        path.write_bytes(sealed(pickle.dumps(version) + pickle.dumps(Exploit(witness))))
     return indices
 
 
@@ -225,13 +229,83 @@ def test_the_exploit_works_where_the_files_are_ones_own(kernel, tmp_path):
     assert (tmp_path / "witness").exists()
 
 
-def test_a_damaged_cache_is_compiled_again(kernel, tmp_path):
-    kernel()
-    for suffix in ("*.nbi", "*.nbc"):
-        for path in (tmp_path / "cache").rglob(suffix):
-            path.write_bytes(path.read_bytes()[:-7])
-        assert kernel() == (7.0, True)
-        assert kernel() == (7.0, False)
+def damage(path, rng):
+    """Flip one bit of a file, or lose its end."""
+    content = bytearray(path.read_bytes())
+    place = rng.integers(len(content))
+    content[place] ^= 1 << rng.integers(8)
+    path.write_bytes(content if rng.random() < 0.8 else content[:place])
+
+
+def forked(work):
+    """What `work` answers in a process of its own, with the warnings that it gave; a crash has no answer."""
+    ours, theirs = multiprocessing.Pipe(duplex=False)
+
+    def send():
+        with warnings.catch_warnings(record=True) as given:
+            warnings.simplefilter("always")
+            theirs.send((work(), [str(one.message) for one in given]))
+
+    process = multiprocessing.get_context("fork").Process(target=send)
+    process.start()
+    theirs.close()
+    with contextlib.suppress(EOFError):
+        return ours.recv()
+    process.join()
+    return process.exitcode
+
+
+def survives_damage(folder, patterns, work, times):
+    """`work` answers as before where a file in `folder` is damaged, with one warning, and none the next time."""
+    rng, (expected, _) = np.random.default_rng(37), forked(work)
+    for pattern in patterns * times:
+        paths = sorted(path for path in folder.rglob(pattern) if "damaged" not in path.name)
+        path = paths[rng.integers(len(paths))]
+        damage(path, rng)
+        aside = path.with_name(f"damaged-{path.name}")
+        said = f"{str(path)!r} is damaged and made again; what it was is now {aside.name!r}"
+        assert forked(work) == (expected, [said])
+        assert forked(work) == (expected, [])
+        aside.unlink()
+
+
+def test_what_is_damaged_is_set_aside_and_made_again(kernel, tmp_path):
+    def work():
+        sources._Memo.found = None
+        answer, _ = kernel()
+        sources._Memo.keep()
+        return answer
+
+    folder = tmp_path / "cache" / "readhesion" / "code"
+    survives_damage(folder, ["*.nbi", "*.nbc", "sources"], work, 12)
+
+
+def test_a_part_of_compiled_code_says_that_python_cannot_call_it():
+    part = compilation.inlined_jit(lambda x: x + 1.0)
+    for _ in ("never compiled", "compiled with its caller"):
+        with pytest.raises(TypeError, match="is a part of compiled code: call it from"):
+            part(1.0)
+        assert compilation.jit(lambda x: part(x))(1.0) == 2.0
+
+
+def test_without_compiling_commands_and_runs_say_what_to_unset():
+    program = (
+        "import sys; from studies.command_line.main import run; from alloc.errors import SimulationError\n"
+        "from alloc.simulation import simulate\n"
+        "try: simulate(None)\n"
+        "except SimulationError as error: print(error, file=sys.stderr)\n"
+        "sys.exit(run(['simulate', 'wet-patch']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    line = "simulations need compiled code: unset NUMBA_DISABLE_JIT"
+    assert (done.returncode, done.stderr) == (2, f"{line}\nreadhesion: {line}\n")
 
 
 def test_where_the_cache_is_another_users_the_temporary_folder_serves(tmp_path, monkeypatch):

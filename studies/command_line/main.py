@@ -79,9 +79,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     0; 1 if all failed; 2 for bad input (one line on stderr); 130 or 143 when it was interrupted or terminated; 141 when
     nobody reads what it prints.
     """
-    from alloc.errors import InputError
+    from alloc.errors import InputError, check_compiling
 
     try:
+        check_compiling()
         with warnings.catch_warnings():
             warnings.showwarning = _Once()  # type: ignore[assignment]
             code = app.meta(

@@ -3,6 +3,7 @@
 import os
 import shutil
 import stat
+import sys
 import threading
 
 import casadi as cs
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from alloc.private_folder import cache_folder
+from alloc.whole_file import sealed
 from mpc.code_cache import create
 from mpc.compiled_model import compiled_model, symbolic_functions
 from mpc.generated_c import COMPILERS, NATIVE, CompilerError, compile_c_functions
@@ -17,7 +19,7 @@ from mpc.settings import MpcError, MpcSettings
 from mpc.unit_controller import MpcController
 from mpc.unit_model import substeps, unit_model
 from tests.benchmarks.unit_step import step_function
-from tests.test_compilation import start_afresh
+from tests.test_compilation import start_afresh, survives_damage
 
 needs_compiler = pytest.mark.skipif(
     not any(map(shutil.which, COMPILERS)), reason="no C compiler on this machine"
@@ -163,6 +165,17 @@ def test_the_library_is_compiled_once(cache, twice, tmp_path, monkeypatch):
     assert sum("-shared" in line for line in log.read_text().splitlines()) == 1
 
 
+@needs_compiler
+def test_what_is_damaged_is_set_aside_and_made_again(cache, twice):
+    def work():
+        y = np.zeros(2)
+        compile_c_functions([twice])["twice"](np.array([3.0, -3.0]), y)
+        return y.tolist()
+
+    generated = ["*.so", "*.py", f"*.{sys.implementation.cache_tag}"]
+    survives_damage(cache, [*generated, "*.nbi", "*.nbc"], work, 5)
+
+
 def test_writers_at_once_leave_one_whole_file(tmp_path):
     target, barrier = tmp_path / "file.txt", threading.Barrier(2)
 
@@ -170,7 +183,7 @@ def test_writers_at_once_leave_one_whole_file(tmp_path):
         with aside.open("w") as file:
             file.write("first half, ")
             barrier.wait(10.0)  # both are in the middle of it
-            assert not target.exists() or target.read_text() == "first half, second half"
+            assert not target.exists() or target.read_bytes() == sealed(b"first half, second half")
             file.write("second half")
 
     threads = [threading.Thread(target=create, args=(target, write)) for _ in range(2)]
@@ -178,7 +191,7 @@ def test_writers_at_once_leave_one_whole_file(tmp_path):
         thread.start()
     for thread in threads:
         thread.join()
-    assert target.read_text() == "first half, second half"
+    assert target.read_bytes() == sealed(b"first half, second half")
     assert os.listdir(tmp_path) == ["file.txt"]
 
 
