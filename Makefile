@@ -10,7 +10,7 @@ MUTANTS ?= 240
 SEED    ?= 11
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare report figures docs results test mutants mutants-again results-hash bench bench-keep keys lint types clean
+.PHONY: help setup compare report figures docs results test test-newest test-lowest mutants mutants-again results-hash bench bench-keep keys lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -45,6 +45,12 @@ results: setup       ## compute the numbers of README and docs again, or those o
 
 test: setup          ## run the tests
 	$(BIN)/python -m pytest -n 2
+
+test-newest: setup   ## run rules, plant and simulation with the newest versions that pyproject.toml allows
+	.ci/versions highest
+
+test-lowest: setup   ## the same with the lowest versions; before a release
+	.ci/versions lowest-direct
 
 mutants: setup       ## put MUTANTS faults (drawn by SEED) into the code, one at a time: do tests notice them?
 	$(BIN)/python -m tests.mutants sample --number $(MUTANTS) --seed $(SEED)

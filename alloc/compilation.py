@@ -184,7 +184,7 @@ def jit(function: Any) -> Any:
     return compiled(function, **_COMPILED)
 
 
-class _Part(CPUDispatcher):  # type: ignore[misc]
+class _Part(CPUDispatcher):
     """A compiled function without the wrapper for calls from Python, without which Numba calls address 0."""
 
     __slots__ = ()
