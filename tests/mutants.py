@@ -28,14 +28,37 @@ from typing import NamedTuple
 os.environ |= {"CI": "1", "OPENBLAS_NUM_THREADS": "1"}  # with CI Hypothesis always draws the same
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("alloc/rules", "alloc/metrics", "alloc/onboard", "mpc")
-TESTS = [f"tests/{name}" for name in ("rules", "metrics", "onboard", "uncompiled", "mpc")]
+FOLDERS = (
+    "alloc/rules",
+    "alloc/metrics",
+    "alloc/onboard",
+    "alloc/plant",
+    "mpc",
+    "studies",
+    "paper_figs",
+)
+TESTS = [
+    f"tests/{name}"
+    for name in [
+        "rules",
+        "metrics",
+        "onboard",
+        "uncompiled",
+        "mpc",
+        "plant",
+        "estimation",
+        "studies",
+        "paper_figs",
+    ]
+]
 STORED, PAGE = ROOT / "docs/mutants.csv", ROOT / "docs/mutants.md"
 MARK = "<!-- what follows is written by `python -m tests.mutants page` -->"
 USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
-TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 2.0, 0.7, 40.0
+TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 6.0, 0.7, 90.0
 """Processor time that a test may take, that a file takes to begin with, and that the files of one fault may take."""
+FIGURE_SECONDS = 90.0
+"""The same of a test of figures: the first draws all of them."""
 LIBRARIES = [
     "numba",
     "casadi",
@@ -46,6 +69,8 @@ LIBRARIES = [
     "osqp",
     "cvxpy",
     "xarray",
+    "matplotlib.figure",
+    "cyclopts",
     "pandas",
 ]
 """Imported once, before the forks."""
@@ -178,7 +203,9 @@ def _imported(name: str) -> frozenset[str]:
     from alloc.sources import closure
 
     files = [str(path.absolute()) for path in (Path(name), Path(name).with_name("conftest.py"))]
-    return closure(*(filter(os.path.isfile, files) if "/" in name else [name]), "tests")
+    return closure(
+        *(filter(os.path.isfile, files) if "/" in name else [name]), "tests", "paper_figs"
+    )
 
 
 @lru_cache
@@ -213,7 +240,8 @@ class _Watch:
 
     def pytest_runtest_setup(self, item) -> None:
         if self.wanted is None:  # rings in processor time, so other processes do not matter
-            signal.setitimer(signal.ITIMER_VIRTUAL, TEST_SECONDS)
+            figures = item.nodeid.startswith("tests/paper_figs")
+            signal.setitimer(signal.ITIMER_VIRTUAL, FIGURE_SECONDS if figures else TEST_SECONDS)
         self.started = os.times().user
 
     def pytest_runtest_logreport(self, report) -> None:
@@ -234,14 +262,14 @@ def _pytest(file: str, wanted: dict[str, float] | None, seconds: float, uncompil
     os.environ["NUMBA_DISABLE_JIT"] = str(int(uncompiled))
     numba.config.DISABLE_JIT = int(uncompiled)
     signal.signal(signal.SIGVTALRM, _ring)
-    signal.alarm(240)  # for one that waits for ever
+    signal.alarm(1200)  # for one that waits for ever, on a machine that others use too
     resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 1))
     with Path("pytest.log").open("w") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
     options = ["--tb=line", "--assert=plain", "--override-ini=addopts=", "--import-mode=importlib"]
     options += [f"-pno:{name}" for name in ("cacheprovider", "xdist", "benchmark")]
-    options += ["--maxfail=3" if wanted is None else "-x"]
+    options += ["--maxfail=20" if wanted is None else "-x", "--mpl"]
     return pytest.main([*options, file], plugins=[_Watch(wanted, Path("results"))])
 
 
@@ -361,16 +389,18 @@ def possible(row: Row) -> bool:
 def sample(number: int, seed: int, keep: bool, only: list[str]) -> int:
     """Draw `number` faults and store what noticed them; `keep`: ask only where no test and no remark is.
 
-    `only`: in these files, beside what is stored of others and can still be made.
+    `only`: in these files and folders. What is stored of other draws stays as long as it can be made.
     """
-    files = only or [str(p) for folder in FOLDERS for p in sorted(Path(folder).rglob("*.py"))]
+    paths = [Path(one) for one in only or FOLDERS]
+    files = [
+        str(p) for one in paths for p in (sorted(one.rglob("*.py")) if one.is_dir() else [one])
+    ]
     places = [site for file in files for site in sites(file)]
     # by hashes, so that an edit changes what is drawn of its own lines alone
     places.sort(
         key=lambda s: hashlib.sha256(f"{seed} {s.file} {s.operator} {s.text}".encode()).digest()
     )
     before, rows = {key(row): row for row in read_stored()}, {}
-    others = [row for row in before.values() if only and row["file"] not in only and possible(row)]
     for place in places:
         fault = mutant(*place)
         if fault is None or key(fault._asdict()) in rows:
@@ -393,7 +423,9 @@ def sample(number: int, seed: int, keep: bool, only: list[str]) -> int:
         if len(rows) == number:
             break
         store([*rows.values(), *(row for key, row in before.items() if key not in rows)])
-    store([*rows.values(), *others])
+    store(
+        [*rows.values(), *(row for key, row in before.items() if key not in rows and possible(row))]
+    )
     return page()
 
 
@@ -451,7 +483,9 @@ def main() -> int:
     parser.add_argument("command", choices=("sample", "again", "page"))
     parser.add_argument("--number", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="+", default=[], metavar="FILE", help="sample these files")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="PATH", help="sample these files and folders"
+    )
     parser.add_argument(
         "--keep",
         action="store_true",

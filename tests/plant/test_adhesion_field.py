@@ -190,6 +190,29 @@ def test_cleaned_rail_arrives_after_distance_over_speed(run, car):
     assert begin_met - begin_deposit == pytest.approx((offset[1] - offset[2]) / speed[0], abs=0.02)
 
 
+def test_a_spinning_wheel_cleans_by_its_creep_over_the_faster_of_rim_and_car(run, car):
+    """As a sliding one does: at half the rim's speed, or twice, the rail is worn alike."""
+    gain, scale, step = 0.5, 0.6, 1e-3
+    cars = (car(True, brake=False), car(False, brake=False), car(False, brake=False))
+    model = build(Train("pair", cars), Rail(0.05, conditioning=gain, conditioning_slip=scale))
+    for speed, torque in ((3.0, 1200.0), (8.0, 1600.0), (20.0, 2500.0)):
+        trace = run(model, 25.0 / speed, speed, command=torque, position=100.0, step=step)
+        speeds, rim = trace.rows("speed")[:, :1], 0.43 * trace.rows("omega")[:, :4]
+        ratio = (rim - speeds) / np.maximum(rim, speeds)
+        deposit = conditioning_deposit(ratio, scale)
+        position, offset = trace.rows("position")[:, 0], model.structure.axle_offset
+        left = np.max(
+            [
+                np.interp(position + offset[4], position + offset[i], deposit[:, i])
+                for i in range(4)
+            ],
+            axis=0,
+        )
+        passed = position + offset[4] > position[0] + 1.0
+        assert np.abs(trace.cleaning[passed, 4] - left[passed]).max() < 0.05 * left[passed].max()
+        assert np.median(rim[passed] / speeds[passed]) > 1.3
+
+
 def test_foremost_axle_meets_uncleaned_rail(run, car):
     model = build(_sliding_train(car), Rail(0.05, conditioning=0.5))
     trace = run(model, 2.0, 20.0, pressure=np.array([300e3, 300e3]), sample=0.01)
