@@ -1,6 +1,7 @@
 """The belief about peaks: it follows what slipping axles feel, through noise, and nothing else moves it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
 from mpc.unit_model import torque_per_coefficient
 from tests.mpc.conftest import make_unit
-from tests.mpc.groups import train_of
+from tests.mpc.groups import UNLOADING, train_of
 from tests.mpc.synthetic_axles import SyntheticUnit
 
 INITIAL = MpcSettings().belief.initial
@@ -213,6 +214,23 @@ def test_a_group_of_units_believes_what_they_would_alone():
     )
     mean = np.exp(np.mean([np.log(one.curve) for one in alone], axis=0))
     np.testing.assert_allclose(group.curve, mean, rtol=1e-12)
+
+
+def test_the_air_brake_of_a_unit_is_shared_by_its_axles_as_they_are_loaded():
+    """The torque at all wheelsets is the coefficient times all that they carry, whichever of them the car unloads."""
+    for sign in (1.0, -1.0):
+        units = [replace(one, unloading=tuple(sign * np.array(UNLOADING))) for one in train_of(3)]
+        group = GroupBelief(units, MpcSettings())
+        for _ in range(50):
+            load = group.load.reshape(3, 4).copy()
+            torque, estimate = np.array([200.0, 350.0, 500.0]), np.array([0.2, 0.25, 0.3])
+            group.update(
+                np.full(3, 10.0), np.full(12, 10.02 / 0.43), torque, np.full(3, 900.0), estimate
+            )
+            air = np.array([one.air_coefficient for one in group.observers])
+            np.testing.assert_allclose(4 * group.air_torque, air * 0.43 * load.sum(axis=1))
+        assert air.min() > 0.05
+        assert np.ptp(load, axis=1).min() > 0.01 * load.mean()
 
 
 def test_units_swing_out_of_step():
