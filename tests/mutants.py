@@ -57,8 +57,8 @@ USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
 TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 6.0, 0.7, 90.0
 """Processor time that a test may take, that a file takes to begin with, and that the files of one fault may take."""
-FIGURE_SECONDS = 90.0
-"""The same of a test of figures: the first draws all of them."""
+FIGURE_SECONDS = 150.0
+"""What tests of figures may take, and faults in figures more than others: the first test draws all figures."""
 LIBRARIES = [
     "numba",
     "casadi",
@@ -335,7 +335,7 @@ def noticed_by(fault: Mutant, first: str) -> str:
         _module(fault.file),
         plain(fault.file),
         _known(),
-        MUTANT_SECONDS,
+        MUTANT_SECONDS + FIGURE_SECONDS * fault.file.startswith("paper_figs"),
     )
 
     def order(file: str) -> tuple[bool, bool, float]:

@@ -26,7 +26,7 @@ class BrakeGroups(NamedTuple):
     car: Numbers
     axles: Floats
     share: Floats  # of the plan that is asked of it
-    weight: Floats  # load of an axle [N]
+    weight: Floats  # mean load of its axles [N]
     inertia: Floats  # as `Equipment.brake_inertia`
     gain: Floats  # force at the rim per axle and pascal
     friction: Floats  # (groups, 3)
@@ -284,7 +284,10 @@ def _brake_groups(
     brakes = [car.air_brake for car in cars]
     gain = np.array([brake.force_per_pascal if brake else 0.0 for brake in brakes])
     pressure = np.array([brake.maximum_pressure if brake else 0.0 for brake in brakes])
-    share = float(onboard.inertia_in_limit) * (weights.turning / weights.loaded)[foremost]
+    loaded, turning = (
+        np.array([values[axles].mean() for axles in members], dtype=float)
+        for values in (weights.loaded, weights.turning)
+    )
     return BrakeGroups(
         unit=np.array([s.axle_unit[axles].max() for axles in members], dtype=np.int64),
         body=s.axle_body[foremost],
@@ -293,8 +296,8 @@ def _brake_groups(
         share=np.array(onboard.braking.car_shares or (1.0,) * n.cars, dtype=float)[
             s.axle_car[foremost]
         ],
-        weight=weights.loaded[foremost] * GRAVITY,
-        inertia=share / (GRAVITY * brake_share),
+        weight=loaded * GRAVITY,
+        inertia=float(onboard.inertia_in_limit) * turning / loaded / (GRAVITY * brake_share),
         gain=gain[s.axle_car[foremost]],
         friction=s.shoe_friction[foremost],
         pressure=pressure[s.axle_car[foremost]],

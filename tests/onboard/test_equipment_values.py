@@ -37,6 +37,26 @@ def _model(**options):
     return build(uneven_train(**options), Rail(0.15))
 
 
+def test_all_brakes_together_are_asked_for_mass_times_deceleration():
+    """However the axles of a car are loaded and turn: the plan counts every axle, not the first of its group."""
+    rng = np.random.default_rng(4)
+    for k in range(20):
+        even = uneven_train(k % 2 == 0)
+        share = [x / x.sum() for x in rng.uniform(0.5, 1.5, (len(even.cars), 4))]
+        cars = [
+            replace(car, axle_load_share=tuple(x), wheel_inertia=tuple(rng.uniform(50.0, 200.0, 4)))
+            for car, x in zip(even.cars, share, strict=True)
+        ]
+        train, onboard = replace(even, cars=tuple(cars)), Onboard(inertia_in_limit=k % 3 > 0)
+        model = build(train, Rail(0.15))
+        eq, s = equipment(model, onboard), model.structure
+        own = eq.group.unit < 0
+        asked = (eq.axles * eq.axle_load * (1.0 + eq.brake_inertia)).sum()
+        asked += (eq.group.axles * eq.group.weight * (1.0 + eq.group.inertia))[own].sum()
+        moved = sum(car.mass for car in cars) + (s.inertia / s.radius**2).sum()
+        assert eq.brake_share * asked == pytest.approx(moved, rel=1e-9)
+
+
 @pytest.mark.parametrize("blended", [True, False])
 @pytest.mark.parametrize("inertia", [True, False])
 @pytest.mark.parametrize("coupled", [True, False])
@@ -84,7 +104,7 @@ def test_every_value_follows_from_the_cars(coupled, inertia, blended):
     first = (0, 2, 4, 6, 12, 14, 16, 18)
     at = [i // 4 for i in first]
     mass = np.array([(train.cars[k].empty_mass + LOADS[k]) / 4 for k in at])
-    wheels = np.array([turning[i // 4][i % 4] for i in first]) * inertia
+    wheels = np.array([np.mean(turning[i // 4][i % 4 : i % 4 + 2]) for i in first]) * inertia
     groups = {
         "unit": [-1, -1, 0, 0, 3, 3, -1, -1], "body": np.array(at) * coupled, "car": at, "axles": [2.0] * 8,
         "weight": mass * GRAVITY, "inertia": wheels / mass / (GRAVITY * brake_share),
