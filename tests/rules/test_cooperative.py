@@ -37,13 +37,13 @@ def test_its_law_gives_the_plan_at_least_and_within_reach_no_more_than_exact_nee
     assert np.all(limit <= most + 1e-15)
 
 
-def limits(cap, open_to, most=1.0, plan=PLAN):
-    """Limits and level of units of equal mass that are limited at `cap` and open to `open_to`."""
+def limits(cap, open_to, most=1.0, plan=PLAN, needed=None):
+    """Limits and level of units of equal mass that are limited at `cap` and open to `open_to`; `needed`: of them together."""
     cap, open_to = np.asarray(cap, dtype=float), np.asarray(open_to, dtype=float)
     same = np.ones(cap.size)
     out = np.empty(cap.size)
     units = Units(cap, same, most * same, out, cap, cap, open_to, plan)
-    level, reached = cooperative_law(units, plan, out)
+    level, reached = cooperative_law(units, plan if needed is None else needed, out)
     return out, level, reached
 
 
@@ -63,6 +63,22 @@ def test_out_of_reach_each_unit_has_room_to_search_the_best_one_too():
     found, _, reached = limits([0.10, 0.15, 0.17], [0.106, 0.159, 0.1802])
     assert not reached
     assert found == pytest.approx([PLAN, PLAN, 0.1802])
+
+
+def test_what_trailers_lack_is_asked_of_units_with_room_alone():
+    """One that its rail limits below the plan keeps the plan: asked for more it would slip, and fill up with air."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        needed = PLAN * rng.uniform(0.9, 1.2)
+        cap = np.where(rng.random(8) < 0.4, PLAN * rng.uniform(0.3, 0.9, 8), np.inf)
+        found, level, reached = limits(cap, 1.06 * cap, needed=needed)
+        room = np.isinf(cap)
+        assert reached == (room.any() or cap.mean() > needed)
+        np.testing.assert_allclose(found[~room], PLAN)
+        # what shoes give beyond their part, while cylinders empty, lowers no limit
+        np.testing.assert_allclose(found[room], max(level, PLAN))
+        if reached:
+            assert np.where(room, level, cap).mean() == pytest.approx(needed)
 
 
 @pytest.mark.parametrize(("name", "gain"), [("wet-front", 0.03), ("long-train", 0.015)])
