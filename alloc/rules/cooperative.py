@@ -7,7 +7,7 @@ belief about the rail, neither the increments nor a curve.
   carry, and one that was never limited may go up to its torque limit. The exact level over these caps makes up for the
   shortfall.
 - **The plan at least.** No limit is below the plan. If a unit finds less adhesion, its own controller takes care of it. That
-  controller finds the rail's recovery sooner than telegrams report it.
+  controller finds the rail's recovery sooner than telegrams report it. What trailers lack comes from units with room alone.
 - **Probing.** Beyond the plan a limit stays at the coefficient that the unit has shown, so its wheels do not work at the
   peak all the time. The mark rises slowly until the unit is limited once more, and falls slowly while it delivers less.
 - **Room to search.** A limited unit is asked for a little more than it delivers. A controller that searches for the peak

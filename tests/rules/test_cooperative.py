@@ -38,7 +38,7 @@ def test_its_law_gives_the_plan_at_least_and_within_reach_no_more_than_exact_nee
 
 
 def limits(cap, open_to, most=1.0, plan=PLAN, needed=None):
-    """Limits and level of units of equal mass that are limited at `cap` and open to `open_to`; `needed`: of them together."""
+    """Limits and level of units of equal mass, limited at `cap` and open to `open_to`, that together need `needed`."""
     cap, open_to = np.asarray(cap, dtype=float), np.asarray(open_to, dtype=float)
     same = np.ones(cap.size)
     out = np.empty(cap.size)
