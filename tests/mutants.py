@@ -55,7 +55,7 @@ STORED, PAGE = ROOT / "docs/mutants.csv", ROOT / "docs/mutants.md"
 MARK = "<!-- what follows is written by `python -m tests.mutants page` -->"
 USABLE = ROOT / "build/mutants.json"
 """Times of the tests that can be used, by the content of their file."""
-TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 6.0, 0.7, 90.0
+TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 3.0, 0.7, 60.0
 """Processor time that a test may take, that a file takes to begin with, and that the files of one fault may take."""
 FIGURE_SECONDS = 150.0
 """What tests of figures may take, and faults in figures more than others: the first test draws all figures."""
@@ -269,7 +269,7 @@ def _pytest(file: str, wanted: dict[str, float] | None, seconds: float, uncompil
         os.dup2(log.fileno(), 2)
     options = ["--tb=line", "--assert=plain", "--override-ini=addopts=", "--import-mode=importlib"]
     options += [f"-pno:{name}" for name in ("cacheprovider", "xdist", "benchmark")]
-    options += ["--maxfail=20" if wanted is None else "-x", "--mpl"]
+    options += ["--maxfail=4" if wanted is None else "-x", "--mpl"]
     return pytest.main([*options, file], plugins=[_Watch(wanted, Path("results"))])
 
 

@@ -96,6 +96,28 @@ def test_dead_time_grows_along_the_freight_train():
     assert dead[-1] == pytest.approx(0.3 + (19.6 + 16 * 20.4) / 250.0)
 
 
+def test_cars_of_the_sets_are_the_same_from_either_end():
+    """Bogies of one wheelbase, as far from one end as from the other."""
+    for name in SETS:
+        for car in find_set(name).cars:
+            if len(car.axle_positions) > 1:
+                axles, ends = np.array(car.axle_positions), np.array(car.reversed().axle_positions)
+                np.testing.assert_allclose(axles, ends, atol=1e-9, err_msg=name)
+
+
+def test_the_heavy_train_pulls_and_brakes_as_stated():
+    """600 kN at the foremost vehicle; 10 % of every vehicle's weight at 500 kPa; the pipe's wave at 250 m/s."""
+    train = find_set("heavy-70")
+    s = build(train, Rail(0.5)).structure
+    pull = s.drive_table[:, 10] * s.unit_axles * s.unit_gear / s.radius[0]
+    assert pull.sum() == pytest.approx(600e3, rel=1e-3)
+    for k, car in enumerate(train.cars):
+        force = car.air_brake.force_per_pascal * 500e3 * len(car.axle_positions)
+        assert force == pytest.approx(0.1 * car.mass * GRAVITY, rel=1e-9)
+        assert car.air_brake.maximum_pressure == 500e3
+        assert car.air_brake.dead_time == pytest.approx(0.3 + 13.9 * k / 250.0)
+
+
 def test_rails_of_the_sets():
     paper = one_axle.rail(0.12)
     assert paper.level * paper.patches[0].factor == pytest.approx(0.12)
