@@ -1,5 +1,7 @@
 """Figures show what was computed, on axes that say what and in which unit, and look alike."""
 
+import importlib
+import pkgutil
 import re
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ import pytest
 from matplotlib.colors import to_hex
 from PIL import Image
 
+import paper_figs
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.rules import RULES
@@ -61,6 +64,26 @@ def test_axes_carry_quantity_and_unit(drawn, name):
     assert len(labels) >= 2
     for label in labels:
         assert UNIT.search(label) or label in COUNTED, label
+
+
+def test_a_share_in_percent_is_a_hundred_times_the_metric_and_all_else_the_metric_itself():
+    """Of every panel of the figures and every column of the printed tables."""
+    modules = [f"paper_figs.{one.name}" for one in pkgutil.iter_modules(paper_figs.__path__)]
+    found = 0
+    for name in (*modules, "studies.comparison.table"):
+        for shown in vars(importlib.import_module(name)).values():
+            for one in shown if isinstance(shown, tuple) else ():
+                words = (
+                    [word for word in one if isinstance(word, str)]
+                    if isinstance(one, tuple)
+                    else []
+                )
+                words += [one.heading] if hasattr(one, "heading") else []
+                if words and hasattr(one, "factor"):
+                    share = any("%" in word or "points" in word for word in words)
+                    assert one.factor == (100.0 if share else 1.0), (name, one)
+                    found += 1
+    assert found > 50
 
 
 @pytest.mark.parametrize("name", FIGURES)
