@@ -54,15 +54,23 @@ app.meta.suppress_keyboard_interrupt = False
 def launch(
     *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     plugin: Annotated[list[Path] | None, Parameter(negative_iterable=())] = None,
+    limits: float | None = None,
 ) -> int | None:
-    """Run a command, after loading plug-ins.
+    """Run a command, after loading plug-ins and setting limits.
 
     Parameters
     ----------
     plugin
         Python file that registers rules, controllers, curves, trains, metrics, scenarios or figures;
         may be given again for further files.
+    limits
+        Factor of the usual limits on files that are read: bytes of a scenario, train or line, values of a log.
     """
+    if limits is not None:
+        from studies.files.limits import VARIABLE, factor
+
+        os.environ[VARIABLE] = f"{limits:g}"
+        factor()
     if plugin:
         from studies.core.plugins import use_plugins
 

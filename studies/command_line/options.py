@@ -60,10 +60,13 @@ def split_names(values: Sequence[str] | None) -> list[str] | None:
 
 
 def command_of(name: str, *words: str, **options: Sequence[str] | None) -> str:
-    """A command as a person would type it; options that were not given are left out, plug-ins stand before it."""
+    """A command as a person would type it; options that were not given are left out, those of all commands stand before it."""
     from studies.core.plugins import plugin_files
+    from studies.files.limits import factor
 
-    begin = ["readhesion", *(word for file in plugin_files() for word in ("--plugin", file)), name]
+    more = [] if factor() == 1.0 else ["--limits", f"{factor():g}"]
+    plugins = [word for file in plugin_files() for word in ("--plugin", file)]
+    begin = ["readhesion", *plugins, *more, name]
     told = [word for key, values in options.items() if values for word in (_option(key), *values)]
     return shlex.join([*begin, *words, *told])
 

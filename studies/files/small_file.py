@@ -1,20 +1,18 @@
 """Text files that people write: scenarios, trains, lines. They are small, and anything else is refused before it is read."""
 
+from studies.files.limits import limits, too_large
 from studies.files.study_error import StudyError
-
-MOST_BYTES = 1_000_000
-"""Twice the size of a line of twenty thousand sections; reading YAML of this size takes ten seconds."""
 
 
 def small_text(path: str, what: str, hint: str = "") -> str:
     """Content of a UTF-8 file, with or without byte order mark; raises `StudyError` naming `what` kind of file it is.
 
-    `hint`: what to do where it does not exist. At most `MOST_BYTES` are read.
+    `hint`: what to do where it does not exist. No more is read than `Limits.file_bytes`.
     """
-    owner = f"{what} file {path!r}"
+    owner, most = f"{what} file {path!r}", limits().file_bytes
     try:
         with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(most + 1)
         text = content.decode("utf-8-sig")
     except FileNotFoundError:
         raise StudyError(f"{owner} does not exist{hint and '; '}{hint}") from None
@@ -24,6 +22,6 @@ def small_text(path: str, what: str, hint: str = "") -> str:
         raise StudyError(
             f"{owner} cannot be read: {getattr(error, 'strerror', None) or error}"
         ) from None
-    if len(content) > MOST_BYTES:
-        raise StudyError(f"{owner} is larger than {MOST_BYTES} bytes; give a smaller one")
+    if len(content) > most:
+        raise too_large(owner, "file_bytes", "bytes")
     return text

@@ -1,16 +1,26 @@
 """Checked records read from files: frozen, no unknown keys, and errors of one line that name the key."""
 
+import re
 import tomllib
 import warnings
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from studies.files.json_schema import describe, meaning_of
+from studies.files.limits import DEEPEST
 from studies.files.small_file import small_text
 from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
+
+
+DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST)
+"""A key of more parts than tables are nested; sentences and numbers of a text do not look like it."""
+
+MOST_UNKNOWN = 20
+"""Unknown keys that are named one by one."""
 
 
 def _leaves(value: Any) -> Iterator[Any]:
@@ -88,6 +98,8 @@ class Foreign(_Plain):
 def read_toml(path: str, what: str, hint: str) -> dict[str, Any]:
     """Content of a TOML file; raises `StudyError` naming `what` kind of file it is, and `hint` where it does not exist."""
     text = small_text(path, what, hint)
+    if DEEP_KEY.search(text):  # the library would take hours
+        raise StudyError(f"{what} file {path!r}: tables are nested more than {DEEPEST} deep")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # numbers of too many digits, lists too deep
@@ -111,7 +123,13 @@ def warn_of_unknown(kind: type[Foreign], data: Any, source: str) -> None:
     told: dict[tuple[type[Foreign], str], list[str]] = {}
     for record, key, place in _unknown(kind, data, ()):
         told.setdefault((record, key), []).append(_dotted(place))
-    for (record, key), places in told.items():
+    if len(told) > MOST_UNKNOWN:
+        warnings.warn(
+            f"{source}: {len(told)} keys are unknown and passed over; the first {MOST_UNKNOWN} of them follow",
+            FileWarning,
+            stacklevel=2,
+        )
+    for (record, key), places in islice(told.items(), MOST_UNKNOWN):
         valid = [*record.model_fields, *sorted(record.unused)]
         near = nearest(key, valid)
         hint = f"did you mean {near!r}?" if near else f"known keys: {', '.join(valid)}"

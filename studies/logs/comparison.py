@@ -9,6 +9,7 @@ import xarray as xr
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import Findings, analyse_run, train_acceleration
 from alloc.estimation.slip_events import SlipCriterion
+from studies.files.limits import check_values
 from studies.files.study_error import StudyError
 from studies.files.writable import RUN
 from studies.logs.brake_report import BRAKING
@@ -68,12 +69,18 @@ def simulated_log(name: str, train: MeasuredTrain) -> MeasuredLog:
 
 def recorded_run(path: Path) -> xr.Dataset:
     """A run that `readhesion simulate --out` or `run-line --out` wrote; raises `StudyError` where it is none."""
+    import netCDF4
+
     from alloc.recording import load
 
     if not path.is_file():
         raise StudyError(f"run {str(path)!r} does not exist")
     try:
+        with netCDF4.Dataset(path) as file:  # what reads runs would begin with all instants
+            check_values(f"run {str(path)!r}", sum(one.size for one in file.variables.values()))
         run = load(path)
+    except StudyError:
+        raise
     except (OSError, ValueError) as error:
         raise StudyError(f"run {str(path)!r} is no file of netCDF: {error}") from None
     missing = [one for one in NEEDED if one not in run] or [

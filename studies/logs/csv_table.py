@@ -15,6 +15,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
+from studies.files.limits import check_values, limits, too_large
 from studies.files.study_error import StudyError
 from studies.logs.growing_column import GrowingColumn
 from studies.logs.number_texts import decimal_of, numbers_of
@@ -38,6 +39,12 @@ LOOKED_AT_ROWS = 400
 """Rows of them that decide the decimal sign."""
 BLOCK = 4 * 1024 * 1024
 """Bytes of a file that are read at a time."""
+LONGEST_LINE = BLOCK // 4
+"""Bytes. A line without end would be as long as the file."""
+TEXT_VALUE = 9
+"""Numbers that take as much memory as a text of a few letters."""
+MOST_SPOILT_BYTES = 10**8
+"""Bytes of rows with another number of fields that are kept to be counted."""
 MOST_SPOILT = 0.02
 """Share of rows with another number of fields above which a file is no table."""
 NOTHING = [
@@ -68,7 +75,8 @@ class Layout(NamedTuple):
         """About how many rows a file has, rather more; 0 where it is compressed."""
         if path.suffix.lower() in COMPRESSED:
             return 0
-        return int(1.1 * path.stat().st_size / self.line) + 1000
+        about = int(1.1 * path.stat().st_size / self.line) + 1000
+        return min(about, limits().values // len(self.names))
 
     def reading(self) -> Any:
         """The library's options for lines."""
@@ -95,8 +103,38 @@ def _inner(path: Path) -> Path:
     return path.with_suffix("") if path.suffix.lower() in COMPRESSED else path
 
 
+class _Watched:
+    """A stream of text for the library; raises `StudyError` where it becomes more than is read."""
+
+    closed = False
+
+    def __init__(self, path: Path, owner: str, width: int) -> None:
+        self.stream, self.owner, self.width = _stream(path), owner, width
+        self.bytes, self.lines, self.line = 0, 0, 0
+
+    def __enter__(self) -> Any:
+        return pa.PythonFile(self, mode="r")
+
+    def __exit__(self, *_: object) -> None:
+        self.stream.close()
+
+    def read(self, size: int) -> bytes:
+        """As much as there is, `size` bytes at most."""
+        block: bytes = self.stream.read(size)
+        end = max(block.rfind(b"\n"), block.rfind(b"\r"))
+        self.bytes += len(block)
+        self.lines += max(block.count(b"\n"), block.count(b"\r"))
+        self.line = len(block) - end - 1 + (self.line if end < 0 else 0)
+        if self.line > LONGEST_LINE:
+            raise StudyError(f"{self.owner} has a line of more than {LONGEST_LINE} bytes")
+        if self.bytes > limits().text_bytes:
+            raise too_large(self.owner, "text_bytes", "bytes of text")
+        check_values(self.owner, self.lines * self.width)
+        return block
+
+
 def read_text_table(path: Path) -> Recording:
-    """Read a table of text; raises `StudyError` naming the file for what is none."""
+    """Read a table of text; raises `StudyError` naming the file for what is none, or is larger than the limits."""
     text = f"log {str(path)!r}"
     try:
         with _stream(path) as stream:
@@ -104,18 +142,24 @@ def read_text_table(path: Path) -> Recording:
         layout = look_at(bytes(head), text)
         spoilt: set[str] = set()
 
+        kept = 0
+
         def leave_out(row: Any) -> str:
+            nonlocal kept
+            kept += len(row.text or "")
             spoilt.add(row.text or "")
-            return "skip"
+            return "skip" if kept < MOST_SPOILT_BYTES else "error"
 
         parsing = arrow_csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=leave_out)
         try:
-            columns = _in_blocks(path, layout, parsing)
+            columns = _in_blocks(path, text, layout, parsing)
         except pa.ArrowInvalid:
             # what the first lines say of a column does not hold for all of it
             spoilt.clear()
-            with _stream(path) as stream:
+            kept = 0
+            with _Watched(path, text, len(layout.names)) as stream:
                 table = arrow_csv.read_csv(stream, layout.reading(), parsing, layout.converting({}))
+            check_values(text, _weight(table))
             columns = {n: GrowingColumn(0) for n in layout.names}
             for k, name in enumerate(layout.names):
                 columns[name].append(table.column(k).to_numpy())
@@ -144,9 +188,16 @@ def read_text_table(path: Path) -> Recording:
     return Recording(str(path), channels, notes)
 
 
-def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingColumn]:
+def _weight(table: Any) -> int:
+    """Values of a table or a part of it, each text as the numbers that take as much memory."""
+    texts = [column for column in table.columns if pa.types.is_string(column.type)]
+    many: int = table.num_rows * (table.num_columns + (TEXT_VALUE - 1) * len(texts))
+    return many + sum(column.nbytes for column in texts) // 8
+
+
+def _in_blocks(path: Path, owner: str, layout: Layout, parsing: Any) -> dict[str, GrowingColumn]:
     """Values of the columns, block by block, so that text and numbers of a long log are not held at once."""
-    with _stream(path) as stream:
+    with _Watched(path, owner, len(layout.names)) as stream:
         schema = arrow_csv.open_csv(stream, layout.reading(), parsing, layout.converting({})).schema
     kinds = {
         name: pa.float64()
@@ -158,10 +209,13 @@ def _in_blocks(path: Path, layout: Layout, parsing: Any) -> dict[str, GrowingCol
     if first in kinds and pa.types.is_integer(schema.field(first).type):
         del kinds[first]
     columns = [GrowingColumn(layout.rows_in(path)) for _ in layout.names]
-    with _stream(path) as stream:
+    weight = 0
+    with _Watched(path, owner, len(layout.names)) as stream:
         for batch in arrow_csv.open_csv(
             stream, layout.reading(), parsing, layout.converting(kinds)
         ):
+            weight += _weight(batch)
+            check_values(owner, weight)
             for column, values in zip(columns, batch.columns, strict=True):
                 column.append(values.to_numpy(zero_copy_only=False))
     pa.default_memory_pool().release_unused()
@@ -203,9 +257,12 @@ def look_at(head: bytes, text: str) -> Layout:
     encoding = encoding_of(head)
     content = head.decode(encoding, errors="ignore").lstrip("\ufeff")
     lines = content.splitlines()
-    if len(head) == LOOKED_AT:
+    whole = len(head) < LOOKED_AT
+    if not whole:
         lines = lines[:-1]
     filled = [(k, line) for k, line in enumerate(lines) if line.strip() and line[0] not in "#%"]
+    if len(filled) < 2 and not whole:
+        raise StudyError(f"{text} is no table of csv: one of its first lines has more than {LOOKED_AT // 2} bytes")
     if len(filled) == 1 and _separator([filled[0][1]])[0] in filled[0][1]:
         raise StudyError(f"{text}: 0 rows; give some to be analysed")
     if len(filled) < 2:

@@ -8,13 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from pyarrow import parquet
 
+from studies.files.limits import check_parquet, check_values
 from studies.files.study_error import StudyError
-from studies.logs.csv_table import COMPRESSED, TEXT, is_text, of_arrow, read_text_table
+from studies.logs.csv_table import COMPRESSED, TEXT, TEXT_VALUE, is_text, of_arrow, read_text_table
 from studies.logs.raw_channels import RawChannel, Recording
 
 MDF, TDMS, PARQUET = (".mf4", ".mdf", ".dat4"), (".tdms",), (".parquet", ".pq")
+TEXTS = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
+"""Kinds of columns that parquet may keep as numbers of a list of texts."""
 ENDINGS = (*TEXT, *PARQUET, *MDF, *TDMS)
 
 
@@ -56,11 +60,21 @@ def _library(name: str, package: str, path: Path) -> ModuleType:
 
 
 def _parquet(path: Path) -> Recording:
+    owner = f"log {str(path)!r}"
     try:
-        table = parquet.read_table(path)
+        schema = parquet.read_schema(path)
+        nested = [one.name for one in schema if pa.types.is_nested(one.type)]
+        plain = [name for name in schema.names if name not in nested]
+        texts = [one.name for one in schema if _is_text(one.type)]
+        # texts that repeat are held once until it is known how much they are written out
+        with parquet.ParquetFile(path, read_dictionary=texts) as file:
+            check_parquet(owner, file.metadata)
+            table = file.read(plain)
+        check_values(owner, sum(map(_weight, table.columns)))
     except pa.ArrowException as error:
         reason = " ".join(str(error).split())
-        raise StudyError(f"log {str(path)!r} is no table of parquet: {reason}") from None
+        raise StudyError(f"{owner} is no table of parquet: {reason}") from None
+    notes = [f"columns of lists left out: {', '.join(nested)}"] if nested else []
     units = {}
     for one in table.schema:
         if pa.types.is_temporal(one.type):
@@ -68,7 +82,20 @@ def _parquet(path: Path) -> Recording:
         stated = (one.metadata or {}).get(b"unit") or (one.metadata or {}).get(b"units")
         if stated:
             units[one.name] = stated.decode("utf-8", "ignore")
-    return of_arrow(table, str(path), units, [])
+    return of_arrow(table, str(path), units, notes)
+
+
+def _is_text(kind: Any) -> bool:
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return any(one(kind) for one in TEXTS)
+
+
+def _weight(column: Any) -> int:
+    """Values of a column, each text as the numbers that take as much memory when it is written out."""
+    if pa.types.is_dictionary(column.type) and _is_text(column.type):
+        lengths = [pc.max(pc.binary_length(one.dictionary)).as_py() or 0 for one in column.chunks]
+        return len(column) * (TEXT_VALUE + max(lengths, default=0) // 8)
+    return len(column) * (1 if pa.types.is_primitive(column.type) else TEXT_VALUE)
 
 
 class _Channel(NamedTuple):
@@ -87,6 +114,12 @@ def _mdf(path: Path) -> Recording:
     library = _library("asammdf", "asammdf", path)
     found = []
     with library.MDF(path) as file:
+        groups = [one.channel_group for one in file.groups]
+        sizes = zip(groups, file.groups, strict=True)
+        check_values(
+            f"log {str(path)!r}",
+            sum(one.cycles_nr * max(one.samples_byte_nr // 8, len(of.channels)) for one, of in sizes),
+        )
         for signal in file.iter_channels(skip_master=True):
             if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iufb":
                 group = file.groups[signal.group_index].channel_group
@@ -99,6 +132,9 @@ def _mdf(path: Path) -> Recording:
 def _tdms(path: Path) -> Recording:
     library = _library("nptdms", "npTDMS", path)
     found = []
+    with library.TdmsFile.open(path) as told:
+        every = [one for group in told.groups() for one in group.channels()]
+        check_values(f"log {str(path)!r}", sum(map(len, every)))
     file = library.TdmsFile.read(path)
     for group in file.groups():
         for one in group.channels():

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from alloc.plant.train import Train
+from studies.files.limits import DEEPEST, limits, too_large
 from studies.files.small_file import small_text
 from studies.files.strict import parse, warn_of_unknown
 from studies.files.study_error import FileWarning, StudyError, unknown
@@ -17,7 +18,8 @@ from studies.railtoolkit.records import PointOfInterest, RollingStock, RunningPa
 from studies.railtoolkit.vehicles import build_formation, default_deceleration
 
 RUNNING_PATH = "https://railtoolkit.org/schema/running-path.json"
-DEEPEST = 20
+LONGEST_NUMBER = 300
+"""Digits of a number that are read."""
 ROLLING_STOCK = "https://railtoolkit.org/schema/rolling-stock.json"
 
 
@@ -135,24 +137,56 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         return found
 
 
-def _check_depth(text: str) -> None:
-    """Raise `ValueError` where lists are nested deeper than in any line or train; the library would exhaust the stack."""
-    depth = 0
+def _check_size(text: str, owner: str) -> None:
+    """Raise where a document, with aliases written out, is larger or deeper than any line or train: programs walk all of it.
+
+    Also where a number is so long that its conversion would take minutes. Raises `ValueError`, `StudyError` for the size.
+    """
+    most = limits().file_bytes
+    total = 0
+    inside: list[tuple[str | None, int]] = []  # anchor, and size before it, of open collections
+    heights = [0]  # of what stands in each of them
+    known: dict[str, tuple[int, int]] = {}  # size and height by anchor
     for event in yaml.parse(text, _Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
+        size, height = 1, 0
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor in (anchor for anchor, _ in inside):
+                raise ValueError(f"alias {event.anchor!r} stands in what it repeats")
+            size, height = known.get(event.anchor, (1, 0))
+        elif isinstance(event, yaml.ScalarEvent):
+            size = max(len(event.value), 1)
+            if event.implicit[0] and size > LONGEST_NUMBER and event.value[0] in "+-.0123456789":
+                raise ValueError(f"a number of {size} digits")
+            if event.anchor:
+                known[event.anchor] = size, 0
+        elif isinstance(event, yaml.CollectionStartEvent):
+            inside.append((event.anchor, total))
+            heights.append(0)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = inside.pop()
+            size, height = 0, heights.pop() + 1
+            if anchor:
+                known[anchor] = total - before, height
+        else:
+            continue
+        total += size
+        heights[-1] = max(heights[-1], height)
+        if len(inside) + height > DEEPEST:
             raise ValueError(f"lists and mappings are nested more than {DEEPEST} deep")
+        if total > most:
+            raise too_large(owner, "file_bytes", "bytes where its aliases are written out")
 
 
 def _document(path: str | Path, schema: str, what: str) -> dict[str, Any]:
-    text = small_text(str(path), what)
+    text, owner = small_text(str(path), what), f"{what} file {str(path)!r}"
     try:
-        _check_depth(text)
+        _check_size(text, owner)
         content = yaml.load(text, _Loader)  # a safe loader
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise StudyError(f"{what} file {str(path)!r} is not YAML: {reason}") from None
+    except StudyError:
+        raise
+    except Exception as error:  # a wrong tag makes the library raise what it likes
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise StudyError(f"{owner} is not YAML: {reason}") from None
     if not isinstance(content, dict):
         raise StudyError(f"{path}: not a railtoolkit {what}: no keys at the top")
     for key, wanted in (("schema", (schema,)), ("schema_version", VERSIONS)):
