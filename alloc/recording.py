@@ -1,7 +1,10 @@
 """A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded."""
 
+import errno
 import json
+import os
 import platform
+import shutil
 import subprocess
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,6 +22,7 @@ from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
 from alloc.plant.model import Floats, Layout, Model
 from alloc.recorded_physics import PlantRecord, physical_variables
 from alloc.recorded_variables import VARIABLES
+from alloc.whole_file import write_whole
 
 
 class Record(NamedTuple):
@@ -167,11 +171,20 @@ def provenance() -> dict[str, str]:
 
 
 def save(dataset: xr.Dataset, path: Path) -> None:
-    """Write a run to netCDF, compressed; it loads back equal with `load`."""
+    """Write a run to netCDF, compressed; it loads back equal with `load`. Raises `OSError` naming the file."""
     encoding = {
         name: {"zlib": True, "complevel": 4} for name, v in dataset.variables.items() if v.ndim > 0
     }
-    dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
+
+    def write(aside: Path) -> None:
+        try:
+            dataset.to_netcdf(aside, engine="netcdf4", encoding=encoding)
+        except RuntimeError:  # the library does not say that the disk is full
+            if shutil.disk_usage(aside.parent).free > dataset.nbytes:
+                raise
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+
+    write_whole(path, write)
 
 
 def load(path: Path) -> xr.Dataset:

@@ -4,8 +4,8 @@ import hashlib
 import os
 import uuid
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ASIDE = ".part"
@@ -17,12 +17,23 @@ SEAL = 32
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Make or replace `path` by `write(file to fill)`: other processes see all of it or nothing.
 
-    The file beside it has a name of its own, so writers do not meet; a `write` that raises leaves nothing behind.
+    The file beside it has a name of its own, so writers do not meet; a `write` that raises leaves nothing behind. Raises
+    `OSError` with the name of `path`.
     """
-    aside = path.with_name(f".{uuid.uuid4().hex}{ASIDE}{path.suffix}")
-    try:
+    with writing(path) as aside:
         write(aside)
         os.replace(aside, path)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A file beside `path` to be filled; it is gone afterwards. An `OSError`, as of a full disk, gets the name of `path`."""
+    aside = path.with_name(f".{uuid.uuid4().hex}{ASIDE}{path.suffix}")
+    try:
+        yield aside
+    except OSError as error:  # libraries do not say which file
+        reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+        raise OSError(error.errno, reason, str(path)) from error
     finally:
         aside.unlink(missing_ok=True)
 

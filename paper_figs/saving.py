@@ -16,6 +16,7 @@ from paper_figs.moving import MovingFigure
 from paper_figs.origin import Origin
 from paper_figs.style import STYLE_FILE
 from studies.files.study_error import StudyError
+from studies.files.writable import as_csv
 
 MOVING = ".gif"
 """Ending of files of a figure that moves."""
@@ -107,7 +108,7 @@ def save_image(drawn: Figure, path: Path, legend: Legend, data: bytes) -> None:
 def data_of(drawn: Figure) -> bytes:
     """The numbers that are drawn as CSV, the same on every machine to nine digits."""
     table = drawn_data(drawn)
-    return table.to_csv(index=False, float_format="%.9g", lineterminator="\n").encode()
+    return as_csv(table, float_format="%.9g", lineterminator="\n").encode()
 
 
 def _pdf(told: Mapping[str, str]) -> dict[str, str | None]:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -103,6 +104,7 @@ def analyse(
         Print everything as JSON instead of tables.
     """
     from alloc.estimation.slip_events import SlipCriterion
+    from alloc.whole_file import write_whole
     from studies.logs.event_list import write_events
     from studies.logs.gradients import read_gradients
     from studies.logs.mapping import read_mapping
@@ -136,7 +138,8 @@ def analyse(
     if out is not None:
         make_folder(out)
         for report, path in zip(reports, _places(reports, out), strict=True):
-            path.write_text(json.dumps(report, indent=2, allow_nan=False), encoding="utf-8")
+            text = json.dumps(report, indent=2, allow_nan=False)
+            write_whole(path, partial(Path.write_text, data=text, encoding="utf-8"))
     if events is not None:
         write_events(reports, events)
     _show(reports, failed, as_json, len(logs))

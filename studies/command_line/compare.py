@@ -88,7 +88,7 @@ def compare(
     shard = read_shard(work.shard)
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
-    check_place(out)
+    check_place(out, of_results=True)
     given = {"scenario": scenario, "rules": rules, "controllers": controllers}
     parts = {name: split_names(words) for name, words in given.items()}
     chosen = _scenarios(parts["scenario"], line, train)

@@ -34,7 +34,7 @@ def figures(
 
     count = process_count(jobs)
     check_place(out, "figure")
-    check_place(results, "results", "--results")
+    check_place(results, "results", "--results", of_results=True)
     with progress() as on_row:
         written = gallery().draw_figures(names, out, results, count, on_row)
     for one in written:

@@ -105,8 +105,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         compares = {"compare", "report"} & set(error.command_chain or ())
         hint = "events go after --scenario" if compares else "--help has the options"
         return _refuse(f"{words}: no option takes this; {hint}")
-    except (CycloptsError, InputError, StudyError, OSError) as error:
+    except (CycloptsError, InputError, StudyError) as error:
         return _refuse(str(error))
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        return _refuse(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
     except KeyboardInterrupt as interrupt:
         print(
             "readhesion: stopped; finished rows are kept, the same command goes on", file=sys.stderr

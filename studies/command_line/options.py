@@ -60,7 +60,7 @@ def split_names(values: Sequence[str] | None) -> list[str] | None:
 
 
 def command_of(name: str, *words: str, **options: Sequence[str] | None) -> str:
-    """A command as a person would type it; options that were not given are left out, those of all commands stand before it."""
+    """A command as a person would type it; options that were not given are left out; those of all commands come first."""
     from studies.core.plugins import plugin_files
     from studies.files.limits import factor
 

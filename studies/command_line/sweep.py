@@ -59,7 +59,7 @@ def sweep(
     check_whole("--seed", seed, 0, GREATEST_SEED)
     settings = own.settings(chosen)
     shard = read_shard(work.shard)
-    check_place(out)
+    check_place(out, of_results=True)
     folder = study_folder(out, name)
     with work.workers() as workers, progress() as on_row:
         table = chosen.run(folder, count, seed, workers, on_row, shard=shard, **settings)

@@ -60,7 +60,7 @@ def write_report(
     if seeds is not None:
         check_whole("--seeds", seeds, 1, MOST_SEEDS)
     check_file(out, PAGE)
-    check_place(results, "results", "--results")
+    check_place(results, "results", "--results", of_results=True)
     names = split_names(scenario)
     chosen = default_scenarios() if names is None else [load_scenario(name) for name in dict.fromkeys(names)]  # fmt: skip
     grid = make_grid(chosen, split_names(rules), split_names(controllers), seeds)

@@ -6,12 +6,11 @@ Writers on several machines need no lock and no list of checksums: equal names m
 import errno
 import hashlib
 import os
-import uuid
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from alloc.whole_file import ASIDE
+from alloc.whole_file import writing
 from studies.files.study_error import StudyError
 
 DIGITS = 16
@@ -31,16 +30,13 @@ def write_checked(beginning: Path, suffix: str, write: Callable[[Path], object])
 
     It appears as a whole, and is on the disk by then. A `write` that raises leaves nothing behind.
     """
-    aside = beginning.with_name(f".{uuid.uuid4().hex}{ASIDE}{suffix}")
-    try:
+    with writing(beginning.with_name(f"{beginning.name}{suffix}")) as aside:
         write(aside)
         with open(aside, "rb+") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             os.fsync(file.fileno())
         path = beginning.with_name(f"{beginning.name}-{digest[:DIGITS]}{suffix}")
         os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
     return path
 
 
@@ -71,8 +67,12 @@ def set_aside(path: Path, reason: str) -> None:
         path.rename(place)
     except FileNotFoundError:
         return
+    except OSError:  # a folder for reading alone
+        now = "it is passed over"
+    else:
+        now = f"it is now {place.name!r}, its content is computed again"
     warnings.warn(
-        f"{str(path)!r} is broken ({reason}); it is now {place.name!r}, its content is computed again",
+        f"{str(path)!r} is broken ({reason}); {now}",
         StoreWarning,
         stacklevel=2,
     )

@@ -1,6 +1,8 @@
 """Figures as the commands know them: what draws stands above this package and comes in by an entry point."""
 
 import hashlib
+import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
@@ -9,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 from alloc.sources import code_hash
 from alloc.whole_file import write_whole
 from studies.core.plugins import plugin_modules
-from studies.files.study_error import StudyError
+from studies.files.study_error import FileWarning, StudyError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,6 +107,11 @@ def draw_comparison(
     ).hexdigest()
     of, *names = mark.read_text().split() if mark.exists() else [""]
     if of != digest or not all((out / f"{name}.pdf").exists() for name in names):
+        if not os.access(out if out.exists() else out.parent, os.W_OK):
+            warnings.warn(
+                f"no figures: folder {str(out)!r} cannot be written", FileWarning, stacklevel=2
+            )
+            return []
         names = gallery().draw_comparison(table, store, out, asked)
         if names:
             write_whole(mark, lambda path: path.write_text(" ".join([digest, *names])))

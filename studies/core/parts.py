@@ -21,7 +21,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from studies.core.checked_file import DIGITS, Gone, read_checked, write_checked
+from studies.core.checked_file import DIGITS, Gone, read_checked, set_aside, write_checked
+from studies.files.limits import check_parquet
 from studies.files.study_error import StudyError
 
 KEPT = ("cell", "code_hash", "status", "reason")
@@ -66,6 +67,7 @@ class Parts:
         self._known: dict[str, pa.Table] = {}
         self._index = _indexed({})
         self._added: set[str] = set()
+        self._passed_over: set[str] = set()
         self._newest = 0
         self._tail: pa.Table | None = None
         self._tail_path: Path | None = None
@@ -148,7 +150,8 @@ class Parts:
                 continue
             places = np.flatnonzero(np.isin(index.part, batch))
             places = places[np.argsort(index.part[places], kind="stable")]
-            with suppress(Gone, pa.ArrowTypeError):  # another process joins them; types differ
+            # another process joins them; types differ; it is for reading alone or full
+            with suppress(Gone, pa.ArrowTypeError, OSError):
                 if len(places):
                     self._write(_joined(self._tables(index, places)), self._stamp())
                 for k in batch:
@@ -180,30 +183,44 @@ class Parts:
             before, names = names, set(filter(NAME.fullmatch, _names_in(self.folder)))
             if names == before:
                 break
-        return names or set()
+        return (names or set()) - self._passed_over
 
     def _columns(self, name: str) -> pa.Table | None:
         """What the index needs of a part; None where it is gone."""
+        path = self.folder / name
         try:
-            file = pq.ParquetFile(pa.BufferReader(read_checked(self.folder / name)))
+            file = self._opened(path)
         except Gone:
+            if path.exists():  # broken, where nothing can be set aside
+                self._passed_over.add(name)
             return None
         if (file.schema_arrow.metadata or {}).get(b"readhesion") != str(SCHEMA).encode():
-            raise other_version(self.folder / name)
+            raise other_version(path)
         table = file.read(["cell", "status", ADDED], use_threads=False)
         failed = pc.equal(table["status"], "failed")
         return pa.table(
             {"cell": table["cell"].cast(pa.string()), "failed": failed, ADDED: table[ADDED]}
         )
 
+    @staticmethod
+    def _opened(path: Path) -> pq.ParquetFile:
+        """A part; raises `Gone` where it is gone, and where it was no table and is set aside."""
+        content = read_checked(path)
+        try:
+            file = pq.ParquetFile(pa.BufferReader(content))
+        except (pa.ArrowException, OSError) as error:
+            set_aside(path, " ".join(str(error).split()))
+            raise Gone from None
+        check_parquet(f"table {str(path)!r}", file.metadata)
+        return file
+
     def _tables(self, index: Index, places: NDArray[np.int64]) -> list[pa.Table]:
         """The rows at `places`, which are in the order of their files, by file; raises `Gone` where one is gone."""
         parts = index.part[places]
         tables = []
         for some in np.split(places, np.flatnonzero(np.diff(parts)) + 1) if len(places) else []:
-            content = read_checked(self.folder / index.names[index.part[some[0]]])
             rows = index.row[some]
-            table = pq.read_table(pa.BufferReader(content))
+            table = self._opened(self.folder / index.names[index.part[some[0]]]).read()
             whole = len(rows) == len(table) and (np.diff(rows) == 1).all()
             tables.append(table if whole else table.take(rows))
         return tables

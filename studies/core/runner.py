@@ -47,8 +47,10 @@ def run_cells(
     """
     keys = [key_of(cell) for cell in cells]
     missing = _missing(cells, keys, store, keep, retry_failed)
-    if missing and check is not None:
-        check()
+    if missing:
+        store.check_writable()
+        if check is not None:
+            check()
     done = len(cells) - len(missing)
     if on_row is not None:
         on_row("preparing (compiles on first use)" if missing else "", done, len(cells))

@@ -31,15 +31,18 @@ class Store:
     """A study's folder: its table as parquet files under `rows/`, recorded runs as netCDF under `runs/`.
 
     Several processes and machines may use one folder at once. A file whose content has changed since it was written is set
-    aside with a `StoreWarning`. Raises `StudyError` where the folder cannot be written or the table belongs to another
-    program.
+    aside with a `StoreWarning`. A folder that cannot be written can be read. Raises `StudyError` where there is none and
+    none can be made, or the table belongs to another program.
     """
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        make_folder(self.folder)
+        if not self.folder.is_dir():
+            make_folder(self.folder)
         for path in self.folder.rglob(f".*{ASIDE}*"):
-            with suppress(FileNotFoundError):  # another writer has just finished it
+            with suppress(
+                OSError
+            ):  # another writer has just finished it; the folder is for reading alone
                 if time.time() - path.stat().st_mtime > LITTER_AGE:
                     path.unlink()
         self.parts = Parts(self.path)
@@ -65,6 +68,10 @@ class Store:
         found = dict.fromkeys(cell.to_pylist(), True)
         found.update(dict.fromkeys(cell.filter(failed).to_pylist(), False))
         return found
+
+    def check_writable(self) -> None:
+        """Raise `StudyError` where the folder cannot be written."""
+        make_folder(self.folder)
 
     def add(self, rows: Sequence[Row]) -> None:
         """Add the rows of whole cells; they replace older ones of the same cells."""

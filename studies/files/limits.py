@@ -12,7 +12,7 @@ VARIABLE = "READHESION_LIMITS"
 """Environment variable that contains the factor, so that worker processes know it too."""
 MOST_FACTOR = 1000.0
 DEEPEST = 20
-"""Lists and mappings in one another. No line or train needs more; it does not grow, for libraries would exhaust the stack."""
+"""Lists and mappings in one another, more than any line or train needs. No factor: libraries would exhaust the stack."""
 
 
 class Limits(NamedTuple):
@@ -67,4 +67,6 @@ def check_parquet(owner: str, metadata: Any) -> None:
         for k in range(metadata.num_row_groups)
         for n in range(metadata.num_columns)
     ]
-    check_values(owner, sum(max(one.num_values, one.total_uncompressed_size // 8) for one in columns))
+    check_values(
+        owner, sum(max(one.num_values, one.total_uncompressed_size // 8) for one in columns)
+    )

@@ -15,8 +15,8 @@ from studies.files.small_file import small_text
 from studies.files.study_error import FileWarning, StudyError, nearest
 from studies.files.units import is_number, range_fault, shown
 
-
-DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST)
+PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:{PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 """A key of more parts than tables are nested; sentences and numbers of a text do not look like it."""
 
 MOST_UNKNOWN = 20

@@ -262,7 +262,9 @@ def look_at(head: bytes, text: str) -> Layout:
         lines = lines[:-1]
     filled = [(k, line) for k, line in enumerate(lines) if line.strip() and line[0] not in "#%"]
     if len(filled) < 2 and not whole:
-        raise StudyError(f"{text} is no table of csv: one of its first lines has more than {LOOKED_AT // 2} bytes")
+        raise StudyError(
+            f"{text} is no table of csv: one of its first lines has more than {LOOKED_AT // 2} bytes"
+        )
     if len(filled) == 1 and _separator([filled[0][1]])[0] in filled[0][1]:
         raise StudyError(f"{text}: 0 rows; give some to be analysed")
     if len(filled) < 2:

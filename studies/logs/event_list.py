@@ -5,7 +5,9 @@ from typing import Any
 
 import pandas as pd
 
+from alloc.whole_file import write_whole
 from studies.files.study_error import StudyError
+from studies.files.writable import as_csv
 
 COLUMNS = (
     "log", "axle", "car", "kind", "small", "start_s", "end_s", "cut", "largest_slip_ms", "slip_ratio", "onset_s",
@@ -27,6 +29,8 @@ def event_table(reports: list[dict[str, Any]]) -> pd.DataFrame:
 def write_events(reports: list[dict[str, Any]], path: Path) -> None:
     """Write the table as CSV; raises `StudyError` if that fails."""
     try:
-        event_table(reports).to_csv(path, index=False)
+        write_whole(
+            path, lambda aside: aside.write_text(as_csv(event_table(reports)), "utf-8", newline="")
+        )
     except OSError as error:
         raise StudyError(f"file {str(path)!r} cannot be written: {error.strerror}") from None

@@ -9,8 +9,9 @@ import xarray as xr
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.estimation.measured_run import applied_force
 from alloc.plant.train import Train
+from alloc.whole_file import write_whole
 from studies.files.study_error import StudyError
-from studies.files.writable import LOG, check_file
+from studies.files.writable import LOG, as_csv, check_file
 from studies.logs.columns import column_of
 from studies.logs.measured_train import write_log_train
 
@@ -59,9 +60,10 @@ def write_log(run: xr.Dataset, train: Train, path: Path) -> Path:
     beside = train_beside(path)
     try:
         if path.suffix.lower() == ".csv":
-            rounded(table).replace(-0.0, 0.0).to_csv(path, index=False)
+            text = as_csv(rounded(table).replace(-0.0, 0.0))
+            write_whole(path, lambda aside: aside.write_text(text, "utf-8", newline=""))
         else:
-            table.astype(np.float64).to_parquet(path, index=False)
+            write_whole(path, lambda aside: table.astype(np.float64).to_parquet(aside, index=False))
         write_log_train(MeasuredTrain.of(train), beside)
     except OSError as error:
         raise StudyError(f"log {str(path)!r} cannot be written: {error.strerror}") from None

@@ -34,6 +34,7 @@ from pydantic import Field, model_validator
 
 from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.equations import GRAVITY
+from alloc.whole_file import write_whole
 from studies.files.strict import Strict, parse, read_toml
 from studies.scenario.train_keys import CouplerKeys
 
@@ -147,7 +148,8 @@ def write_log_train(train: MeasuredTrain, path: Path) -> None:
             lines += _keys(RESISTANCE, train.resistance[car])
     for values in () if train.coupler is None else train.coupler:
         lines += ["", "[[couplers]]", *_keys(COUPLER, values * (1.0, 1.0, 1.0, 1e3))]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    text = "\n".join(lines) + "\n"
+    write_whole(path, lambda aside: aside.write_text(text, encoding="utf-8"))
 
 
 def _keys(names: tuple[str, ...], values: Any) -> list[str]:

@@ -118,7 +118,9 @@ def _mdf(path: Path) -> Recording:
         sizes = zip(groups, file.groups, strict=True)
         check_values(
             f"log {str(path)!r}",
-            sum(one.cycles_nr * max(one.samples_byte_nr // 8, len(of.channels)) for one, of in sizes),
+            sum(
+                one.cycles_nr * max(one.samples_byte_nr // 8, len(of.channels)) for one, of in sizes
+            ),
         )
         for signal in file.iter_channels(skip_master=True):
             if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iufb":

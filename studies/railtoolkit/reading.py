@@ -152,7 +152,7 @@ def _check_size(text: str, owner: str) -> None:
         if isinstance(event, yaml.AliasEvent):
             if event.anchor in (anchor for anchor, _ in inside):
                 raise ValueError(f"alias {event.anchor!r} stands in what it repeats")
-            size, height = known.get(event.anchor, (1, 0))
+            size, height = known.get(event.anchor or "", (1, 0))
         elif isinstance(event, yaml.ScalarEvent):
             size = max(len(event.value), 1)
             if event.implicit[0] and size > LONGEST_NUMBER and event.value[0] in "+-.0123456789":

@@ -121,7 +121,7 @@ def _content(material: Material, replays: Sequence[Replay]) -> str:
         "gains": as_values(material.gains),
         "replays": {one.label: one.content() for one in replays},
     }
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _first(material: Material, replays: Sequence[Replay]) -> str:

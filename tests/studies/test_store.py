@@ -1,5 +1,6 @@
 """The table on disk: rows resume, replace their like, and survive what goes wrong while they are written."""
 
+import errno
 import hashlib
 import os
 import subprocess
@@ -7,6 +8,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,6 +16,7 @@ import pytest
 import xarray as xr
 
 from alloc.recording import load
+from alloc.whole_file import ASIDE
 from studies.core.cell import Key
 from studies.core.checked_file import StoreWarning, write_checked
 from studies.core.store import Store
@@ -225,6 +228,70 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match=r"cannot be written: .*; choose another with --out"):
         Store(tmp_path / "file" / "results")
+
+
+def test_what_is_no_parquet_under_a_right_checksum_is_set_aside_once(store):
+    store.add([row(0)])
+    whole = files(store)[0].read_bytes()
+    for number, damage in enumerate(DAMAGES):
+        beginning = store.path / f"{number + 1:020d}"
+        write_checked(beginning, ".parquet", partial(Path.write_bytes, data=damage(whole)))
+    with pytest.warns(StoreWarning, match=r"is broken \(.*broken-1'") as said:
+        assert Store(store.folder).cells() == {"cell 0": True}
+    assert len(said) == len(DAMAGES)
+    assert len(Store(store.folder).read()) == 1
+
+
+def test_a_complete_folder_is_read_where_nothing_can_be_written(store, monkeypatch):
+    store.add([row(0)])
+    key = Key("event/rule", "0123456789abcdef", "c0de")
+    store.save_run(key, RUN)
+    broken = write_checked(store.path / ("0" * 20), ".parquet", partial(Path.write_bytes, data=b""))
+    (store.folder / f".old{ASIDE}").touch()
+    os.utime(store.folder / f".old{ASIDE}", (0.0, 0.0))
+    before = sorted(store.folder.rglob("*"))
+
+    def read_only(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("unlink", "rename", "mkdir", "touch"):
+        monkeypatch.setattr(Path, name, read_only)
+    monkeypatch.setattr("os.replace", read_only)
+    monkeypatch.setattr("tempfile.TemporaryFile", read_only)
+    again = Store(store.folder)
+    with pytest.warns(StoreWarning, match="it is passed over") as said:
+        assert again.cells() == {"cell 0": True}
+    assert len(said) == 1
+    assert broken.name in str(said[0].message)
+    assert len(again.read()) == 1
+    assert again.has_run(key)
+    with pytest.raises(
+        StudyError, match="cannot be written: Read-only file system; choose another"
+    ):
+        again.check_writable()
+    assert sorted(store.folder.rglob("*")) == before
+
+
+def test_a_full_disk_is_told_with_the_file_and_nothing_of_before_is_lost(store, monkeypatch):
+    store.add([row(0)])
+    kept = files(store)
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "Error writing bytes to file")
+
+    def silent(*_, **__):
+        raise RuntimeError("NetCDF: HDF error")
+
+    monkeypatch.setattr("pyarrow.parquet.write_table", full)
+    with pytest.raises(OSError, match=rf"No space left on device: '{store.path}/\d+\.parquet'"):
+        store.add([row(1)])
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", silent)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    with pytest.raises(OSError, match=r"No space left on device: '.*/rule_0123456789ab\.nc'"):
+        store.save_run(Key("event/rule", "0123456789abcdef", "c0de"), RUN)
+    assert files(store) == kept
+    assert Store(store.folder).cells() == {"cell 0": True}
+    assert not list(store.folder.rglob(f"*{ASIDE}*"))
 
 
 def test_random_kills_and_damages_lose_nothing(tmp_path):
