@@ -54,18 +54,21 @@ NAMES = b"time_s,speed_kmh,axle1_speed_kmh,axle1_force_kn\n"
 LIMIT, LINE, DEEP = "--limits 0.2 doubles it", "bytes", "deep"
 
 
+def chain(form: str, times: int, length: int) -> str:
+    """Lines of YAML each of which repeats the one before so many times."""
+    repeated = (", ".join([f"*a{k - 1}"] * times) for k in range(1, length))
+    return "".join(f"a{k}: &a{k} {form.format(one)}\n" for k, one in enumerate(repeated, 1))
+
+
 def bombs() -> dict[str, str]:
     """Files of less than 1 MB, but for the long line and what parquet needs; what is said of them by name."""
     said = {}
     for name, pack in (("gz", gzip.compress), ("bz2", bz2.compress), ("xz", lzma.compress)):
-        said |= {f"rows.csv.{name}": LIMIT, f"words.csv.{name}": LIMIT}
-        head, rows, words = (
-            pack(text) for text in (NAMES, ROW * 700_000, b"0,word,b,c\n" * 100_000)
-        )
-        Path(f"rows.csv.{name}").write_bytes(head + rows * 10)
-        Path(f"words.csv.{name}").write_bytes(
-            head + rows + words * 25
-        )  # no words in the first block
+        said[f"rows.csv.{name}"] = LIMIT
+        Path(f"rows.csv.{name}").write_bytes(pack(NAMES) + pack(ROW * 700_000) * 10)
+    words = gzip.compress(ROW * 700_000) + gzip.compress(b"0,word,b,c\n" * 100_000) * 25
+    Path("words.csv.gz").write_bytes(gzip.compress(NAMES) + words)  # none in the first block
+    said["words.csv.gz"] = LIMIT
     for name, rows in (("first.csv", 0), ("later.csv", 1000), ("late.csv", 3_000_000)):
         said[name] = LINE
         with open(name, "wb") as file:
@@ -76,7 +79,7 @@ def bombs() -> dict[str, str]:
         {"time_s": np.zeros(10_000_000, np.int8), "speed_kmh": np.zeros(10_000_000, np.int8)}
     )
     with pq.ParquetWriter("rows.parquet", zeros.schema, compression="zstd") as file:
-        for _ in range(20):
+        for _ in range(4):
             file.write_table(zeros, row_group_size=10_000_000)
     indices = pa.array(np.zeros(1000, np.int8))
     texts = pa.DictionaryArray.from_arrays(indices, pa.array(["x" * 5_000_000]))
@@ -88,10 +91,10 @@ def bombs() -> dict[str, str]:
         file.createVariable("time", "f8", ("time",), zlib=True, chunksizes=(10**6,))
     said |= {"rows.parquet": LIMIT, "texts.parquet": LIMIT, "fill.nc": LIMIT}
     chains = {
-        "nine": ("".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 12)), LIMIT),
+        "nine": (chain("[{}]", 9, 12) + "vehicles: *a11\n", LIMIT),
         "text": (f"b: &b {'x' * 20_000}\nc: [{', '.join(['*b'] * 1000)}]\n", LIMIT),
-        "merge": ("".join(f"a{k}: &a{k} {{<<: [*a{k - 1}, *a{k - 1}]}}\n" for k in range(1, 9)) * 3, "not YAML"),
-        "deep": ("".join(f"a{k}: &a{k} [*a{k - 1}]\n" for k in range(1, 900)), DEEP),
+        "merge": (chain("{{<<: [{}]}}", 40, 9), LIMIT),
+        "deep": (chain("[{}]", 1, 900), DEEP),
         "self": ("b: &b [*b]\n", "stands in what it repeats"),
         "sixty": ("b: 1" + ":1" * 40_000, "a number of 80001 digits"),
         "tag": ("b: !!timestamp soon", "not YAML"),
