@@ -10,6 +10,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from fnmatch import fnmatch
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,28 @@ def test_a_module_is_one_idea_of_a_size_that_can_be_read():
 def test_every_reason_for_a_small_module_has_one():
     for pattern in (one for patterns in SMALL_FOR_A_REASON.values() for one in patterns):
         assert [name for name in TREES if fnmatch(name, pattern)], pattern
+
+
+def test_everything_that_a_module_offers_is_there():
+    offering = [
+        name.removesuffix(".__init__") for name in TREES if "__all__" in assigned(TREES[name])
+    ]
+    missing = [
+        f"{name}.{one}"
+        for name, module in ((name, import_module(name)) for name in offering)
+        for one in module.__all__
+        if not hasattr(module, one)
+    ]
+    assert offering
+    assert not missing
+
+
+def assigned(tree: ast.Module) -> set[str]:
+    """Names that a module assigns at its top."""
+    targets = (
+        target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets
+    )
+    return {target.id for target in targets if isinstance(target, ast.Name)}
 
 
 def called_once() -> Iterator[tuple[str, int, str]]:

@@ -4,10 +4,10 @@ It never reads the plant's state."""
 
 from typing import TYPE_CHECKING
 
+from alloc.errors import OnboardError
 from alloc.lazy import names_of
 
 if TYPE_CHECKING:
-    from alloc.errors import OnboardError
     from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
     from alloc.onboard.controllers.perturb_observe import PerturbObserve
     from alloc.onboard.controllers.pi_creep import CreepControl
