@@ -6,6 +6,7 @@ STAMP  := $(VENV)/.installed
 BENCH  := $(VENV)/.bench-installed
 DOCS   := $(VENV)/.docs-installed
 STUDY  ?=
+ONLY   ?= studies,runs,figures,reports
 MUTANTS ?= 240
 SEED    ?= 11
 
@@ -58,8 +59,8 @@ mutants: setup       ## put MUTANTS faults (drawn by SEED) into the code, one at
 mutants-again: setup ## put ten of the stored faults into the code again
 	$(BIN)/python -m tests.mutants again --number 10
 
-results-hash: setup  ## compare hashes of runs, tables and statements with the stored ones
-	$(BIN)/python -m tests.results_hash
+results-hash: setup  ## compare hashes of all results with the stored ones, or of some: ONLY=runs
+	$(BIN)/python -m tests.results_hash --only $(ONLY)
 
 $(BENCH): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

@@ -52,7 +52,7 @@ class Source:
     module: str | None
     """Module whose `measured` gives the table, called with the settings, where it is neither a study nor the comparison."""
     guard: tuple[str, ...]
-    """Patterns of names in `tests/results_hash.json`: where one of these hashes changes, the values count as old."""
+    """Patterns of names in `tests/results_hash.json`: where numbers of one of these change, the values count as old."""
 
     @property
     def command(self) -> str:
@@ -67,9 +67,13 @@ class Source:
         return " ".join([start, *words])
 
     def guard_digest(self) -> str:
-        """One hash of all hashes that guard it."""
+        """One hash of the hashes of all numbers that guard it."""
         hashes = json.loads(GUARDS.read_text())["hashes"]
-        chosen = {k: v for k, v in hashes.items() if any(fnmatch(k, one) for one in self.guard)}
+        chosen = {
+            name: three.split()[1]
+            for name, three in hashes.items()
+            if any(fnmatch(name, one) for one in self.guard)
+        }
         if not chosen:
             raise ValueError(f"{self.name}: no stored hash has a name like {self.guard}")
         return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
