@@ -1,6 +1,5 @@
-"""The command `readhesion`: its commands, exit codes, and what goes wrong in one line."""
+"""The command `readhesion`: its commands, exit codes, and what goes wrong in one line. `__main__` starts it."""
 
-import io
 import os
 import sys
 import warnings
@@ -24,13 +23,10 @@ from studies.command_line.schema import schema
 from studies.command_line.simulate import simulate
 from studies.command_line.sweep import sweep
 from studies.command_line.write_report import write_report
-from studies.core.interruption import Termination, listen
 from studies.files.study_error import StudyError
 
 BAD_INPUT = 2
-INTERRUPTED = 130
 UNREAD = 141
-TERMINATED = 143
 LONGEST = 1500
 """Letters of a message; what was given may be longer."""
 
@@ -39,7 +35,7 @@ app = App(
     help="How a train of many cars should share adhesion when its wheels slip.",
     version=version("readhesion"),
     help_on_error=False,
-    suppress_keyboard_interrupt=False,  # `run` says what an interrupt leaves behind
+    suppress_keyboard_interrupt=False,  # `interruption.ends` says what it leaves behind
 )
 for command in (
     compare, simulate, run_line, sweep, merge, figures, analyse, cite, export_controller, new_scenario, schema,
@@ -84,8 +80,7 @@ def launch(
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code.
 
-    0; 1 if all failed; 2 for bad input (one line on stderr); 130 or 143 when it was interrupted or terminated; 141 when
-    nobody reads what it prints.
+    0; 1 if all failed; 2 for bad input (one line on stderr); 141 when nobody reads what it prints. An interrupt is raised.
     """
     from alloc.errors import InputError, check_compiling
 
@@ -110,11 +105,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         named = error.filename is not None and error.strerror
         return _refuse(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
-    except KeyboardInterrupt as interrupt:
-        print(
-            "readhesion: stopped; finished rows are kept, the same command goes on", file=sys.stderr
-        )
-        return TERMINATED if isinstance(interrupt, Termination) else INTERRUPTED
     return code if isinstance(code, int) else 0
 
 
@@ -143,12 +133,3 @@ class _Once:
         if line not in self.said:
             self.said.add(line)
             print(f"readhesion: {line}", file=sys.stderr)
-
-
-def main() -> None:
-    """Entry point of the installed command."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal may know plain letters only
-    listen()
-    sys.exit(run())

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,6 +61,7 @@ def run_line(
         Print JSON instead of tables.
     """
     from alloc.recording import save
+    from alloc.whole_file import write_whole
     from studies.lines import line_run
     from studies.lines.driving_style import DrivingStyle, with_stops
     from studies.lines.named_files import find_line, find_stock
@@ -84,7 +86,7 @@ def run_line(
             path, stock, style, on_progress=lambda share: on_row(path.name, round(100 * share), 100)
         )
     if out is not None:
-        save(found.run, out)
+        write_whole(out, partial(save, found.run))
     if figure is not None:
         from studies.core.gallery import gallery
 

@@ -3,6 +3,7 @@
 import json
 import sys
 from contextlib import redirect_stdout
+from functools import partial
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -49,6 +50,7 @@ def simulate(
 
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
+    from alloc.whole_file import write_whole
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts
@@ -67,7 +69,7 @@ def simulate(
         run = simulate_job(job)
         values = evaluate(run)
     if out is not None:
-        save(run, out)
+        write_whole(out, partial(save, run))
     if log is not None:
         write_log(run, chosen.event(seed).model.train, log)
     if figure is not None:

@@ -737,7 +737,7 @@ def test_a_file_that_may_not_be_read_is_refused(place, call, line):
 
 
 def process(*arguments: str, **environment: str) -> subprocess.Popen:
-    command = [sys.executable, "-c", "from studies.command_line.main import main; main()"]
+    command = [sys.executable, "-m", "studies.command_line"]
     return subprocess.Popen(
         [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env=os.environ | environment,

@@ -288,7 +288,7 @@ def test_a_controller_that_is_not_installed_is_named(refused, short_file, monkey
 
 
 def process(*arguments: object, **options) -> subprocess.Popen:
-    command = [sys.executable, "-c", "from studies.command_line.main import main; main()"]
+    command = [sys.executable, "-m", "studies.command_line"]
     return subprocess.Popen(
         [*command, *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
@@ -302,6 +302,22 @@ def test_as_a_process_bad_input_ends_with_code_2():
     assert (
         err == f"readhesion: unknown rule 'exat'; did you mean 'exact'? known: {', '.join(RULES)}\n"
     )
+
+
+def test_an_interrupt_is_one_line_also_while_it_imports_and_nothing_at_its_end(tmp_path):
+    interrupt = "import os, signal; os.kill(os.getpid(), signal.SIGINT)\nraise ImportError\n"
+    for module in ("cyclopts", "numba"):
+        own = (tmp_path / module).with_suffix(".py")
+        own.write_text(interrupt)
+        path = os.pathsep.join([str(tmp_path), *sys.path])
+        running = process("list", env=os.environ | {"PYTHONPATH": path})
+        _, err = running.communicate(timeout=60)
+        assert (running.returncode, err.count("\n")) == (130, 1), err
+        own.unlink()
+    late = "import atexit, os, runpy; atexit.register(os.kill, os.getpid(), 2); "
+    program = f"{late}runpy.run_module('studies.command_line', run_name='__main__')"
+    ended = subprocess.run([sys.executable, "-c", program, "list"], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 WAITING = """
