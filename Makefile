@@ -9,9 +9,10 @@ STUDY  ?=
 ONLY   ?= studies,runs,figures,reports
 MUTANTS ?= 240
 SEED    ?= 11
+MINUTES ?= 30
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare report figures docs results test test-newest test-lowest mutants mutants-again results-hash bench bench-keep keys lint types clean
+.PHONY: help setup compare report figures docs results test test-newest test-lowest mutants mutants-again results-hash soak bench bench-keep keys lint types clean
 
 help:      ## list the targets
 	@sed -n 's/^\([a-z-]*\): .*## /\1\t/p' $(MAKEFILE_LIST)
@@ -61,6 +62,9 @@ mutants-again: setup ## put ten of the stored faults into the code again
 
 results-hash: setup  ## compare hashes of all results with the stored ones, or of some: ONLY=runs
 	$(BIN)/python -m tests.results_hash --only $(ONLY)
+
+soak: setup          ## MINUTES of random commands (drawn by SEED) with kills, a full disk, lost workers: is anything lost?
+	$(BIN)/python -m tests.soak --minutes $(MINUTES) --seed $(SEED)
 
 $(BENCH): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

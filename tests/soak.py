@@ -1,0 +1,469 @@
+"""Random commands, two at once, killed, on a full disk, on a cluster that loses workers: nothing lost, nothing left behind.
+
+python -m tests.soak --minutes 30 --seed 1
+
+Actions come in rounds. A round has an event, folders and workers of its own, so that there is work to do. An action is a
+command or two rivals, each perhaps with a fault; what had a fault is run again. A round ends with the same tables, made
+without a fault in a fresh folder: they must be equal. Seed and number draw an action; where a fault meets it is chance.
+"""
+
+import argparse
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+import pandas as pd
+import psutil  # comes with `distributed`
+from distributed import LocalCluster
+
+from alloc.recording import load
+from alloc.whole_file import ASIDE
+from studies.core.collection import find_study
+from studies.core.interruption import listen
+from studies.core.store import ROWS, Store
+from studies.core.union import MEASURED, _differences
+from tests.studies.conftest import SHORT
+
+MARK = "READHESION_SOAK"
+"""Environment variable of all processes of a command; its value names the command."""
+ENTRY = "from studies.command_line.__main__ import main; main()"
+NO_FORK = (
+    "import sys, types, studies.core.workers as w; "
+    f"w.sys = types.SimpleNamespace(platform='other', stderr=sys.stderr); {ENTRY}"
+)
+"""The command as on a system whose workers are not forks."""
+RULES = ("alone", "greedy", "exact", "qp", "preset")
+CONTROLLERS = ("none", "cut-and-ramp", "perturb-observe")
+STUDIES = ("claims", "differences")
+MOST = 4
+"""Seeds of a comparison, events of a study in its steps."""
+KINDS = {"compare": 5, "sweep": 5, "simulate": 2, "analyse": 2, "report": 2, "merge": 2, "cite": 1}
+"""Commands, and how often each is drawn."""
+FAULTS = ("none", "none", "KILL", "INT", "TERM", "keyboard", "worker", "full disk")
+CODES = {"KILL": -9, "INT": 130, "TERM": 143, "keyboard": 130, "worker": 2, "full disk": 2}
+"""Exit code that a fault may give; 0 where it came too late."""
+BAD_WORDS = ("Traceback", "Exception ignored", ".broken-")
+ROUND = 24
+"""Actions of a round."""
+DISK = 12
+"""Size of the small disk [MB]."""
+PATIENCE, GRACE = 240.0, 20.0
+"""Longest time of a command, and within which its processes are gone after it [s]."""
+
+
+@dataclass
+class Command:
+    """A command line, who works for it, and the fault that it meets."""
+
+    words: list[str]
+    entry: str = ENTRY
+    fault: str = "none"
+    cluster: LocalCluster | None = None
+    met: bool = field(default=False, init=False)
+    """Whether the fault came before the end."""
+
+    def start(self, name: str, scratch: Path) -> None:
+        """Begin; `name` marks its processes."""
+        self.name = name
+        self.files = [scratch / f"{name}.out", scratch / f"{name}.err"]
+        with open(self.files[0], "wb") as out, open(self.files[1], "wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", self.entry, *self.words],
+                stdout=out, stderr=err, start_new_session=True,
+                env=os.environ | {MARK: name, "TMPDIR": str(scratch)},
+            )  # fmt: skip
+
+    def inject(self, disk: Path | None, luck: float) -> None:
+        """The fault, now."""
+        self.met = self.process.poll() is None
+        if self.fault == "full disk":
+            with suppress(OSError), open(f"{disk}/ballast", "wb") as file:
+                free = shutil.disk_usage(str(disk)).free - int(luck * 100_000)
+                os.posix_fallocate(file.fileno(), 0, max(free, 1))
+            return
+        with suppress(ProcessLookupError, psutil.NoSuchProcess):
+            if self.fault == "worker":
+                pids: list[int] = []
+                while not pids and self.process.poll() is None:
+                    time.sleep(0.05)
+                    known = psutil.Process(self.process.pid).children(recursive=True)
+                    here = self.cluster.workers.values() if self.cluster else known
+                    pids = [one.pid for one in here if one.pid]
+                self.met = bool(pids)
+                if pids:
+                    os.kill(pids[int(luck * len(pids))], signal.SIGKILL)
+            elif self.fault == "keyboard":
+                os.killpg(self.process.pid, signal.SIGINT)
+            else:
+                self.process.send_signal(getattr(signal, f"SIG{self.fault}"))
+
+    def end(self) -> tuple[int, str, str]:
+        """Exit code, stdout and stderr; a command that hangs is killed."""
+        try:
+            code = self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            code = 999
+        with suppress(ProcessLookupError):
+            if code == 999:
+                os.killpg(self.process.pid, signal.SIGKILL)
+        out, err = (file.read_text() for file in self.files)
+        for file in self.files:
+            file.unlink()
+        return code, out, err
+
+
+def tables(folder: Path) -> dict[tuple[Path, str], pd.DataFrame]:
+    """Every table below `folder`, in the order of its cells."""
+    places = sorted(path.parent for path in folder.rglob(ROWS))
+    read = {(folder, str(place.relative_to(folder))): Store(place).read() for place in places}
+    return {name: table.sort_values("cell", kind="stable") for name, table in read.items()}
+
+
+def lost(before: pd.DataFrame, after: pd.DataFrame, again: bool = True) -> str:
+    """What of `before` is not in `after`, in words; `again`: whether it may have been computed again."""
+    gone = set(before["cell"]) - set(after["cell"])
+    if gone:
+        return f"{len(gone)} of {before['cell'].nunique()} cells are gone, such as {min(gone)}"
+    same = after[after["cell"].isin(before["cell"])]
+    number, words = _differences(before, same)
+    if not number and not again and before["wall_time"].tolist() != same["wall_time"].tolist():
+        return "stored rows were computed again"
+    return f"{number} cells differ: {words}" if number else ""
+
+
+def untimed(value: Any) -> Any:
+    """JSON without times of computing."""
+    if isinstance(value, dict):
+        return {k: untimed(v) for k, v in value.items() if not k.startswith(MEASURED)}
+    return [untimed(one) for one in value] if isinstance(value, list) else value
+
+
+def incomplete(path: Path) -> str:
+    """Why a file is not whole, in words."""
+    try:
+        if path.suffix == ".json":
+            json.loads(path.read_text())
+        elif path.suffix == ".nc":
+            load(path)
+        elif path.suffix == ".csv":
+            lines = path.read_text().split("\n")
+            assert [lines[0].count(","), 0] == [line.count(",") for line in lines[-2:]]
+        elif path.suffix == ".html":
+            assert path.read_text().rstrip().endswith("</html>")
+    except FileNotFoundError:
+        return ""
+    except Exception as error:
+        return f"{path.name} of {path.stat().st_size} bytes is not whole: {error!r:.200}"
+    return ""
+
+
+def processes(mark: str) -> list[psutil.Process]:
+    """What still runs of a command, after a while of grace."""
+    end = time.monotonic() + GRACE
+    while True:
+        found = []
+        for process in psutil.process_iter():
+            with suppress(psutil.Error, OSError):
+                if process.environ().get(MARK) == mark:
+                    found.append(process)
+        if not found or time.monotonic() > end:
+            return found
+        time.sleep(0.1)
+
+
+class Soak:
+    """The actions of a seed, and what was seen."""
+
+    def __init__(self, base: Path, seed: int, disk: Path | None) -> None:
+        self.base, self.seed, self.disk = base, seed, disk
+        self.kinds: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()
+        self.failures: list[str] = []
+        self.rows = self.commands = 0
+        self.usual: dict[str, float] = {}
+        """What a command of each kind took without a fault [s]."""
+        self.number = self.round = -1
+        self.stack = ExitStack()
+
+    def check(self, *failures: str) -> None:
+        """Keep and print what is not empty."""
+        for words in filter(None, failures):
+            self.failures.append(f"seed {self.seed}, action {self.number}: {words}")
+            print(self.failures[-1], flush=True)
+
+    def begin(self) -> None:
+        """A new round."""
+        self.round = self.number // ROUND
+        self.here = self.base / f"round-{self.round}"
+        self.scratch = self.here / "scratch"
+        self.folders = [self.here / "results", *([self.disk / "results"] if self.disk else [])]
+        for folder in (self.scratch, *self.folders):
+            folder.mkdir(parents=True)
+        level = 0.04 + 1e-4 * random.Random(f"{self.seed} {self.round}").randrange(400)
+        self.event, self.log = self.here / "short.toml", self.here / "log.csv"
+        self.event.write_text(SHORT.replace("level = 0.05", f"level = {level:.4f}"))
+        self.stored: dict[tuple[Path, str], pd.DataFrame] = {}
+        self.files: dict[Path, int] = {}
+        self.litter: set[Path] = set()
+        self.said: dict[str, Any] = {}
+        self.used: set[str] = set()
+        self.cluster: LocalCluster | None = None
+        self.run(Command(["simulate", str(self.event), "--log", str(self.log)]))
+
+    def workers(self) -> LocalCluster:
+        """The cluster of this round."""
+        if self.cluster is None:
+            os.environ[MARK] = f"cluster-{self.round}"
+            quiet: Any = {"silence_logs": logging.CRITICAL + 1, "dashboard_address": "127.0.0.1:0"}
+            made = LocalCluster(2, threads_per_worker=1, local_directory=str(self.here), **quiet)
+            self.cluster = self.stack.enter_context(made)
+        return self.cluster
+
+    def draw(self, rng: random.Random, folder: Path) -> Command:
+        """A command, and one of the faults that it can meet."""
+        (kind,) = rng.choices(list(KINDS), list(KINDS.values()))
+        rules = rng.sample(RULES, rng.randint(1, len(RULES)))
+        controllers = rng.sample(CONTROLLERS, rng.randint(1, len(CONTROLLERS)))
+        one = ["--rule", rules[0], "--controller", controllers[0], "--json"]
+        run = folder / f"{rules[0]}-{controllers[0]}"
+        study = rng.choice(STUDIES)
+        tabled = kind in ("compare", "sweep", "report")
+        if kind == "sweep":
+            words = self.tabled(study, folder, count=rng.randint(1, MOST))
+        elif tabled:
+            words = self.tabled(kind, folder, rules, controllers, rng.randint(1, MOST))
+            if kind == "compare" and rng.random() < 0.7:
+                more = ([], [], ["--keep", "*/cut-and-ramp/0"], ["--shard", "1/2"])
+                words += ["--no-figures", *rng.choice(more)]
+        elif kind == "simulate":
+            words = ["simulate", str(self.event), *one, "--out", f"{run}.nc", "--log", f"{run}.csv"]
+        elif kind == "analyse":
+            words = ["analyse", str(self.log), "--train", str(self.log.with_suffix(".train.toml"))]
+            words += ["--out", f"{folder}/reports", "--events", f"{folder}/slips.csv", "--json"]
+        else:
+            full = sorted({place for place, _ in self.stored} & set(self.folders))
+            words = ["merge", *map(str, full), "--out", str(self.here / "merged")]
+            if kind == "cite" or not full:
+                words = ["cite", str(self.event), *one]
+        made = Command(words)
+        where = rng.choice(["fork", "fork", "other", "cluster"]) if tabled else ""
+        if where == "cluster" and kind != "report":
+            made.cluster = self.workers()
+            words += ["--executor", "dask", "--scheduler", made.cluster.scheduler_address]
+        elif tabled:
+            made.entry = NO_FORK if where == "other" else ENTRY
+            words += ["--jobs", str(rng.randint(1, 3))]
+        never = {"worker"} - ({"worker"} if tabled else set())
+        never |= {"full disk"} - ({"full disk"} if folder in self.folders[1:] else set())
+        made.fault = rng.choice([fault for fault in FAULTS if fault not in never])
+        return made
+
+    def tabled(
+        self, kind: str, folder: Path, rules: Sequence[str] = RULES,
+        controllers: Sequence[str] = CONTROLLERS, count: int = MOST,
+    ) -> list[str]:  # fmt: skip
+        """A command that makes rows; all that a round can have, if nothing is said."""
+        self.used |= {kind}
+        place = ["--results", str(folder), "--out", f"{folder}/report.html"]
+        place = place if kind == "report" else ["--out", str(folder)]
+        if kind in STUDIES:
+            events = ["--events", str(count * find_study(kind).step), "--seed", str(self.round)]
+            return ["sweep", kind, *events, *place]
+        words = [kind, "--scenario", str(self.event), "--rules", *rules]
+        return [*words, "--controllers", *controllers, "--seeds", str(count), *place]
+
+    def act(self) -> None:
+        """The next action."""
+        self.number += 1
+        if self.number // ROUND != self.round:
+            self.close()
+            self.begin()
+        rng = random.Random(f"{self.seed} {self.number}")
+        folder = rng.choice(self.folders)
+        commands = [self.draw(rng, folder) for _ in range(rng.choice((1, 1, 2)))]
+        self.kinds.update(command.words[0] for command in commands)
+        self.kinds["two at once"] += len(commands) == 2
+        self.run(*commands, rng=rng)
+        for one in commands:
+            self.faults[one.fault] += one.met
+            if one.fault != "none":
+                self.run(Command(one.words, one.entry, cluster=one.cluster))
+
+    def run(self, *commands: Command, rng: random.Random | None = None) -> None:
+        """Run these at once, with their faults, and look at what they leave."""
+        timers = []
+        for command in commands:
+            self.commands += 1
+            command.start(f"{os.getpid()}-{self.commands}", self.scratch)
+            if rng is not None and command.fault != "none":
+                delay = rng.random() * self.usual.get(command.words[0], 4.0)
+                timers.append(Timer(delay, command.inject, (self.disk, rng.random())))
+                timers[-1].start()
+        began = time.monotonic()
+        try:
+            ended = [command.end() for command in commands]
+        finally:
+            for timer in timers:
+                timer.cancel()
+                timer.join()
+            for command in commands:  # of which an end by a signal leaves some
+                command.process.kill()
+            if self.disk:
+                (self.disk / "ballast").unlink(missing_ok=True)
+        faults = {command.fault for command in commands}
+        if faults == {"none"} and len(commands) == 1:
+            self.usual[commands[0].words[0]] = time.monotonic() - began
+        for command, (code, out, err) in zip(commands, ended, strict=True):
+            self.judge(command, faults, code, out, err)
+        self.look("KILL" in faults, any("--keep" in command.words for command in commands))
+
+    def judge(self, command: Command, faults: set[str], code: int, out: str, err: str) -> None:
+        """How a command ended."""
+        lost_worker = command.fault == "worker" and command.cluster is None
+        allowed = (
+            {0}
+            if command.fault == "worker" and not lost_worker
+            else {0, CODES.get(command.fault, 0)}
+        )
+        allowed |= {2} if "full disk" in faults else set()
+        allowed |= {-signal.SIGTERM} if command.fault == "TERM" else set()  # before it listens
+        where = f"{command.fault} {'' if command.met else 'not '}met by {' '.join(command.words)}"
+        lines = err.strip().splitlines()
+        said = f"; it said: {' | '.join(lines[-25:])}" if lines else ""
+        left = processes(command.name)
+        self.check(
+            "" if code in allowed else f"exit code {code}, {where}{said}",
+            f"{where}{said}" if any(word in err for word in BAD_WORDS) else "",
+            f"no word of code {code}, {where}{said}" if code > 0 and not err.count("readhesion: ") else "",
+            f"{len(left)} processes are left, {where}" if left else "",
+        )  # fmt: skip
+        for process in left:
+            with suppress(psutil.Error):
+                process.kill()
+        if code == 0 and "--json" in command.words:
+            found = untimed(json.loads(out))
+            before = self.said.setdefault(" ".join(command.words), found)
+            self.check("" if found == before else f"it gave other numbers than before: {where}")
+
+    def look(self, killed: bool, again: bool) -> None:
+        """What the folders hold."""
+        litter = set(self.here.rglob(f".*{ASIDE}*")) - self.litter
+        litter |= {
+            path for path in self.scratch.iterdir() if not path.name.startswith("readhesion-")
+        } - self.litter
+        for folder in self.folders[1:]:
+            litter |= set(folder.rglob(f".*{ASIDE}*")) - self.litter
+        self.check("" if killed or not litter else f"litter is left: {sorted(litter)[:3]}")
+        self.litter |= litter
+        found: dict[Path, int] = {}
+        for folder in (*self.folders, self.here / "merged"):
+            with warnings.catch_warnings(record=True) as caught:
+                now = tables(folder)
+            self.check(*(str(one.message) for one in caught))
+            for place, before in {p: t for p, t in self.stored.items() if p[0] == folder}.items():
+                self.rows += len(before)
+                after = now.get(place, before[:0])
+                words = lost(before, after, again or folder.name == "merged")
+                self.check(f"{place[1]} of {folder}: {words}" if words else "")
+            self.stored |= now
+            for name, table in now.items():
+                bad = table[table["status"] != "ok"]
+                self.check(
+                    f"{name[1]}: {len(bad)} rows are not ok: {bad['reason'].iloc[0]}"
+                    if len(bad)
+                    else ""
+                )
+            for path in folder.rglob("[!.]*.*"):
+                if (
+                    path.suffix in (".json", ".nc", ".csv", ".html")
+                    and path.parent.name != "figures"
+                ):
+                    with suppress(FileNotFoundError):
+                        found[path] = path.stat().st_mtime_ns
+        self.check(*(incomplete(path) for path in found if found[path] != self.files.get(path)))
+        self.check(*(f"file {path} is gone" for path in self.files if path not in found))
+        self.files = found
+
+    def close(self) -> None:
+        """The end of a round: all its tables, also made without a fault in a fresh folder."""
+        if self.round < 0:
+            return
+        kinds = sorted(self.used - ({"compare"} if "report" in self.used else set()))
+        clean = self.here / "clean"
+        for folder in (*self.folders, clean):
+            for kind in kinds:
+                self.run(Command(self.tabled(kind, folder)))
+        whole = {name: table for (_, name), table in tables(clean).items()}
+        for (folder, name), table in self.stored.items():
+            self.rows += len(table)
+            words = lost(table, whole[name])
+            more = len(whole[name]) - len(table) if folder in self.folders else 0
+            words = words or (f"{more} rows are missing" if more else "")
+            self.check(f"{name} of {folder} is not as without faults: {words}" if words else "")
+        self.stack.close()
+        self.check("workers of the cluster are left" if processes(f"cluster-{self.round}") else "")
+        for folder in (self.here, *self.folders[1:]):
+            shutil.rmtree(folder)
+        self.round = -1
+
+
+@contextmanager
+def small_disk(place: Path) -> Iterator[Path | None]:
+    """A file system of `DISK` MB; None where one may not mount."""
+    place.mkdir()
+    options = ["-t", "tmpfs", "-o", f"size={DISK}m", "tmpfs", str(place)]
+    if shutil.which("mount") is None or subprocess.run(["mount", *options], capture_output=True).returncode:  # fmt: skip
+        print("no full disk: this user may not mount a small one")
+        yield None
+        return
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def soak(seed: int, minutes: float, actions: int | None = None, start: int = 0) -> list[str]:
+    """Act for so long, or so many times; prints a summary and returns what was wrong."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="soak-") as folder, small_disk(Path(folder) / "disk") as disk:  # fmt: skip
+        one = Soak(Path(folder), seed, disk)
+        one.number = start - 1
+        with suppress(KeyboardInterrupt), one.stack:
+            while time.monotonic() - began < 60 * minutes and one.number - start + 1 != actions:
+                one.act()
+            one.close()
+    met = ", ".join(f"{name} {count}" for name, count in sorted(one.faults.items()) if count)
+    kinds = ", ".join(f"{name} {count}" for name, count in sorted(one.kinds.items()))
+    print(
+        f"seed {seed}: {one.number - start + 1} actions in {(time.monotonic() - began) / 60:.1f} minutes, "
+        f"{one.commands} commands\ndrawn: {kinds}\nfaults met: {met}\n{one.rows} rows compared, "
+        f"{len(one.failures)} failures"
+    )
+    return one.failures
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--actions", type=int, help="number of actions, instead of an end by time")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--from", type=int, default=0, dest="start", help="first action")
+    given = parser.parse_args()
+    listen()  # an end by a signal ends what it started too
+    minutes = given.minutes if given.actions is None else float("inf")
+    sys.exit(1 if soak(given.seed, minutes, given.actions, given.start) else 0)
