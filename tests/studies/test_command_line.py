@@ -1,5 +1,6 @@
 """The command as a user meets it: what it prints, what it writes, and one clear line for what cannot be."""
 
+import errno
 import json
 import os
 import shlex
@@ -17,6 +18,8 @@ from alloc.metrics import METRICS
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.recording import load
 from alloc.rules import RULES
+from alloc.whole_file import ASIDE
+from studies.command_line.main import run
 from studies.command_line.options import command_of
 from studies.core.plugins import VARIABLE
 from studies.core.store import Store
@@ -302,6 +305,30 @@ def test_as_a_process_bad_input_ends_with_code_2():
     assert (
         err == f"readhesion: unknown rule 'exat'; did you mean 'exact'? known: {', '.join(RULES)}\n"
     )
+
+
+def test_a_file_that_cannot_be_finished_leaves_the_one_that_was_there(
+    short_file, tmp_path, monkeypatch
+):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    log, reports = tmp_path / "log.csv", tmp_path / "reports"
+    assert run(["simulate", str(short_file), "--log", str(log)]) == 0
+    analyse = ["analyse", str(log), "--train", str(tmp_path / "log.train.toml")]
+    reports.mkdir()
+    monkeypatch.setattr(os, "replace", refuse)
+    for path, words in {
+        tmp_path / "run.nc": ["simulate", str(short_file), "--out"],
+        tmp_path / "new.csv": ["simulate", str(short_file), "--log"],
+        tmp_path / "new.parquet": ["simulate", str(short_file), "--log"],
+        tmp_path / "slips.csv": [*analyse, "--events"],
+        reports / "log.csv.json": [*analyse, "--out"],
+    }.items():
+        path.write_text("before")
+        assert run([*words, str(reports if path.parent == reports else path)]) == 2
+        assert path.read_text() == "before"
+    assert not list(tmp_path.rglob(f".*{ASIDE}*"))
 
 
 def test_an_interrupt_is_one_line_also_while_it_imports_and_nothing_at_its_end(tmp_path):
