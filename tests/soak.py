@@ -54,10 +54,14 @@ MOST = 4
 """Seeds of a comparison, events of a study in its steps."""
 KINDS = {"compare": 5, "sweep": 5, "simulate": 2, "analyse": 2, "report": 2, "merge": 2, "cite": 1}
 """Commands, and how often each is drawn."""
-FAULTS = ("none", "none", "KILL", "INT", "TERM", "keyboard", "worker", "full disk")
-CODES = {"KILL": -9, "INT": 130, "TERM": 143, "keyboard": 130, "worker": 2, "full disk": 2}
-"""Exit code that a fault may give; 0 where it came too late."""
+CODES = {
+    "none": {0}, "KILL": {0, -signal.SIGKILL}, "INT": {0, 130}, "TERM": {0, 143}, "keyboard": {0, 130},
+    "full disk": {0, 2}, "worker": {0, 2}, "worker of the cluster": {0},
+}  # fmt: skip
+"""Faults, and the exit codes that a command may have then; 0 also where a fault came too late."""
 BAD_WORDS = ("Traceback", "Exception ignored", ".broken-")
+WHOLE = (".json", ".nc", ".csv", ".html")
+"""Endings of files that must be whole."""
 ROUND = 24
 """Actions of a round."""
 DISK = 12
@@ -90,27 +94,42 @@ class Command:
 
     def inject(self, disk: Path | None, luck: float) -> None:
         """The fault, now."""
-        self.met = self.process.poll() is None
-        if self.fault == "full disk":
-            with suppress(OSError), open(f"{disk}/ballast", "wb") as file:
-                free = shutil.disk_usage(str(disk)).free - int(luck * 100_000)
-                os.posix_fallocate(file.fileno(), 0, max(free, 1))
-            return
         with suppress(ProcessLookupError, psutil.NoSuchProcess):
-            if self.fault == "worker":
+            if self.fault == "full disk":
+                with suppress(OSError), open(f"{disk}/ballast", "wb") as file:
+                    free = shutil.disk_usage(str(disk)).free - int(luck * 100_000)
+                    os.posix_fallocate(file.fileno(), 0, max(free, 1))
+                self.met = self.process.poll() is None
+            elif self.fault.startswith("worker"):
                 pids: list[int] = []
                 while not pids and self.process.poll() is None:
                     time.sleep(0.05)
-                    known = psutil.Process(self.process.pid).children(recursive=True)
-                    here = self.cluster.workers.values() if self.cluster else known
-                    pids = [one.pid for one in here if one.pid]
+                    pids = [one.pid for one in self.workers() if one.pid]
                 self.met = bool(pids)
                 if pids:
                     os.kill(pids[int(luck * len(pids))], signal.SIGKILL)
-            elif self.fault == "keyboard":
-                os.killpg(self.process.pid, signal.SIGINT)
             else:
-                self.process.send_signal(getattr(signal, f"SIG{self.fault}"))
+                number = getattr(signal, f"SIG{self.fault.replace('keyboard', 'INT')}")
+                while (
+                    number != signal.SIGKILL and self.process.poll() is None and not self.listens()
+                ):
+                    time.sleep(0.02)
+                self.met = self.process.poll() is None
+                (os.killpg if self.fault == "keyboard" else os.kill)(self.process.pid, number)
+
+    def workers(self) -> list[Any]:
+        """Those who work for it; joblib's process that tidies up is none."""
+        if self.cluster is not None:
+            return list(self.cluster.workers.values())
+        known = psutil.Process(self.process.pid).children(recursive=True)
+        return [one for one in known if "resource_tracker" not in " ".join(one.cmdline())]
+
+    def listens(self) -> bool:
+        """Whether it handles SIGTERM yet, where the system tells: until then Python starts."""
+        with suppress(OSError, StopIteration), open(f"/proc/{self.process.pid}/status") as file:
+            mask = next(line for line in file if line.startswith("SigCgt"))
+            return bool(int(mask.split()[1], 16) >> signal.SIGTERM - 1 & 1)
+        return True
 
     def end(self) -> tuple[int, str, str]:
         """Exit code, stdout and stderr; a command that hangs is killed."""
@@ -165,8 +184,6 @@ def incomplete(path: Path) -> str:
             assert [lines[0].count(","), 0] == [line.count(",") for line in lines[-2:]]
         elif path.suffix == ".html":
             assert path.read_text().rstrip().endswith("</html>")
-    except FileNotFoundError:
-        return ""
     except Exception as error:
         return f"{path.name} of {path.stat().st_size} bytes is not whole: {error!r:.200}"
     return ""
@@ -219,6 +236,7 @@ class Soak:
         self.event.write_text(SHORT.replace("level = 0.05", f"level = {level:.4f}"))
         self.stored: dict[tuple[Path, str], pd.DataFrame] = {}
         self.files: dict[Path, int] = {}
+        self.places = [*self.folders, self.here / "merged"]
         self.litter: set[Path] = set()
         self.said: dict[str, Any] = {}
         self.used: set[str] = set()
@@ -230,7 +248,7 @@ class Soak:
         if self.cluster is None:
             os.environ[MARK] = f"cluster-{self.round}"
             quiet: Any = {"silence_logs": logging.CRITICAL + 1, "dashboard_address": "127.0.0.1:0"}
-            made = LocalCluster(2, threads_per_worker=1, local_directory=str(self.here), **quiet)
+            made = LocalCluster(2, threads_per_worker=1, local_directory=str(self.base), **quiet)
             self.cluster = self.stack.enter_context(made)
         return self.cluster
 
@@ -268,9 +286,10 @@ class Soak:
         elif tabled:
             made.entry = NO_FORK if where == "other" else ENTRY
             words += ["--jobs", str(rng.randint(1, 3))]
-        never = {"worker"} - ({"worker"} if tabled else set())
-        never |= {"full disk"} - ({"full disk"} if folder in self.folders[1:] else set())
-        made.fault = rng.choice([fault for fault in FAULTS if fault not in never])
+        never = {"worker"} if made.cluster or not tabled else set()
+        never |= set() if made.cluster else {"worker of the cluster"}
+        never |= set() if folder in self.folders[1:] else {"full disk"}
+        made.fault = rng.choice([fault for fault in ("none", *CODES) if fault not in never])
         return made
 
     def tabled(
@@ -334,22 +353,14 @@ class Soak:
 
     def judge(self, command: Command, faults: set[str], code: int, out: str, err: str) -> None:
         """How a command ended."""
-        lost_worker = command.fault == "worker" and command.cluster is None
-        allowed = (
-            {0}
-            if command.fault == "worker" and not lost_worker
-            else {0, CODES.get(command.fault, 0)}
-        )
-        allowed |= {2} if "full disk" in faults else set()
-        allowed |= {-signal.SIGTERM} if command.fault == "TERM" else set()  # before it listens
+        allowed = CODES[command.fault] | (CODES["full disk"] if "full disk" in faults else set())
         where = f"{command.fault} {'' if command.met else 'not '}met by {' '.join(command.words)}"
-        lines = err.strip().splitlines()
-        said = f"; it said: {' | '.join(lines[-25:])}" if lines else ""
+        where += f"; it said: {' | '.join(err.strip().splitlines()[-25:])}"
         left = processes(command.name)
         self.check(
-            "" if code in allowed else f"exit code {code}, {where}{said}",
-            f"{where}{said}" if any(word in err for word in BAD_WORDS) else "",
-            f"no word of code {code}, {where}{said}" if code > 0 and not err.count("readhesion: ") else "",
+            "" if code in allowed else f"exit code {code}, {where}",
+            f"{where}" if any(word in err for word in BAD_WORDS) else "",
+            f"no word of code {code}, {where}" if code > 0 and not err.count("readhesion: ") else "",
             f"{len(left)} processes are left, {where}" if left else "",
         )  # fmt: skip
         for process in left:
@@ -362,42 +373,31 @@ class Soak:
 
     def look(self, killed: bool, again: bool) -> None:
         """What the folders hold."""
-        litter = set(self.here.rglob(f".*{ASIDE}*")) - self.litter
-        litter |= {
-            path for path in self.scratch.iterdir() if not path.name.startswith("readhesion-")
-        } - self.litter
-        for folder in self.folders[1:]:
-            litter |= set(folder.rglob(f".*{ASIDE}*")) - self.litter
-        self.check("" if killed or not litter else f"litter is left: {sorted(litter)[:3]}")
+        present = [path for place in self.places for path in place.rglob("*.*")]
+        litter = {path for path in present if ASIDE in path.name} - self.litter
+        more = {path for path in self.scratch.iterdir() if not path.name.startswith("readhesion-")}
+        litter |= more - self.litter
+        self.check(f"litter is left: {sorted(litter)[:3]}" if litter and not killed else "")
         self.litter |= litter
-        found: dict[Path, int] = {}
-        for folder in (*self.folders, self.here / "merged"):
+        for place in self.places:
             with warnings.catch_warnings(record=True) as caught:
-                now = tables(folder)
+                now = tables(place)
             self.check(*(str(one.message) for one in caught))
-            for place, before in {p: t for p, t in self.stored.items() if p[0] == folder}.items():
-                self.rows += len(before)
-                after = now.get(place, before[:0])
-                words = lost(before, after, again or folder.name == "merged")
-                self.check(f"{place[1]} of {folder}: {words}" if words else "")
+            for name, before in self.stored.items():
+                if name[0] == place:
+                    self.rows += len(before)
+                    words = lost(
+                        before, now.get(name, before[:0]), again or name[0].name == "merged"
+                    )
+                    self.check(f"{name[1]} of {place}: {words}" if words else "")
             self.stored |= now
-            for name, table in now.items():
-                bad = table[table["status"] != "ok"]
-                self.check(
-                    f"{name[1]}: {len(bad)} rows are not ok: {bad['reason'].iloc[0]}"
-                    if len(bad)
-                    else ""
-                )
-            for path in folder.rglob("[!.]*.*"):
-                if (
-                    path.suffix in (".json", ".nc", ".csv", ".html")
-                    and path.parent.name != "figures"
-                ):
-                    with suppress(FileNotFoundError):
-                        found[path] = path.stat().st_mtime_ns
-        self.check(*(incomplete(path) for path in found if found[path] != self.files.get(path)))
-        self.check(*(f"file {path} is gone" for path in self.files if path not in found))
-        self.files = found
+            failed = [table[table["status"] != "ok"] for table in now.values()]
+            self.check(*(f"{place}: {rows['reason'].iloc[0]}" for rows in failed if len(rows)))
+        files = {path: path.stat().st_mtime_ns for path in present
+                 if path.suffix in WHOLE and path.parent.name != "figures" and path not in self.litter}  # fmt: skip
+        self.check(*(incomplete(path) for path in files if files[path] != self.files.get(path)))
+        self.check(*(f"file {path} is gone" for path in self.files if path not in files))
+        self.files = files
 
     def close(self) -> None:
         """The end of a round: all its tables, also made without a fault in a fresh folder."""
