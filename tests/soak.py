@@ -23,6 +23,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -110,9 +111,7 @@ class Command:
                     os.kill(pids[int(luck * len(pids))], signal.SIGKILL)
             else:
                 number = getattr(signal, f"SIG{self.fault.replace('keyboard', 'INT')}")
-                while (
-                    number != signal.SIGKILL and self.process.poll() is None and not self.listens()
-                ):
+                while self.process.poll() is None and not self.listens():
                     time.sleep(0.02)
                 self.met = self.process.poll() is None
                 (os.killpg if self.fault == "keyboard" else os.kill)(self.process.pid, number)
@@ -137,9 +136,7 @@ class Command:
             code = self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             code = 999
-        with suppress(ProcessLookupError):
-            if code == 999:
-                os.killpg(self.process.pid, signal.SIGKILL)
+            os.killpg(self.process.pid, signal.SIGKILL)
         out, err = (file.read_text() for file in self.files)
         for file in self.files:
             file.unlink()
@@ -175,17 +172,19 @@ def untimed(value: Any) -> Any:
 def incomplete(path: Path) -> str:
     """Why a file is not whole, in words."""
     try:
-        if path.suffix == ".json":
-            json.loads(path.read_text())
-        elif path.suffix == ".nc":
+        if path.suffix == ".nc":
             load(path)
-        elif path.suffix == ".csv":
-            lines = path.read_text().split("\n")
-            assert [lines[0].count(","), 0] == [line.count(",") for line in lines[-2:]]
+            return ""
+        text = path.read_text()
+        if path.suffix == ".json":
+            json.loads(text)
         elif path.suffix == ".html":
-            assert path.read_text().rstrip().endswith("</html>")
+            assert text.rstrip().endswith("</html>")
+        else:
+            first, *_, last, end = text.split("\n")
+            assert (last.count(","), end) == (first.count(","), "")
     except Exception as error:
-        return f"{path.name} of {path.stat().st_size} bytes is not whole: {error!r:.200}"
+        return f"of {path.stat().st_size} bytes is not whole: {error!r:.200}"
     return ""
 
 
@@ -217,9 +216,9 @@ class Soak:
         self.number = self.round = -1
         self.stack = ExitStack()
 
-    def check(self, *failures: str) -> None:
-        """Keep and print what is not empty."""
-        for words in filter(None, failures):
+    def check(self, fits: bool, words: str) -> None:
+        """Keep and print the words where something does not fit."""
+        if not fits:
             self.failures.append(f"seed {self.seed}, action {self.number}: {words}")
             print(self.failures[-1], flush=True)
 
@@ -243,10 +242,14 @@ class Soak:
         self.cluster: LocalCluster | None = None
         self.run(Command(["simulate", str(self.event), "--log", str(self.log)]))
 
+    def name(self, number: object = "cluster") -> str:
+        """Of a command, or of this round's cluster, here and now."""
+        return f"{os.getpid()}-{self.round}-{number}"
+
     def workers(self) -> LocalCluster:
         """The cluster of this round."""
         if self.cluster is None:
-            os.environ[MARK] = f"cluster-{self.round}"
+            os.environ[MARK] = self.name()
             quiet: Any = {"silence_logs": logging.CRITICAL + 1, "dashboard_address": "127.0.0.1:0"}
             made = LocalCluster(2, threads_per_worker=1, local_directory=str(self.base), **quiet)
             self.cluster = self.stack.enter_context(made)
@@ -328,7 +331,7 @@ class Soak:
         timers = []
         for command in commands:
             self.commands += 1
-            command.start(f"{os.getpid()}-{self.commands}", self.scratch)
+            command.start(self.name(self.commands), self.scratch)
             if rng is not None and command.fault != "none":
                 delay = rng.random() * self.usual.get(command.words[0], 4.0)
                 timers.append(Timer(delay, command.inject, (self.disk, rng.random())))
@@ -357,46 +360,47 @@ class Soak:
         where = f"{command.fault} {'' if command.met else 'not '}met by {' '.join(command.words)}"
         where += f"; it said: {' | '.join(err.strip().splitlines()[-25:])}"
         left = processes(command.name)
-        self.check(
-            "" if code in allowed else f"exit code {code}, {where}",
-            f"{where}" if any(word in err for word in BAD_WORDS) else "",
-            f"no word of code {code}, {where}" if code > 0 and not err.count("readhesion: ") else "",
-            f"{len(left)} processes are left, {where}" if left else "",
-        )  # fmt: skip
+        self.check(code in allowed, f"exit code {code}, {where}")
+        self.check(not any(word in err for word in BAD_WORDS), where)
+        self.check(code <= 0 or "readhesion: " in err, f"no word of exit code {code}, {where}")
+        self.check(not left, f"{len(left)} processes are left, {where}")
         for process in left:
             with suppress(psutil.Error):
                 process.kill()
         if code == 0 and "--json" in command.words:
             found = untimed(json.loads(out))
             before = self.said.setdefault(" ".join(command.words), found)
-            self.check("" if found == before else f"it gave other numbers than before: {where}")
+            self.check(found == before, f"it gave other numbers than before: {where}")
 
     def look(self, killed: bool, again: bool) -> None:
         """What the folders hold."""
         present = [path for place in self.places for path in place.rglob("*.*")]
-        litter = {path for path in present if ASIDE in path.name} - self.litter
-        more = {path for path in self.scratch.iterdir() if not path.name.startswith("readhesion-")}
-        litter |= more - self.litter
-        self.check(f"litter is left: {sorted(litter)[:3]}" if litter and not killed else "")
+        litter = {path for path in present if ASIDE in path.name}
+        litter |= {one for one in self.scratch.iterdir() if not one.name.startswith("readhesion-")}
+        new = sorted(litter - self.litter)
+        self.check(killed or not new, f"litter is left: {new[:3]}")
         self.litter |= litter
         for place in self.places:
             with warnings.catch_warnings(record=True) as caught:
                 now = tables(place)
-            self.check(*(str(one.message) for one in caught))
+            self.check(not caught, f"{place}: {[str(one.message) for one in caught]}")
             for name, before in self.stored.items():
                 if name[0] == place:
                     self.rows += len(before)
-                    words = lost(
-                        before, now.get(name, before[:0]), again or name[0].name == "merged"
-                    )
-                    self.check(f"{name[1]} of {place}: {words}" if words else "")
+                    other = again or place.name == "merged"
+                    words = lost(before, now.get(name, before[:0]), other)
+                    self.check(not words, f"{name[1]} of {place}: {words}")
             self.stored |= now
-            failed = [table[table["status"] != "ok"] for table in now.values()]
-            self.check(*(f"{place}: {rows['reason'].iloc[0]}" for rows in failed if len(rows)))
-        files = {path: path.stat().st_mtime_ns for path in present
-                 if path.suffix in WHOLE and path.parent.name != "figures" and path not in self.litter}  # fmt: skip
-        self.check(*(incomplete(path) for path in files if files[path] != self.files.get(path)))
-        self.check(*(f"file {path} is gone" for path in self.files if path not in files))
+            for table in now.values():
+                failed = table[table["status"] != "ok"]
+                self.check(failed.empty, f"{place}: {failed['reason'].tolist()[:1]}")
+        whole = [path for path in present if path.suffix in WHOLE and path not in litter]
+        files = {path: path.stat().st_mtime_ns for path in whole if path.parent.name != "figures"}
+        for path in files.keys() | self.files.keys():
+            words = "is gone"
+            if path in files:
+                words = "" if files[path] == self.files.get(path) else incomplete(path)
+            self.check(not words, f"{path} {words}")
         self.files = files
 
     def close(self) -> None:
@@ -412,11 +416,11 @@ class Soak:
         for (folder, name), table in self.stored.items():
             self.rows += len(table)
             words = lost(table, whole[name])
-            more = len(whole[name]) - len(table) if folder in self.folders else 0
-            words = words or (f"{more} rows are missing" if more else "")
-            self.check(f"{name} of {folder} is not as without faults: {words}" if words else "")
+            self.check(not words, f"{name} of {folder} is not as without faults: {words}")
+            some = folder in self.folders and len(table) != len(whole[name])
+            self.check(not some, f"{name} of {folder} has {len(table)} of {len(whole[name])} rows")
         self.stack.close()
-        self.check("workers of the cluster are left" if processes(f"cluster-{self.round}") else "")
+        self.check(not processes(self.name()), "workers of the cluster are left")
         for folder in (self.here, *self.folders[1:]):
             shutil.rmtree(folder)
         self.round = -1
@@ -426,8 +430,8 @@ class Soak:
 def small_disk(place: Path) -> Iterator[Path | None]:
     """A file system of `DISK` MB; None where one may not mount."""
     place.mkdir()
-    options = ["-t", "tmpfs", "-o", f"size={DISK}m", "tmpfs", str(place)]
-    if shutil.which("mount") is None or subprocess.run(["mount", *options], capture_output=True).returncode:  # fmt: skip
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK}m", "tmpfs", str(place)]
+    if not shutil.which("mount") or subprocess.run(mount, capture_output=True).returncode:
         print("no full disk: this user may not mount a small one")
         yield None
         return
@@ -437,33 +441,46 @@ def small_disk(place: Path) -> Iterator[Path | None]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def soak(seed: int, minutes: float, actions: int | None = None, start: int = 0) -> list[str]:
+def soak(
+    base: Path,
+    seed: int,
+    disk: Path | None,
+    minutes: float = inf,
+    actions: int = -1,
+    first: int = 0,
+) -> list[str]:
     """Act for so long, or so many times; prints a summary and returns what was wrong."""
     began = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="soak-") as folder, small_disk(Path(folder) / "disk") as disk:  # fmt: skip
-        one = Soak(Path(folder), seed, disk)
-        one.number = start - 1
-        with suppress(KeyboardInterrupt), one.stack:
-            while time.monotonic() - began < 60 * minutes and one.number - start + 1 != actions:
-                one.act()
-            one.close()
-    met = ", ".join(f"{name} {count}" for name, count in sorted(one.faults.items()) if count)
-    kinds = ", ".join(f"{name} {count}" for name, count in sorted(one.kinds.items()))
-    print(
-        f"seed {seed}: {one.number - start + 1} actions in {(time.monotonic() - began) / 60:.1f} minutes, "
-        f"{one.commands} commands\ndrawn: {kinds}\nfaults met: {met}\n{one.rows} rows compared, "
-        f"{len(one.failures)} failures"
+    one = Soak(base, seed, disk)
+    one.number = first - 1
+    with suppress(KeyboardInterrupt), one.stack:
+        while time.monotonic() - began < 60 * minutes and one.number - first + 1 != actions:
+            one.act()
+        one.close()
+    kinds, met = (
+        ", ".join(f"{name} {count}" for name, count in sorted(counts.items()) if count)
+        for counts in (one.kinds, one.faults)
     )
+    took = (time.monotonic() - began) / 60
+    print(f"seed {seed}: {one.number - first + 1} actions in {took:.1f} minutes")
+    print(f"{one.commands} commands, with those run again or for comparison; drawn: {kinds}")
+    print(f"faults met: {met}\n{one.rows} rows compared, {len(one.failures)} failures")
     return one.failures
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--actions", type=int, help="number of actions, instead of an end by time")
+    parser.add_argument(
+        "--actions", type=int, default=-1, help="number of actions, if that is less"
+    )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--from", type=int, default=0, dest="start", help="first action")
-    given = parser.parse_args()
+    parser.add_argument("--first", type=int, default=0, help="number of the first action")
+    given = vars(parser.parse_args())
     listen()  # an end by a signal ends what it started too
-    minutes = given.minutes if given.actions is None else float("inf")
-    sys.exit(1 if soak(given.seed, minutes, given.actions, given.start) else 0)
+    with (
+        tempfile.TemporaryDirectory(prefix="soak-") as folder,
+        small_disk(Path(folder) / "disk") as small,
+    ):
+        failures = soak(Path(folder), disk=small, **given)
+    sys.exit(1 if failures else 0)
