@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from math import inf
+from multiprocessing import resource_tracker
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -215,6 +216,7 @@ class Soak:
         """What a command of each kind took without a fault [s]."""
         self.number = self.round = -1
         self.stack = ExitStack()
+        resource_tracker.ensure_running()  # else it would begin, and seem to stay, with a cluster
 
     def check(self, fits: bool, words: str) -> None:
         """Keep and print the words where something does not fit."""
@@ -409,16 +411,18 @@ class Soak:
             return
         kinds = sorted(self.used - ({"compare"} if "report" in self.used else set()))
         clean = self.here / "clean"
+        clean.mkdir()
         for folder in (*self.folders, clean):
             for kind in kinds:
                 self.run(Command(self.tabled(kind, folder)))
         whole = {name: table for (_, name), table in tables(clean).items()}
         for (folder, name), table in self.stored.items():
             self.rows += len(table)
-            words = lost(table, whole[name])
+            made = whole.get(name, table[:0])
+            words = lost(table, made)
             self.check(not words, f"{name} of {folder} is not as without faults: {words}")
-            some = folder in self.folders and len(table) != len(whole[name])
-            self.check(not some, f"{name} of {folder} has {len(table)} of {len(whole[name])} rows")
+            some = folder in self.folders and len(table) != len(made)
+            self.check(not some, f"{name} of {folder} has {len(table)} of {len(made)} rows")
         self.stack.close()
         self.check(not processes(self.name()), "workers of the cluster are left")
         for folder in (self.here, *self.folders[1:]):
