@@ -6,5 +6,25 @@
     simulate(event, "greedy", "mpc")
     simulate(event, "alone", HostedController("mine", "", lambda contexts: TrainMpc(contexts, settings)))
 
+"mpc-opti" is "mpc" with every problem solved by CasADi, as `mpc.reference` states it: to read and to check with, slow.
+`mpc.solve(problem, solver)` solves one `Problem` by the loop's solver or by one of CasADi's and returns a `Plan`.
 `MpcError` is raised for settings that cannot be.
 """
+
+from typing import TYPE_CHECKING
+
+from alloc.lazy import names_of
+
+if TYPE_CHECKING:
+    from mpc.horizon import HorizonProblem, Plan, Problem
+    from mpc.reference import solve
+    from mpc.settings import MpcError, MpcSettings
+else:
+    __getattr__ = names_of(
+        __name__,
+        horizon="HorizonProblem Plan Problem",
+        reference="solve",
+        settings="MpcError MpcSettings",
+    )
+
+__all__ = ["HorizonProblem", "MpcError", "MpcSettings", "Plan", "Problem", "solve"]

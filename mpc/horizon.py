@@ -1,4 +1,4 @@
-"""The optimal control problem of one control period: the solver's input and its answer.
+"""The data of the optimal control problem of one control period, and its answer; `mpc.reference` states it whole.
 
 Everything counts positive in the direction of the demand, so braking and driving are one problem. The problem is for one
 unit or a group; with one unit, plain numbers may replace entries per unit.
@@ -8,14 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alloc.onboard.host import UnitContext
 from alloc.plant.structure import Floats
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
-from mpc.settings import MpcSettings
+from mpc.settings import MpcError, MpcSettings
 from mpc.unit_model import (
     Units,
     group_of,
     slip_matrix,
     torque_per_coefficient,
+    unit_model,
     unit_of_axle,
 )
 
@@ -52,6 +54,55 @@ class HorizonSolution(NamedTuple):
     iterations: int
     status: str
     """"ok", or what went wrong."""
+
+
+class Problem(NamedTuple):
+    """The whole problem of a period, of a unit or of a group, for `mpc.solve`."""
+
+    units: Units
+    settings: MpcSettings
+    period: HorizonProblem
+    guess: Floats | None = None
+    """Torques to start from [N m], (horizon, units); None: those of the period before, held."""
+
+    @property
+    def evenness(self) -> float:
+        """Weight of that term of the cost; a unit alone has nobody to share with."""
+        alone = isinstance(self.units, UnitContext)
+        return 0.0 if alone else self.settings.group.evenness
+
+    def numbers(self) -> list[Floats]:
+        """Data of the period as arrays of their full size; raises `MpcError` where one has another."""
+        model, found = unit_model(self.units), []
+        sizes = model.states, model.parameters.numel(), model.axles, *[model.units] * 4
+        for name, value, size in zip(self.period._fields, self.period, sizes, strict=True):
+            if np.size(value) not in (1, size):
+                raise MpcError(f"mpc: {name} has {np.size(value)} numbers; give it {size}")
+            found.append(np.broadcast_to(np.asarray(value, dtype=float), size))
+        return found
+
+    def guessed(self) -> Floats:
+        """The guess within its bounds, (horizon, units)."""
+        now, shape = self.period, (self.settings.horizon, len(group_of(self.units)))
+        guess = now.before if self.guess is None else np.reshape(self.guess, shape)
+        return np.clip(np.broadcast_to(guess, shape), 0.0, now.upper)
+
+
+class Plan(NamedTuple):
+    """What `mpc.solve` answers."""
+
+    torques: Floats
+    """Torque commands [N m], (horizon, units)."""
+    states: Floats
+    """From the measured one on, (horizon + 1, states), see `mpc.unit_model.UnitModel`."""
+    slack: Floats
+    """Slip beyond its limit at the end of each step, over the scale of slip, (horizon, axles)."""
+    cost: float
+    status: str
+    """"ok", or what went wrong: the rest is then not to be used."""
+    iterations: int
+    solve_time: float
+    """Measured [s]; without what is made once for all problems of a shape."""
 
 
 def cost_of(units: Units, settings: MpcSettings, evenness: float = 0.0) -> Cost:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from alloc.onboard.compiled_controller import CompiledControllers, each_compiled
-from alloc.onboard.host import HostedController, TrainController, UnitContext
+from alloc.onboard.host import HostedController, TrainController, UnitContext, each_unit
 from mpc.settings import MpcSettings
 
 
@@ -12,10 +12,13 @@ def _hosted(name: str, meaning: str, colour: str, marker: str) -> HostedControll
     def build(contexts: Sequence[UnitContext]) -> TrainController | CompiledControllers:
         from mpc.group_controller import CarControllers, GroupController
         from mpc.train_controller import TrainMpc
+        from mpc.unit_controller import MpcController, OptiIteration
         from mpc.unit_step import compiled_unit
 
         if name == "mpc":
             return each_compiled(lambda one: compiled_unit(one, one.settings))(contexts)
+        if name == "mpc-opti":
+            return each_unit(lambda one: MpcController(one, one.settings, OptiIteration))(contexts)
         joint: Any = {
             "mpc-car": CarControllers,
             "mpc-train": TrainMpc,
@@ -29,6 +32,9 @@ def _hosted(name: str, meaning: str, colour: str, marker: str) -> HostedControll
 MPC = _hosted("mpc", "model predictive control of each unit (CasADi)", "#aa39ff", "P")
 MPC_CAR = _hosted(
     "mpc-car", "MPC, the units of a car as one problem with load transfer", "#713971", "<"
+)
+MPC_OPTI = _hosted(
+    "mpc-opti", "as mpc, solved to convergence by CasADi: readable reference, slow", "#854bb8", "."
 )
 MPC_TRAIN = _hosted(
     "mpc-train", "MPC, allocation and readhesion as one problem over all units, by telegrams", "#8e8ee3", ">"

@@ -5,15 +5,21 @@ processes governed by differential-algebraic equations, J. Process Control 12 (2
 away. The whole period is one compiled call, `mpc.sqp.iterate`.
 """
 
+import time
+from functools import lru_cache
+
 import numpy as np
 
 from alloc.by_address import address_of
 from alloc.by_reference import ByReference
+from alloc.plant.structure import Floats
 from mpc.arrays import CURVATURE, PREPARE, RATE, SLOPE, TANGENT
 from mpc.assembly import compiled_group
-from mpc.horizon import HorizonProblem, HorizonSolution, cost_of
+from mpc.cost import trajectory_cost
+from mpc.horizon import HorizonProblem, HorizonSolution, Plan, Problem, cost_of
 from mpc.phases import feedback, preparation
 from mpc.settings import MpcSettings
+from mpc.shooting import simulate
 from mpc.sqp import (
     ENDED,
     NO_EIGENVALUES,
@@ -106,6 +112,16 @@ class RealTimeIteration:
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
 
+    def course(self, torques: Floats) -> tuple[Floats, float]:
+        """States (horizon + 1, states) from that of the last problem on under `torques` [N m], (horizon * units,); cost."""
+        now, guess, rules = self.period.now, self.period.guess, self.period.rules
+        substeps = int(now.substeps[0])
+        guess.nodes[0] = now.state
+        simulate(
+            self._model.slope, torques, now.constants, rules.step / substeps, substeps, guess.nodes, guess.scratch,
+        )  # fmt: skip
+        return guess.nodes.copy(), trajectory_cost(guess.nodes, torques, ByReference(self._terms))
+
     def ahead(self, problem: HorizonProblem, time: float) -> HorizonProblem:
         """The problem from the state on that is predicted after `time` [s] under the torques before."""
         self.take(problem)
@@ -138,3 +154,24 @@ class RealTimeIteration:
         done, self.prepared = done + (self.prepared or 0), None
         status = FAILURES.get(end, "ok")
         return HorizonSolution(self.torques.copy(), cost, residual, done, status)
+
+
+_iteration = lru_cache(maxsize=16)(RealTimeIteration)
+
+
+def solve_compiled(problem: Problem) -> Plan:
+    """The answer of as many steps from the guess on as the settings allow, see `mpc.solve`."""
+    units, settings, now, _ = problem
+    alone = problem.evenness == 0.0
+    solver = _iteration(units if alone else group_of(units), settings, problem.evenness)
+    solver.restart(now.before)
+    solver.torques[:] = problem.guessed().ravel()
+    begun = time.perf_counter()
+    found = solver.solve(now)
+    took = time.perf_counter() - begun
+    states, cost = solver.course(found.torques)
+    excess = solver.period.terms.slip_matrix @ states[1:].T - np.reshape(now.slip_limit, (-1, 1))
+    return Plan(
+        found.torques.reshape(settings.horizon, -1), states, np.maximum(excess.T / settings.weights.slip_scale, 0.0),
+        cost, found.status, found.iterations, took,
+    )  # fmt: skip

@@ -1,5 +1,6 @@
 """The readhesion MPC of one traction unit in Python, its solver exchangeable: the reference of `mpc.unit_step`."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -9,14 +10,35 @@ from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.structure import Floats
 from mpc.belief import UnitBelief, with_predicted_curve
 from mpc.control_period import PredictiveController
-from mpc.horizon import HorizonProblem
+from mpc.horizon import HorizonProblem, HorizonSolution, Problem
 from mpc.real_time import RealTimeIteration
+from mpc.reference import solve
 from mpc.settings import MpcError, MpcSettings
 from mpc.unit_model import Units
 from mpc.unit_problem import pose, unit_problem
 
 Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
 """Makes the solver of a unit's problem; another solver derives from `RealTimeIteration` and has its own `solve`."""
+
+
+class OptiIteration(RealTimeIteration):
+    """Solves the problem to convergence as `mpc.reference` states it, from its last solution on."""
+
+    solver = "ipopt"
+    """One of those of `mpc.solve`."""
+
+    def __init__(self, units: Units, settings: MpcSettings, evenness: float = 0.0) -> None:
+        super().__init__(units, settings, evenness)
+        self._units = units
+
+    def solve(self, problem: HorizonProblem) -> HorizonSolution:
+        """As the loop's solver; the residual is not known (nan)."""
+        plan = solve(Problem(self._units, self._settings, problem, self.torques), self.solver)
+        if plan.status == "ok":
+            self.torques[:] = plan.torques.ravel()
+        return HorizonSolution(
+            self.torques.copy(), plan.cost, math.nan, plan.iterations, plan.status
+        )
 
 
 class MpcController(PredictiveController):

@@ -74,7 +74,7 @@ def creep_stiffnesses(units: Units) -> Floats:
     return np.array([context.curve.q[4] for context in group]) / group[0].curve.q[4]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnitModel:
     """Symbolic right side of a group; get it with `unit_model`.
 

@@ -16,8 +16,21 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from mpc.horizon import HorizonProblem, HorizonSolution
 from mpc.settings import MpcSettings
-from tests.benchmarks.ipopt_peer import ipopt_options
 from tests.benchmarks.stages import Stages, stages
+
+OPTIONS: dict[str, Any] = {
+    "print_time": False, "error_on_fail": False, "ipopt.print_level": 0, "ipopt.sb": "yes",
+    "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 500,
+}  # fmt: skip
+
+
+def ipopt_options(tolerance: float, warm_start: bool) -> dict[str, Any]:
+    """Options of CasADi's nlpsol; `warm_start`: for guesses and multipliers that are near the solution."""
+    # no early end at a looser tolerance
+    options = OPTIONS | {"ipopt.tol": tolerance, "ipopt.acceptable_tol": tolerance}
+    if warm_start:
+        options |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6}
+    return options
 
 
 def _model(do_mpc: Any, made: Stages, axles: int) -> Any:

@@ -42,7 +42,7 @@ class Case:
     peers: tuple[str, ...] = tuple(PEERS)
     """Those that can take the case's problems."""
     least_speed_up: tuple[float, float] = (20.0, 40.0)
-    """Over warm ipopt, in medians, with the model compiled by Numba and from C."""
+    """Over ipopt, in medians, with the model compiled by Numba and from C."""
 
     @property
     def context(self) -> Units:
@@ -55,11 +55,6 @@ class Case:
             for k in range(self.units)
         )  # fmt: skip
         return units if self.units > 1 else units[0]
-
-    @property
-    def even(self) -> float:
-        """Weight that makes the split of a total unique."""
-        return EVENNESS if self.units > 1 else 0.0
 
     def problems(
         self,
@@ -126,7 +121,11 @@ CASES = [
     Case("one axle, one torque", 1, least_speed_up=(20.0, 20.0)),
     Case("four axles, one torque", 4),
     Case(
-        "four axles, four torques", 4, 4, partial(RealTimeIteration, evenness=EVENNESS), ("ipopt",)
+        "four axles, four torques",
+        4,
+        4,
+        partial(RealTimeIteration, evenness=EVENNESS),
+        ("Opti with ipopt", "fatrop"),
     ),
 ]
 """Anything with the attributes of `Case` may join."""

@@ -1,54 +1,51 @@
 """Solvers of the whole problem in the place of the real-time iteration: in the closed loop, and on recorded problems.
 
-They start from their last solution, shifted by a period, with its multipliers, and stop at `TOLERANCE`.
+They start from their last solution, shifted by a period.
 """
 
 from collections.abc import Callable
-from functools import partial
 from importlib.util import find_spec
 
 from mpc.real_time import RealTimeIteration
+from mpc.unit_controller import OptiIteration
 from tests.benchmarks.acados_peer import AcadosIteration
 from tests.benchmarks.do_mpc_peer import DoMpcSolver
-from tests.benchmarks.fatrop_peer import FatropSolver
-from tests.benchmarks.ipopt_peer import ReferenceSolver
-from tests.benchmarks.opti_peer import OptiSolver
 from tests.benchmarks.stages import with_numbers
 
 TOLERANCE = 1e-8
 
 
-class PeerIteration(RealTimeIteration):
-    """A `RealTimeIteration` whose `solve` is that of a converging solver of the class `kind`."""
+class FatropIteration(OptiIteration):
+    """The problem of `mpc.reference`, by fatrop."""
 
-    def __init__(self, units, settings, *, kind, tolerance=TOLERANCE):
+    solver = "fatrop"
+
+
+class DoMpcIteration(RealTimeIteration):
+    """A `RealTimeIteration` whose `solve` is do-mpc's, with the multipliers of its last solution."""
+
+    def __init__(self, units, settings):
         super().__init__(units, settings)
-        self._peer = kind(units, settings, tolerance=tolerance, warm_start=True)
+        self._peer = DoMpcSolver(units, settings, tolerance=TOLERANCE, warm_start=True)
 
     def restart(self, torque):
         super().restart(torque)
         self._peer.forget()
 
     def solve(self, problem):
-        one = with_numbers(problem) if self.units == 1 else problem
-        solution = self._peer.solve(one, self.torques)
+        solution = self._peer.solve(with_numbers(problem), self.torques)
         self.torques[:] = solution.torques
         return solution
 
 
-CONVERGING = {
-    "ipopt": ReferenceSolver,
-    "Opti with ipopt": OptiSolver,
-    "do-mpc with ipopt": DoMpcSolver,
-    "fatrop": FatropSolver,
+CONVERGING: dict[str, Callable[..., RealTimeIteration]] = {
+    "Opti with ipopt": OptiIteration,
+    "do-mpc with ipopt": DoMpcIteration,
+    "fatrop": FatropIteration,
 }
-"""Classes of converging solvers by name."""
+"""What makes the iteration of a converging solver, by name: (units, settings) -> iteration."""
 
-PEERS: dict[str, Callable[..., RealTimeIteration]] = {
-    **{name: partial(PeerIteration, kind=kind) for name, kind in CONVERGING.items()},
-    "acados SQP_RTI": AcadosIteration,
-}
-"""What makes a peer's iteration, by name: (units, settings) -> iteration."""
+PEERS = CONVERGING | {"acados SQP_RTI": AcadosIteration}
 
 NEEDED = {
     "do-mpc with ipopt": ("do_mpc", "do-mpc is not installed: pip install -c constraints.txt -e '.[bench]'"),

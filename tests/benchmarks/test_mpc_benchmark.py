@@ -8,7 +8,6 @@ medians, 99th percentiles and residuals are in the report's extra_info. `closed_
 import shutil
 import time
 from dataclasses import replace
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -17,7 +16,7 @@ import pytest
 from mpc.generated_c import COMPILERS
 from mpc.settings import MpcSettings
 from tests.benchmarks.mpc_cases import CASES, HORIZON
-from tests.benchmarks.peer_iteration import CONVERGING, PEERS, PeerIteration, missing
+from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
 
 pytestmark = pytest.mark.skipif(
     "not config.getoption('benchmark_enable')", reason="compiles for minutes: run with make bench"
@@ -83,8 +82,7 @@ def measured(case, problems):
     peers = {}
     for name in case.peers:
         if name in CONVERGING and not missing(name):
-            kind = partial(CONVERGING[name], evenness=case.even) if case.even else CONVERGING[name]
-            peers[name] = PeerIteration(context, settings, kind=kind)
+            peers[name] = PEERS[name](context, settings)
             peers[name].restart(600.0)
     converging = {name: _stepping(peer) for name, peer in peers.items()}
     iterations = {}
@@ -121,7 +119,7 @@ def _report(benchmark, name, times):
 
 @exact_or_not
 @pytest.mark.parametrize("code", CODE_PARAMETERS)
-def test_real_time_iteration_against_warm_ipopt(benchmark, case, problems, measured, exact, code):
+def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured, exact, code):
     times, solutions = measured[code, exact]
     settings = MpcSettings(
         horizon=HORIZON, exact_hessian=exact, iterations=1, tolerance=0.0, code=code
@@ -135,9 +133,9 @@ def test_real_time_iteration_against_warm_ipopt(benchmark, case, problems, measu
     for name, value in zip(("median", "p90", "p99", "worst"), quantiles, strict=True):
         benchmark.extra_info[f"residual_{name}"] = float(value)
     text = _report(benchmark, "real_time", times) + _report(
-        benchmark, "ipopt", measured["ipopt"][0]
+        benchmark, "ipopt", measured["Opti with ipopt"][0]
     )
-    ratio = float(np.median(measured["ipopt"][0]) / np.median(times))
+    ratio = float(np.median(measured["Opti with ipopt"][0]) / np.median(times))
     benchmark.extra_info["ratio_of_medians"] = ratio
     solver.restart(600.0)
     step = _stepping(solver)
@@ -150,7 +148,7 @@ def test_real_time_iteration_against_warm_ipopt(benchmark, case, problems, measu
         assert ratio >= case.least_speed_up[code == "c"]
 
 
-@pytest.mark.parametrize("name", [name for name in CONVERGING if name != "ipopt"])
+@pytest.mark.parametrize("name", [name for name in CONVERGING if name != "Opti with ipopt"])
 def test_converging_peer(benchmark, case, problems, measured, name):
     if name not in case.peers:
         pytest.skip(f"{name}: the adapter takes problems of one torque")
@@ -161,10 +159,13 @@ def test_converging_peer(benchmark, case, problems, measured, name):
     solver.restart(600.0)
     benchmark.pedantic(solver.solve, args=(problems[0],), rounds=3)
     print(
-        "\n" + _report(benchmark, name, times) + _report(benchmark, "ipopt", measured["ipopt"][0])
+        "\n"
+        + _report(benchmark, name, times)
+        + _report(benchmark, "ipopt", measured["Opti with ipopt"][0])
     )
     torques, other = (
-        np.array([s.torques for s in found]) for found in (solutions, measured["ipopt"][1])
+        np.array([s.torques for s in found])
+        for found in (solutions, measured["Opti with ipopt"][1])
     )
     error = np.abs(torques - other).max() / solver.period.guess.scale[0]
     benchmark.extra_info["torque_beside_ipopt_worst"] = float(error)

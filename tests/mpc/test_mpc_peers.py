@@ -1,48 +1,41 @@
-"""Solvers that share nothing but the model's right side find the same optimum: fatrop, ipopt in three ways, the own."""
+"""Solvers of other packages find the optimum of `mpc.reference`: do-mpc, acados."""
 
 import sys
 
 import numpy as np
 import pytest
 
+from mpc.horizon import Problem, cost_of
 from mpc.real_time import RealTimeIteration
+from mpc.reference import solve
 from mpc.settings import MpcSettings
 from tests.benchmarks.acados_peer import AcadosSolver
-from tests.benchmarks.fatrop_peer import FatropSolver
-from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
+from tests.benchmarks.do_mpc_peer import DoMpcSolver
+from tests.benchmarks.peer_iteration import PEERS, missing
 from tests.benchmarks.stages import stages
 from tests.mpc.parts import model_at_guess
 
-SETTINGS = MpcSettings(exact_hessian=True, iterations=50, tolerance=1e-7, step_time=1e-4)
+SETTINGS = MpcSettings()
 SCALE_ERROR = 1e-4
 """Greatest difference of a torque, over the torque scale."""
 
 
+@pytest.mark.skipif(missing("do-mpc with ipopt") != "", reason=missing("do-mpc with ipopt"))
 @pytest.mark.parametrize("axles", [1, 4])
-@pytest.mark.parametrize("name", CONVERGING)
-def test_a_peer_and_the_converged_iteration_agree(make_context, random_problem, name, axles):
-    if missing(name):
-        pytest.skip(missing(name))
+def test_do_mpc_finds_the_optimum(make_context, random_problem, axles):
     context = make_context(axles=axles)
-    iteration = RealTimeIteration(context, SETTINGS)
-    solver = CONVERGING[name](context, SETTINGS)
+    solver = DoMpcSolver(context, SETTINGS)
     for seed in range(6):
         problem = random_problem(context, seed)
-        guess = np.full(SETTINGS.horizon, problem.before)
-        iteration.restart(problem.before)
-        own = iteration.solve(problem)
-        assert own.residual < 1e-6  # below, the cost's rounding hides whether a step lowers it
-        other = solver.solve(problem, guess)
+        other = solver.solve(problem, np.full(SETTINGS.horizon, problem.before))
         assert other.status == "ok"
-        assert other.cost == pytest.approx(own.cost, rel=1e-6, abs=1e-8) or np.isnan(other.cost)
-        error = np.abs(other.torques - own.torques).max()
-        assert error < SCALE_ERROR * iteration.period.guess.scale[0]
+        assert _error(other.torques, context, problem) < SCALE_ERROR
 
 
-def test_fatrop_is_not_asked_what_has_no_answer(context, random_problem):
-    problem = random_problem(context, 1)
-    bad = problem._replace(state=np.full_like(problem.state, np.nan))
-    assert FatropSolver(context, SETTINGS).solve(bad).status == "not finite"
+def _error(torques, context, problem):
+    """Greatest difference of a torque from the optimum's, over the torque scale."""
+    plan = solve(Problem(context, SETTINGS, problem), "ipopt")
+    return np.abs(torques - plan.torques.ravel()).max() / cost_of(context, SETTINGS).unit.scale[0]
 
 
 def test_a_stage_is_a_step_of_the_model(context, random_problem):
@@ -66,14 +59,12 @@ def test_a_stage_is_a_step_of_the_model(context, random_problem):
 def test_acados_repeated_finds_the_same_torques(context, random_problem):
     # where Gauss-Newton steps converge without a line search, which acados' iteration does not have
     problem = random_problem(context, 0)
-    acados, iteration = AcadosSolver(context, SETTINGS), RealTimeIteration(context, SETTINGS)
+    acados = AcadosSolver(context, SETTINGS)
     acados.restart(problem, problem.before)
-    iteration.restart(problem.before)
     for _ in range(10):
         solution = acados.solve(problem)
         assert solution.status == "ok"
-    error = np.abs(solution.torques - iteration.solve(problem).torques).max()
-    assert error < SCALE_ERROR * iteration.period.guess.scale[0]
+    assert _error(solution.torques, context, problem) < SCALE_ERROR
 
 
 @pytest.mark.parametrize(

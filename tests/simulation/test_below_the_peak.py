@@ -16,8 +16,8 @@ PLANNED_ANYWAY = {"table"}
 """Follows a table of torque over time whatever the wheels do."""
 FOLLOWING = {"mpc"}
 """Weighs changes of torque, so it lags while the target rises, for the first second."""
-GROUPS = {"mpc-car", "mpc-train", "mpc-train-ideal"}
-"""Those that solve for several units at once take too long here."""
+GROUPS = {"mpc-car", "mpc-train", "mpc-train-ideal", "mpc-opti"}
+"""Those that solve for several units at once, or by CasADi, take too long here."""
 NARROW = [name for name in RAILS if name != "double exponential"]
 
 

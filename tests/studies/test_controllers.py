@@ -9,11 +9,18 @@ from studies.files.study_error import StudyError
 
 
 def test_built_in_controllers_are_not_hosted():
-    assert list(CONTROLLERS) == [*BUILT_IN, "mpc", "mpc-car", "mpc-train", "mpc-train-ideal"]
+    assert list(CONTROLLERS) == [
+        *BUILT_IN,
+        "mpc",
+        "mpc-car",
+        "mpc-opti",
+        "mpc-train",
+        "mpc-train-ideal",
+    ]
     assert not any(is_hosted(name) for name in BUILT_IN)
 
 
-@pytest.mark.parametrize("name", ["mpc", "mpc-car", "mpc-train", "mpc-train-ideal"])
+@pytest.mark.parametrize("name", ["mpc", "mpc-car", "mpc-opti", "mpc-train", "mpc-train-ideal"])
 def test_the_mpc_is_found_by_its_name(name):
     assert is_hosted(name)
     assert CONTROLLERS[name].name == name

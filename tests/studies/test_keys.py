@@ -109,10 +109,10 @@ def test_the_default_that_is_said_is_the_one_that_holds(schemas):
     schema = schemas["scenario"]
     onboard = defaults(schema, "OnboardKeys")
     hosted = {name: onboard.pop(name) for name in list(onboard) if name.startswith("mpc")}
-    assert len(hosted) == 4
+    assert len(hosted) == 5
     same(built(OnboardKeys.model_validate(onboard), Onboard), Onboard())
     found = OnboardKeys.model_validate(hosted).hosted()
-    assert set(found) == {"mpc", "mpc-car", "mpc-train", "mpc-train-ideal"}
+    assert set(found) == {"mpc", "mpc-car", "mpc-opti", "mpc-train", "mpc-train-ideal"}
     for settings in found.values():
         same(settings, MpcSettings())
     rail = defaults(schema, "RailKeys") | {"level": 0.1, "increments": {"law": "none"}}
