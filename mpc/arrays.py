@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from alloc.by_address import function_at
 from alloc.compilation import FASTMATH, compiled
 
-VECTOR, MATRIX, CUBE = float64[::1], float64[:, ::1], float64[:, :, ::1]
+VECTOR, MATRIX = float64[::1], float64[:, ::1]
 INDEX = int64[::1]
 PREPARE = types.FunctionType(void(VECTOR, VECTOR))
 """What follows from a model's parameters alone: (parameters, constants)."""
@@ -23,10 +23,8 @@ SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
 """Model: (state, torque of each unit, constants, slope)."""
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
 """Model with derivatives: (state, torque, constants, slope, nonzeros of the Jacobian)."""
-TANGENT = types.FunctionType(void(MATRIX, float64, MATRIX, CUBE))
+TANGENT = types.FunctionType(void(MATRIX, float64, MATRIX, MATRIX))
 """Sensitivities of a Runge-Kutta step, see `mpc.tangent`."""
-CURVATURE = RATE
-"""Second derivatives: (state, torque, constants, weights of the slopes, nonzeros of the upper Hessian)."""
 
 
 def sweep(signature: Any) -> Callable[[Any], Any]:
@@ -55,7 +53,6 @@ def inlined(function: Any) -> Any:
 
 prepare_at, slope_at, rate_at = function_at(PREPARE), function_at(SLOPE), function_at(RATE)
 tangent_at = function_at(TANGENT)
-curvature_at = rate_at
 
 
 @intrinsic(prefer_literal=True)

@@ -32,7 +32,6 @@ class _Block(NamedTuple):
     """Place of its first constant."""
     nonzero: int
     """Place of its first nonzero of the Jacobian."""
-    upper: int
     transfer: bool
 
 
@@ -82,36 +81,26 @@ _RATE = (
     "        e = {nonzero} + c * {nonzeros}\n"
     "        rate_{b}(x, u, own, f, nonzeros[e : e + {nonzeros}])" + _SCATTER
 )
-_CURVATURE = """        e = {upper} + c * {uppers}
-        f[0] = weights[0]
-        for i in range({n}):
-            f[1 + i] = weights[1 + a + i]
-        for i in range({m}):
-            f[1 + {n} + i] = weights[1 + {axles} + j + i]
-        curvature_{b}(x, u, own, f, nonzeros[e : e + {uppers}])
-"""
 _POINT = "state", "torque", "constants"
 _FUNCTIONS = (
     ("prepare", ("parameters", "constants"), _PREPARE),
     ("slope", (*_POINT, "slopes"), _GATHER + _SLOPE),
     ("rate", (*_POINT, "slopes", "nonzeros"), _GATHER + _RATE),
-    ("curvature", (*_POINT, "weights", "nonzeros"), _GATHER + _CURVATURE),
 )
 
 
 def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
     pairs = [(unit_model(car), bool(unloading(car).any())) for car in cars_of(group)]
     blocks: list[_Block] = []
-    axle = unit = constant = nonzero = upper = 0
+    axle = unit = constant = nonzero = 0
     for _, alike in groupby(pairs, key=lambda pair: id(pair[0])):
         run = list(alike)
         (model, transfer), cars = run[0], len(run)
         cell = compiled_model(model, code)
-        blocks.append(_Block(cell, model, cars, axle, unit, constant, nonzero, upper, transfer))
+        blocks.append(_Block(cell, model, cars, axle, unit, constant, nonzero, transfer))
         axle, unit = axle + cars * model.axles, unit + cars * model.units
         constant += cars * cell.constants
         nonzero += cars * cell.nonzeros.row.size
-        upper += cars * cell.nonzeros.upper_row.size
     return blocks
 
 
@@ -130,8 +119,7 @@ def _source(blocks: list[_Block], axles: int, units: int) -> str:
                 states=block.model.states, cars=block.cars, axle=block.axle, unit=block.unit, axles=axles, units=units,
                 constants=(size - n - 8 - n * block.transfer) // m, transfer=block.transfer,
                 constant=block.constant, constants_of_it=block.cell.constants, nonzero=block.nonzero,
-                nonzeros=block.cell.nonzeros.row.size, upper=block.upper,
-                uppers=block.cell.nonzeros.upper_row.size,
+                nonzeros=block.cell.nonzeros.row.size,
             )  # fmt: skip
         text += function_source(name, [*arguments], body)
     return text
@@ -164,6 +152,6 @@ def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
     made = compile_source(_source(blocks, axles, len(group)))
     places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]
     tangent = compile_tangent(places[0], places[1], axles + 1 + len(group), len(group))
-    functions = made["prepare"], made["slope"], made["rate"], made["curvature"], tangent
+    functions = made["prepare"], made["slope"], made["rate"], tangent
     constants = sum(block.cars * block.cell.constants for block in blocks)
     return CompiledModel(*functions, Nonzeros(*places), constants)

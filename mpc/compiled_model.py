@@ -22,7 +22,6 @@ class CompiledModel(NamedTuple):
     """(parameters, constants): what follows from the parameters alone, which the others take."""
     slope: Callable[..., Any]
     rate: Callable[..., Any]
-    curvature: Callable[..., Any]
     tangent: Callable[..., Any]
     nonzeros: Nonzeros
     constants: int
@@ -39,22 +38,18 @@ _compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
 
 
 def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
-    """The three functions as CasADi has them; what the Numba functions are translated from."""
+    """The two functions as CasADi has them; what the Numba functions are translated from."""
     x, u, p, f = model.state, model.torque, model.parameters, model.rate
     point = cs.vertcat(x, u)
-    weights = cs.SX.sym("weights", model.states)
-    hessian = cs.triu(cs.hessian(cs.dot(weights, f), point)[0])
     names = ["state", "torque", "parameters"]
 
     def function(name: str, inputs: list[cs.SX], outputs: dict[str, cs.SX]) -> cs.Function:
-        extra = ["weights"] if len(inputs) == 4 else []
         together = cs.cse(list(outputs.values()))
-        return cs.Function(name, inputs, together, names + extra, list(outputs))
+        return cs.Function(name, inputs, together, names, list(outputs))
 
     return {
         "slope": function("slope", [x, u, p], {"slopes": f}),
         "rate": function("rate", [x, u, p], {"slopes": f, "nonzeros": model.steps.jacobian(point)}),
-        "curvature": function("curvature", [x, u, p, weights], {"nonzeros": hessian}),
     }
 
 
@@ -67,13 +62,12 @@ def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
     if key not in _compiled:
         functions = symbolic_functions(model)
         row, column = functions["rate"].sparsity_out(1).get_triplet()
-        upper = functions["curvature"].sparsity_out(0).get_triplet()
         compile_ = compile_c_functions if code == "c" else compile_functions
         whole = folded(functions)
         made = compile_(list(whole.values()))
-        places = [np.array(values, dtype=np.int64) for values in (row, column, *upper)]
+        places = [np.array(values, dtype=np.int64) for values in (row, column)]
         tangent = compile_tangent(places[0], places[1], model.states, model.units)
-        of_it = made["prepare"], made["slope"], made["rate"], made["curvature"], tangent
+        of_it = made["prepare"], made["slope"], made["rate"], tangent
         # the model is kept along: its id must not be given to another one
         constants = whole["prepare"].numel_out(0)
         _compiled[key] = model, CompiledModel(*of_it, Nonzeros(*places), constants)

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, int64, void
+from numba import int64, void
 
 from alloc.by_reference import ByReference
 from alloc.plant.simd import WIDTH, load, padded, spread, store
 from alloc.plant.structure import Floats, Ints
-from mpc.arrays import CUBE, MATRIX, VECTOR, sweep
+from mpc.arrays import VECTOR, sweep
 from mpc.cost import COST
 from mpc.shooting import LINEARISED
 
@@ -183,19 +183,15 @@ def _add_products(number, out):
                     hessian[m + a, n + b] += tile[a, b]
 
 
-@sweep(void(LINEARISED, VECTOR, COST, boolean, QUADRATIC))
-def condense(around, torques, terms, exact, out):
-    """Fill `out` with the Gauss-Newton model of the cost by u / U `around` a trajectory under `torques`.
-
-    `exact`: `add_second_order` follows, and needs the influence on nodes that nothing is asked of.
-    """
+@sweep(void(LINEARISED, VECTOR, COST, QUADRATIC))
+def condense(around, torques, terms, out):
+    """Fill `out` with the Gauss-Newton model of the cost by u / U `around` a trajectory under `torques`."""
     sensitivity, scale = around.sensitivity, terms.unit.scale
     hessian, gradient, adjoint = out.hessian, out.gradient, out.adjoint
     states, units = adjoint.shape[1], scale.size
-    horizon = adjoint.shape[0] - 1
     _torque_terms(torques, terms, out)
     last = _slip_slopes(around, terms, out)
-    _influence(around, terms, horizon if exact else last, out)
+    _influence(around, terms, last, out)
     _add_products(_penalised(around, terms, last, out), out)
     for k in range(last, 0, -1):
         for j in range(states):
@@ -205,42 +201,6 @@ def condense(around, torques, terms, exact, out):
                     gradient[(k - 1) * units + i] += owed * moved[states + i] * scale[i]
                 for i in range(states):
                     adjoint[k - 1, i] += moved[i] * owed
-    for m in range(hessian.shape[0]):
-        for n in range(m):
-            hessian[m, n] = hessian[n, m]
-
-
-@sweep(void(CUBE, COST, QUADRATIC, MATRIX))
-def add_second_order(hessians, terms, out, scratch):
-    """Add to the Hessian the model's second-order terms `hessians` (horizon, states + units, states + units).
-
-    `scratch` (2 (states + units), horizon * units).
-    """
-    scale, hessian, influence = terms.unit.scale, out.hessian, out.influence
-    horizon, width = hessians.shape[0], hessians.shape[1]
-    units = scale.size
-    states = width - units
-    for k in range(horizon):
-        before, known = k * units, (k + 1) * units
-        for i in range(states):
-            for m in range(known):
-                scratch[i, m] = influence[k, i, m] if m < before else 0.0
-        for j in range(units):
-            for m in range(known):
-                scratch[states + j, m] = scale[j] if m == before + j else 0.0
-        for i in range(width):
-            for m in range(known):
-                scratch[width + i, m] = 0.0
-            for j in range(width):
-                value = hessians[k, i, j]
-                if value != 0.0:
-                    for m in range(known):
-                        scratch[width + i, m] += value * scratch[j, m]
-        for i in range(width):
-            for m in range(known):
-                left = scratch[i, m]
-                for n in range(m, known):
-                    hessian[m, n] += left * scratch[width + i, n]
     for m in range(hessian.shape[0]):
         for n in range(m):
             hessian[m, n] = hessian[n, m]

@@ -13,7 +13,7 @@ import numpy as np
 from alloc.by_address import address_of
 from alloc.by_reference import ByReference
 from alloc.plant.structure import Floats
-from mpc.arrays import CURVATURE, PREPARE, RATE, SLOPE, TANGENT
+from mpc.arrays import PREPARE, RATE, SLOPE, TANGENT
 from mpc.assembly import compiled_group
 from mpc.cost import trajectory_cost
 from mpc.horizon import HorizonProblem, HorizonSolution, Plan, Problem, cost_of
@@ -22,7 +22,6 @@ from mpc.settings import MpcSettings
 from mpc.shooting import simulate
 from mpc.sqp import (
     ENDED,
-    NO_EIGENVALUES,
     NO_SOLUTION,
     NOT_FINITE,
     ahead,
@@ -34,13 +33,9 @@ from mpc.sqp import (
 from mpc.sqp_period import Addresses, Rules, period
 from mpc.unit_model import Units, group_of, stiffness_of, unit_model
 
-LEAST_CURVATURE = 0.1
-"""Least eigenvalue of the quadratic model, relative to twice the weight of tracking; reflection can leave a small one."""
-
 FAILURES = {
     NOT_FINITE: "not finite",
     NO_SOLUTION: "QP not solved",
-    NO_EIGENVALUES: "eigenvalues not found",
 }
 """Status of what ends without a solution."""
 
@@ -63,14 +58,11 @@ class RealTimeIteration:
             step=float(settings.step),
             stiffness=stiffness_of(units, settings.step),
             tolerance=settings.tolerance,
-            least_curvature=2.0 * LEAST_CURVATURE * settings.weights.tracking,
-            exact=settings.exact_hessian,
         )
         addresses = Addresses(
             address_of(model.prepare, PREPARE),
             address_of(model.slope, SLOPE),
             address_of(model.rate, RATE),
-            address_of(model.curvature, CURVATURE),
             address_of(model.tangent, TANGENT),
         )
         self.period = period(

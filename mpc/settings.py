@@ -203,8 +203,6 @@ class MpcSettings:
     phases_apart: bool = False
     """Whether trajectory and derivatives are computed before the readings, from the state predicted for them; the readings
     then wait for one QP alone. Source: see `mpc.phases`."""
-    exact_hessian: bool = False
-    """Second derivatives of the plant in the QP, indefinite parts reflected; otherwise Gauss-Newton."""
     code: Code = "numba"
     """The model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are
     the same. Source: this project."""

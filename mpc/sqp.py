@@ -7,19 +7,18 @@ that within the bounds. Then take the step, halved as long as the cost would ris
 import numpy as np
 from numba import boolean, float64, int64, types, void
 
-from mpc.arrays import VECTOR, curvature_at, prepare_at, rate_at, slope_at, sweep, tangent_at
+from mpc.arrays import VECTOR, prepare_at, rate_at, slope_at, sweep, tangent_at
 from mpc.box_qp import solve_box_qp
-from mpc.condensing import add_second_order, condense
+from mpc.condensing import condense
 from mpc.cost import cost_up_to, trajectory_cost
-from mpc.reflection import reflect
-from mpc.shooting import linearise, second_order, simulate
+from mpc.shooting import linearise, simulate
 from mpc.sqp_period import PERIOD
 from mpc.stiffness import needed_substeps
 
 HALVINGS = 12
 """Largest number of halvings of a step that would raise the cost; the last is taken only if it does not."""
 
-GOING, ENDED, NOT_FINITE, NO_SOLUTION, NO_EIGENVALUES = range(5)
+GOING, ENDED, NOT_FINITE, NO_SOLUTION = range(4)
 """How a call of `iterate` ends: the steps were used up; no further gain is possible; failures."""
 
 
@@ -56,17 +55,6 @@ def optimality(p):
     return residual
 
 
-@sweep(void(PERIOD))
-def second_derivatives(p):
-    """Add the model's second derivatives to the quadratic model, which may become indefinite."""
-    second, substeps = p.second, p.now.substeps[0]
-    second_order(
-        curvature_at(p.model.curvature), p.nonzeros, p.guess.torques, p.now.constants,
-        p.rules.step / substeps, substeps, p.around, p.quadratic.adjoint, second.hessians, second.values,
-    )  # fmt: skip
-    add_second_order(second.hessians, p.terms, p.quadratic, second.wide)
-
-
 @sweep(boolean(PERIOD))
 def step(p):
     """Solve the quadratic model within the bounds, and leave its end in the trial torques; False if that fails."""
@@ -88,7 +76,7 @@ def step(p):
 def quadratic_model(p):
     """Condense the cost around the trajectory; returns cost, residual, and `ENDED`, or what went wrong."""
     guess = p.guess
-    condense(p.around, guess.torques, p.terms, p.rules.exact, p.quadratic)
+    condense(p.around, guess.torques, p.terms, p.quadratic)
     cost, residual = trajectory_cost(p.around.nodes, guess.torques, p.terms), optimality(p)
     finite = abs(cost) < np.inf and residual < np.inf
     return cost, residual, ENDED if finite else NOT_FINITE
@@ -97,10 +85,6 @@ def quadratic_model(p):
 @sweep(int64(PERIOD))
 def quadratic_step(p):
     """Leave the end of the quadratic model's step in the trial torques; returns `ENDED`, or what went wrong."""
-    if p.rules.exact:
-        second_derivatives(p)
-        if not reflect(p.quadratic.hessian, p.rules.least_curvature, p.eigen):
-            return NO_EIGENVALUES
     return ENDED if step(p) else NO_SOLUTION
 
 

@@ -9,7 +9,6 @@ from alloc.plant.structure import Floats, Ints
 from mpc.box_qp import BoxWorkspace, box_workspace
 from mpc.condensing import Quadratic, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
-from mpc.reflection import EigenWorkspace, eigen_workspace
 from mpc.shooting import Linearised, Nonzeros, linearised
 from mpc.stiffness import Stiffness
 
@@ -20,7 +19,6 @@ class Addresses(NamedTuple):
     prepare: int
     slope: int
     rate: int
-    curvature: int
     tangent: int
     """Of the sensitivities, see `mpc.tangent`."""
 
@@ -34,10 +32,6 @@ class Rules(NamedTuple):
     """Says how many Runge-Kutta steps make a step of the horizon."""
     tolerance: float
     """Residual at which the step that follows is the last."""
-    least_curvature: float
-    """Least eigenvalue of the exact Hessian."""
-    exact: bool
-    """Whether the quadratic model has the model's second derivatives."""
 
 
 class Now(NamedTuple):
@@ -69,17 +63,6 @@ class Guess(NamedTuple):
     """(3, states)"""
 
 
-class SecondOrder(NamedTuple):
-    """Where the model's second derivatives are made; of no size where they are not asked for."""
-
-    hessians: Floats
-    """(horizon, states + units, states + units)"""
-    values: Floats
-    """(6, nonzeros)"""
-    wide: Floats
-    """(2 (states + units), horizon * units)"""
-
-
 class Period(NamedTuple):
     """All that `mpc.sqp.iterate` reads and writes."""
 
@@ -92,8 +75,6 @@ class Period(NamedTuple):
     terms: Cost
     quadratic: Quadratic
     box: BoxWorkspace
-    second: SecondOrder
-    eigen: EigenWorkspace
 
 
 def period(
@@ -107,8 +88,7 @@ def period(
     """Room for the periods of the problem of cost `terms` over `horizon` steps; `sizes`: numbers of
     the model's parameters and constants."""
     (axles, states), units = terms.slip_matrix.shape, terms.unit.target.size
-    n, width = horizon * units, states + units
-    evaluations = 4 * horizon * rules.stiffness.most if rules.exact else 4
+    n = horizon * units
     guess = Guess(
         torques=np.zeros(n),
         trial=np.zeros(n),
@@ -119,7 +99,6 @@ def period(
         nodes=np.zeros((horizon + 1, states)),
         scratch=np.zeros((3, states)),
     )
-    some = int(rules.exact)
     return Period(
         model,
         rules,
@@ -132,16 +111,10 @@ def period(
         ),
         guess,
         nonzeros,
-        linearised(horizon, evaluations, states, units, nonzeros.row.size),
+        linearised(horizon, states, units, nonzeros.row.size),
         terms,
         quadratic(horizon, states, axles, units),
         box_workspace(n),
-        SecondOrder(
-            np.zeros((some * horizon, width, width)),
-            np.zeros((6, some * max(width, nonzeros.upper_row.size))),
-            np.zeros((2 * width, some * n)),
-        ),
-        eigen_workspace(some * n),
     )
 
 
@@ -151,8 +124,8 @@ def empty_period() -> Period:
     terms = Cost(
         np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
     )
-    rules = Rules(0.0, Stiffness(0.0, 0.0, 0, -1, 1), 0.0, 0.0, False)
-    return period(Addresses(0, 0, 0, 0, 0), Nonzeros(*[empty] * 4), terms, rules, 0, (0, 0))
+    rules = Rules(0.0, Stiffness(0.0, 0.0, 0, -1, 1), 0.0)
+    return period(Addresses(0, 0, 0, 0), Nonzeros(empty, empty), terms, rules, 0, (0, 0))
 
 
 PERIOD = ByReference(empty_period()).kind

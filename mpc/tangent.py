@@ -15,31 +15,29 @@ from mpc.arrays import TANGENT
 
 
 @sweep(TANGENT.signature)
-def tangent(jacobians, step, moved, places):
+def tangent(jacobians, step, moved, torques):
     half, third, sixth = 0.5 * step, step / 3.0, step / 6.0
     for m in range(0, moved.shape[1], WIDTH):
 """
 
 
 def tangent_source(row: Ints, column: Ints, states: int, units: int) -> str:
-    """Source of a function (jacobians, step, moved, places) of the kind `mpc.arrays.TANGENT`.
+    """Source of a function (jacobians, step, moved, torques) of the kind `mpc.arrays.TANGENT`.
 
     `jacobians` (4, nonzeros) are those of the slopes by (state, torques) at the step's four evaluations, with nonzeros at
     `row`, `column`; where a place comes twice, values add up. `moved` (states, width) is the sensitivity of the state before
-    the step, and of that after it in the end. `places` (4, states + units, width) is filled with that of the four points; of
-    the torques it has its own already.
+    the step, and of that after it in the end; `torques` (units, width) that of the torques.
     """
     terms: list[list[str]] = [[] for _ in range(states)]
     for number, (i, j) in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
         terms[i].append(f"j[{number}] * {{x}}{j}" if j < states else f"j[{number}] * t{j - states}")
-    lines = [f"t{k} = load(places[0, {states + k}], m)" for k in range(units)]
+    lines = [f"t{k} = load(torques[{k}], m)" for k in range(units)]
     lines += [f"a{i} = load(moved[{i}], m)" for i in range(states)]
     point = "a"
     for stage, (onward, following) in enumerate(
         (("half", "b"), ("half", "d"), ("step", "e"), ("", ""))
     ):
         lines.append(f"j = jacobians[{stage}]")
-        lines += [f"store(places[{stage}, {i}], m, {point}{i})" for i in range(states)]
         share = "sixth" if stage in (0, 3) else "third"
         for i in range(states):
             rate = " + ".join(terms[i]).format(x=point) or "spread(0.0)"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from alloc.plant import operations, simd
-from mpc.arrays import curvature_at, prepare_at, rate_at, slope_at, tangent_at
+from mpc.arrays import prepare_at, rate_at, slope_at, tangent_at
 from mpc.export.c_kinds import DOUBLE, INTEGER, TRUTH, Number
 
 SQUARE, MODULO, WHOLE_MODULO, WHOLE_QUOTIENT = "square", "modulo", "whole_modulo", "whole_quotient"
@@ -36,7 +36,7 @@ FOLDED: dict[Any, Callable[[str, str], str]] = {
 }
 """Functions of several numbers, two by two."""
 
-AS_THEY_ARE = (prepare_at, slope_at, rate_at, curvature_at, tangent_at)
+AS_THEY_ARE = (prepare_at, slope_at, rate_at, tangent_at)
 """What makes a function of an address; here the address is the function."""
 
 LOAD, STORE, SPREAD, TOTAL = simd.load, simd.store, simd.spread, simd.total

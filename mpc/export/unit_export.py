@@ -106,7 +106,7 @@ def export_unit(
 def _with_functions(state: UnitState, model: CompiledModel) -> UnitState:
     """The state, with the model's functions in place of their addresses."""
     addresses: Any = (
-        model.prepare, model.slope, model.rate, model.curvature, model.tangent,
+        model.prepare, model.slope, model.rate, model.tangent,
     )  # fmt: skip
     solver = state.problem.solver._replace(model=Addresses(*addresses))
     return state._replace(problem=state.problem._replace(solver=solver))

@@ -11,7 +11,7 @@ from mpc.cost import trajectory_cost
 from mpc.horizon import HorizonSolution
 from mpc.real_time import FAILURES, RealTimeIteration
 from mpc.shooting import simulate
-from mpc.sqp import HALVINGS, NO_SOLUTION, NOT_FINITE, linearise_at, second_derivatives
+from mpc.sqp import HALVINGS, NO_SOLUTION, NOT_FINITE, linearise_at
 
 
 class PythonIteration(RealTimeIteration):
@@ -36,7 +36,7 @@ class PythonIteration(RealTimeIteration):
         cost, residual, done = np.nan, np.inf, 0
         while done < self.most:
             linearise_at(self.torques, self._period)
-            condense(around, self.torques, terms, settings.exact_hessian, quadratic)
+            condense(around, self.torques, terms, quadratic)
             cost = trajectory_cost(made.around.nodes, self.torques, terms)
             scaled = self.torques / scale
             projected = np.clip(scaled - made.quadratic.gradient, 0.0, upper / scale)
@@ -48,7 +48,7 @@ class PythonIteration(RealTimeIteration):
                 break
             done += 1
             bounds = -scaled, (upper - self.torques) / scale
-            step = self.program(self._hessian(), made.quadratic.gradient, *bounds)
+            step = self.program(made.quadratic.hessian, made.quadratic.gradient, *bounds)
             if step is None:
                 return self._answer(cost, residual, done, FAILURES[NO_SOLUTION])
             trial = np.clip(self.torques + scale * step, 0.0, upper)
@@ -58,18 +58,6 @@ class PythonIteration(RealTimeIteration):
 
     def _answer(self, *found):
         return HorizonSolution(self.torques.copy(), *found)
-
-    def _hessian(self):
-        """That of the quadratic model, made convex where it has second derivatives."""
-        made = self.period
-        hessian = made.quadratic.hessian
-        if made.rules.exact:
-            second_derivatives(self._period)
-            values, vectors = np.linalg.eigh(hessian)
-            raised = np.maximum(np.abs(values), made.rules.least_curvature)
-            if values[0] < made.rules.least_curvature:
-                hessian[:] = vectors * raised @ vectors.T
-        return hessian
 
     def _better(self, problem, trial, cost):
         """Take the trial torques, halving the step while the cost rises; False if no step lowers it."""

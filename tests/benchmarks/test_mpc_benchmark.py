@@ -8,7 +8,6 @@ medians, 99th percentiles and residuals are in the report's extra_info. `closed_
 import shutil
 import time
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -41,9 +40,6 @@ CODE_PARAMETERS = [
         "c", marks=pytest.mark.skipif("c" not in CODES, reason="no C compiler on this machine")
     ),
 ]
-exact_or_not = pytest.mark.parametrize(
-    "exact", [False, True], ids=["Gauss-Newton", "exact-Hessian"]
-)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
@@ -86,12 +82,11 @@ def measured(case, problems):
             peers[name].restart(600.0)
     converging = {name: _stepping(peer) for name, peer in peers.items()}
     iterations = {}
-    for code, exact in product(CODES, [False, True]):
-        own = replace(
-            settings, exact_hessian=exact, iterations=1, tolerance=0.0, code=code
-        )  # one step of it is what is timed
-        iterations[code, exact] = case.iteration(context, own)
-        iterations[code, exact].restart(600.0)
+    for code in CODES:
+        # one step of it is what is timed
+        own = replace(settings, iterations=1, tolerance=0.0, code=code)
+        iterations[code] = case.iteration(context, own)
+        iterations[code].restart(600.0)
     # not counted: converging solvers have nothing to start from, first calls load the compiled functions
     for solve in (*converging.values(), *map(_stepping, iterations.values())):
         _timed(solve, problems[:1])
@@ -117,13 +112,10 @@ def _report(benchmark, name, times):
     return f"{name}: median {median:.3f} ms, p99 {p99:.3f} ms; "
 
 
-@exact_or_not
 @pytest.mark.parametrize("code", CODE_PARAMETERS)
-def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured, exact, code):
-    times, solutions = measured[code, exact]
-    settings = MpcSettings(
-        horizon=HORIZON, exact_hessian=exact, iterations=1, tolerance=0.0, code=code
-    )
+def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured, code):
+    times, solutions = measured[code]
+    settings = MpcSettings(horizon=HORIZON, iterations=1, tolerance=0.0, code=code)
     # of the torques after the step; at its begin the end of the horizon is out, where the shifted guess is repeated
     solver, residuals = case.iteration(case.context, settings), []
     for problem, solution in zip(problems[1 : PEER_PROBLEMS + 1], solutions, strict=True):
@@ -187,11 +179,8 @@ def test_acados(benchmark, case, problems):
     print("\n" + _report(benchmark, "acados", times[1:]) + _report(benchmark, "within", within[1:]))
 
 
-@exact_or_not
-def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case, exact):
-    settings = MpcSettings(
-        horizon=HORIZON, exact_hessian=exact, iterations=MOST_STEPS, step_time=1e-5, tolerance=1e-4
-    )
+def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case):
+    settings = MpcSettings(horizon=HORIZON, iterations=MOST_STEPS, step_time=1e-5, tolerance=1e-4)
     solver, steps, first, reached = case.iteration(case.context, settings), [], [], 0
     one = case.iteration(case.context, replace(settings, iterations=1))
     for before, after in case.drops(20):
@@ -218,5 +207,3 @@ def test_steps_to_convergence_after_a_drop_of_adhesion(benchmark, case, exact):
         f"\nsteps to {settings.tolerance:.0e}: median {np.median(steps):.0f}, worst {max(steps)}, reached by "
         f"{reached} of {len(steps)}; residual after one step: median {np.median(first):.1e}, worst {max(first):.1e}"
     )
-    if exact:
-        assert reached == len(steps)

@@ -4,19 +4,17 @@ from alloc.by_reference import ByReference
 from mpc.condensing import condense
 from mpc.cost import trajectory_cost
 from mpc.shooting import simulate
-from mpc.sqp import linearise_at, second_derivatives
+from mpc.sqp import linearise_at
 
 
-def model_at_guess(solver, problem, exact=False):
+def model_at_guess(solver, problem):
     """The solver's quadratic model of `problem` around its guess."""
     solver.take(problem)
     made = solver.period
     linearise_at(solver.torques, ByReference(made))
     parts = (ByReference(part) for part in (made.around, made.terms, made.quadratic))
     around, terms, quadratic = parts
-    condense(around, solver.torques, terms, made.rules.exact, quadratic)
-    if exact:
-        second_derivatives(ByReference(made))
+    condense(around, solver.torques, terms, quadratic)
     return made.quadratic
 
 

@@ -16,10 +16,9 @@ from tests.mpc.groups import car_of_four, problem, small_cars
 SETTINGS = MpcSettings()
 
 
-@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
 @pytest.mark.parametrize("kind", ["unit", "unit of eight axles", "group"])
-def test_every_solution_is_the_references(make_context, random_problem, kind, exact):
-    settings = replace(SETTINGS, exact_hessian=exact, tolerance=1e-4)
+def test_every_solution_is_the_references(make_context, random_problem, kind):
+    settings = replace(SETTINGS, tolerance=1e-4)
     context = make_context(axles=8 if kind == "unit of eight axles" else 4, mass=110e3)
     # the curve that units predict with: its parameters say how many substeps are taken
     context = with_predicted_curve(context)
@@ -41,10 +40,9 @@ def test_every_solution_is_the_references(make_context, random_problem, kind, ex
     assert steps > 1
 
 
-@pytest.mark.parametrize("exact", [False, True], ids=["Gauss-Newton", "exact Hessian"])
-def test_the_compiled_step_allocates_nothing(exact):
+def test_the_compiled_step_allocates_nothing():
     group = small_cars(2)
-    settings = replace(SETTINGS, exact_hessian=exact, tolerance=0.0)
+    settings = replace(SETTINGS, tolerance=0.0)
     solver, data = RealTimeIteration(group, settings, 0.05), problem(group, 1)
     solver.restart(data.before)
     solver.take(data)

@@ -1,4 +1,4 @@
-"""Sensitivities, gradient and Hessians of the condensed cost against CasADi and finite differences."""
+"""Sensitivities, gradient and Hessian of the condensed cost against CasADi and finite differences."""
 
 import casadi as cs
 import numpy as np
@@ -13,7 +13,7 @@ from mpc.unit_model import unit_model
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.parts import cost_of_torques, model_at_guess
 
-SETTINGS = MpcSettings(horizon=6, exact_hessian=True)
+SETTINGS = MpcSettings(horizon=6)
 
 
 def _linearised(context, problem, seed):
@@ -93,29 +93,6 @@ def test_gauss_newton_hessian_is_exact_where_the_rail_never_slips(context, rando
 
     expected = _central(gradient, 100.0 / scale, 1e-3)
     np.testing.assert_allclose(hessian, expected, rtol=1e-6, atol=1e-8)
-
-
-@pytest.mark.parametrize("seed", [1, 3, 5])
-def test_exact_hessian_equals_finite_differences_of_the_gradient(
-    make_context, random_problem, seed
-):
-    # Polach's curve is smooth, so that the second derivative exists along the whole trajectory
-    context = make_context("polach")
-    # and a slip limit below any slip, so that the penalty is smooth too
-    problem = random_problem(context, seed)._replace(slip_limit=np.full(4, -1.0))
-    solver, quadratic = _linearised(context, problem, seed)
-    scale = solver.period.guess.scale
-    start = solver.torques / scale
-    gauss_newton = quadratic.hessian.copy()
-    hessian = model_at_guess(solver, problem, exact=True).hessian.copy()
-
-    def gradient(scaled):
-        solver.torques[:] = scaled * scale
-        return model_at_guess(solver, problem).gradient.copy()
-
-    expected = _central(gradient, start, 1e-5)
-    assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
-    np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 def test_cost_is_the_documented_sum(context):

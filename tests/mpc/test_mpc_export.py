@@ -67,7 +67,7 @@ def senses(make_sense):
 
 SETTINGS = {
     "default": MpcSettings(),
-    "exact": MpcSettings(exact_hessian=True, horizon=8),
+    "short": MpcSettings(horizon=8),
     "delayed, longer steps": MpcSettings(computing_delay=1, step=0.025, horizon=10),
     "late and delayed": MpcSettings(computing_delay=1, step_time=0.02),
     "apart": MpcSettings(phases_apart=True),
@@ -78,7 +78,7 @@ SETTINGS = {
 @pytest.mark.parametrize("name", SETTINGS)
 def test_every_answer_is_that_of_numba(context, senses, tmp_path, name):
     # nothing depends on how the compiler is asked to optimise
-    level = {"default": "-O2", "exact": "-O1"}.get(name, "-O0")
+    level = {"default": "-O2", "short": "-O1"}.get(name, "-O0")
     statuses, _ = _same(context, SETTINGS[name], senses(), tmp_path, [level])
     late = {"late"} if SETTINGS[name].step_time > 0.01 else set()
     assert set(statuses) == {"reading not finite", "ok"} | late

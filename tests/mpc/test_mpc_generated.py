@@ -14,12 +14,10 @@ def test_numba_equals_casadi(make_context, random_problem, curve):
     context = make_context(curve)
     model = unit_model(context)
     compiled = compiled_model(model)
-    rng = np.random.default_rng(1)
     for name, function in symbolic_functions(model).items():
         for seed in range(8):
             problem = random_problem(context, seed)
             inputs = [problem.state, np.array([500.0]), problem.parameters]
-            inputs += [rng.standard_normal(model.states)] * (name == "curvature")
             expected = function.call(inputs)
             outputs = [np.full(function.nnz_out(k), np.nan) for k in range(function.n_out())]
             inputs[2] = compiled.prepared(problem.parameters)

@@ -23,7 +23,7 @@ from tests.mpc.parts import cost_of_torques, model_at_guess
 from tests.plant.numpy_plant import environment_at
 
 PERIOD = 0.01
-SHORT = MpcSettings(horizon=5, exact_hessian=True)
+SHORT = MpcSettings(horizon=5)
 
 
 def _plant(cars, inverters):
@@ -87,32 +87,20 @@ def test_assembled_functions_equal_the_whole_expression(group):
     model, made = unit_model(group), compiled_group(group)
     symbolic = symbolic_functions(model)
     width, states = model.states + model.units, model.states
-    weights = np.random.default_rng(0).standard_normal(states)
     for seed in range(4):
         data = problem(group, seed)
         inputs = [data.state, np.asarray(data.target), data.parameters]
         slopes, again = np.full(states, np.nan), np.full(states, np.nan)
-        jacobian, hessian = (
-            np.full(made.nonzeros.row.size, np.nan),
-            np.full(made.nonzeros.upper_row.size, np.nan),
-        )
+        jacobian = np.full(made.nonzeros.row.size, np.nan)
         point = (*inputs[:2], made.prepared(data.parameters))
         made.slope(*point, slopes)
         made.rate(*point, again, jacobian)
-        made.curvature(*point, weights, hessian)
         f, j = symbolic["rate"].call(inputs)
-        h = symbolic["curvature"].call([*inputs, weights])[0]
         np.testing.assert_array_equal(slopes, again)
         np.testing.assert_allclose(slopes, np.asarray(f).ravel(), rtol=1e-10, atol=1e-9)
-        for values, places, shape, wanted in (
-            (jacobian, (made.nonzeros.row, made.nonzeros.column), (states, width), j),
-            (hessian, (made.nonzeros.upper_row, made.nonzeros.upper_column), (width, width), h),
-        ):
-            wanted = np.asarray(cs.DM(wanted))
-            scale = np.abs(wanted).max()
-            np.testing.assert_allclose(
-                _dense(values, places, shape), wanted, rtol=1e-9, atol=1e-12 * scale
-            )
+        wanted = np.asarray(cs.DM(j))
+        found = _dense(jacobian, (made.nonzeros.row, made.nonzeros.column), (states, width))
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12 * np.abs(wanted).max())
 
 
 def _central(function, x, width):
@@ -144,24 +132,6 @@ def test_gradient_equals_finite_differences_of_the_cost(group, seed):
     expected = _central(cost, solver.torques / scale, 1e-5)
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(quadratic.gradient, expected, rtol=1e-4, atol=1e-5)
-
-
-def test_exact_hessian_equals_finite_differences_of_the_gradient():
-    # Polach's curve is smooth, and a slip limit below any slip makes the penalty smooth too
-    group = small_cars(1, POLACH_WET)
-    data = problem(group, 1)._replace(slip_limit=np.full(2, -1.0))
-    solver, quadratic = _linearised(group, data, 1)
-    scale = solver.period.guess.scale
-    start, gauss_newton = solver.torques / scale, quadratic.hessian.copy()
-    hessian = model_at_guess(solver, data, exact=True).hessian.copy()
-
-    def gradient(scaled):
-        solver.torques[:] = scaled * scale
-        return model_at_guess(solver, data).gradient.copy()
-
-    expected = _central(gradient, start, 1e-5)
-    assert np.abs(hessian - gauss_newton).max() > 1e-3 * np.abs(hessian).max()
-    np.testing.assert_allclose(hessian, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 def test_a_group_of_one_is_the_unit(context, random_problem):

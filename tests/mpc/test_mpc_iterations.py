@@ -12,7 +12,7 @@ from mpc.unit_controller import MpcController
 from studies.scenario.loading import load_scenario
 from tests.mpc.drop import drop_event, run_mpc
 
-CONVERGED = MpcSettings(iterations=50, tolerance=1e-9, exact_hessian=True, step_time=1e-4)
+CONVERGED = MpcSettings(iterations=1000, tolerance=1e-6, step_time=1e-6)
 ONE = MpcSettings(iterations=1)
 
 

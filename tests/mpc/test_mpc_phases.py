@@ -18,7 +18,7 @@ from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.mpc.conftest import make_unit
 
 CONVERGED = MpcSettings(
-    phases_apart=True, exact_hessian=True, tolerance=1e-9, iterations=60, step_time=1e-4, horizon=8
+    phases_apart=True, tolerance=1e-9, iterations=1000, step_time=1e-6, horizon=8
 )
 SIZES = np.array([1.0, 0.5, 0.25, 0.125])
 """Of a change between the phases."""
@@ -65,10 +65,9 @@ def test_the_prepared_trajectory_moves_to_first_order(unit, random_problem, numb
     assert np.median(_order(errors)) == pytest.approx(2.0, abs=0.4)
 
 
-@pytest.mark.parametrize("exact", [True, False], ids=["exact Hessian", "Gauss-Newton"])
-def test_one_step_answers_most_of_what_was_not_predicted(unit, random_problem, exact):
+def test_one_step_answers_most_of_what_was_not_predicted(unit, random_problem):
     """What is left is of first order: how the sensitivities themselves change with the state is not in the step."""
-    settings, left = replace(CONVERGED, exact_hessian=exact), []
+    settings, left = CONVERGED, []
     for number in range(8):
         data, solver = _prepared(unit, random_problem, number, settings)
         change = 0.002 * np.random.default_rng(number).normal(size=data.state.size)

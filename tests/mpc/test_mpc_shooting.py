@@ -1,39 +1,34 @@
-"""Trajectory, cost, gradient and Hessians of a polynomial model, against formulas and CasADi's derivatives."""
+"""Trajectory, cost, gradient and Hessian of a polynomial model, against formulas and CasADi's derivatives."""
 
 import casadi as cs
 import numpy as np
 import pytest
 
 from alloc.by_reference import ByReference
-from mpc.condensing import add_second_order, condense, quadratic
+from mpc.condensing import condense, quadratic
 from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, trajectory_cost
 from mpc.generated import compile_functions
-from mpc.shooting import Nonzeros, linearise, linearised, second_order, simulate
+from mpc.shooting import Nonzeros, linearise, linearised, simulate
 from mpc.tangent import compile_tangent
 
 STATES, UNITS, HORIZON, SUBSTEPS, STEP = 3, 2, 3, 2, 0.15
 SIZE, WIDTH = HORIZON * UNITS, STATES + UNITS
 P = np.array([0.7, 0.4])
 
-x, u, p, w = (cs.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 2), ("w", 3)))
+x, u, p = (cs.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 2)))
 RATE = cs.vertcat(
     p[0] * x[1] * x[2] - 0.3 * x[0] ** 2 + 0.2 * u[0],
     u[0] * (1.0 + 0.3 * x[0]) - p[1] * x[1] ** 3,
     u[1] - 0.5 * u[1] ** 2 * x[2] + 0.6 * x[0] * x[1] + 0.2 * u[0] * u[1],
 )
-BOTH = cs.vertcat(x, u)
-JACOBIAN = cs.jacobian(RATE, BOTH)
-UPPER = cs.triu(cs.hessian(cs.dot(w, RATE), BOTH)[0])
+JACOBIAN = cs.jacobian(RATE, cs.vertcat(x, u))
 _rate = cs.Function("rate", [x, u, p], [RATE])
 NAMES = ["state", "torque", "parameters"]
 MODEL = [
     cs.Function("slope", [x, u, p], [RATE], NAMES, ["slopes"]),
     cs.Function("rate", [x, u, p], [RATE, JACOBIAN], NAMES, ["slopes", "nonzeros"]),
-    cs.Function("curvature", [x, u, p, w], [UPPER], [*NAMES, "weights"], ["nonzeros"]),
 ]
-NONZEROS = Nonzeros(
-    *map(np.array, (*JACOBIAN.sparsity().get_triplet(), *UPPER.sparsity().get_triplet()))
-)
+NONZEROS = Nonzeros(*map(np.array, JACOBIAN.sparsity().get_triplet()))
 
 
 @pytest.fixture(scope="module")
@@ -88,22 +83,20 @@ def _case(seed):
 
 
 def _linearised(model, torques, start):
-    evaluations = 4 * HORIZON * SUBSTEPS
-    out = linearised(HORIZON, evaluations, STATES, UNITS, NONZEROS.row.size)
+    out = linearised(HORIZON, STATES, UNITS, NONZEROS.row.size)
     for part in (out.nodes, out.sensitivity, out.points, out.jacobians, out.slope):
         part[:] = np.nan  # nothing may be read that was not written
-    out.spread[:, :STATES] = np.nan
     out.nodes[0] = start
     tangent = compile_tangent(NONZEROS.row, NONZEROS.column, STATES, UNITS)
     linearise(model["rate"], tangent, torques, P, STEP, SUBSTEPS, ByReference(out))
     return out
 
 
-def _condensed(around, torques, terms, exact):
+def _condensed(around, torques, terms):
     made = quadratic(HORIZON, STATES, 3, UNITS)
     for part in (made.hessian, made.gradient, made.adjoint, made.excess, made.tile):
         part[:] = np.nan
-    condense(ByReference(around), torques, ByReference(terms), exact, ByReference(made))
+    condense(ByReference(around), torques, ByReference(terms), ByReference(made))
     return made
 
 
@@ -134,13 +127,13 @@ def test_sensitivities_are_the_trajectorys_derivatives(made, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_gradient_and_both_hessians_are_the_costs(made, seed):
+def test_gradient_and_gauss_newton_hessian_are_the_costs(made, seed):
     terms, start, torques = _case(seed)
     symbols = cs.SX.sym("torques", SIZE)
     scale = np.tile(terms.unit.scale, HORIZON)
     nodes = trajectory(symbols, start)
     total = cost(nodes, symbols, terms)
-    hessian, gradient = cs.hessian(total, symbols)
+    gradient = cs.gradient(total, symbols)
     # Gauss-Newton: the second derivatives with the nodes as linear functions of the torques
     straight = [cs.DM(start)]
     jacobians = [
@@ -150,22 +143,13 @@ def test_gradient_and_both_hessians_are_the_costs(made, seed):
         value, jacobian = function(torques)
         straight.append(value + jacobian @ (symbols - torques))
     gauss_newton = cs.hessian(cost(straight, symbols, terms), symbols)[0]
-    wanted = cs.Function("wanted", [symbols], [gradient, hessian, gauss_newton])
-    g, h, gn = (np.asarray(value) for value in wanted(torques))
+    wanted = cs.Function("wanted", [symbols], [gradient, gauss_newton])
+    g, gn = (np.asarray(value) for value in wanted(torques))
     around = _linearised(made, torques, start)
     both = np.outer(scale, scale)
-    for exact in (False, True):
-        found = _condensed(around, torques, terms, exact)
-        np.testing.assert_allclose(found.gradient, g.ravel() * scale, rtol=1e-10)
-        np.testing.assert_allclose(found.hessian, gn * both, rtol=1e-9, atol=1e-10)
-    hessians = np.full((HORIZON, WIDTH, WIDTH), np.nan)
-    second_order(
-        made["curvature"], ByReference(NONZEROS), torques, P, STEP, SUBSTEPS, ByReference(around),
-        found.adjoint, hessians, np.full((6, max(WIDTH, NONZEROS.upper_row.size)), np.nan),
-    )  # fmt: skip
-    wide = np.full((2 * WIDTH, SIZE), np.nan)
-    add_second_order(hessians, ByReference(terms), ByReference(found), wide)
-    np.testing.assert_allclose(found.hessian, h * both, rtol=1e-9, atol=1e-10)
+    found = _condensed(around, torques, terms)
+    np.testing.assert_allclose(found.gradient, g.ravel() * scale, rtol=1e-10)
+    np.testing.assert_allclose(found.hessian, gn * both, rtol=1e-9, atol=1e-10)
 
 
 def test_an_axle_at_its_limit_costs_nothing(made):
@@ -176,6 +160,6 @@ def test_an_axle_at_its_limit_costs_nothing(made):
     found = []
     for limit in (highest, highest + 1.0):
         case = terms._replace(slip_matrix=matrix, axle=terms.axle._replace(slip_limit=limit))
-        found.append(_condensed(around, torques, case, False))
+        found.append(_condensed(around, torques, case))
     np.testing.assert_array_equal(found[0].hessian, found[1].hessian)
     np.testing.assert_array_equal(found[0].gradient, found[1].gradient)

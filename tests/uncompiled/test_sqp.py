@@ -11,14 +11,14 @@ from mpc.horizon import HorizonProblem
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.shooting import Nonzeros
-from mpc.sqp import ENDED, GOING, NO_EIGENVALUES, NO_SOLUTION, NOT_FINITE
+from mpc.sqp import ENDED, GOING, NO_SOLUTION, NOT_FINITE
 from mpc.sqp_period import Addresses, Rules, period
 from mpc.stiffness import Stiffness
 
 SCALE, UPPER = np.array([10.0, 20.0]), np.array([50.0, 60.0])
 
 
-def _period(tolerance=0.01, exact=False):
+def _period(tolerance=0.01):
     """Two units over two steps of horizon, without a model."""
     terms = Cost(
         np.zeros((1, 1)),
@@ -27,9 +27,9 @@ def _period(tolerance=0.01, exact=False):
         CostWeights(1.0, 1.0, 1.0, 0.0, 1.0),
     )
     none = np.zeros(0, dtype=np.int64)
-    rules = Rules(0.01, Stiffness(100.0, 50.0, 1, 1, 9), tolerance, 0.2, exact)
-    addresses = Addresses(1, 2, 3, 4, 5)
-    made = period(addresses, Nonzeros(none, none, none, none), terms, rules, 2, (3, 3))
+    rules = Rules(0.01, Stiffness(100.0, 50.0, 1, 1, 9), tolerance)
+    addresses = Addresses(1, 2, 3, 4)
+    made = period(addresses, Nonzeros(none, none), terms, rules, 2, (3, 3))
     made.now.upper[:] = np.tile(UPPER, 2)
     made.now.parameters[:] = 0.1, 0.05, 4.0
     return made
@@ -52,7 +52,7 @@ def steps(monkeypatch):
     `costs`: of the trajectory at the guess and at each whole step; a trial that is not better is one for `search`.
     """
 
-    def make(residuals, costs=None, solved=True, found=True, reflected=True, **rules):
+    def make(residuals, costs=None, solved=True, found=True, **rules):
         made, done, left = _period(**rules), [], list(residuals)
         at = iter(costs or [1.0] * 100)
         monkeypatch.setattr(sqp, "linearise_at", lambda torques, p: done.append("linearise"))
@@ -61,8 +61,6 @@ def steps(monkeypatch):
         monkeypatch.setattr(sqp, "optimality", lambda p: left.pop(0))
         monkeypatch.setattr(sqp, "step", lambda p: done.append("step") or solved)
         monkeypatch.setattr(sqp, "search", lambda *a: done.append(("search", *a[:2])) or found)
-        monkeypatch.setattr(sqp, "second_derivatives", lambda p: done.append("exact"))
-        monkeypatch.setattr(sqp, "reflect", lambda *a: done.append(("reflect", a[1])) or reflected)
         return made, done
 
     return make
@@ -142,15 +140,6 @@ def test_what_is_not_finite_is_said(steps, cost, residual):
 def test_a_quadratic_program_that_fails_is_said(steps):
     made, _ = steps([1.0, 0.0], solved=False)
     assert sqp.iterate(3, made) == (1.0, 1.0, 1, NO_SOLUTION)
-
-
-def test_curvature_is_reflected_where_second_derivatives_are_asked_for(steps):
-    made, done = steps([0.0], exact=True)
-    assert sqp.iterate(3, made)[3] == ENDED
-    assert done[:4] == ["linearise", "exact", ("reflect", 0.2), "step"]
-    made, done = steps([0.0], exact=True, reflected=False)
-    assert sqp.iterate(3, made)[2:] == (1, NO_EIGENVALUES)
-    assert "step" not in done
 
 
 def test_the_guess_is_brought_within_bounds(steps):
@@ -249,7 +238,6 @@ def test_what_is_new_in_a_period_is_handed_over():
     [
         (NOT_FINITE, "not finite"),
         (NO_SOLUTION, "QP not solved"),
-        (NO_EIGENVALUES, "eigenvalues not found"),
         (GOING, "ok"),
     ],
 )
