@@ -89,14 +89,14 @@ _FUNCTIONS = (
 )
 
 
-def _blocks(group: tuple[UnitContext, ...], code: str) -> list[_Block]:
+def _blocks(group: tuple[UnitContext, ...]) -> list[_Block]:
     pairs = [(unit_model(car), bool(unloading(car).any())) for car in cars_of(group)]
     blocks: list[_Block] = []
     axle = unit = constant = nonzero = 0
     for _, alike in groupby(pairs, key=lambda pair: id(pair[0])):
         run = list(alike)
         (model, transfer), cars = run[0], len(run)
-        cell = compiled_model(model, code)
+        cell = compiled_model(model)
         blocks.append(_Block(cell, model, cars, axle, unit, constant, nonzero, transfer))
         axle, unit = axle + cars * model.axles, unit + cars * model.units
         constant += cars * cell.constants
@@ -139,15 +139,12 @@ def _places(blocks: list[_Block], field: str, axles: int, units: int) -> Ints:
     return np.concatenate(found)
 
 
-def compiled_group(units: Units, code: str = "numba") -> CompiledModel:
-    """Compiled model of a unit or a group; that of one car is the expression's own, that of more is put together.
-
-    `code` as for `compiled_model`.
-    """
+def compiled_group(units: Units) -> CompiledModel:
+    """Compiled model of a unit or a group; that of one car is the expression's own, that of more is put together."""
     group = group_of(units)
     if len(cars_of(group)) == 1:
-        return compiled_model(unit_model(units), code)
-    blocks = _blocks(group, code)
+        return compiled_model(unit_model(units))
+    blocks = _blocks(group)
     axles = sum(context.axles for context in group)
     made = compile_source(_source(blocks, axles, len(group)))
     places = [_places(blocks, field, axles, len(group)) for field in Nonzeros._fields]

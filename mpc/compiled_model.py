@@ -9,7 +9,6 @@ import numpy as np
 from alloc.plant.structure import Floats
 from mpc.folding import folded
 from mpc.generated import compile_functions
-from mpc.generated_c import compile_c_functions
 from mpc.shooting import Nonzeros
 from mpc.tangent import compile_tangent
 from mpc.unit_model import UnitModel
@@ -34,7 +33,7 @@ class CompiledModel(NamedTuple):
         return values
 
 
-_compiled: dict[tuple[int, str], tuple[UnitModel, CompiledModel]] = {}
+_compiled: dict[UnitModel, CompiledModel] = {}
 
 
 def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
@@ -53,22 +52,16 @@ def symbolic_functions(model: UnitModel) -> dict[str, cs.Function]:
     }
 
 
-def compiled_model(model: UnitModel, code: str = "numba") -> CompiledModel:
-    """Compile `model` by way of "numba" or "c", once per process; a cache keeps the result across processes.
-
-    Raises `CompilerError` where "c" is asked for and not available.
-    """
-    key = (id(model), code)
-    if key not in _compiled:
+def compiled_model(model: UnitModel) -> CompiledModel:
+    """Compile `model`, once per process; a cache keeps the result across processes."""
+    if model not in _compiled:
         functions = symbolic_functions(model)
         row, column = functions["rate"].sparsity_out(1).get_triplet()
-        compile_ = compile_c_functions if code == "c" else compile_functions
         whole = folded(functions)
-        made = compile_(list(whole.values()))
+        made = compile_functions(list(whole.values()))
         places = [np.array(values, dtype=np.int64) for values in (row, column)]
         tangent = compile_tangent(places[0], places[1], model.states, model.units)
         of_it = made["prepare"], made["slope"], made["rate"], tangent
-        # the model is kept along: its id must not be given to another one
         constants = whole["prepare"].numel_out(0)
-        _compiled[key] = model, CompiledModel(*of_it, Nonzeros(*places), constants)
-    return _compiled[key][1]
+        _compiled[model] = CompiledModel(*of_it, Nonzeros(*places), constants)
+    return _compiled[model]

@@ -50,7 +50,7 @@ class RealTimeIteration:
         self._settings = settings
         self.most = max(1, settings.steps_in_time(group_of(units)[0].period))
         """Most steps of a solve."""
-        self._model = compiled_group(units, settings.code)  # kept: compiled code has its addresses
+        self._model = compiled_group(units)  # kept: compiled code has its addresses
         self._terms = cost_of(units, settings, evenness)
         made, model = unit_model(units), self._model
         self.units = made.units

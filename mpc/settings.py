@@ -1,15 +1,11 @@
 """Settings of the readhesion MPC: horizon, weights, belief, deadline."""
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, get_args
+from typing import Any
 
 from alloc.display import displayed
 from alloc.errors import InputError
 from alloc.onboard.quantity import quantity
-
-Code = Literal["numba", "c"]
-CODES = get_args(Code)
-"""Ways of compiling the model."""
 
 
 class MpcError(InputError):
@@ -203,9 +199,6 @@ class MpcSettings:
     phases_apart: bool = False
     """Whether trajectory and derivatives are computed before the readings, from the state predicted for them; the readings
     then wait for one QP alone. Source: see `mpc.phases`."""
-    code: Code = "numba"
-    """The model compiled by Numba ("numba", needs nothing else) or from C by the system's compiler ("c"); the answers are
-    the same. Source: this project."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the cost."""
     belief: PeakBelief = field(default_factory=PeakBelief)
@@ -224,10 +217,6 @@ class MpcSettings:
             ):
                 kind = item.default_factory.__name__
                 raise MpcError(f"mpc: {item.name} = {value!r} must be a {kind}")
-        if self.code not in CODES:
-            raise MpcError(
-                f"mpc: code = {self.code!r} must be one of {', '.join(map(repr, CODES))}"
-            )
         if self.computing_delay not in (0, 1):
             raise MpcError(f"mpc: computing_delay = {self.computing_delay!r} must be 0 or 1")
         if self.phases_apart and self.computing_delay:

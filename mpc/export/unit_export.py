@@ -1,7 +1,7 @@
 """The readhesion MPC of one unit as C99: the source files, their memory, and what they were made from."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 from alloc.onboard.compiled_controller import ANSWER, READING
@@ -61,9 +61,9 @@ def export_unit(
 
     Raises `mpc.export.c_kinds.TranslationError` where the controller contains a construct without a translation.
     """
-    settings = replace(settings or MpcSettings(), code="numba")
+    settings = settings or MpcSettings()
     record = compiled_unit(context, settings).kept[0]
-    model = compiled_model(unit_model(with_predicted_curve(context)), "numba")
+    model = compiled_model(unit_model(with_predicted_curve(context)))
     state = _with_functions(UnitState(*(getattr(record, one) for one in UnitState._fields)), model)
     program = Program({state_at: Value(Record("memory", state))})
     reading = Value(structure("const ControllerReading", READING), "reading")

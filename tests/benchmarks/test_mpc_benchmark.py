@@ -5,14 +5,12 @@ are checked: both times are taken on the same machine, so they do not depend on 
 medians, 99th percentiles and residuals are in the report's extra_info. `closed_loop.py` has the peers as controllers.
 """
 
-import shutil
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mpc.generated_c import COMPILERS
 from mpc.settings import MpcSettings
 from tests.benchmarks.mpc_cases import CASES, HORIZON
 from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing
@@ -33,13 +31,7 @@ SAME_TORQUE = 1e-4
 MOST_STEPS = 100
 """Steps after which an iteration is taken not to converge."""
 
-CODES = ["numba", "c"] if any(map(shutil.which, COMPILERS)) else ["numba"]
-CODE_PARAMETERS = [
-    "numba",
-    pytest.param(
-        "c", marks=pytest.mark.skipif("c" not in CODES, reason="no C compiler on this machine")
-    ),
-]
+OWN = "own"
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case.name)
@@ -81,12 +73,9 @@ def measured(case, problems):
             peers[name] = PEERS[name](context, settings)
             peers[name].restart(600.0)
     converging = {name: _stepping(peer) for name, peer in peers.items()}
-    iterations = {}
-    for code in CODES:
-        # one step of it is what is timed
-        own = replace(settings, iterations=1, tolerance=0.0, code=code)
-        iterations[code] = case.iteration(context, own)
-        iterations[code].restart(600.0)
+    # one step of it is what is timed
+    iterations = {OWN: case.iteration(context, replace(settings, iterations=1, tolerance=0.0))}
+    iterations[OWN].restart(600.0)
     # not counted: converging solvers have nothing to start from, first calls load the compiled functions
     for solve in (*converging.values(), *map(_stepping, iterations.values())):
         _timed(solve, problems[:1])
@@ -112,10 +101,9 @@ def _report(benchmark, name, times):
     return f"{name}: median {median:.3f} ms, p99 {p99:.3f} ms; "
 
 
-@pytest.mark.parametrize("code", CODE_PARAMETERS)
-def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured, code):
-    times, solutions = measured[code]
-    settings = MpcSettings(horizon=HORIZON, iterations=1, tolerance=0.0, code=code)
+def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured):
+    times, solutions = measured[OWN]
+    settings = MpcSettings(horizon=HORIZON, iterations=1, tolerance=0.0)
     # of the torques after the step; at its begin the end of the horizon is out, where the shifted guess is repeated
     solver, residuals = case.iteration(case.context, settings), []
     for problem, solution in zip(problems[1 : PEER_PROBLEMS + 1], solutions, strict=True):
@@ -137,7 +125,7 @@ def test_real_time_iteration_against_ipopt(benchmark, case, problems, measured, 
     if (
         benchmark.enabled
     ):  # times are judged by `make bench` alone: beside other work they say little
-        assert ratio >= case.least_speed_up[code == "c"]
+        assert ratio >= case.least_speed_up
 
 
 @pytest.mark.parametrize("name", [name for name in CONVERGING if name != "Opti with ipopt"])

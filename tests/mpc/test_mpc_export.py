@@ -15,8 +15,7 @@ from mpc.settings import MpcSettings, SlipSearch
 from mpc.unit_step import STATUSES
 from studies.scenario.loading import load_scenario
 from tests.mpc.conftest import make_unit
-from tests.mpc.exported import STRICT, InC, InNumba, run_compiler, run_tool, write
-from tests.mpc.test_mpc_generated_c import needs_compiler
+from tests.mpc.exported import STRICT, InC, InNumba, needs_compiler, run_compiler, run_tool, write
 
 RELATIVE = 1e-9
 """Of torques. Numba joins multiplications and additions into one rounding where the processor can, C99 does not."""

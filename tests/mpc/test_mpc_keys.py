@@ -47,7 +47,6 @@ def test_keys_give_the_settings_in_si(load, table):
 [onboard.{table}]
 horizon = 12
 step_s = 0.02
-code = "c"
 [onboard.{table}.weights]
 slip_scale_kmh = 0.36
 [onboard.{table}.belief]
@@ -63,7 +62,6 @@ friction_price_s_per_m = 0.4
         table.replace("_", "-"): MpcSettings(
             horizon=12,
             step=0.02,
-            code="c",
             weights=Weights(slip_scale=0.36 * (1.0 / 3.6)),
             belief=PeakBelief(slip_error=0.018 * (1.0 / 3.6), pole=20.0),
             search=SlipSearch(seek=False, memory=2.0, first=0.72 * (1.0 / 3.6), friction_price=0.4),
@@ -100,7 +98,6 @@ def test_settings_reach_the_controller(load, controller):
         ("[onboard]\nhold_time = 5\n", "unknown key 'onboard.hold_time'; did you mean 'hold_time_s'?"),
         ("[onboard.mpc]\nhorizon = 1\n", "key 'onboard': mpc.horizon = 1 must be at least 2 steps"),
         ("[onboard.mpc]\nhorizon = 'long'\n", "key 'onboard.mpc.horizon' = 'long': input should be a valid integer"),
-        ("[onboard.mpc]\ncode = 'fortran'\n", "'onboard.mpc.code' = 'fortran': input should be 'numba' or 'c'"),
         ("[onboard]\nmpc = 3\n", "key 'onboard.mpc' = 3: input should be a valid dictionary"),
     ],
 )  # fmt: skip

@@ -23,7 +23,6 @@ from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch, Weights
         (MpcSettings, "computing_delay", 2),
         (MpcSettings, "computing_delay", True),
         (MpcSettings, "headroom", -0.1),
-        (MpcSettings, "code", "fortran"),
         (MpcSettings, "weights", {"slip": 2.0}),
         (MpcSettings, "belief", None),
         (Weights, "tracking", 0.0),

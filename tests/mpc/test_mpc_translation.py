@@ -11,8 +11,7 @@ from alloc.plant.simd import load, spread, store, total
 from mpc.export.c_kinds import DOUBLE, INTEGER, Array, TranslationError, Value
 from mpc.export.c_known import HELPERS
 from mpc.export.c_program import Program
-from tests.mpc.exported import STRICT, run_compiler
-from tests.mpc.test_mpc_generated_c import needs_compiler
+from tests.mpc.exported import STRICT, needs_compiler, run_compiler
 
 LIMIT = 0.75
 
