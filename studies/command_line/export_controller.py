@@ -1,4 +1,4 @@
-"""`readhesion export-controller`: the readhesion MPC of one unit as C."""
+"""`readhesion export-controller`: the readhesion MPC of one unit as an object file for C."""
 
 from functools import partial
 from pathlib import Path
@@ -9,10 +9,10 @@ from studies.files.study_error import StudyError
 from studies.files.writable import check_place, make_folder
 
 
-def export_controller(scenario: str, *, unit: Whole, out: FilePath) -> None:
-    """Write the readhesion MPC of one unit as C99: controller.h, controller.c, and what they were made from.
+def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str = "x86-64") -> None:
+    """Write the readhesion MPC of one unit for C: controller.o, controller.h, README, and what they were made from.
 
-    It is what the simulation runs, translated from the same source: no allocation, no library but math.h.
+    It is what the simulation runs, compiled for another processor: no allocation, no library but that of mathematics.
 
     Parameters
     ----------
@@ -22,6 +22,8 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath) -> None:
         Number of the traction unit, 1 = foremost.
     out
         Folder for the files.
+    target
+        Processor: x86-64, x86-64-v2, x86-64-v3, x86-64-v4 or aarch64. Higher levels are faster; only newer ones run them.
     """
     from alloc.onboard.equipment import equipment
     from alloc.onboard.host import unit_contexts
@@ -37,16 +39,12 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath) -> None:
         )
     check_whole("--unit", unit, 1, units)
     check_place(out)
-    from mpc.export.c_kinds import TranslationError
-    from mpc.export.unit_export import export_unit
+    from mpc.export import export_unit
 
     eq = equipment(event.model, event.onboard)
     context = unit_contexts(event.model, eq, event.onboard, "mpc")[unit - 1]
-    try:
-        made = export_unit(context, context.settings, f"unit {unit} of {chosen.name}")
-    except TranslationError as error:
-        raise StudyError(f"scenario {chosen.name!r}, --unit {unit}: {error}") from None
+    made = export_unit(context, context.settings, target, f"unit {unit} of {chosen.name}")
     make_folder(out)
-    for name, text in made.contents.items():
-        write_whole(out / name, partial(Path.write_text, data=text, encoding="utf-8"))
+    for name, content in made.contents.items():
+        write_whole(out / name, partial(Path.write_bytes, data=content))
     console().print(f"{out} holds the controller, of {made.memory} bytes of static memory")

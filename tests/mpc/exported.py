@@ -1,84 +1,80 @@
-"""An exported controller, compiled by the system's compiler and asked from Python beside the one that Numba compiles."""
+"""An exported controller, linked to a program in C and asked beside the one that Numba compiles."""
 
-import ctypes
+import os
+import pickle
 import shutil
 import subprocess
+import sys
 
 import numpy as np
-import pytest
 
 from alloc.onboard.compiled_controller import ANSWER, READING
-from mpc.export.unit_export import export_unit
 from mpc.unit_step import compiled_unit, unit_step
 
 COMPILER = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), "")
-needs_compiler = pytest.mark.skipif(not COMPILER, reason="no C compiler on this machine")
-STRICT = ("-Wall", "-Wextra", "-Werror", "-std=c99", "-pedantic", "-O2")
+STRICT = ("-Wall", "-Wextra", "-Werror", "-std=c99", "-pedantic", "-O0")
+MAIN = """
+#include <stdio.h>
+#include "controller.h"
+
+int main(void)
+{
+  ControllerReading reading;
+  ControllerAnswer answer;
+  controller_init();
+  while (fread(&reading, sizeof reading, 1, stdin) == 1) {
+    if (reading.time < 0.0) controller_init();
+    controller_step(&reading, &answer);
+    fwrite(&answer, sizeof answer, 1, stdout);
+  }
+  return 0;
+}
+"""
+"""Answers to readings; one of a time below 0 starts anew."""
 
 
 def write(files, folder):
     """Write an exported controller into a folder; returns the folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.contents.items():
-        (folder / name).write_text(text)
+    for name, content in files.contents.items():
+        (folder / name).write_bytes(content)
     return folder
 
 
-def run_compiler(folder, *arguments):
-    """Run the system's compiler in a folder; raises what it says."""
+def run_tool(folder, *command, given=b""):
+    """What a command prints that is run in a folder; raises what it says against it."""
     done = subprocess.run(
-        [COMPILER, *arguments], cwd=folder, capture_output=True, text=True, timeout=300.0
+        list(map(str, command)), cwd=folder, input=given, capture_output=True, timeout=600.0
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stderr.decode()
+    assert not done.stderr, "a warning of the linker"
     return done.stdout
 
 
-class InC:
-    """A controller in C."""
+def link(folder, text=MAIN, *more):
+    """Compile a program in C and link it to the object; returns what is to be run."""
+    (folder / "main.c").write_text(text)
+    run_tool(folder, COMPILER, *STRICT, "main.c", "controller.o", *more, "-lm")
+    return folder / "a.out"
 
-    def __init__(self, context, settings, folder, *flags):
-        self.files = export_unit(context, settings)
-        write(self.files, folder)
-        run_compiler(
-            folder,
-            *STRICT,
-            *flags,
-            "-shared",
-            "-fPIC",
-            "controller.c",
-            "-o",
-            "controller.so",
-            "-lm",
-        )
-        self.library = ctypes.CDLL(str(folder / "controller.so"))
-        fields = [(name, float) for name in READING.names if name != "slipping"]
-        whole = np.dtype([*fields, ("slipping", np.int64), ("omega", float, (context.axles,))])
-        assert whole.itemsize == READING.itemsize + 8 * context.axles
-        self.reading, self.answer = np.zeros(1, whole), np.zeros(1, ANSWER)
-        self.start()
 
-    def start(self):
-        self.library.controller_init()
+def packed(senses, axles):
+    """Readings as the C program takes them."""
+    fields = [(name, READING[name]) for name in READING.names]
+    made = np.zeros(len(senses), np.dtype([*fields, ("omega", float, (axles,))]))
+    for k, sense in enumerate(senses):
+        made[k] = tuple(getattr(sense, name) for name in made.dtype.names)
+    return made
 
-    def decide(self, sense):
-        for name in (*READING.names, "omega"):
-            self.reading[name] = getattr(sense, name)
-        self.step()
-        return self.answer[0]
 
-    def step(self):
-        self.library.controller_step(
-            ctypes.c_void_p(self.reading.ctypes.data), ctypes.c_void_p(self.answer.ctypes.data)
-        )
-
-    def step_in_phases(self):
-        """The same by the two calls of a controller whose phases are apart."""
-        self.library.controller_feedback(
-            ctypes.c_void_p(self.reading.ctypes.data), ctypes.c_void_p(self.answer.ctypes.data)
-        )
-        answer = self.answer.tobytes()
-        self.library.controller_prepare()
-        assert self.answer.tobytes() == answer, "the command is out before the preparation"
+def asked(program, readings):
+    """Answers of a program to readings, started anew after the last: each twice, which must be the same."""
+    again = readings.copy()
+    again["time"][0] = -1.0
+    given = readings.tobytes() + again.tobytes()
+    first, second = np.frombuffer(run_tool(None, program, given=given), ANSWER).reshape(2, -1)
+    assert first.tobytes() == second.tobytes(), "a start forgets all"
+    return first
 
 
 class InNumba:
@@ -95,8 +91,25 @@ class InNumba:
         return self.answer
 
 
-def run_tool(*arguments):
-    """What a tool of the compiler prints."""
-    done = subprocess.run(list(map(str, arguments)), capture_output=True, text=True, timeout=60.0)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def of_numba(cases):
+    """Answers of Numba's controllers; `cases`: (context, settings, senses) by name."""
+    answers = {}
+    for name, (context, settings, senses) in cases.items():
+        one = InNumba(context, settings)
+        answers[name] = np.array([one.decide(sense).copy() for sense in senses], ANSWER)
+    return answers
+
+
+def of_numba_without_fma(cases):
+    """The same by another process, whose Numba takes this machine for one that never rounds two operations as one."""
+    plain = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    command = [sys.executable, "-m", __name__]
+    done = subprocess.run(
+        command, input=pickle.dumps(cases), capture_output=True, env=plain, timeout=900.0
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    return pickle.loads(done.stdout)
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(pickle.dumps(of_numba(pickle.load(sys.stdin.buffer))))

@@ -7,9 +7,7 @@ import pytest
 
 from alloc.by_reference import ByReference
 from mpc.belief import with_predicted_curve
-from mpc.export.c_kinds import Value
-from mpc.export.c_program import Program, Record
-from mpc.phases import feedback, move
+from mpc.phases import move
 from mpc.real_time import RealTimeIteration
 from mpc.settings import MpcError, MpcSettings
 from mpc.sqp import linearise_at
@@ -91,15 +89,6 @@ def test_what_was_predicted_is_answered_as_prepared(unit, random_problem):
     found = solver.solve(data._replace(state=state))
     np.testing.assert_allclose(found.torques, prepared, rtol=1e-7, atol=1e-6)
     assert found.residual < 1e-7
-
-
-def test_no_evaluation_of_the_model_waits_for_the_readings(unit):
-    program = Program({})
-    solver = RealTimeIteration(unit, MpcSettings())
-    made, _ = program.reached(program.first(feedback, [Value(Record("memory", solver.period))]))
-    names = {one.name for one in made}
-    assert {"phases_move", "condensing_condense", "box_qp_solve_box_qp"} <= names
-    assert not {one for one in names if one.startswith("model")}
 
 
 def test_other_solvers_are_not_passed_over(context):

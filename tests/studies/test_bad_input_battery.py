@@ -284,6 +284,7 @@ COMMAND_LINES = [
     Case("export-controller wet-patch --unit 1.5 --out x", "'1.5' is not a whole number"),
     Case("export-controller wet-patch --unit 1 --out short.toml", "short.toml' is a file"),
     Case("export-controller wet-patch --unit 1 --out ''", "no name is given"),
+    Case("export-controller wet-patch --unit 1 --out x --target armv7", "target = 'armv7' must be one of x86-64"),
     Case("run-line --line", "--line"),
     Case("run-line --line line.yaml --train", "--train"),
     Case("run-line --line dresden-gorlitz", "did you mean 'dresden-goerlitz'?"),

@@ -1,27 +1,30 @@
 """`readhesion export-controller` as a user meets it."""
 
 import json
+import re
 
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.sources import ROOT
-from mpc.export import unit_export
-from mpc.export.c_kinds import TranslationError
+from mpc.export import export_unit
 from studies.scenario.loading import load_scenario
 from tests.studies.conftest import SHORT
 
 
-def test_the_files_are_those_of_the_unit_that_is_named(call, tmp_path):
+def test_the_files_are_those_of_the_unit_and_the_processor_that_are_named(call, tmp_path):
     event = load_scenario("uneven-load").event()
     contexts = unit_contexts(
         event.model, equipment(event.model, event.onboard), event.onboard, "mpc"
     )
-    for unit in (1, 4):
-        code, out, err = call("export-controller", "uneven-load", "--unit", unit, "--out", tmp_path)
+    for unit, target in ((1, "x86-64"), (4, "aarch64")):
+        named = () if unit == 1 else ("--target", target)
+        code, out, err = call(
+            "export-controller", "uneven-load", "--unit", unit, "--out", tmp_path, *named
+        )
         assert (code, err) == (0, "")
         context = contexts[unit - 1]
-        made = unit_export.export_unit(context, context.settings, f"unit {unit} of uneven-load")
-        assert {path.name: path.read_text() for path in tmp_path.iterdir()} == made.contents
+        made = export_unit(context, context.settings, target, f"unit {unit} of uneven-load")
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made.contents
         assert f"{made.memory} bytes" in " ".join(out.split())
         about = json.loads(made.contents["made-from.json"])
         assert about["unit"]["axle_load"] == context.axle_load
@@ -29,12 +32,23 @@ def test_the_files_are_those_of_the_unit_that_is_named(call, tmp_path):
 
 def test_settings_of_the_scenario_count(call, tmp_path):
     (tmp_path / "own.toml").write_text(f"{SHORT}\n[onboard.mpc]\nhorizon = 7\n")
-    code, _, err = call(
-        "export-controller", tmp_path / "own.toml", "--unit", 1, "--out", tmp_path / "c"
-    )
-    assert (code, err) == (0, "")
-    assert json.loads((tmp_path / "c" / "made-from.json").read_text())["settings"]["horizon"] == 7
-    assert "double torques[7];" in (tmp_path / "c" / "controller.c").read_text()
+    memory = {}
+    for name in (tmp_path / "own.toml", "wet-patch"):
+        code, _, err = call("export-controller", name, "--unit", 1, "--out", tmp_path / "c")
+        assert (code, err) == (0, "")
+        horizon = json.loads((tmp_path / "c" / "made-from.json").read_text())["settings"]["horizon"]
+        memory[horizon] = re.search(r"MEMORY (\d+)", (tmp_path / "c" / "controller.h").read_text())
+    assert int(memory[7].group(1)) < 0.5 * int(memory[20].group(1))
+
+
+def test_a_processor_that_cannot_be_had_is_one_line(call, tmp_path):
+    for target in ("armv7", "powerpc64", "x86-64-v9"):
+        command = ("export-controller", "wet-patch", "--unit", 2, "--out", tmp_path / "c")
+        code, _, err = call(*command, "--target", target)
+        assert code == 2
+        assert f"target = '{target}' must be one of x86-64" in " ".join(err.split())
+        assert err.count("\n") == 1
+        assert not (tmp_path / "c").exists()
 
 
 def test_a_train_without_motors_has_no_controller(call, tmp_path):
@@ -48,16 +62,4 @@ def test_a_train_without_motors_has_no_controller(call, tmp_path):
     )
     assert code == 2
     assert "has no motors" in err
-    assert not (tmp_path / "c").exists()
-
-
-def test_a_translation_that_fails_is_one_line(call, tmp_path, monkeypatch):
-    def refuse(*_):
-        raise TranslationError("a.py, line 3: no translation to C for the statement try:")
-
-    monkeypatch.setattr(unit_export, "export_unit", refuse)
-    code, _, err = call("export-controller", "wet-patch", "--unit", 2, "--out", tmp_path / "c")
-    assert code == 2
-    assert "--unit 2: a.py, line 3: no translation to C" in err
-    assert err.count("\n") == 1
     assert not (tmp_path / "c").exists()
