@@ -294,7 +294,8 @@ def _header(context: UnitContext, memory: int, name: str) -> str:
 def _readme(name: str, target: str, linked: Sequence[str]) -> str:
     return f"""{_title(name)} Written by readhesion for {target}; see made-from.json for settings and versions.
 Call controller_init once, then controller_step every CONTROLLER_PERIOD; controller.h says what goes in and out.
-Link: cc main.c controller.o -lm. The object (ELF, System V ABI) calls {", ".join(linked)}, and nothing else; it allocates nothing.
+Link: cc main.c controller.o -lm. The object (ELF, System V ABI) calls {", ".join(linked)}, and nothing else.
+It allocates nothing.
 All memory is static: CONTROLLER_MEMORY bytes, and a stack. So there is one controller, and one thread may call it.
 Another unit is another object; objcopy --redefine-sym controller_step=NEW gives it names of its own.
 Where an answer is not usable, the drive must fall back on a reserve of its own; a reading that is no number leads to that.
