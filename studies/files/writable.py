@@ -45,9 +45,9 @@ def check_place(
 
     One `of_results` may be there for reading alone: it is checked again if something is to be added.
     """
-    if of_results and path.is_dir():
-        return
     try:
+        if of_results and path.is_dir():
+            return
         place = path.absolute()
         while not place.exists():
             place = place.parent

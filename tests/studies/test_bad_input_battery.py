@@ -407,7 +407,7 @@ SCENARIO_FILES = [
     Case("simulate bad.toml", "is no text in UTF-8", {"bad.toml": SHORT.encode("utf-16")}),
     Case("simulate bad.toml", "is not TOML", {"bad.toml": "\0" * 100}),
     Case("simulate bad.toml", "is not TOML", {"bad.toml": f"title = {DEEP}"}),
-    Case("simulate bad.toml", "is larger than", {"bad.toml": "#" * 1_000_001}),
+    Case("simulate bad.toml", "more than 1000000 bytes; give", {"bad.toml": "#" * 1_000_001}),
     Case("simulate bad.toml", "is not TOML", {"bad.toml": "title = "}),
 ]  # fmt: skip
 
@@ -524,7 +524,7 @@ LINES = [
     Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": "a: [b"}),
     Case("run-line --line bad.yaml --train train.yaml", "is not YAML", {"bad.yaml": "a: !!python/name:os.system ''"}),
     Case("run-line --line bad.yaml --train train.yaml", "is no text in UTF-8", {"bad.yaml": b"\xff\xfe\x00"}),
-    Case("run-line --line bad.yaml --train train.yaml", "is larger than", {"bad.yaml": "#" * 1_000_001}),
+    Case("run-line --line bad.yaml --train train.yaml", "more than 1000000 bytes; give", {"bad.yaml": "#" * 1_000_001}),
 ]  # fmt: skip
 
 HEADER = LOG.partition("\n")[0] + "\n"

@@ -152,7 +152,9 @@ def test_what_a_scenario_says_ends_no_script_and_is_no_markup(html):
     title = "a <!-- <script> or </script> of <b>two</b> & more"
     assert json.loads(text)["events"]["milder"]["title"] == title
     assert "<" not in text
-    assert "a &lt;/script&gt; of &lt;b&gt;two&lt;/b&gt; &amp; more" in html
+    assert (
+        "a &lt;!-- &lt;script&gt; or &lt;/script&gt; of &lt;b&gt;two&lt;/b&gt; &amp; more" in html
+    )
 
 
 def test_versions_hashes_and_seeds_are_on_the_page(made, html):
