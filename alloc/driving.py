@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from alloc.balance import check_run
 from alloc.event import STEP, SimulationError
 from alloc.loop import DRIVER, ClosedLoop, run_with_driver
 from alloc.onboard.driver import Controls, Driver, TrainSense
@@ -37,7 +38,7 @@ def drive(
     `period`: control period [s]; `step`: longest integration step [s]; `record_period` [s]: a multiple of `period` (default:
     `period` itself). The run has those of `alloc.recorded_variables.VARIABLES` that depend on the plant and the driver. More
     than `most_axle_steps` are refused. Raises `SimulationError` for input that cannot be simulated, `PlantError` from the
-    model.
+    model, `UnsoundRun` as `alloc.simulation.simulate`.
     """
     record_period = period if record_period is None else record_period
     times = {"duration": duration, "period": period, "step": step, "record_period": record_period}
@@ -54,7 +55,10 @@ def drive(
     part = _DriverInPython(driver, model, loop, np.zeros((loop.records, model.layout.units)))
     go = partial(run_with_driver, loop.plant, loop.timing, loop.progress, record)
     loop.run(go, {DRIVER: part}, on_progress)
-    return driven_dataset(name, model, record.until(loop.records), part.torque[: loop.records])
+    record = record.until(loop.records)
+    run = driven_dataset(name, model, record, part.torque[: loop.records])
+    check_run(model, record, run)
+    return run
 
 
 class _DriverInPython:

@@ -99,6 +99,10 @@ def check_compiling() -> None:
         raise SimulationError("simulations need compiled code: unset NUMBA_DISABLE_JIT")
 
 
+class UnsoundRun(ArithmeticError):
+    """A run or a metric of it broke a law that all keep: a fault of the program, and its numbers count for nothing."""
+
+
 class EstimationError(InputError):
     """Data or a parameter of an estimation is impossible."""
 

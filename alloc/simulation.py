@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from alloc.balance import check_run
 from alloc.by_reference import ByReference
 from alloc.canonical import canonical
 from alloc.errors import OnboardError, check_compiling
@@ -49,6 +50,8 @@ class _RuleInPython:
 
     def __call__(self, tick: int) -> bool:
         eq, m = self.computers.equipment, self.computers.memory
+        if m.lead.needed[0] == 0.0:  # as long as nothing is asked for, nothing is to be shared
+            return True
         problem = AllocationProblem(
             cap=np.where(np.isfinite(m.cap), m.cap, m.most),
             expected=float(m.lead.needed[0]),
@@ -132,8 +135,8 @@ def simulate(
     `controller`: a name in `CONTROLLERS`, or a hosted controller itself. `on_progress` is called with the share done, 0 to
     1. `until_speed` [m/s]: the run ends early, once the train is no faster. On a train without motors, which brakes with air
     alone, rule and controller have no effect. Raises `SimulationError`, `AllocationError` or `OnboardError` for input that
-    cannot be simulated. Several threads may simulate at once, also the same event: each run depends on its own call alone. A
-    plug-in's rule and `on_progress` must allow it too.
+    cannot be simulated, `UnsoundRun` where the run breaks a law that every run keeps. Several threads may simulate at once,
+    also the same event: each run depends on its own call alone. A plug-in's rule and `on_progress` must allow it too.
     """
     check_compiling()
     try:
@@ -195,9 +198,12 @@ def simulate(
         for status, number in failures(host, computers.answers).items():
             tally.controller_failures += number
             tally.note(f"controller: {status}", number)
-    return to_dataset(
-        event, chosen.name, found.name, record.until(loop.records), computers.memory.counter, tally, learnt
-    )  # fmt: skip
+    record = record.until(loop.records)
+    run = to_dataset(
+        event, chosen.name, found.name, record, computers.memory.counter, tally, learnt
+    )
+    check_run(model, record.plant, run)
+    return run
 
 
 def _given(commanded: Floats, onboard: Onboard, n: Layout, telegram_ticks: int) -> Given:

@@ -25,6 +25,7 @@ from studies.command_line.sweep import sweep
 from studies.command_line.write_report import write_report
 from studies.files.study_error import StudyError
 
+FAILED = 1
 BAD_INPUT = 2
 UNREAD = 141
 LONGEST = 1500
@@ -82,7 +83,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
     0; 1 if all failed; 2 for bad input (one line on stderr); 141 when nobody reads what it prints. An interrupt is raised.
     """
-    from alloc.errors import InputError, check_compiling
+    from alloc.errors import InputError, UnsoundRun, check_compiling
 
     try:
         check_compiling()
@@ -105,6 +106,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         named = error.filename is not None and error.strerror
         return _refuse(f"file {str(error.filename)!r}: {error.strerror}" if named else str(error))
+    except UnsoundRun as error:
+        _refuse(str(error))
+        return FAILED
     return code if isinstance(code, int) else 0
 
 

@@ -1,4 +1,4 @@
-"""What the tests know of the plant beside its right side, with NumPy: its true environment, its energy, and RK4."""
+"""What the tests know of the plant beside its right side, with NumPy: its true environment, and RK4."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,40 +8,10 @@ from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.car import EFFORT_SPEED_STEP
-from alloc.plant.equations import coupler_stretch, speed_decline
+from alloc.plant.equations import speed_decline
 from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
-
-
-def coupler_spring_energy(stretch, stiffness, stiffening):
-    """Elastic energy of a draft gear [J]: the integral of `coupler_spring_force`."""
-    square = stretch * stretch
-    return square * (0.5 * stiffness + 0.25 * stiffening * square)
-
-
-def draft_gear_energy(stretch, travel, gear):
-    """Elastic energy of a friction draft gear [J]: of its structure, and of the mean of the wedges' two lines."""
-    structure, loading, unloading, preload, restoring = gear[:5]
-    pull = np.maximum(stretch - np.maximum(travel, 0.0), 0.0)
-    push = np.maximum(-stretch - np.maximum(-travel, 0.0), 0.0)
-    way = np.abs(travel)
-    wedges = way * (0.5 * (preload + restoring) + 0.25 * (loading + unloading) * way)
-    return 0.5 * structure * (pull**2 + push**2) + wedges
-
-
-def mechanical_energy(model, state):
-    """Kinetic energy of bodies and wheelsets and elastic energy of couplers [J], of `state` (rows,)."""
-    s, n = model.structure, model.layout
-    kinetic = (0.5 * s.body_mass * state[n.speed] ** 2).sum()
-    rotating = (0.5 * s.inertia * state[n.omega] ** 2).sum()
-    stiffness, stiffening, _, slack = s.coupler.T
-    position = state[n.position]
-    stretch = coupler_stretch(position[:-1] - position[1:], slack)
-    elastic = coupler_spring_energy(stretch, stiffness, stiffening).sum()
-    if n.draft_gears:
-        elastic += draft_gear_energy(stretch, state[n.gear_travel], s.draft_gear.T).sum()
-    return kinetic + rotating + elastic
 
 
 def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:

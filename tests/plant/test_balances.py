@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.balance import mechanical_energy
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Coupler, Sander
-from tests.plant.numpy_plant import environment_at, mechanical_energy
+from tests.plant.numpy_plant import environment_at
 
 DRAFT_GEAR = Coupler(stiffness=5e6, stiffening=1e9, damping=1e5, slack=0.01)
 RESISTANCE = (3e3, 60.0, 8.0)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from alloc.balance import coupler_spring_energy
 from alloc.plant.equations import (
     coupler_damper_force,
     coupler_spring_force,
@@ -13,7 +14,6 @@ from alloc.plant.equations import (
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Coupler
-from tests.plant.numpy_plant import coupler_spring_energy
 
 few = settings(max_examples=60, deadline=None, derandomize=True)
 

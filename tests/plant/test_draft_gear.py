@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from alloc.balance import draft_gear_energy, mechanical_energy
 from alloc.errors import PlantError
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.equations import coupler_stretch, friction_draft_gear
@@ -14,7 +15,6 @@ from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, DraftGear
-from tests.plant.numpy_plant import draft_gear_energy, mechanical_energy
 
 ONE = DraftGear(in_series=1, slack=0.0)
 PRELOAD, RESTORING, STRUCTURE, LOADING, UNLOADING = 240e3, 50e3, 2.5e8, 2.57e7, 2.85e6

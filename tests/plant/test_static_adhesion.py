@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from alloc.balance import mechanical_energy
 from alloc.plant.adhesion import (
     POLACH_DRY,
     POLACH_WET,
@@ -17,7 +18,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.static_adhesion import STICK_SPEED, elastic_energy, sticking_contact, stuck_share
 from alloc.plant.train import Coupler, Train
-from tests.plant.numpy_plant import environment_at, mechanical_energy
+from tests.plant.numpy_plant import environment_at
 
 CURVES = {
     "piecewise": PiecewiseCurve(),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.balance import mechanical_energy
 from alloc.errors import OnboardError
 from alloc.metrics import METRICS, evaluate
 from alloc.metrics.slide import ATMOSPHERE
@@ -19,7 +20,6 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car
 from alloc.rules import RULES
 from alloc.simulation import DriverCommand, Event, simulate
-from tests.plant.numpy_plant import mechanical_energy
 
 SPEED = 20.0
 CURVE = SlipRatioCurve(peak_slip_ratio=0.03)

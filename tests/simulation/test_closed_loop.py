@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.balance import mechanical_energy
 from alloc.metrics import evaluate
 from alloc.onboard.parameters import Belief, Onboard, Sensors, Telegrams
 from alloc.rules import find_rule
 from alloc.simulation import DriverCommand, SimulationError, simulate
-from tests.plant.numpy_plant import mechanical_energy
 
 
 def _b1_onsets(run):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from alloc import simulation
 from alloc.onboard.controllers.registry import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.rules import RULES
@@ -172,3 +173,20 @@ def test_degraded_rows_are_done_and_counted_but_enter_no_mean(short, tmp_path, m
     )
     assert len(seen) == 1
     pd.testing.assert_frame_equal(again, table)
+
+
+def test_a_run_that_breaks_a_law_is_a_failed_row_and_one_line(row, call, short_file, monkeypatch):
+    """A filter that diverges, as the reference speed's once did with stiff couplers: nan in what is recorded of it."""
+    made = simulation.to_dataset
+
+    def diverged(*given):
+        run = made(*given)
+        run["reference_speed"].values[50:] = math.nan
+        return run
+
+    monkeypatch.setattr(simulation, "to_dataset", diverged)
+    found = row()
+    reason = "the run is not sound, its numbers count for nothing: reference_speed is not finite at 0.5 s"
+    assert found["status"] == "failed"
+    assert found["reason"].startswith(f"UnsoundRun: {reason} (at alloc/balance.py:")
+    assert call("simulate", short_file) == (1, "", f"readhesion: {reason}\n")
