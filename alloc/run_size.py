@@ -7,6 +7,8 @@ MOST_AXLE_STEPS = 3e8
 """Integration steps times axles: minutes of computing, and at most 2.4 GB of sensor noise."""
 MOST_AXLE_RECORDS = 5e6
 """Recorded instants times axles: about 2 GB while the record is evaluated."""
+MOST_COMMANDS = 3e7
+"""Brake commands on their way to cylinders: 0.5 GB."""
 
 
 def longest_duration(
@@ -46,6 +48,13 @@ def check_size(
         raise SimulationError(
             f"{owner}: {steps:.2g} steps of {axles} axles exceed {most_axle_steps:g} axle-steps; choose a shorter "
             f"duration than {duration:g} s, or {cause}"
+        )
+    brakes = model.train.brake_groups
+    dead_time = max((brake.dead_time for brake in brakes), default=0.0)
+    if dead_time * len(brakes) * steps > MOST_COMMANDS * duration:
+        raise SimulationError(
+            f"{owner}: a dead_time of {dead_time:.3g} s of {len(brakes)} brakes holds more than {MOST_COMMANDS:g} commands; "
+            "choose a shorter dead_time, or a longer step"
         )
     if records * axles > MOST_AXLE_RECORDS:
         raise SimulationError(

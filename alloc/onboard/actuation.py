@@ -18,6 +18,9 @@ from alloc.plant.equations import GRAVITY
 MIDDLE = 0.5
 """Share of their torque that readhesion control leaves the motors, below which the air brake gives way."""
 
+LEAST_GAIN = 1e-9
+"""Shoe force over pressure [N/Pa] below which a brake is asked for all its pressure: it gives nothing."""
+
 EASE_TIME = 1.0
 """Integral time [s] of that."""
 
@@ -124,6 +127,6 @@ def brake_receiver(eq, st, m, tick, braking, pressure, valve):
             force = planned * eq.group.weight[g] * (1.0 + eq.group.inertia[g])
             force = min(force, m.air_most[g] * (1.0 + eq.group.inertia[g]))
         # of wheels that roll: one that slides must not lower the pressure of the others
-        per_pascal = believed_shoe_force(eq.group, g, 1.0, reference)
+        per_pascal = max(believed_shoe_force(eq.group, g, 1.0, reference), LEAST_GAIN)
         pressure[g] = min(force / per_pascal, eq.group.pressure[g])
         m.estimate.full[g] = pressure[g]

@@ -9,13 +9,16 @@ import numpy as np
 from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.environment import Environment, environment_of
-from alloc.plant.equations import LOCK_TIME
+from alloc.plant.equations import LOCK_TIME, STANDSTILL_SPEED
 from alloc.plant.rail import Line, Rail, Receptivity
 from alloc.plant.structure import Floats, Ints, Layout, Structure, structure_of
 from alloc.plant.train import Train
 
 STABLE_STEP = 2.0
 """Largest product of stiffness and step; RK4's limit on the negative real axis is 2.78."""
+
+HIGHEST_SPEED = 100.0
+"""Speed [m/s] up to which running resistance grows: no train here is faster."""
 
 DRAFT_GEAR_TRAVEL = 0.1
 """Stretch [m] for which the stiffness of a stiffening draft gear is bounded; real ones end at 0.06 to 0.1 m."""
@@ -68,7 +71,7 @@ class Model:
         return Inputs(*map(np.zeros, (n.units, n.groups, n.groups, n.sanders)))
 
     def stiffness(self) -> float:
-        """Upper estimate [1/s] of the fastest rate: creep, locking wheels, couplers, motor lag, cylinders."""
+        """Upper estimate [1/s] of the fastest rate: creep, resistance, locking wheels, couplers, motor lag, cylinders."""
         s, contact = self.structure, self.environment.contact
         peak = self.rail.greatest_peak()
         if self.environment.sandy:
@@ -82,6 +85,9 @@ class Model:
             return wheel + float((body / s.body_mass).max())
 
         rates = [of_contacts(self.rail.curve.steepest_slope(peak) * contact)]
+        slope = (1.0 / STANDSTILL_SPEED, 1.0, 2.0 * HIGHEST_SPEED * self.environment.line[1].max())
+        drag = np.bincount(s.car_body, s.car_resistance @ slope, minlength=s.body_mass.size)
+        rates.append(float((drag / s.body_mass).max()))
         if s.unit_lag.size:
             rates.append(float(1.0 / s.unit_lag.min()))
         if s.group_fill.size:
