@@ -1,11 +1,13 @@
 """The reference speed's filter and its soundings, period by period, as plain Python."""
 
+import itertools
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from alloc.balance import coupler_spring_energy
 from alloc.onboard.equipment import equipment
 from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
@@ -17,7 +19,7 @@ from alloc.onboard.reference_speed.speed_reading import take_reading
 from alloc.onboard.reference_speed.state import BOUND_SHARE, reference_pace
 from alloc.onboard.sensing import sense
 from alloc.onboard.settings import RuleSettings, settings
-from alloc.plant.equations import GRAVITY
+from alloc.plant.equations import GRAVITY, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car
@@ -80,6 +82,70 @@ def test_the_covariance_stays_symmetric_and_positive_whatever_is_read(direction,
         deviations.append(train.m.train.reference_deviation[0])
         assert deviations[-1] == pytest.approx(np.sqrt(train.filter.covariance[0, 0]))
     assert max(deviations) > 3.0 * min(deviations)  # it has known more, and less
+
+
+def chain(rng, damping, stiffening, resistance=0.0):
+    """A coupled train whose believed cars are apart and move against each other."""
+    train = Computers(uneven_train(True))
+    q = train.eq.chain.coupler
+    q[:, 1], q[:, 2] = stiffening, damping
+    train.eq.chain.resistance[:] = [0.0, resistance, 0.0]
+    train.m.reference[:] += rng.uniform(-0.5, 0.5, q.shape[0] + 1)
+    train.filter.place[:] = rng.uniform(-0.02, 0.02, q.shape[0] + 1)
+    train.filter.force[:] = rng.uniform(-1e4, 1e4, q.shape[0] + 1)
+    return train
+
+
+def energy_apart(train):
+    """Energy of the believed cars' motion about their mean, and of their springs [J]."""
+    q, mass = train.eq.chain.coupler, train.eq.chain.mass
+    about = train.m.reference - np.average(train.m.reference, weights=mass)
+    stretch = coupler_stretch(-np.diff(train.filter.place), q[:, 3])
+    return 0.5 * mass @ about**2 + coupler_spring_energy(stretch, q[:, 0], q[:, 1]).sum()
+
+
+def test_believed_cars_keep_their_momentum_and_gain_no_energy_however_stiff_their_couplers_are():
+    for damping, stiffening in itertools.product((0.0, 2e5, 3e6, 1e7, 1e9, 1e15), (0.0, 1e9, 1e15)):
+        train = chain(np.random.default_rng(7), damping, stiffening)
+        mass, reference = train.eq.chain.mass, train.m.reference
+        train.filter.force[:] = 0.0
+        momentum, energy = mass @ reference, energy_apart(train)
+        for _ in range(500):
+            kalman_filter._move(train.eq, train.st, train.m, train.filter)
+            assert mass @ reference == pytest.approx(momentum, rel=1e-10)
+            assert energy_apart(train) < 2.0 * energy  # a step's length from what it keeps
+        assert energy_apart(train) < 1.1 * energy
+
+
+def test_the_cars_step_is_that_of_the_whole_system_of_equations():
+    train = chain(np.random.default_rng(8), 3e7, 1e11, resistance=500.0)
+    eq, k, v = train.eq.chain, train.filter, train.m.reference.copy()
+    h = train.st.period / eq.steps
+    net = k.force - 500.0 * v * v / np.hypot(v, 0.05)
+    matrix = np.diag(eq.mass)
+    for b, (stiffness, stiffening, damping, slack) in enumerate(eq.coupler):
+        apart = k.place[b] - k.place[b + 1]
+        s = apart - np.clip(apart, -0.5 * slack, 0.5 * slack)
+        full = damping * min(abs(s) * 1e3, 1.0)
+        pair = [1.0, -1.0]
+        net[b : b + 2] -= np.multiply(
+            pair, stiffness * s + stiffening * s**3 + full * (v[b] - v[b + 1])
+        )
+        matrix[b : b + 2, b : b + 2] += (
+            h * (full + 3.0 * h * stiffening * s**2) * np.outer(pair, pair)
+        )
+    train.eq = train.eq._replace(chain=eq._replace(steps=1))
+    train.st = train.st._replace(period=h)
+    kalman_filter._move(train.eq, train.st, train.m, k)
+    np.testing.assert_allclose(train.m.reference, v + h * np.linalg.solve(matrix, net), rtol=1e-12)
+
+
+def test_resistance_stops_believed_cars_and_does_not_turn_them_round():
+    train = chain(np.random.default_rng(9), 0.0, 0.0, resistance=1e12)
+    train.eq.chain.coupler[:] = 0.0
+    train.filter.force[:] = 0.0
+    kalman_filter._move(train.eq, train.st, train.m, train.filter)
+    np.testing.assert_allclose(train.m.reference, 0.0, atol=1e-12)
 
 
 def braked(rim, share=BOUND_SHARE):

@@ -86,27 +86,48 @@ def _apply_forces(eq, st, m, k, sign, torque, pressure):
 
 @inlined_jit
 def _move(eq, st, m, k):
-    """Move the believed bodies through one period under `k.force`; the unknown force acts on all."""
+    """Move the believed bodies through one period under `k.force`; the unknown force acts on all.
+
+    Dampers and stiffening springs act with the speeds of the end, so no coupler is too stiff for the step: with the masses
+    M, the Laplacian L of these couplings and the step h, (M + h L) a = net force, solved from front to rear and back.
+    """
     chain, n = eq.chain, k.force.size
     h = st.period / chain.steps
     f = k.state
     for _ in range(chain.steps):
-        pull = 0.0  # of the coupler ahead
+        pull, passed, inertia = (
+            0.0,
+            0.0,
+            0.0,
+        )  # of the coupler ahead, and of all before it through the coupler
         for b in range(n):
             v = m.reference[b]
             a, linear, quadratic = chain.resistance[b]
-            net = (1.0 + f[MASS]) * k.force[b] - running_resistance(v, a, linear, quadratic, 1.0)
+            # resistance brings a body to rest within a step at most, and does not turn it round
+            most = chain.mass[b] * abs(v) / h
+            resistance = running_resistance(v, a, linear, quadratic, 1.0)
+            net = (1.0 + f[MASS]) * k.force[b] - min(max(resistance, -most), most)
             net += pull
+            coupling = 0.0
             if b + 1 < n:
                 q = chain.coupler[b]
                 stretch = coupler_stretch(k.place[b] - k.place[b + 1], q[3])
-                tension = coupler_spring_force(stretch, q[0], q[1])
-                tension += coupler_damper_force(stretch, v - m.reference[b + 1], q[2])
-                net -= tension
-                pull = tension
-            # speeds are all of the beginning: those behind are read before they are moved
-            m.reference[b] = v + h * (net / chain.mass[b] + f[FORCE])
-        for b in range(n):
+                damping = coupler_damper_force(stretch, 1.0, q[2])
+                pull = coupler_spring_force(stretch, q[0], q[1])
+                pull += damping * (v - m.reference[b + 1])
+                net -= pull
+                coupling = h * (damping + 3.0 * h * q[1] * stretch * stretch)
+            # what moves with the body before it only as far as the coupler passes it on
+            inertia += chain.mass[b]
+            passed += net
+            k.change[b] = passed / (inertia + coupling)
+            k.share[b] = coupling / (inertia + coupling)
+            inertia *= k.share[b]
+            passed *= k.share[b]
+        change = 0.0
+        for b in range(n - 1, -1, -1):
+            change = k.change[b] + k.share[b] * change
+            m.reference[b] += h * (change + f[FORCE])
             k.place[b] += h * m.reference[b]
 
 

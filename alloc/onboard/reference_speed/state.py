@@ -142,6 +142,8 @@ class ReferenceMemory(NamedTuple):
     covariance: Floats  # (4, 4)
     place: Floats  # (bodies,) of the believed bodies [m]
     force: Floats  # (bodies,) on them
+    change: Floats  # (bodies,) acceleration of each [m/s2] were the next one to keep its speed
+    share: Floats  # (bodies,) of the next one's acceleration that it follows
     smooth_speed: Floats  # (1,) speed behind a filter
     shoe_decel: Floats  # (1,) greatest specific force of the shoes in this application [m/s2]
     rim: Floats  # (axles,) rim speed at the last period
@@ -190,6 +192,8 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
         covariance=np.zeros((4, 4)),
         place=np.zeros(bodies),
         force=np.zeros(bodies),
+        change=np.zeros(bodies),
+        share=np.zeros(bodies),
         smooth_speed=np.zeros(1),
         shoe_decel=np.zeros(1),
         **zeros,
