@@ -1,5 +1,6 @@
 """How well slip was detected and adhesion was estimated, compared with the plant's truth."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from alloc.metrics.registry import (
     NEVER_NEGATIVE,
     SLIP_FACTOR,
+    instants_in,
     mean_or_nan,
     metric,
     once_per_run,
@@ -79,7 +81,7 @@ def _rising(signal: NDArray[np.bool_]) -> NDArray[np.int64]:
 def _delays(run: xr.Dataset) -> list[float]:
     """Time from each slip's start to its detection [s]; nan where it was missed."""
     period = record_period(run)
-    before, after = round(BEFORE / period), round(AFTER / period)
+    before, after = instants_in(run, BEFORE), instants_in(run, AFTER)
     delays = []
     for slip in slips(run):
         onsets = _onsets(run)[slip.unit]
@@ -93,10 +95,13 @@ def _delays(run: xr.Dataset) -> list[float]:
     "s",
     "mean time from an axle passing the curve's peak to the detection",
     -1,
-    NEVER_NEGATIVE,
+    (-2.0 * BEFORE, math.inf),
 )
 def detection_delay(run: xr.Dataset) -> float:
-    """Mean over the slips that were detected [s]; nan where there were none."""
+    """Mean over the slips that were detected [s]; nan where there were none.
+
+    A detector that sees the slip grow may be early: by `BEFORE`, rounded to whole periods of the record.
+    """
     delays = np.array(_delays(run))
     return mean_or_nan(delays[np.isfinite(delays)])
 
@@ -116,8 +121,7 @@ def missed_slips(run: xr.Dataset) -> float:
 )
 def false_alarms(run: xr.Dataset) -> float:
     """Number of detections that belong to no axle past the peak."""
-    period = record_period(run)
-    before, after = round(BEFORE / period), round(AFTER / period)
+    before, after = instants_in(run, BEFORE), instants_in(run, AFTER)
     past = np.abs(series(run, "slip_velocity")) > series(run, "peak_slip")
     unit_of_axle = series(run, "axle_unit")
     alarms = 0

@@ -113,11 +113,12 @@ def damage(run: xr.Dataset) -> float:
     return float((work[-1] - work[0]).sum() / 1e3)
 
 
-@metric("distance", "m", "distance run until the end, or until the target speed", 0, NEVER_NEGATIVE)
+@metric("distance", "m", "distance run until the end, or until the target speed", 0)
 def distance(run: xr.Dataset) -> float:
     """Distance [m] until the target speed is reached, or until the end of the run if there is no target speed.
 
     A target of 0 is the standstill, which a train approaches but does not pass. It counts as reached below `STANDSTILL`.
+    Less than 0 where a train rolls back on a climb.
     """
     end = _target_index(run)
     if end < 0:
@@ -128,9 +129,9 @@ def distance(run: xr.Dataset) -> float:
 
 @metric("time_to_speed", "s", "time from the first demand to the target speed", -1, NEVER_NEGATIVE)
 def time_to_speed(run: xr.Dataset) -> float:
-    """Time [s] from the first demand to the target speed; nan if it is not reached, or there is no target or demand."""
+    """Time [s] from the first demand to the target speed; nan if no demand reaches it, or there is no target."""
     demand, end = under_demand(run), _target_index(run)
-    if end < 0 or not np.isfinite(run.attrs["target_speed"]) or not demand.any():
+    if not np.isfinite(run.attrs["target_speed"]) or not demand[: end + 1].any():
         return float("nan")
     time = series(run, "time")
     return float(time[end] - time[int(np.argmax(demand))])
@@ -157,9 +158,11 @@ def _low_pass(cut_off: float) -> NDArray[np.float64]:
 
 @once_per_run
 def jerk(run: xr.Dataset) -> NDArray[np.float64]:
-    """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`."""
+    """Jerk of each car [m/s3], (time, car), from its acceleration below `JERK_CUT_OFF`; nan in a run of one instant."""
     period = record_period(run)
     values = series(run, "car_acceleration")
+    if values.shape[0] < 2:
+        return np.full_like(values, np.nan)
     nyquist = 0.5 / period
     if nyquist > JERK_CUT_OFF and values.shape[0] > 30:
         from scipy.signal import sosfiltfilt  # slow to import, and needed by a run alone

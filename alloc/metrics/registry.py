@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.display import displayed
+from alloc.errors import UnsoundRun
 from alloc.registry import Registry
 
 Found = TypeVar("Found")
@@ -27,6 +28,8 @@ UNLIMITED = (-math.inf, math.inf)
 """Range of a quantity without bounds."""
 NEVER_NEGATIVE = (0.0, math.inf)
 SHARE = (0.0, 1.0)
+ROUNDING = 1e-9
+"""By how much a metric may be outside its range."""
 EITHER_WAY = (-1.0, 1.0)
 """Range of a force over the largest possible force; the force may point the other way."""
 
@@ -83,12 +86,19 @@ _KNOWN = _Known()
 
 
 def evaluate(run: xr.Dataset) -> dict[str, float]:
-    """All metrics of a run, by name."""
+    """All metrics of a run, by name; raises `UnsoundRun` where one is outside the range that it declares."""
     _KNOWN.run, _KNOWN.found = run, {}
     try:
-        return {name: float(metric.function(run)) for name, metric in METRICS.items()}
+        values = {name: float(metric.function(run)) for name, metric in METRICS.items()}
     finally:
         _KNOWN.run = None
+    for name, value in values.items():
+        least, most = METRICS[name].within
+        if value < least - ROUNDING or value > most + ROUNDING or math.isinf(value):
+            raise UnsoundRun(
+                f"metric {name!r} = {value:g} is outside its range, {least:g} to {most:g}"
+            )
+    return values
 
 
 def once_per_run(function: Callable[[xr.Dataset], Found]) -> Callable[[xr.Dataset], Found]:
@@ -156,6 +166,12 @@ def mean_or_nan(values: NDArray[np.float64]) -> float:
 
 @once_per_run
 def record_period(run: xr.Dataset) -> float:
-    """Time between two recorded instants [s]."""
+    """Time between two recorded instants [s]; nan where there is one."""
     time = series(run, "time")
     return float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else float("nan")
+
+
+def instants_in(run: xr.Dataset, time: float) -> int:
+    """Number of periods between recorded instants next to `time` [s]; a run of one instant is shorter than any time."""
+    period = record_period(run)
+    return 2 if math.isnan(period) else round(time / period)

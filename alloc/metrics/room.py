@@ -11,15 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.metrics.registry import (
-    EITHER_WAY,
     NEVER_NEGATIVE,
     SHARE,
     direction,
     force_along,
     force_available,
+    instants_in,
     metric,
     once_per_run,
-    record_period,
     series,
     under_demand,
 )
@@ -41,7 +40,7 @@ class Room(NamedTuple):
     apart: Floats
     """The largest force if each unit delivers no more than its own part of the plan."""
     force: Floats
-    """Delivered force."""
+    """Delivered force; less than 0 where a train turns wheels that its motors do not."""
     held_back: Floats
     """Shortfall from the bound at units that deliver less than they could while their own controllers limit them."""
 
@@ -50,7 +49,7 @@ class Room(NamedTuple):
 def settled(run: xr.Dataset) -> NDArray[np.bool_]:
     """Instants under demand at least `SETTLING` after the demand has grown, (time,)."""
     asked = np.abs(series(run, "driver_command"))
-    wait = max(1, round(SETTLING / record_period(run))) if asked.size > 1 else 1
+    wait = max(1, instants_in(run, SETTLING))
     grown = np.flatnonzero(np.diff(asked, prepend=0.0) > 0.0)
     calm = under_demand(run).copy()
     for k in grown:
@@ -95,7 +94,7 @@ def room(run: xr.Dataset) -> Room:
     # what turns the wheelsets comes from the motors and does not reach the rail
     turning = np.bincount(unit[driven], series(run, "axle_turning_mass")[driven], minlength=units)
     gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
-    motors = at_rail * signed - turning * gained[:, None]
+    motors = np.maximum(at_rail * signed - turning * gained[:, None], 0.0)
     most = np.minimum(most, np.where(braking[:, None] & blended, np.inf, motors))
     plan, bound = own.sum(axis=1), most.sum(axis=1)
     apart = np.minimum(own, most).sum(axis=1)
@@ -111,8 +110,10 @@ def room(run: xr.Dataset) -> Room:
             total += np.where(braking, part.sum(axis=1), 0.0)
     bound = np.minimum(plan, bound)
     limited = series(run, "torque_factor")[chosen] < WHOLE
-    unused = np.maximum(most - _of_units(force, unit, units), 0.0)
-    held_back = np.minimum((limited * unused).sum(axis=1), np.maximum(bound - delivered, 0.0))
+    # who resists has lost all that he could give, and no more
+    unused = np.clip(most - _of_units(force, unit, units), 0.0, most)
+    short = bound - np.clip(delivered, 0.0, bound)
+    held_back = np.minimum((limited * unused).sum(axis=1), short)
     return Room(plan, bound, np.minimum(plan, apart), delivered, held_back)
 
 
@@ -128,14 +129,18 @@ def _share(part: Floats, whole: Floats) -> float:
 @metric(
     "bound_use",
     "1",
-    "effort, at most the plan, over the most that rail and motors allow",
+    "effort, at each instant within 0 and the bound, over the most that rail and motors allow",
     +1,
-    EITHER_WAY,
+    SHARE,
 )
 def bound_use(run: xr.Dataset) -> float:
-    """Effort, at each instant no more than the plan, over the true bound of the run; nan without demand."""
+    """Effort over the true bound of the run; nan without demand, or where nothing could be delivered.
+
+    At each instant it counts within 0 and the bound: wheels that slow down give back for a moment what turned them, which
+    says nothing of how the bound is used later.
+    """
     found = room(run)
-    return _share(np.minimum(found.force, found.plan), found.bound)
+    return _share(np.clip(found.force, 0.0, found.bound), found.bound)
 
 
 @metric(

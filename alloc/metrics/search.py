@@ -20,6 +20,7 @@ from alloc.metrics.registry import (
     adhesion_used,
     direction,
     force_along,
+    instants_in,
     metric,
     once_per_run,
     record_period,
@@ -92,8 +93,7 @@ def shortage(run: xr.Dataset) -> Flags:
 
 def episodes(run: xr.Dataset) -> Iterator[Episode]:
     """The shortages of all units, cut where adhesion drops; gaps shorter than `STAY` are bridged, short ones left out."""
-    period = record_period(run)
-    stay, least = max(1, round(STAY / period)), round(LEAST_EPISODE / period)
+    stay, least = max(1, instants_in(run, STAY)), instants_in(run, LEAST_EPISODE)
     short, available = shortage(run), unit_shares(run)[2]
     for unit in range(run.sizes["unit"]):
         fallen = np.zeros(short.shape[0], dtype=bool)
@@ -110,7 +110,7 @@ def episodes(run: xr.Dataset) -> Iterator[Episode]:
 def searches(run: xr.Dataset) -> list[Search]:
     """One search per episode."""
     period = record_period(run)
-    stay = max(1, round(STAY / period))
+    stay = max(1, instants_in(run, STAY))
     _, used, available = unit_shares(run)
     found = []
     for unit, start, stop in episodes(run):
@@ -190,7 +190,7 @@ def torque_fluctuation(run: xr.Dataset) -> float:
     demand = under_demand(run)
     if not demand.any() or run.sizes["unit"] == 0:
         return float("nan")
-    window = max(1, round(MEAN_TIME / record_period(run)))
+    window = max(1, instants_in(run, MEAN_TIME))
     units = run.sizes["unit"]
     unit_of_axle = series(run, "axle_unit")
     axles = np.bincount(unit_of_axle[unit_of_axle >= 0], minlength=units)

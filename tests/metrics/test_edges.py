@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from alloc.metrics import METRICS
+from alloc.errors import UnsoundRun
+from alloc.metrics import METRICS, evaluate
 from alloc.metrics.readhesion import Signals, limit_cycle, readhesion_possible, used_coefficient
 from alloc.metrics.search import episodes, searches, shortage, unit_shares
 from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED
@@ -188,3 +189,39 @@ def test_records_further_apart_than_half_a_second_count_one_by_one():
     assert searches(run) == [(6.0, True)]
     apart = short_run(asked=course(0.16, (20, 20, 0.0))).assign_coords(coarse)
     assert [(e.start, e.stop) for e in episodes(apart)] == [(0, 20), (21, 44)]
+
+
+def test_a_run_of_any_length_has_metrics_in_their_ranges():
+    whole = recorded()
+    for count in (1, 2, 3, 10, whole.sizes["time"]):
+        for first in range(0, whole.sizes["time"] - count + 1, 3):
+            found = evaluate(whole.isel(time=slice(first, first + count)))
+            if count == 1:  # nothing lasts in an instant
+                rates = ("slip_time", "locked_time", "jerk_peak", "search_time", "detection_delay")
+                assert all(np.isnan(found[name]) for name in rates)
+
+
+def test_a_detection_may_be_a_tenth_of_a_second_early_and_no_more():
+    run = recorded().assign_coords(time=0.04 * np.arange(44))
+    run["slip_velocity"].values[:], run["slipping"].values[:] = 0.0, 0
+    run["slip_velocity"].values[20:25, 0] = 1.0
+    for early, delay in ((2, -0.08), (3, np.nan)):
+        run["slipping"].values[:] = 0
+        run["slipping"].values[20 - early, 0] = 1
+        found = METRICS["detection_delay"].function(run)
+        np.testing.assert_allclose(found, delay)
+
+
+def test_a_target_reached_before_anything_is_asked_for_takes_no_time():
+    run = recorded()
+    run.attrs["target_speed"] = float(run["speed"].values[0])
+    run["driver_command"].values[:] = course(0.0, (5, 43, 0.8))
+    assert np.isnan(METRICS["time_to_speed"].function(run))
+
+
+@pytest.mark.parametrize("value", [1.01, -0.01, np.inf])
+def test_a_metric_outside_its_range_is_said_by_its_name(monkeypatch, value):
+    odd = METRICS["held_back"]._replace(function=lambda run: value)
+    monkeypatch.setitem(METRICS._parts, "held_back", odd)
+    with pytest.raises(UnsoundRun, match=r"metric 'held_back' = .* is outside its range, 0 to 1"):
+        evaluate(recorded())

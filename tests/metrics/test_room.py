@@ -180,3 +180,22 @@ def test_bounds_stand_in_their_order(seed):
     assert use <= 1.0 + 1e-12
     assert use + METRICS["held_back"].function(run) <= 1.0 + 1e-12
     assert over == pytest.approx(max(force / plan - 1.0, 0.0), rel=1e-9, abs=1e-15)
+
+
+def test_shares_of_the_bound_stay_within_it_whatever_wheels_and_motors_do():
+    """Motors that give nothing or less than their wheelsets take, forces against the demand and beyond the rail."""
+    rng = np.random.default_rng(37)
+    for _ in range(300):
+        adhesion, motor = rng.uniform(1e-6, 0.25, 6), rng.choice([0.0, 1e-9, 0.1], 2)
+        force, turning = 10.0 ** rng.uniform(-3.0, 1.0) * rng.normal(size=6), rng.choice([0.0, 0.5])
+        braking, blended = rng.random(2) < 0.5
+        run = made(adhesion, force, braking, blended, motor, turning, factor=rng.random(2))
+        use, held, room_left = (
+            METRICS[name].function(run) for name in ("bound_use", "held_back", "headroom")
+        )
+        assert 0.0 <= room_left <= 1.0
+        if room(run).bound.any():
+            assert min(use, held) >= 0.0
+            assert use + held <= 1.0 + 1e-12
+        else:
+            assert np.isnan([use, held]).all()

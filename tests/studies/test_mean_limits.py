@@ -109,7 +109,7 @@ def test_an_interval_is_cut_at_the_range_but_never_loses_its_mean():
 
 def test_a_column_of_paired_events_has_the_range_of_its_metric():
     few = pd.DataFrame({"bound_use@greedy": [0.92, 0.99, 0.995], "x@greedy": [0.92, 0.99, 0.995]})
-    assert METRICS["bound_use"].within == (-1.0, 1.0)
+    assert METRICS["bound_use"].within == (0.0, 1.0)
     assert column_interval(few, "bound_use@greedy").high == 1.0
     assert column_interval(few, "bound_use@greedy", 100.0).high == 100.0
     assert column_interval(few, "x@greedy").high > 1.0
