@@ -5,9 +5,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.errors import UnsoundRun
-from alloc.plant.equations import coupler_stretch
+from alloc.plant.laws import coupler_stretch
 from alloc.plant.model import Floats, Model
-from alloc.recorded_physics import PlantRecord
+from alloc.recording import PlantRecord
 
 MOST_MISSING = 1e-4
 """Share of the energy turned over that the balance may lack."""

@@ -26,9 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.extending import register_jitable
 
-from alloc.private_folder import cache_folder, cache_part
-from alloc.sources import path_of, syntax_hash
-from alloc.whole_file import sealed, set_aside_damaged
+from alloc.sources import cache_folder, cache_part, path_of, sealed, set_aside_damaged, syntax_hash
 
 # No `nnan`/`ninf`: a nan must surface. `contract` allows fused multiply-add; `nsz` lets LLVM turn the
 # equations' selections into vector minimum and maximum.

@@ -1,7 +1,7 @@
 """How records show themselves to a person: in one line, and in a notebook as a small table with units and meanings.
 
 Only what is shown changes. Equality, hashes and pickles are those of the record, and keys of results are made of
-`alloc.canonical`, which leaves nothing out.
+`alloc.event`, which leaves nothing out.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -192,7 +192,7 @@ def _cell(value: Any) -> str:
 
 def _fields(record: Any) -> Iterator[_Field]:
     """Fields that are set; a record that is only half made has fewer."""
-    from alloc.field_meaning import Meaning, meanings
+    from alloc.records import Meaning, meanings
 
     kind: type = type(record)
     said = meanings(kind)

@@ -11,13 +11,11 @@ import numpy as np
 import xarray as xr
 
 from alloc.balance import check_run
-from alloc.event import STEP, SimulationError
+from alloc.event import MOST_AXLE_STEPS, STEP, SimulationError, check_size
 from alloc.loop import DRIVER, ClosedLoop, run_with_driver
-from alloc.onboard.driver import Controls, Driver, TrainSense
+from alloc.onboard.speed_controller import Controls, Driver, TrainSense
 from alloc.plant.model import Floats, Model
-from alloc.recorded_physics import PlantRecord
-from alloc.recording import driven_dataset
-from alloc.run_size import MOST_AXLE_STEPS, check_size
+from alloc.recording import PlantRecord, driven_dataset
 
 
 def drive(
@@ -36,7 +34,7 @@ def drive(
     """Let `driver` drive the train for `duration` [s], or until it ends the run; returns the recorded run.
 
     `period`: control period [s]; `step`: longest integration step [s]; `record_period` [s]: a multiple of `period` (default:
-    `period` itself). The run has those of `alloc.recorded_variables.VARIABLES` that depend on the plant and the driver. More
+    `period` itself). The run has those of `alloc.recording.VARIABLES` that depend on the plant and the driver. More
     than `most_axle_steps` are refused. Raises `SimulationError` for input that cannot be simulated, `PlantError` from the
     model, `UnsoundRun` as `alloc.simulation.simulate`.
     """

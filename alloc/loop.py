@@ -1,7 +1,7 @@
 """The closed loop: a plant that runs control period by control period, with calls to parts in Python on the way.
 
-The loop is compiled. It returns to Python only where a part lives there (a driver, a rule with a QP solver, an MPC). It
-states what it needs, and continues with the answer. So compiled and hosted parts work in exactly the same run.
+In: plant, computers on board and what is given (commands, noise, losses). Out: a filled record of instants. The loop itself
+is compiled (`run_with_computers`); `ClosedLoop.run` is plain Python and answers what the compiled loop returns for.
 """
 
 import math
@@ -11,30 +11,137 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.by_reference import ByReference
-from alloc.compilation import jit
-from alloc.loop_record import record_computers, record_noted, record_plant
-from alloc.onboard.actuation import (
+from alloc.compilation import equation, inlined_jit, jit
+from alloc.onboard.brakes import (
     brake_receiver,
+    command_sand,
     foresee_torque,
     restrain_blind_units,
     set_brake_targets,
     set_targets,
 )
-from alloc.onboard.compiled_controller import Answers, command_compiled
-from alloc.onboard.controllers.dispatch import control
+from alloc.onboard.controllers.collection import control
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import Equipment
-from alloc.onboard.memory import Memory
-from alloc.onboard.reports import hear_reports, write_reports
-from alloc.onboard.sanding import command_sand
+from alloc.onboard.host import Answers, command_compiled
+from alloc.onboard.increment_learning import NO_LEARNING
 from alloc.onboard.sensing import sense
-from alloc.onboard.settings import Settings
-from alloc.plant import compiled
+from alloc.onboard.state import Memory, Settings
+from alloc.onboard.telegrams import hear_reports, write_reports
+from alloc.plant import engine as compiled
+from alloc.plant.engine import peak_field
+from alloc.plant.laws import adhesion_limit
 from alloc.plant.model import Floats, Inputs, Layout, Model
+from alloc.records import ByReference
 from alloc.rules.dispatch import allocate_compiled
 from alloc.rules.rule import Units
-from alloc.true_limits import true_limits
+
+# What the loop writes down of an instant, compiled.
+
+
+@inlined_jit
+def _copy(values, k, record):
+    # element by element: an assignment of arrays compiles its check of shapes too, for seconds
+    for f in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            record[k, f, j] = values[f, j]
+
+
+@inlined_jit
+def record_computers(plant, eq, st, m, commanded, k, record):
+    """Write to row `k` what the computers know and decide, `commanded` [m/s2] included."""
+    m.train.driver_command[0] = commanded
+    body = eq.unit_body[m.lead.unit[0]] if eq.axles.size > 0 else 0
+    m.train.reference_speed[0] = m.reference[body]
+    _copy(m.unit_block, k, record.unit)
+    _copy(m.train_block, k, record.train)
+    if st.learning.learner != NO_LEARNING:
+        _copy(m.learning.block, k, record.learning)
+    for g in range(plant.rows.groups):
+        record.valve[k, g] = plant.inputs.valve[g]
+    for s in range(plant.rows.sanders):
+        record.sand_rate[k, s] = plant.inputs.sand_rate[s]
+    for c in range(plant.rows.cars):
+        record.slide_reference[k, c] = m.reference[min(c, m.reference.size - 1)]
+
+
+@equation
+def record_plant(plant, time, k, record):
+    """Write the state at `time` [s] to row `k`."""
+    record.time[k] = time
+    for i in range(plant.state.size):
+        record.state[k, i] = plant.state[i]
+
+
+@equation
+def record_noted(plant, k, record):
+    """Write to row `k` what the plant noted in the step that began there."""
+    noted = plant.workspace.noted
+    for i in range(noted.peak.size):
+        record.peak[k, i] = noted.peak[i]
+    for i in range(noted.acceleration.size):
+        record.body_acceleration[k, i] = noted.acceleration[i]
+
+
+# What the rail truly carries: the oracle's knowledge, which nobody on board has.
+
+
+USED = 0.995
+"""Share of the true adhesion that the oracle's units use. At the very peak a torque is not held."""
+
+AHEAD = 0.02
+"""Time [s] by which the oracle looks ahead: its torque is kept for a control period and lags behind its command."""
+
+
+@inlined_jit
+def _least_adhesion(w, eq, time, truth, trailing):
+    """Lower `truth` (units,) and `trailing` (groups,) to the force per axle [N] that the weakest axle of each can carry.
+
+    It is that of the state in the workspace's scratch.
+    """
+    y, axle = w.scratch.state, w.axle
+    peak_field(w, time, y)
+    for i in range(w.size.axles):
+        j, g = eq.axle_unit[i], eq.axle_group[i]
+        if j >= 0 or g >= 0:
+            v = y[axle.speed_row[i]]
+            limit, _ = adhesion_limit(
+                w.rail.curve_kind, w.rail.curve, w.scratch.peak[i], v, axle.contact[i]
+            )
+            load = axle.static_load[i] - axle.unloading[i] * w.scratch.car_force[axle.car[i]]
+            if j >= 0:
+                truth[j] = min(truth[j], USED * limit * load)
+            else:
+                trailing[g] = min(trailing[g], USED * limit * load)
+
+
+@inlined_jit
+def true_limits(plant, eq, time, sign, braking, truth, trailing):
+    """Coefficient of each unit whose torque the rail just carries: that of its weakest axle, whose wheels slip first.
+
+    Part of the torque turns the wheelsets as the train goes, not as the plan has it.
+    """
+    w = plant.workspace
+    for j in range(truth.size):
+        truth[j] = np.inf
+    for g in range(trailing.size):
+        trailing[g] = np.inf
+    compiled.pack(w, plant.state, w.scratch.state)
+    _least_adhesion(w, eq, time, truth, trailing)
+    for b in range(w.size.bodies):
+        w.scratch.state[w.row.position + b] += AHEAD * w.scratch.state[w.row.speed + b]
+    _least_adhesion(w, eq, time + AHEAD, truth, trailing)
+    for j in range(truth.size):
+        turning = eq.inertia[j] / eq.radius[j] ** 2 * sign * w.noted.acceleration[eq.unit_body[j]]
+        share = 1.0 + (eq.brake_inertia[j] if braking else eq.own_inertia[j])
+        truth[j] = max(truth[j] + turning, 0.0) / (share * eq.axle_load[j])
+
+
+# The closed loop: a plant that runs control period by control period, with calls to parts in Python on the way.
+#
+# The loop is compiled. It returns to Python only where a part lives there (a driver, a rule with a QP solver, an MPC).
+# It states what it needs, and continues with the answer. So compiled and hosted parts work in exactly the same run.
+
 
 REPORT_DELAY = 0.1
 """Time [s] after which the train knows that a unit has failed."""

@@ -1,4 +1,8 @@
-"""A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded."""
+"""A recorded run as an `xarray.Dataset`: its variables and attributes, made from the loop's record, saved and loaded.
+
+In: states and values that the loop wrote down. Out: a dataset with dimensions time, axle, car and unit, CF units and long
+names, from one registry (`VARIABLES`). Forces and coefficients follow from the states by the plant's own laws.
+"""
 
 import errno
 import json
@@ -10,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, cast
 
 import numpy as np
 import xarray as xr
@@ -18,11 +22,329 @@ from numpy.typing import NDArray
 
 from alloc.event import Event
 from alloc.onboard.increment_learning import Increments, LearningSeries
-from alloc.onboard.memory import Counters, TrainMemory, UnitMemory
+from alloc.onboard.state import Counters, TrainMemory, UnitMemory
+from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import Floats, Layout, Model
-from alloc.recorded_physics import PlantRecord, physical_variables
-from alloc.recorded_variables import VARIABLES
-from alloc.whole_file import write_whole
+from alloc.plant.train import EFFORT_SPEED_STEP
+from alloc.sources import write_whole
+
+# Variables of a recorded run: one registry, from which dimensions, units and names follow.
+
+
+class Variable(NamedTuple):
+    """Dimensions, CF unit and description of a recorded variable."""
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    kind: str | None = None
+    """Type of its numbers where it differs from that of the loop."""
+
+
+_BY_DIMENSIONS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
+    ("time",): {
+        "position": ("m", "position of the train's front"),
+        "speed": ("m s-1", "mean speed of the train"),
+        "acceleration": ("m s-2", "mean acceleration of the train"),
+        "driver_command": ("m s-2", "acceleration asked for on level track"),
+        "expected": ("1", "coefficient that the plan needs of every unit"),
+        "reference_deviation": (
+            "m s-1",
+            "standard deviation of the reference speed by its estimate",
+        ),
+        "reference_speed": (
+            "m s-1",
+            "reference speed of the foremost traction unit; the train's if it has none",
+        ),
+        "case": ("1", "case of the allocation: 0 none, 1 A, 2 B"),
+        "level": ("1", "level of the last allocation"),
+        "motor_work": ("J", "work of the motors at the wheels"),
+        "shoe_work": ("J", "work lost in brake shoes"),
+        "resistance_work": ("J", "work against resistance and gradient"),
+        "coupler_work": ("J", "work lost in couplers"),
+    },
+    ("time", "car"): {
+        "slide_reference": ("m s-1", "reference speed of the car, where cars move apart"),
+        "car_speed": ("m s-1", "speed of the car"),
+        "car_acceleration": ("m s-2", "acceleration of the car"),
+    },
+    ("time", "axle"): {
+        "rim_speed": ("m s-1", "circumferential speed of the wheels"),
+        "slip_velocity": ("m s-1", "slip velocity, positive driving"),
+        "coefficient": ("1", "tangential force coefficient"),
+        "adhesion_limit": ("1", "true adhesion coefficient: maximum over the slip"),
+        "peak_slip": ("m s-1", "slip velocity of that maximum"),
+        "rail_force": ("N", "tangential force between wheel and rail"),
+        "brake_force": ("N", "force of the brake shoes at the rim, against its rotation"),
+        "axle_load": ("N", "axle load"),
+        "friction_work": ("J", "work dissipated between wheel and rail"),
+    },
+    ("time", "unit"): {
+        "motor_torque": ("N m", "torque of each motor of the unit"),
+        "drive_limit": ("N m", "most that each motor can pull with at the train's speed"),
+        "brake_limit": (
+            "N m",
+            "most that each motor can brake with, as far as the line takes it up",
+        ),
+        "torque_command": ("N m", "torque command to each motor"),
+        "torque_target": ("N m", "torque wanted of each motor under the limit"),
+        "limit": ("1", "limit in force, as a coefficient"),
+        "coefficient_estimate": ("1", "observer's estimate of the coefficient"),
+        "slipping": ("1", "signal of the slip detector", "int8"),
+        "fallen_back": ("1", "unit has heard nothing for too long and keeps the plan", "int8"),
+        "axles_seen": ("1", "axles of the unit whose speed is known"),
+        "torque_factor": ("1", "share of its target that the readhesion controller leaves a unit"),
+        "computed_acceleration": (
+            "m s-2",
+            "acceleration of the unit's axles as its slip detector computes it",
+        ),
+        "air_brake_force": ("N", "air brake force commanded per axle of the unit, at the rim"),
+        "increment": ("1", "increment of adhesion over the foremost unit, as learnt so far"),
+        "increment_data": ("1", "data of the unit's increment that the run has given so far"),
+        "increment_datum": ("1", "last datum of the unit's increment, nan before the first"),
+    },
+    ("time", "brake_group"): {
+        "cylinder_pressure": ("Pa", "brake cylinder pressure"),
+        "valve": ("1", "slide protection's valves: 0 supply, 1 hold, 2 release", "int8"),
+    },
+    ("time", "sander"): {"sand_rate": ("kg s-1", "sand that the sander lays on each rail")},
+    ("time", "coupler"): {"coupler_force": ("N", "coupler force, tension positive")},
+    ("axle",): {
+        "axle_unit": ("1", "traction unit of the axle, 0 = foremost, -1: none"),
+        "axle_car": ("1", "car of the axle, 0 = foremost"),
+        "axle_group": ("1", "air brake group of the axle, 0 = foremost, -1: none"),
+        "axle_static_load": ("N", "axle load at rest"),
+        "axle_turning_mass": ("kg", "mass that would resist like the turning wheelset"),
+    },
+    ("brake_group",): {"group_volume": ("m3", "volume of the group's brake cylinders")},
+    ("unit",): {
+        "unit_static_load": ("N", "axle load of the unit's axles, summed"),
+        "unit_gear": ("1", "gear ratio"),
+        "unit_radius": ("m", "wheel radius"),
+        "learnt_increment": ("1", "increment of adhesion over the foremost unit by the run's end"),
+        "learnt_deviation": ("1", "standard deviation of that, where the learner states one"),
+        "learnt_behind": ("1", "data behind that"),
+        "learnt_waiting_sum": ("1", "sum of the data that wait to be used"),
+        "learnt_waiting": ("1", "number of the data that wait to be used"),
+        "learnt_updates": ("1", "how often the stored increment was changed"),
+    },
+    ("body",): {"body_mass": ("kg", "mass of a car, or of the whole train where it is rigid")},
+}
+
+VARIABLES: dict[str, Variable] = {
+    name: Variable(dims, *rest)
+    for dims, some in _BY_DIMENSIONS.items()
+    for name, rest in some.items()
+}
+
+
+# What follows from recorded states by the plant's own laws: forces, coefficients, accelerations of the cars.
+
+
+MOST_IN_PRODUCT = 8192
+"""Numbers of a matrix that meets a vector at once: BLAS starts threads for more, which cost more than they save."""
+
+
+class PlantRecord(NamedTuple):
+    """What the loop writes of the plant; first dimension: instants."""
+
+    time: Floats
+    state: Floats
+    peak: Floats
+    body_acceleration: Floats
+
+    @classmethod
+    def allocate(cls, records: int, n: Layout) -> "PlantRecord":
+        """Empty record of `records` instants."""
+        sizes = (n.rows, n.axles, n.bodies)
+        return cls(np.zeros(records), *(np.zeros((records, size)) for size in sizes))
+
+    def until(self, records: int) -> "PlantRecord":
+        """The first instants of the record."""
+        return PlantRecord(*(values[:records] for values in self))
+
+
+class _Chosen:
+    """`matrix @ values` and `matrix.T @ values` for a matrix that picks row `index[i]` (-1: none) into row i.
+
+    A product would wake the threads of BLAS: it takes no less time, and twice the processors'.
+    """
+
+    def __init__(self, index: NDArray[np.int64], count: int, back: bool = False) -> None:
+        self.index, self.count, self.back = index, count, back
+
+    @property
+    def T(self) -> "_Chosen":
+        """The transposed: sums the rows that were picked from the same one."""
+        return _Chosen(self.index, self.count, not self.back)
+
+    def __matmul__(self, values: Floats) -> Floats:
+        if not self.back:
+            if (self.index < 0).any():  # -1 picks the last row: zeros that are put there for it
+                values = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+            return np.take(values, self.index, axis=0)
+        total = np.zeros((self.count, *values.shape[1:]))
+        for i, row in enumerate(self.index):
+            if row >= 0:
+                total[row] += values[i]
+        return total
+
+
+def _arrays(model: Model) -> ArrayModel:
+    """The plant on whole arrays, without products of matrices."""
+    n, s = model.layout, model.structure
+    arrays: Any = ArrayModel.of(model)
+    arrays.body_of_axle = _Chosen(s.axle_body, n.bodies)
+    arrays.car_of_axle = _Chosen(s.axle_car, n.cars)
+    arrays.unit_of_axle = _Chosen(s.axle_unit, n.units)
+    arrays.group_of_axle = _Chosen(s.axle_group, n.groups)
+    arrays.body_of_car = _Chosen(s.car_body, n.bodies)
+    return cast(ArrayModel, arrays)
+
+
+def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
+    """Mean over the bodies of `values` (instants, bodies), weighted by `share`; in parts, see `MOST_IN_PRODUCT`."""
+    step = max(1, MOST_IN_PRODUCT // share.size)
+    parts = [values[k : k + step] @ share for k in range(0, len(values), step)]
+    return np.concatenate(parts)
+
+
+def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Floats]:
+    """Most that each motor can drive and brake with [N m], (instants, units), without slip at `speed` (instants, bodies)."""
+    s, n, e = model.structure, model.layout, model.environment
+    mean, amplitude, period, phase = e.receptivity
+    taken = np.clip(mean + amplitude * np.sin(2.0 * np.pi * time / period + phase), 0.0, 1.0)
+    works = e.failure_time > time[:, None]
+    drive, brake = np.zeros((2, time.size, n.units))
+    for j in range(n.units):
+        own = speed[:, s.axle_body[s.axle_unit == j][0]]
+        knots = EFFORT_SPEED_STEP * np.arange(s.drive_table.shape[1])
+        drive[:, j] = np.interp(np.abs(own), knots, s.drive_table[j])
+        brake[:, j] = taken * np.interp(np.abs(own), knots, s.brake_table[j])
+    return drive * works, brake * works
+
+
+def physical_variables(model: Model, record: PlantRecord) -> dict[str, NDArray[Any]]:
+    """Everything that follows from the recorded states by the plant's own laws; first dimension: instants."""
+    n, s = model.layout, model.structure
+    arrays = _arrays(model)
+    state, peak = record.state.T, record.peak.T
+    slip, mu, force = arrays.forces(state, peak)
+    speed = state[n.speed]
+    share = s.body_mass / s.body_mass.sum()
+    contact = model.environment.contact[:, None]
+    limit, top = model.rail.curve.limit(peak, arrays.body_of_axle @ speed, contact)
+    work = state[n.work]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        load = np.where(mu != 0.0, force / mu, s.static_load[:, None])
+    driven = s.axle_unit >= 0
+    unit_load, unit_radius = (
+        np.bincount(s.axle_unit[driven], values[driven], minlength=n.units)
+        for values in (s.static_load, s.radius)
+    )
+    drive_limit, brake_limit = _motor_limits(model, record.time, speed.T)
+    return {
+        "position": state[n.position][0],
+        "speed": _mean_of_bodies(share, speed.T),
+        "acceleration": _mean_of_bodies(share, record.body_acceleration),
+        "car_speed": (arrays.body_of_car @ speed).T,
+        "car_acceleration": np.take(record.body_acceleration, s.car_body, axis=1),
+        "rim_speed": (s.radius[:, None] * state[n.omega]).T,
+        "slip_velocity": slip.T,
+        "coefficient": mu.T,
+        "adhesion_limit": limit.T,
+        "peak_slip": np.broadcast_to(top, limit.shape).T,
+        "rail_force": force.T,
+        "brake_force": (arrays.wheelsets(state, force)[0] / s.radius[:, None]).T,
+        "axle_load": load.T,
+        "friction_work": state[n.friction_work].T,
+        "motor_torque": state[n.torque].T,
+        "drive_limit": drive_limit,
+        "brake_limit": brake_limit,
+        "cylinder_pressure": state[n.pressure].T,
+        "coupler_force": arrays.coupler_forces(state)[0].T,
+        "motor_work": work[0],
+        "shoe_work": work[1],
+        "resistance_work": work[2],
+        "coupler_work": work[3],
+        "axle_unit": s.axle_unit,
+        "axle_car": s.axle_car,
+        "axle_group": s.axle_group,
+        "axle_static_load": s.static_load,
+        "axle_turning_mass": s.inertia / s.radius**2,
+        "group_volume": np.array([brake.cylinder_volume for brake in model.train.brake_groups]),
+        "unit_static_load": unit_load,
+        "unit_gear": s.unit_gear,
+        "unit_radius": unit_radius / np.maximum(s.unit_axles, 1.0),
+        "body_mass": s.body_mass,
+    }
+
+
+# Attributes of a recorded run, with their types: what is one value for the whole run.
+
+
+class DrivenAttributes(TypedDict):
+    """Attributes of every recorded run: train, and versions that it was made with."""
+
+    event: str
+    train: str
+    train_mass: float
+    """[kg]"""
+    train_rotating_mass: float
+    """[kg]"""
+    version_readhesion: str
+    version_numpy: str
+    version_numba: str
+    version_casadi: str
+    version_osqp: str
+    version_python: str
+    git_revision: str
+
+
+class RunAttributes(DrivenAttributes):
+    """Attributes of a run of `alloc.simulation.simulate`: event, rule and controller, what was counted, and times taken."""
+
+    event_hash: str
+    seed: int
+    rule: str
+    controller: str
+    target_speed: float
+    """Speed to which time and distance are measured [m/s]; nan: neither is."""
+    blended_brakes: int
+    """1: every car brakes itself; 0: the motors brake the train."""
+    detections: int
+    """Slips detected by the foremost unit."""
+    unit_detections: int
+    """Slips detected by all units."""
+    telegrams_sent: int
+    telegrams_lost: int
+    fallbacks: int
+    """Units fallen back to the plan in silence."""
+    blinded: int
+    """Units that lost the speed of their last axle."""
+    locks: int
+    """Axles that slide protection found standing."""
+    time_outs: int
+    """Valves made to supply by their time-out."""
+    rule_calls: int
+    rule_failures: int
+    rule_time_s: float
+    controller_calls: int
+    controller_failures: int
+    controller_time_s: float
+    controller_median_s: float
+    controller_p99_s: float
+    wall_time_s: float
+    messages: str
+    """JSON: message of rule or controller -> number of times that it came."""
+
+
+def attributes_of(run: xr.Dataset) -> RunAttributes:
+    """The attributes of a run of `simulate`, typed; they are those in `run.attrs`, which may hold more."""
+    return cast(RunAttributes, run.attrs)
+
+
+# A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded.
 
 
 class Record(NamedTuple):
@@ -76,7 +398,7 @@ def to_dataset(
     event: Event, rule: str, controller: str, record: Record, counters: Counters, tally: Tally,
     learnt: Increments | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Turn the loop's record into the recorded run, see `alloc.run_attributes`; `learnt`: values learnt by its end."""
+    """Turn the loop's record into the recorded run, see `alloc.recording`; `learnt`: values learnt by its end."""
     model = event.model
     values = physical_variables(model, record.plant)
     values |= dict(zip(TrainMemory._fields, record.train[:, :, 0].T, strict=True))

@@ -1,13 +1,14 @@
 """Parts of one kind by name: shipped ones, those of installed packages, and those registered at run time.
 
 A part registers in the file that defines it. An installed package offers one by an entry point. The entry point's group is
-the kind, its name is the part's name, and its object is the part.
+the kind, its name is the part's name, and its object is the part. A package can offer names of its modules without
+importing them (`names_of`).
 """
 
 import pkgutil
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from importlib import import_module
@@ -15,6 +16,12 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
 from alloc.display import table
+
+# Parts of one kind by name: shipped ones, those of installed packages, and those registered at run time.
+#
+# A part registers in the file that defines it. An installed package offers one by an entry point. The entry point's
+# group is the kind, its name is the part's name, and its object is the part.
+
 
 Part = TypeVar("Part")
 
@@ -139,3 +146,18 @@ def _of_home(home: str, kind: str) -> "Registry[Any]":
     """The registry of this kind that a module made."""
     made = vars(import_module(home)).values()
     return next(one for one in made if isinstance(one, Registry) and one.kind == kind)
+
+
+# Packages that offer names of their modules without importing them: a module is imported when one of its names is.
+
+
+def names_of(package: str, **modules: str) -> Callable[[str], Any]:
+    """A package's `__getattr__` (PEP 562): module of the package -> the names in it that the package offers."""
+    homes = {name: module for module, names in modules.items() for name in names.split()}
+
+    def find(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(f"{package}.{homes[name]}"), name)
+
+    return find

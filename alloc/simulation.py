@@ -12,29 +12,29 @@ import numpy as np
 import xarray as xr
 
 from alloc.balance import check_run
-from alloc.by_reference import ByReference
-from alloc.canonical import canonical
 from alloc.errors import OnboardError, check_compiling
-from alloc.event import DriverCommand, Event, SimulationError
+from alloc.event import DriverCommand, Event, SimulationError, canonical
 from alloc.loop import ALLOCATION, CONTROL, ClosedLoop, Computers, Given, Part, run_with_computers
-from alloc.onboard.attachment import NOTHING_ADDED
-from alloc.onboard.compiled_controller import NOT_A_TORQUE, CompiledControllers, answers, failures
-from alloc.onboard.controllers.built_in import share_of_target, torque_per_coefficient
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.controllers.base import share_of_target, torque_per_coefficient
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import (
+    CONTROLLERS,
+    NOT_A_TORQUE,
+    CompiledControllers,
     HostedController,
     TellingController,
     TrainController,
     UnitSense,
+    answers,
+    failures,
     unit_contexts,
 )
-from alloc.onboard.memory import attachments, memory
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.quantity import filled
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, attachments, memory, settings
+from alloc.onboard.telegrams import NOTHING_ADDED
 from alloc.plant.model import Floats, Layout
 from alloc.recording import Record, Tally, to_dataset
+from alloc.records import ByReference, filled
 from alloc.rules import Allocation, AllocationProblem, Rule, find_rule
 from alloc.rules.dispatch import compiled_index
 

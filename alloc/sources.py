@@ -1,7 +1,7 @@
-"""Which sources decide a result: found by following imports, known by a hash of their syntax.
+"""Which sources decide a result, known by a hash of their syntax; and the private folder for what is kept of them.
 
-Rows of studies and compiled kernels carry this hash, so neither can be taken for the work of other code. Comments and
-docstrings do not count. What is found in a file is kept beside the compiled code, by the file's content: parsing is slow.
+In: names of modules. Out: one hash, which rows of studies and compiled kernels carry. What is loaded as code lies in a
+folder of the user's own; its files are written whole or not at all.
 """
 
 import ast
@@ -9,19 +9,154 @@ import hashlib
 import json
 import os
 import re
+import shutil
+import stat
 import sys
+import tempfile
 import tomllib
+import uuid
+import warnings
 from atexit import register
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import NamedTuple
 
-from alloc.private_folder import cache_folder
-from alloc.whole_file import SEAL, sealed, set_aside_damaged, write_whole
+# Files that other processes see whole or not at all, and that are not used once they are damaged.
+
+
+ASIDE = ".part"
+"""In the name of a file that is being written."""
+SEAL = 32
+"""Bytes of the digest behind what `sealed` has sealed."""
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Make or replace `path` by `write(file to fill)`: other processes see all of it or nothing.
+
+    The file beside it has a name of its own, so writers do not meet; a `write` that raises leaves nothing behind. Raises
+    `OSError` with the name of `path`.
+    """
+    with writing(path) as aside:
+        write(aside)
+        os.replace(aside, path)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A file beside `path` to be filled; it is gone afterwards. An `OSError`, as of a full disk, gets the name of `path`."""
+    aside = path.with_name(f".{uuid.uuid4().hex}{ASIDE}{path.suffix}")
+    try:
+        yield aside
+    except OSError as error:  # libraries do not say which file
+        reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+        raise OSError(error.errno, reason, str(path)) from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def sealed(content: bytes) -> bytes:
+    """`content` and its digest; pickle, marshal and loaders of libraries ignore what stands behind the end."""
+    return content + hashlib.sha256(content).digest()
+
+
+def set_aside_damaged(path: Path, content: bytes | None = None) -> None:
+    """Rename `path`, with a warning, if it is not as it was written: `content`, or whatever was sealed."""
+    with suppress(FileNotFoundError):  # as another process may set it aside too
+        found = path.read_bytes()
+        digest = hashlib.sha256(memoryview(found)[:-SEAL]).digest()
+        if found.endswith(digest) if content is None else found == content:
+            return
+        aside = path.with_name(f"damaged-{path.name}")
+        os.replace(path, aside)
+        warnings.warn(
+            f"{str(path)!r} is damaged and made again; what it was is now {aside.name!r}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+
+
+# Folders for what is loaded as code: they belong to the user, and nobody else can write there.
+#
+# A compiled kernel, a generated module or a library is executed when it is loaded. A folder of another user, one that
+# others may write to, or one that holds another user's file is therefore not used.
+
+
+VARIABLES = ("READHESION_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
+"""Environment variables that may say where compiled code is kept; the first that is set does."""
+
+
+@lru_cache(maxsize=1)
+def cache_folder() -> Path:
+    """Where compiled and generated code is kept between processes.
+
+    The user's cache folder; where that cannot be had safely, one in the temporary folder; else a new one for this process.
+    """
+    said = next((os.environ[name] for name in VARIABLES if os.environ.get(name)), None)
+    base = Path(said) if said else Path.home() / ".cache"
+    for folder in (
+        base / "readhesion",
+        Path(tempfile.gettempdir()) / f"readhesion-{getattr(os, 'getuid', int)()}",
+    ):
+        try:
+            return private(folder / "code")
+        except OSError:
+            continue  # a read-only home must not stop a study, nor may another user
+    own = tempfile.mkdtemp(prefix="readhesion-")
+    os.environ[VARIABLES[0]] = own
+    register(shutil.rmtree, own, ignore_errors=True)
+    return private(Path(own) / "code")
+
+
+@lru_cache(maxsize=1024)
+def cache_part(name: str) -> Path:
+    """Folder `name` in the cache folder; one that is not the user's alone is set aside with a warning."""
+    folder = cache_folder() / name
+    try:
+        return private(folder)
+    except PermissionError as error:
+        aside = folder.with_name(f"refused-{uuid.uuid4().hex}")
+        warnings.warn(f"{error}; it is now {aside.name!r}, delete it", RuntimeWarning, stacklevel=2)
+        folder.rename(aside)
+        return private(folder)
+
+
+def private(folder: Path) -> Path:
+    """`folder`, created if necessary, for its user alone.
+
+    Raises `OSError` where it cannot be written, others may write to it or replace it, or it contains another user's files.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    around = folder.parent.stat().st_mode
+    if os.name == "posix" and around & stat.S_IWOTH and not around & stat.S_ISVTX:
+        raise PermissionError(f"everybody may replace what is in {str(folder.parent)!r}")
+    for path in (folder, *(path for path in folder.iterdir() if not path.is_dir())):
+        check_owner(path)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+    return folder
+
+
+def check_owner(path: Path) -> None:
+    """Raise `PermissionError` if `path` is a link, another user's, or a folder that others may write to."""
+    if os.name != "posix":
+        return  # Windows keeps the cache in the user's profile
+    found = path.lstat()
+    open_folder = stat.S_ISDIR(found.st_mode) and found.st_mode & 0o022
+    if stat.S_ISLNK(found.st_mode) or found.st_uid != os.getuid() or open_folder:
+        raise PermissionError(f"{str(path)!r} is not this user's alone")
+
+
+# Which sources decide a result: found by following imports, known by a hash of their syntax.
+#
+# Rows of studies and compiled kernels carry this hash, so neither can be taken for the work of other code. Comments and
+# docstrings do not count. What is found in a file is kept beside the compiled code, by the file's content: parsing is
+# slow.
+
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("alloc", "mpc", "studies")
@@ -235,7 +370,7 @@ def _read_python(tree: ast.Module) -> Source:
 
 
 def _for_types(node: ast.If) -> bool:
-    """Whether a branch is for type checkers; the facades of `alloc.lazy` import what stands there when it is asked for."""
+    """Whether a branch is for type checkers; facades (`names_of`) import what stands there when it is asked for."""
     return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 

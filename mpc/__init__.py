@@ -13,16 +13,16 @@
 
 from typing import TYPE_CHECKING
 
-from alloc.lazy import names_of
+from alloc.registry import names_of
 
 if TYPE_CHECKING:
-    from mpc.horizon import HorizonProblem, Plan, Problem
+    from mpc.period import HorizonProblem, Plan, Problem
     from mpc.reference import solve
     from mpc.settings import MpcError, MpcSettings
 else:
     __getattr__ = names_of(
         __name__,
-        horizon="HorizonProblem Plan Problem",
+        period="HorizonProblem Plan Problem",
         reference="solve",
         settings="MpcError MpcSettings",
     )

@@ -1,6 +1,6 @@
 """How the compiled functions of the MPC are declared: their arrays, the model that is handed to them, and their options.
 
-Records of arrays come by reference (`alloc.by_reference`), the model's functions by their address (`alloc.by_address`).
+Records of arrays come by reference (`alloc.records`), the model's functions by their address (`alloc.records`).
 """
 
 from collections.abc import Callable
@@ -12,8 +12,8 @@ from numba import float64, int64, types, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from alloc.by_address import function_at
 from alloc.compilation import FASTMATH, compiled
+from alloc.records import function_at
 
 VECTOR, MATRIX = float64[::1], float64[:, ::1]
 INDEX = int64[::1]
@@ -24,7 +24,7 @@ SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
 RATE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR))
 """Model with derivatives: (state, torque, constants, slope, nonzeros of the Jacobian)."""
 TANGENT = types.FunctionType(void(MATRIX, float64, MATRIX, MATRIX))
-"""Sensitivities of a Runge-Kutta step, see `mpc.tangent`."""
+"""Sensitivities of a Runge-Kutta step, see `mpc.generated`."""
 
 
 def sweep(signature: Any) -> Callable[[Any], Any]:

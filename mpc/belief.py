@@ -1,7 +1,6 @@
-"""Belief of a unit, or a group of units, about its rail: peaks of its axles, the curve, and the best slip.
+"""Belief of a unit, or a group of units, about its rail and its drag: peaks, curve, best slip, gradient, air brake.
 
-`mpc.axle_observer` estimates what axles transmit and could carry. `mpc.slip_search` finds the slip with the largest force,
-and the curve for the prediction.
+In: a `UnitSense` per control period. Out: the parameters of the prediction model.
 """
 
 import math
@@ -13,23 +12,33 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import NDArray
 
-from alloc.by_reference import ByReference
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
-from alloc.plant.adhesion_laws import adhesion_limit
-from alloc.plant.structure import Floats
-from mpc.air_brake import AirBrake, air_brake_of, hear_air_brake
-from mpc.arrays import VECTOR, sweep
-from mpc.axle_observer import (
+from alloc.plant.laws import GRAVITY, adhesion_limit
+from alloc.plant.model import Floats
+from alloc.records import ByReference
+from mpc.arrays import VECTOR, inlined, sweep
+from mpc.estimator import (
     Axles,
     Constants,
+    Curve,
     axles_of,
     constants_of,
+    curve_of,
+    look_beyond,
     mean_noise,
     observe_axles,
+    predicted_curve,
+    take_in_pairs,
 )
-from mpc.curve_filter import Curve, curve_of, look_beyond, predicted_curve, take_in_pairs
-from mpc.drag import Drag, drag_of, estimate_drag
+from mpc.model import (
+    STEEPEST_SLOPE,
+    Units,
+    group_of,
+    torque_per_coefficient,
+    unit_of_axle,
+    unloading,
+)
 from mpc.settings import MpcSettings
 from mpc.slip_search import (
     LIMITING,
@@ -40,8 +49,102 @@ from mpc.slip_search import (
     search_slip,
     slip_limit,
 )
-from mpc.stiffness import STEEPEST_SLOPE
-from mpc.unit_model import Units, group_of, torque_per_coefficient, unit_of_axle, unloading
+
+# Estimate of the force of a unit's air brake, from what the unit can observe.
+#
+# The unit's own estimate of its tangential coefficient includes the shoes (`alloc.onboard.sensing`); the estimate from
+# the motors alone does not. The difference is the coefficient of the air brake. The two estimates respond to the
+# oscillation of the slip a little differently, and both are noisy, so the difference is smoothed. The brake's force
+# changes slowly and is assumed to be constant over the horizon.
+
+
+AIR_TIME = 0.2
+"""Averaging time [s] of the difference: one period of the swing, short compared with the filling of a brake cylinder."""
+LEAST_AIR = 0.01
+"""Coefficient above which it is believed."""
+
+
+class AirBrake(NamedTuple):
+    """Estimate of the air brake of one unit."""
+
+    share: float
+    """Weight of a new value in the mean, per period."""
+    mean: Floats
+    """Mean difference, (1,)."""
+    coefficient: Floats
+    """Coefficient of the air brake, in the direction of the demand, (1,)."""
+
+
+def air_brake_of(period: float) -> AirBrake:
+    """A brake that is released."""
+    return AirBrake(-math.expm1(-period / AIR_TIME), np.zeros(1), np.zeros(1))
+
+
+@inlined
+def hear_air_brake(air, axles, estimate):
+    """Use the unit's `estimate` of its coefficient, nan if it has none, and add the air brake to the axles' coefficients."""
+    mean = 0.0
+    for i in range(axles.coefficient.size):
+        mean += axles.coefficient[i] / axles.coefficient.size
+    if math.isnan(estimate):
+        air.mean[0] = 0.0
+    else:
+        air.mean[0] += air.share * (estimate - mean - air.mean[0])
+    air.coefficient[0] = air.mean[0] if air.mean[0] > LEAST_AIR else 0.0
+    for i in range(axles.coefficient.size):
+        axles.coefficient[i] += air.coefficient[0]
+
+
+# Forces that hold a unit back beside those of its own rails: gradient, resistance, and deviations of the other cars.
+#
+# The prediction moves the unit with its share of the train's mass. Drag is its believed rail forces over that mass,
+# less the acceleration of the reference speed. It changes slowly and is assumed to be constant over the horizon, as an
+# equivalent gradient.
+
+
+DRAG_TIME = 0.5
+"""Averaging time [s] of drag: long against the noise of a differentiated speed, short against a gradient's length."""
+
+
+class Drag(NamedTuple):
+    """Estimate of the drag of one unit."""
+
+    share: float
+    """Weight of a new value in the mean, per period."""
+    weight: float
+    """Weight of the unit's share of the train [N]."""
+    rate: float
+    """Control periods per second over gravity."""
+    speed: Floats
+    """Speed of the period before [m/s], (1,)."""
+    grade: Floats
+    """Gradient equivalent to all drag, rise per run in the direction of the demand, (1,)."""
+
+
+def drag_of(context: UnitContext) -> Drag:
+    """Drag before any reading."""
+    share = float(-np.expm1(-context.period / DRAG_TIME))
+    weight, rate = context.mass * GRAVITY, 1.0 / (context.period * GRAVITY)
+    return Drag(share, float(weight), float(rate), np.zeros(1), np.zeros(1))
+
+
+@inlined
+def estimate_drag(drag, axles, load, speed, fresh):
+    """Use the car's speed [m/s] and the coefficients of its axles; `load` [N], (axles,)."""
+    if not fresh:
+        force = 0.0
+        for i in range(load.size):
+            force += axles.coefficient[i] * load[i]
+        found = force / drag.weight - (speed - drag.speed[0]) * drag.rate
+        drag.grade[0] += drag.share * (found - drag.grade[0])
+    drag.speed[0] = speed
+
+
+# Belief of a unit, or a group of units, about its rail: peaks of its axles, the curve, and the best slip.
+#
+# `mpc.estimator` estimates what axles transmit and could carry. `mpc.slip_search` finds the slip with the largest
+# force, and the curve for the prediction.
+
 
 PREDICTED = RationalCurve(peak_slip=2.0 / STEEPEST_SLOPE, steepness=2.0)
 """Curve that the steps of the prediction are made for: of the steepest slope."""

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import boolean, float64, int64, void
 
-from alloc.by_reference import ByReference
-from alloc.plant.simd import WIDTH, load, spread, total
-from alloc.plant.structure import Floats, Ints
+from alloc.plant.model import Floats, Ints
+from alloc.plant.operations import WIDTH, load, spread, total
+from alloc.records import ByReference
 from mpc.arrays import MATRIX, VECTOR, sweep
 
 TOLERANCE = 1e-12

@@ -1,16 +1,235 @@
-"""The cost's quadratic model in the torques alone, compiled: the states are condensed away. Unknowns are u_j / U_j."""
+"""Single shooting and condensing, compiled: from torques over the horizon to the cost's quadratic model in them alone.
+
+In: torques, parameters, weights. Out: states and sensitivities, the cost, its gradient and Hessian in u_j / U_j.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64, void
+from numba import float64, int64, void
 
-from alloc.by_reference import ByReference
-from alloc.plant.simd import WIDTH, load, padded, spread, store
-from alloc.plant.structure import Floats, Ints
-from mpc.arrays import VECTOR, sweep
-from mpc.cost import COST
-from mpc.shooting import LINEARISED
+from alloc.plant.model import Floats, Ints
+from alloc.plant.operations import WIDTH, load, padded, spread, store
+from alloc.records import ByReference
+from mpc.arrays import MATRIX, RATE, SLOPE, TANGENT, VECTOR, sweep
+
+# Single shooting over the horizon: states and their sensitivities, compiled.
+#
+# From the measured state on, the torques alone determine the trajectory, so they are the only unknowns. Slip below the
+# peak is strongly stable, and slip beyond it grows by a factor of about three over the horizon. So the states need not
+# be unknowns too.
+#
+# Torques of several units are stored step by step in one vector (horizon * units,), so that a single unit has no
+# further dimension. Sensitivities are rows of whole blocks of `alloc.plant.operations.WIDTH` numbers, to be processed
+# a block at a time.
+
+
+class Nonzeros(NamedTuple):
+    """Places of the nonzeros of a model's derivatives by (state, torques)."""
+
+    row: Ints
+    """Row of each nonzero of the Jacobian of the slopes."""
+    column: Ints
+
+
+class Linearised(NamedTuple):
+    """A trajectory and its derivatives; `linearise` fills it. `width` stands for states + units, in whole blocks.
+
+    A Runge-Kutta step evaluates the model at four points.
+    """
+
+    nodes: Floats
+    """(horizon + 1, states)"""
+    sensitivity: Floats
+    """Of each node to the node and the torques before, (horizon, states, width)."""
+    points: Floats
+    """Where the model is evaluated in a step, (4, states)."""
+    jacobians: Floats
+    """Nonzeros there, (4, nonzeros)."""
+    torques: Floats
+    """Sensitivity of the torques, which are constant over a step of the horizon, (units, width)."""
+    slope: Floats
+    """Scratch, (2, states)."""
+
+
+def linearised(horizon: int, states: int, units: int, nonzeros: int) -> Linearised:
+    """Room for a trajectory and its derivatives."""
+    width = padded(states + units)
+    return Linearised(
+        nodes=np.zeros((horizon + 1, states)),
+        sensitivity=np.zeros((horizon, states, width)),
+        points=np.zeros((4, states)),
+        jacobians=np.zeros((4, nonzeros)),
+        torques=np.eye(units, width, states),
+        slope=np.zeros((2, states)),
+    )
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+NONZEROS = ByReference(Nonzeros(_NONE, _NONE)).kind
+LINEARISED = ByReference(linearised(0, 0, 0, 0)).kind
+
+
+@sweep(void(SLOPE, VECTOR, VECTOR, float64, int64, MATRIX, MATRIX))
+def simulate(model, torques, constants, step, substeps, nodes, scratch):
+    """Fill `nodes` (horizon + 1, states) from its first row on under `torques` (horizon * units,).
+
+    `step` [s] is that of one Runge-Kutta step, of which `substeps` make a prediction step; `scratch` (3, states).
+    """
+    slope, point, total = scratch[0], scratch[1], scratch[2]
+    horizon, states = nodes.shape[0] - 1, nodes.shape[1]
+    units = torques.size // horizon
+    for k in range(horizon):
+        torque = torques[k * units : (k + 1) * units]
+        now = nodes[k + 1]
+        for i in range(states):
+            now[i] = nodes[k, i]
+        for _ in range(substeps):
+            for i in range(states):
+                point[i] = total[i] = now[i]
+            for stage in range(4):
+                model(point, torque, constants, slope)
+                ahead = step if stage == 2 else 0.5 * step
+                share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                for i in range(states):
+                    point[i] = now[i] + ahead * slope[i]
+                    total[i] += share * slope[i]
+            for i in range(states):
+                now[i] = total[i]
+
+
+@sweep(void(RATE, TANGENT, VECTOR, VECTOR, float64, int64, LINEARISED))
+def linearise(model, tangent, torques, constants, step, substeps, out):
+    """As `simulate`, and fill `out` with the derivatives too."""
+    points, jacobians = out.points, out.jacobians
+    slope, total = out.slope[0], out.slope[1]
+    horizon, states, width = out.sensitivity.shape
+    units = torques.size // horizon
+    for k in range(horizon):
+        torque = torques[k * units : (k + 1) * units]
+        now, moved = out.nodes[k + 1], out.sensitivity[k]
+        for i in range(states):
+            now[i] = out.nodes[k, i]
+            for m in range(0, width, WIDTH):
+                store(moved[i], m, spread(0.0))
+            moved[i, i] = 1.0
+        for _ in range(substeps):
+            for i in range(states):
+                total[i] = now[i]
+                points[0, i] = now[i]
+            for stage in range(4):
+                model(points[stage], torque, constants, slope, jacobians[stage])
+                ahead = step if stage == 2 else 0.5 * step
+                share = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                for i in range(states):
+                    total[i] += share * slope[i]
+                    if stage < 3:
+                        points[stage + 1, i] = now[i] + ahead * slope[i]
+            for i in range(states):
+                now[i] = total[i]
+            tangent(jacobians, step, moved, out.torques)
+
+
+# The cost of a trajectory of one unit or a group, compiled.
+#
+# With U_j the torque scale of unit j, w_j its share of the group's mass, and sums over the units:
+#
+#     cost = sum over the horizon of tracking (sum w_j (u_j - target_j) / U_j)^2 + rate sum w_j ((u_j - u_j before) /
+#     U_j)^2
+#            + evenness sum w_j ((u_j - reference_j) / U_j)^2
+#            + slip sum over the axles of share (max(0, slip - limit) / slip scale)^2 at the step's end.
+#
+# So the cost tracks the group's total effort, whichever unit delivers it; only evenness determines the split. An axle's
+# share is that of its unit, divided by the unit's axles. The penalty of slip is a soft constraint with its slack
+# eliminated.
+
+
+class CostWeights(NamedTuple):
+    """Weights of the cost's terms."""
+
+    tracking: float
+    slip: float
+    rate: float
+    evenness: float
+    slip_scale: float
+    """[m/s]"""
+
+
+class UnitTerms(NamedTuple):
+    """Parameters of each unit in the cost, (units,) each; torques in N m."""
+
+    target: Floats
+    before: Floats
+    reference: Floats
+    scale: Floats
+    """Torque scale."""
+    share: Floats
+    """Share of the group's mass."""
+
+
+class AxleTerms(NamedTuple):
+    """Parameters of each axle in the cost, (axles,) each."""
+
+    slip_limit: Floats
+    """[m/s]"""
+    share: Floats
+    """Share of the penalty."""
+
+
+class Cost(NamedTuple):
+    """The cost of one problem."""
+
+    slip_matrix: Floats
+    """Slip velocity of each axle by the state, (axles, states)."""
+    axle: AxleTerms
+    unit: UnitTerms
+    weights: CostWeights
+
+
+_NONE_cost, _NUMBER = np.zeros(0), 0.0
+COST = ByReference(
+    Cost(
+        np.zeros((0, 0)),
+        AxleTerms(*[_NONE_cost] * 2),
+        UnitTerms(*[_NONE_cost] * 5),
+        CostWeights(*[_NUMBER] * 5),
+    )
+).kind
+
+
+@sweep(float64(int64, float64, MATRIX, VECTOR, COST))
+def cost_up_to(k, cost, nodes, torques, terms):
+    """`cost` of the steps before step `k`, plus that of step `k`, of `nodes` (horizon + 1, states) under `torques`."""
+    slip_matrix, axle, unit, weights = terms.slip_matrix, terms.axle, terms.unit, terms.weights
+    axles, states = slip_matrix.shape
+    units = unit.target.size
+    missed = 0.0
+    for j in range(units):
+        u, scale, share = torques[k * units + j], unit.scale[j], unit.share[j]
+        last = unit.before[j] if k == 0 else torques[(k - 1) * units + j]
+        missed += share * (u - unit.target[j]) / scale
+        change, uneven = (u - last) / scale, (u - unit.reference[j]) / scale
+        cost += share * (weights.rate * change * change + weights.evenness * uneven * uneven)
+    cost += weights.tracking * missed * missed
+    for i in range(axles):
+        slip = -axle.slip_limit[i]
+        for j in range(states):
+            slip += slip_matrix[i, j] * nodes[k + 1, j]
+        excess = max(slip, 0.0) / weights.slip_scale
+        cost += weights.slip * axle.share[i] * excess * excess
+    return cost
+
+
+@sweep(float64(MATRIX, VECTOR, COST))
+def trajectory_cost(nodes, torques, terms):
+    """Cost of `nodes` (horizon + 1, states) under `torques` (horizon * units,)."""
+    cost = 0.0
+    for k in range(nodes.shape[0] - 1):
+        cost = cost_up_to(k, cost, nodes, torques, terms)
+    return cost
+
+
+# The cost's quadratic model in the torques alone, compiled: the states are condensed away. Unknowns are u_j / U_j.
 
 
 class Quadratic(NamedTuple):

@@ -3,7 +3,7 @@
 In: a unit (`UnitContext`), its settings, and a processor out of `TARGETS`. Out (`export_unit`): object, header, README, and
 what they were made from.
 
-Numba has optimised the functions of a control period (`mpc.unit_step`) already. LLVM gets them once more here, together with
+Numba has optimised the functions of a control period (`mpc.unit`) already. LLVM gets them once more here, together with
 the record that they read. Every array becomes static memory; every number of the settings and every address a constant. So
 calls by address become plain calls, branches that the settings exclude vanish, and nothing is left to be looked up at the
 start. No multiplication and addition are rounded as one (FMA). So every processor answers with the same bits, if its
@@ -20,16 +20,15 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-from alloc.by_reference import ByReference
-from alloc.onboard.compiled_controller import ANSWER, READING
-from alloc.onboard.host import UnitContext
+from alloc.onboard.host import ANSWER, READING, UnitContext
+from alloc.records import ByReference
 from alloc.sources import library_versions, syntax_hash
 from mpc.belief import with_predicted_curve
-from mpc.compiled_model import compiled_model
+from mpc.generated import compiled_model
+from mpc.model import unit_model
 from mpc.settings import MpcError, MpcSettings
-from mpc.sqp_period import Addresses
-from mpc.unit_model import unit_model
-from mpc.unit_step import STATUSES, compiled_unit, unit_step
+from mpc.solver import Addresses
+from mpc.unit import STATUSES, compiled_unit, unit_step
 
 TARGETS = {
     **{f"x86-64{level}": ("x86_64", f"x86-64{level}") for level in ("", "-v2", "-v3", "-v4")},

@@ -3,17 +3,22 @@
 from collections.abc import Sequence
 from typing import Any
 
-from alloc.onboard.compiled_controller import CompiledControllers, each_compiled
-from alloc.onboard.host import HostedController, TrainController, UnitContext, each_unit
+from alloc.onboard.host import (
+    CompiledControllers,
+    HostedController,
+    TrainController,
+    UnitContext,
+    each_compiled,
+    each_unit,
+)
 from mpc.settings import MpcSettings
 
 
 def _hosted(name: str, meaning: str, colour: str, marker: str) -> HostedController:
     def build(contexts: Sequence[UnitContext]) -> TrainController | CompiledControllers:
-        from mpc.group_controller import CarControllers, GroupController
-        from mpc.train_controller import TrainMpc
-        from mpc.unit_controller import MpcController, OptiIteration
-        from mpc.unit_step import compiled_unit
+        from mpc.group import CarControllers, GroupController
+        from mpc.train import TrainMpc
+        from mpc.unit import MpcController, OptiIteration, compiled_unit
 
         if name == "mpc":
             return each_compiled(lambda one: compiled_unit(one, one.settings))(contexts)

@@ -5,14 +5,14 @@ T_j [N m]. All counts positive in the direction of the demand. States and inputs
 
     x = (v, w_1 .. w_n, T_1 .. T_m),    u = (u_1 .. u_m)
 
-    mass dv/dt = sum_i F_i - mass g sin(gradient)    the gradient stands for all drag (`mpc.drag`)
-    I_i dw_i/dt = gear_j T_j - r_i F_i + air_j       motor, rail and air brake (`mpc.air_brake`)
+    mass dv/dt = sum_i F_i - mass g sin(gradient)    the gradient stands for all drag (`mpc.belief`)
+    I_i dw_i/dt = gear_j T_j - r_i F_i + air_j       motor, rail and air brake (`mpc.belief`)
     lag_j dT_j/dt = u_j - T_j                        motors
     F_i = mu(s_i) N_i,    s_i = r_i w_i - v          adhesion curve at the slip; N_i less what the car's force unloads
 
-These are the plant's equations (`alloc.plant.equations`) on symbols, see `mpc.unit_model`; believed values are parameters.
+These are the plant's equations (`alloc.plant.laws`) on symbols, see `mpc.model`; believed values are parameters.
 
-**Problem.** F(x, u) takes the state on by a step of the horizon, by classical Runge-Kutta steps (`mpc.stiffness` says how
+**Problem.** F(x, u) takes the state on by a step of the horizon, by classical Runge-Kutta steps (`mpc.model` says how
 many), while u is constant. With u_-1 the command in force, e_ki the slack of a soft limit of slip, and c_j the share of
 unit j in the mass (c_i that of an axle):
 
@@ -24,11 +24,11 @@ unit j in the mass (c_i that of an axle):
                 e_ki >= 0,    e_ki >= (s_ki - limit_i) / S
 
 U_j, the torque of a coefficient of 0.1, S, and the weights are those of `mpc.settings`. Targets and upper bounds come from
-`mpc.unit_problem` and `mpc.group_problem`.
+`mpc.unit` and `mpc.group`.
 
 **Solution.** All states are unknowns (Bock, Plitt: A multiple shooting algorithm for direct solution of optimal control
-problems, IFAC Proceedings 17 (1984) 1603-1608). `mpc.sqp` has eliminated x and e, and must find the same; it is a thousand
-times faster. Opti: Andersson, Gillis, Horn, Rawlings, Diehl: CasADi, Math. Prog. Comp. 11 (2019) 1-36.
+problems, IFAC Proceedings 17 (1984) 1603-1608). `mpc.solver` has eliminated x and e, and must find the same; it is a
+thousand times faster. Opti: Andersson, Gillis, Horn, Rawlings, Diehl: CasADi, Math. Prog. Comp. 11 (2019) 1-36.
 """
 
 from functools import lru_cache
@@ -37,11 +37,9 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from mpc.horizon import Plan, Problem, cost_of
-from mpc.real_time import solve_compiled
+from mpc.model import UnitModel, needed_substeps, stiffness_of, unit_model
+from mpc.period import Plan, Problem, cost_of, solve_compiled
 from mpc.settings import MpcError, Weights
-from mpc.stiffness import needed_substeps
-from mpc.unit_model import UnitModel, stiffness_of, unit_model
 
 COMMON = {"expand": True, "print_time": False, "record_time": True}
 QUIET = dict.fromkeys(("print_header", "print_iteration", "print_status"), False)

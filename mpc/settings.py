@@ -5,7 +5,7 @@ from typing import Any
 
 from alloc.display import displayed
 from alloc.errors import InputError
-from alloc.onboard.quantity import quantity
+from alloc.records import quantity
 
 
 class MpcError(InputError):
@@ -49,7 +49,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class PeakBelief:
-    """Parameters of the belief about the rail, see `mpc.axle_observer` and `mpc.curve_filter`.
+    """Parameters of the belief about the rail, see `mpc.estimator` and `mpc.estimator`.
 
     Source: assumed.
     """
@@ -198,7 +198,7 @@ class MpcSettings:
     """Whether, with a computing delay, it solves from the state predicted for the instant at which its command acts."""
     phases_apart: bool = False
     """Whether trajectory and derivatives are computed before the readings, from the state predicted for them; the readings
-    then wait for one QP alone. Source: see `mpc.phases`."""
+    then wait for one QP alone. Source: see `mpc.period`."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the cost."""
     belief: PeakBelief = field(default_factory=PeakBelief)

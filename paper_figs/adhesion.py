@@ -12,7 +12,7 @@ from alloc.plant.adhesion import (
     PiecewiseCurve,
     SlipRatioCurve,
 )
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from paper_figs.palette import BLACK, BLUE, GREEN, ORANGE, VERMILION
 from paper_figs.registry import figure

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from alloc.estimation.series import spans
 from alloc.metrics import evaluate
-from alloc.metrics.motion import jerk
+from alloc.metrics.use import jerk
 from alloc.onboard.parameters import Detector
-from alloc.run_attributes import attributes_of
-from alloc.spans import spans
+from alloc.recording import attributes_of
 from paper_figs.adhesion_use import (
     AVAILABLE,
     LIMIT,

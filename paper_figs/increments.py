@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from alloc.estimation import increments as shifting
-from alloc.estimation.slide_counts import (
-    LEAD_AXLES,
-    SYNTHETIC_TABLE,
-    SlideCounts,
-    read_slide_counts,
-)
+from alloc.estimation.increments import LEAD_AXLES, SYNTHETIC_TABLE, SlideCounts, read_slide_counts
 from alloc.plant.rail import logarithmic_increments
 from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLACK, BLUE, GREY, ORANGE, PINK, PURPLE, SKY, VERMILION

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.onboard.speed_control.position_detector import Odometer, PositionDetector
+from alloc.onboard.line_memory import Odometer, PositionDetector
 from paper_figs.counts import counted
 from paper_figs.palette import BLUE, GREEN, GREY, ORANGE, VERMILION
 from paper_figs.registry import figure

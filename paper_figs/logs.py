@@ -9,8 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run
 from paper_figs.axle_maps import (
     AXLE,
     COEFFICIENT_SHADES,
@@ -25,7 +23,9 @@ from paper_figs.registry import figure
 from paper_figs.source import Source
 from paper_figs.style import NOTE, PAGE, new_figure
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log
+from studies.logs.measured_run import Findings, analyse_run
 from studies.scenario.loading import load_scenario
 
 SCENARIO, RULE, CONTROLLER = "wet-patch", "greedy", "cut-and-ramp"

@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from alloc.plant.adhesion import PolachByFrictionCurve
-from alloc.plant.contact import (
+from alloc.plant.adhesion import (
     CYLINDER,
     HALF_WIDTH,
     SHEAR_MODULUS,
     YOUNGS_MODULUS,
+    PolachByFrictionCurve,
     longitudinal_coefficient,
 )
 from paper_figs.palette import BLACK, BLUE, GREY, VERMILION

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from paper_figs.palette import BLACK, BLUE, GREEN, GREY, OLIVE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made

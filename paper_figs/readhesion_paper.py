@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from alloc.onboard.controllers.torque_table import torque_factor
+from alloc.onboard.controllers.simple import torque_factor
 from paper_figs.palette import BLACK, BLUE, GREEN, PURPLE, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made

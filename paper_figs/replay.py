@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from alloc.run_attributes import attributes_of
+from alloc.recording import attributes_of
 from paper_figs.adhesion_use import AVAILABLE, LIMIT, ROOM, AdhesionUse, draw_use, use_of_units
 from paper_figs.axle_maps import ADHESION_SHADES, LEAST_SLIP, SLIP_SHADES, UNKNOWN
 from paper_figs.moving import Motion, MovingFigure

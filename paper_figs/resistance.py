@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from alloc.onboard.speed_control.resistance import WEIGHTS
-from alloc.plant.equations import running_resistance
+from alloc.onboard.line_memory import WEIGHTS
+from alloc.plant.laws import running_resistance
 from paper_figs.palette import BLUE, GREY, ORANGE, SKY, VERMILION
 from paper_figs.registry import figure
 from paper_figs.source import made

@@ -10,7 +10,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from alloc.recording import provenance
-from alloc.whole_file import write_whole
+from alloc.sources import write_whole
 from paper_figs.drawn_data import drawn_data
 from paper_figs.moving import MovingFigure
 from paper_figs.origin import Origin

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import Locator, NullLocator
 from numpy.typing import NDArray
 
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
 from paper_figs.counts import counted
 from paper_figs.in_notebook import show_figures

@@ -30,7 +30,7 @@ import pandas as pd
 import xarray as xr
 from llvmlite.binding import get_host_cpu_name
 
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.train import Coupler
 from alloc.rules import RULES
 from paper_figs.saving import data_of

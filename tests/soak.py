@@ -34,7 +34,7 @@ import psutil  # comes with `distributed`
 from distributed import LocalCluster
 
 from alloc.recording import load
-from alloc.whole_file import ASIDE
+from alloc.sources import ASIDE
 from studies.core.collection import find_study
 from studies.core.interruption import listen
 from studies.core.store import ROWS, Store

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
 from alloc.compilation import jit
+from alloc.records import ByReference
 
 
 class Inner(NamedTuple):

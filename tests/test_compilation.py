@@ -20,12 +20,11 @@ from numba.core.dispatcher import Dispatcher
 import alloc.loop
 import mpc
 import studies.readhesion_paper.lanes
-from alloc import compilation, private_folder, sources
-from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.plant import compiled
-from alloc.private_folder import VARIABLES, cache_folder, private
-from alloc.sources import closure, path_of
-from alloc.whole_file import sealed, write_whole
+from alloc import compilation, sources
+from alloc import sources as private_folder
+from alloc.onboard.controllers.base import BuiltInController
+from alloc.plant import engine as compiled
+from alloc.sources import VARIABLES, cache_folder, closure, path_of, private, sealed, write_whole
 from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]

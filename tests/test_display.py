@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from alloc.canonical import canonical
 from alloc.display import LONGEST, brief, displayed, line_of
+from alloc.event import canonical
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.rules import RULES, AllocationProblem, optimality
-from alloc.rules.allocation import CASE_B, allocation
+from alloc.rules.problem import CASE_B, allocation
 from alloc.simulation import CONTROLLERS
 from paper_figs.registry import FIGURES
 from studies.core.statement import Interval, Statement

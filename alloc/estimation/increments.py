@@ -1,16 +1,107 @@
-"""From slides per axle to the growth of adhesion along the train: JP5484215 (13) to (15), with its sampling error."""
+"""Growth of adhesion along the train from slides per axle: JP5484215 (12) to (15); and tables learnt from run to run.
 
-from dataclasses import dataclass
+In: counts of slides, or a recorded run. Out: increments per axle or unit with their sampling error; a file of the train.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from alloc.display import displayed
-from alloc.errors import EstimationError
-from alloc.estimation.slide_counts import LEAD_AXLES, SIGMA, SlideCounts
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.errors import EstimationError, OnboardError
+from alloc.onboard.increment_learning import Increments, LearntIncrements
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
+from alloc.sources import write_whole
+
+# Slides counted per axle, and the table that represents those of JP5484215 (12) to (14).
+#
+# Under an automatic brake whose force follows the planned coefficient, measured coefficients scatter about it as a
+# normal distribution. Half of all brake applications make an axle of the lead car slide; fewer make an axle slide whose
+# rail was wiped before.
+
+
+SIGMA = 0.012
+"""Standard deviation of measured coefficients about the planned one, JP5484215 par. 0055."""
+
+LEAD_AXLES = 4
+"""Axles of the lead car, whose mean is the reference."""
+
+SYNTHETIC_TABLE = Path(__file__).parent / "slide_counts_synthetic.csv"
+"""Table that is shipped in place of JP5484215 Fig. 11, whose counts are lost: drawn from the model, not measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlideCounts:
+    """Number of slides of each axle over the same brakings, axle 1 foremost, (axles,)."""
+
+    slides: NDArray[np.int64]
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        slides = np.asarray(self.slides)
+        if slides.ndim != 1 or slides.size <= LEAD_AXLES:
+            raise EstimationError(
+                f"slide counts: shape {slides.shape}; give one count per axle of more than {LEAD_AXLES} axles"
+            )
+        wrong = np.flatnonzero(~(np.isfinite(slides) & (slides >= 0) & (slides == slides.round())))
+        if wrong.size:
+            raise EstimationError(
+                f"slide counts: axle {wrong[0] + 1} has {slides[wrong[0]]}; counts are whole numbers, 0 or greater"
+            )
+        if slides[:LEAD_AXLES].sum() == 0:
+            raise EstimationError("slide counts: the lead car never slid, so there is no reference")
+        object.__setattr__(self, "slides", slides.astype(np.int64))
+
+    @property
+    def axle_count(self) -> int:
+        """Number of axles."""
+        return self.slides.size
+
+    @property
+    def lead_mean(self) -> float:
+        """Mean count of the lead car's axles, fr_avg of JP5484215 (13) times the number of brakings."""
+        return float(self.slides[:LEAD_AXLES].mean())
+
+
+def read_slide_counts(path: str | Path) -> SlideCounts:
+    """Read a CSV table with the columns `axle` (1, 2, ...) and `slides`; lines that start with # are comments.
+
+    Raises `EstimationError` naming the file, the line and what is wrong with it.
+    """
+    named = f"slide counts {str(path)!r}"
+    try:
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise EstimationError(f"{named} cannot be read: {error.strerror}") from None
+    remarks = [line[1:].strip() for line in lines if line.startswith("#")]
+    rows = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    header = [name.strip() for name in rows[0][1].split(",")] if rows else []
+    if sorted(header) != ["axle", "slides"]:
+        raise EstimationError(f"{named}: the columns are {header}, must be axle, slides")
+    slides: list[int] = []
+    for number, line in rows[1:]:
+        try:
+            cells = dict(zip(header, map(int, line.split(",")), strict=True))
+        except ValueError:
+            raise EstimationError(
+                f"{named}, line {number}: {line.strip()!r} is no pair of whole numbers"
+            ) from None
+        if cells["axle"] != len(slides) + 1:
+            raise EstimationError(
+                f"{named}, line {number}: axle {cells['axle']} where {len(slides) + 1} was due"
+            )
+        slides.append(cells["slides"])
+    return SlideCounts(np.array(slides), " ".join(remarks))
+
+
+# From slides per axle to the growth of adhesion along the train: JP5484215 (13) to (15), with its sampling error.
+
 
 Floats = NDArray[np.float64]
 
@@ -132,3 +223,66 @@ def conventional_increments(
         hyperbolic_speed_law(speed, *SPEED_LAWS[name]) for name in (law, "shinkansen")
     )
     return per_axle * (conventional / shinkansen)
+
+
+# Increments that a train has learnt, from run to run: read from a recorded run, and stored in a file of the train.
+
+
+DIRECTIONS = ("forward", "backward")
+"""Running directions; each has its own increments, because another car leads."""
+
+
+def learnt_in(run: xr.Dataset) -> LearntIncrements:
+    """What the train has learnt by the end of a recorded run; raises `EstimationError` for a run without learning."""
+    if "learnt_increment" not in run:
+        raise EstimationError(
+            'learning: nothing is learnt in this run; give [onboard.learning] kind = "running-mean" or "gaussian"'
+        )
+    return LearntIncrements(
+        *(tuple(run[f"learnt_{name}"].values.tolist()) for name in Increments._fields)
+    )
+
+
+def save_learning(path: str | Path, train: str, learnt: dict[str, LearntIncrements]) -> None:
+    """Save what a train has learnt, by running direction, in a JSON file; replaces the whole file."""
+    path = Path(path)
+    directions = {name: asdict(item) for name, item in learnt.items()}
+    text = json.dumps({"train": train, "directions": directions}, indent=1)
+    try:
+        write_whole(path, lambda aside: aside.write_text(text, encoding="utf-8"))
+    except OSError as error:
+        raise EstimationError(
+            f"learning file {str(path)!r} cannot be written: {error.strerror}"
+        ) from None
+
+
+def load_learning(path: str | Path, train: str) -> dict[str, LearntIncrements]:
+    """What `train` has learnt, by running direction; empty if there is no file yet.
+
+    Raises `EstimationError` for a file that belongs to another train or is not from `save_learning`.
+    """
+    path = Path(path)
+    if not path.exists():
+        return {}
+    named = f"learning file {str(path)!r}"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        owner, directions = content["train"], content["directions"]
+        unknown = set(directions) - set(DIRECTIONS)
+        if unknown:
+            raise KeyError(*unknown)
+        learnt = {
+            name: LearntIncrements(**{key: tuple(values) for key, values in state.items()})
+            for name, state in directions.items()
+        }
+    except (KeyError, TypeError, ValueError, AttributeError, OnboardError) as error:
+        raise EstimationError(
+            f"{named} is damaged ({type(error).__name__}: {error}); remove it to start anew"
+        ) from None
+    except OSError as error:
+        raise EstimationError(f"{named} cannot be read: {error.strerror}") from None
+    if owner != train:
+        raise EstimationError(
+            f"{named} belongs to train {owner!r}, not {train!r}; give another file"
+        )
+    return learnt

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.errors import EstimationError
-from alloc.spans import bridged_spans
+from alloc.estimation.series import bridged_spans
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.finite_series import finite_series, mean_rate, positive_series
+from alloc.estimation.series import finite_series, mean_rate, positive_series
 
 Floats = NDArray[np.float64]
 

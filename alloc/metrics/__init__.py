@@ -5,7 +5,7 @@ One registry gives every metric its unit, its meaning and which way is better. A
 
 from typing import TYPE_CHECKING
 
-from alloc.lazy import names_of
+from alloc.registry import names_of
 
 if TYPE_CHECKING:
     from alloc.metrics.registry import METRICS, Metric, evaluate, metric

@@ -4,9 +4,8 @@ import numpy as np
 
 from alloc.compilation import inlined_jit
 from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
-from alloc.onboard.mail import exchange, tell
-from alloc.onboard.own_slips import caps_by_own_slips, caps_by_slips, count_slips
-from alloc.onboard.shoe_force import believed_shoe_force
+from alloc.onboard.laws import believed_shoe_force
+from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, exchange, tell
 
 HELD = 1.0
 """Time [s] for which a unit that was limited still counts as such: a search for the peak takes about as long, and in ten

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import OnboardError
+from alloc.onboard.brakes import Sanders
 from alloc.onboard.increment_learning import Increments, first_increments
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.onboard.quantity import filled
-from alloc.onboard.sanding import Sanders
-from alloc.plant.equations import GRAVITY
-from alloc.plant.model import Floats, Model
-from alloc.plant.structure import Structure
+from alloc.plant.laws import GRAVITY
+from alloc.plant.model import Floats, Model, Structure
+from alloc.records import filled
 
 Numbers = NDArray[np.int64]
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from alloc.compilation import equation, inlined_jit
 from alloc.errors import OnboardError
-from alloc.onboard.quantity import quantity
-from alloc.onboard.reference_speed.sounding import is_relieved
-from alloc.onboard.reports import DETECTED, ESTIMATE
+from alloc.onboard.reference_speed import is_relieved
+from alloc.onboard.telegrams import DETECTED, ESTIMATE
 from alloc.plant.model import Floats
+from alloc.records import quantity
 
 NO_LEARNING, RUNNING_MEAN, GAUSSIAN = range(3)
 KINDS = {"none": NO_LEARNING, "running-mean": RUNNING_MEAN, "gaussian": GAUSSIAN}
@@ -125,7 +125,7 @@ class Increments(NamedTuple):
 
 
 class LearningSeries(NamedTuple):
-    """What is recorded of learning, (units,) each; a field is a name in `alloc.recorded_variables.VARIABLES`."""
+    """What is recorded of learning, (units,) each; a field is a name in `alloc.recording.VARIABLES`."""
 
     increment: Floats
     increment_data: Floats

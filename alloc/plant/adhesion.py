@@ -1,18 +1,20 @@
-"""Adhesion curves: tangential force coefficient as a function of slip velocity, by their parameters.
+"""Adhesion curves: tangential force coefficient over slip velocity, by their parameters; a user's own shape among them.
 
-The laws are in `alloc.plant.adhesion_laws`. Derive your own curve from `ShapedCurve` and register it in `CURVES`.
+In: validated parameters of a kind in `CURVES`. Out: the numbers that the laws of `alloc.plant.laws` take, the peak's
+slip and coefficient, and creep stiffness from wheel load and radius.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import astuple, dataclass, fields, replace
+from functools import lru_cache
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.display import displayed
 from alloc.errors import PlantError
-from alloc.plant.adhesion_curve import AdhesionCurve
-from alloc.plant.adhesion_laws import (
+from alloc.plant.laws import (
     CREEPAGE_SPEED_FLOOR,
     GROWTH_END,
     PIECEWISE,
@@ -20,14 +22,218 @@ from alloc.plant.adhesion_laws import (
     POLACH_BY_FRICTION,
     RATIONAL,
     SLIP_RATIO,
+    TABULATED,
+    adhesion_limit,
     polach_set,
-)
-from alloc.plant.contact import HALF_AXES_RATIO, RATIOS, creep_stiffness, relative_stiffness
-from alloc.plant.shaped_curve import ExponentialDifference
-from alloc.plant.shaped_curve import (
-    ShapedCurve as ShapedCurve,  # beside the registry, for curves of plug-ins
+    tangential_coefficient,
 )
 from alloc.registry import Registry
+
+# Creep stiffness of the contact of wheel and rail from wheel load and radius.
+#
+# Polach's law describes the contact by one number, G pi a b C11 / (4 Q), with the half axes a along and b across the
+# rail. Here a b is that of a cylinder on a rail head of constant width, as in Open Rails (`Axle.cs`,
+# `PolachCalculator`). It grows as sqrt(Q R), so stiffness falls as Q^-1/2. Between bodies that are curved both ways
+# (Hertz) a b grows as Q^2/3, and stiffness would fall as Q^-1/3. But the contact width of worn profiles does not grow
+# in that way with the load.
+
+
+SHEAR_MODULUS = 8.4e10
+"""Of steel [Pa], as in Polach's and Open Rails' sets."""
+
+YOUNGS_MODULUS = 2.07e11
+"""Of steel [Pa]."""
+
+HALF_WIDTH = 6e-3
+"""Half of the contact's width across the rail [m]: Open Rails' constant."""
+
+CYLINDER = 1.52
+"""Half length of a cylinder's contact over sqrt(load x radius / (length x modulus)): Hertz, Poisson's ratio 0.3."""
+
+REFERENCE_LOAD, REFERENCE_RADIUS = 1e5, 0.5
+"""Wheel load [N] and wheel radius [m] of the contact that a curve describes where no axle is named."""
+
+HALF_AXES_RATIO = 1.137
+"""a / b of the reference contact, by the same cylinder."""
+
+RATIOS = (0.1, 2.0)
+"""Ratios of the half axes for which `longitudinal_coefficient` is a fit of Kalker's table, to 9 % at its ends."""
+
+
+def longitudinal_coefficient(half_axes_ratio: float) -> float:
+    """Kalker's C11 over a / b: Open Rails' quadratic fit of his table."""
+    return 0.32955 * half_axes_ratio**2 + 0.48538 * half_axes_ratio + 3.4992
+
+
+def creep_stiffness(half_axes_ratio: float = HALF_AXES_RATIO) -> float:
+    """G pi a b C11 / (4 Q) of the reference contact; 121 with the default ratio."""
+    length = CYLINDER * math.sqrt(
+        REFERENCE_LOAD * REFERENCE_RADIUS / (2.0 * HALF_WIDTH * YOUNGS_MODULUS)
+    )
+    area = math.pi * length * HALF_WIDTH
+    return SHEAR_MODULUS * area * longitudinal_coefficient(half_axes_ratio) / (4.0 * REFERENCE_LOAD)
+
+
+def relative_stiffness(load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
+    """Creep stiffness under a wheel load `load` [N] of wheels of `radius` [m], over that of the reference contact."""
+    load, radius = np.asarray(load, dtype=float), np.asarray(radius, dtype=float)
+    return np.sqrt(REFERENCE_LOAD / load * (radius / REFERENCE_RADIUS))
+
+
+# The shape of a user's own adhesion curve as a table, which the plant interpolates.
+
+
+SHAPE_KNOTS = 16_384
+KNOTS = np.append(np.arange(SHAPE_KNOTS) / np.arange(SHAPE_KNOTS, 0, -1), 1e6)
+"""Slip over that of the peak at equal steps of slip / (slip + that of the peak); the last, infinity, as a large number."""
+
+
+class Shaped(Protocol):
+    """What has a shape over the slip velocity; equal ones have equal hashes."""
+
+    def shape(self, slip: NDArray[np.float64]) -> ArrayLike:
+        """Coefficient at `slip` >= 0 [m/s] to any scale."""
+
+    def __hash__(self: object) -> int: ...
+
+
+@lru_cache(maxsize=32)
+def shape_table(curve: Shaped) -> NDArray[np.float64]:
+    """Slip velocity of the peak [m/s], then the shape over the peak's at `KNOTS`; raises `PlantError` for no such curve."""
+    owner = f"adhesion curve {type(curve).__name__}"
+    slip = np.concatenate([[0.0], np.geomspace(1e-4, 20.0, 20_000)])
+    values = np.asarray(curve.shape(slip), dtype=float)
+    if values.shape != slip.shape or not np.all(np.isfinite(values)) or values.min() < -1e-9:
+        raise PlantError(
+            f"{owner}: shape must give a finite value, 0 or greater, per slip velocity"
+        )
+    top = int(values.argmax())
+    if not 0 < top < slip.size - 1 or abs(values[0]) > 1e-6 * values[top]:
+        raise PlantError(f"{owner}: shape must rise from 0 to one maximum below 20 m/s")
+    at_knots = np.asarray(curve.shape(slip[top] * KNOTS), dtype=float)
+    table = np.concatenate([[slip[top]], at_knots / values[top]])
+    table.flags.writeable = False
+    return table
+
+
+# What all adhesion curves have in common.
+
+
+@displayed
+@dataclass(frozen=True)
+class AdhesionCurve:
+    """Common part of the curves: `kind` names the law in compiled code, the fields are its parameters."""
+
+    kind: ClassVar[int] = -1
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Parameters as the equations take them, (6,): the fields in their order, then zeros."""
+        return np.append(astuple(self), np.zeros(6))[:6]
+
+    def with_parameters(self, q: NDArray[np.float64]) -> Self:
+        """A curve of this class with the parameters `q` (6,)."""
+        return type(self)(*(float(value) for value in q[: len(fields(self))]))
+
+    def contact(self, load: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
+        """Creep stiffness over that in `q` under the wheel load `load` [N], half an axle's, of wheels of `radius` [m].
+
+        1 where it depends on neither.
+        """
+        return np.ones(np.broadcast(load, radius).shape)
+
+    def on(self, load: float, radius: float) -> Self:
+        """This curve under the wheel load `load` [N], half an axle's, of wheels of `radius` [m]."""
+        return self
+
+    def steepest_slope(self, peak: float) -> float:
+        """Upper bound of d mu / d slip velocity over all slip velocities and speeds [s/m], for the stable step.
+
+        For the creep stiffness in `q`.
+        """
+        raise NotImplementedError
+
+    def coefficient(
+        self,
+        slip: ArrayLike,
+        peak: ArrayLike,
+        speed: ArrayLike = 0.0,
+        contact: ArrayLike = 1.0,
+    ) -> NDArray[np.float64]:
+        """Tangential force coefficient; `slip` and car `speed` in m/s; all arguments broadcast.
+
+        `contact`: that of the axle, see there."""
+        slip, peak, speed, contact = (
+            np.asarray(a, dtype=float) for a in (slip, peak, speed, contact)
+        )
+        return tangential_coefficient(self.kind, self.q, slip, speed, speed + slip, peak, contact)
+
+    def limit(
+        self, peak: ArrayLike, speed: ArrayLike = 0.0, contact: ArrayLike = 1.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Adhesion coefficient and the slip velocity [m/s] of the curve's maximum, driving at `speed` >= 0 [m/s]."""
+        peak, speed, contact = (np.asarray(a, dtype=float) for a in (peak, speed, contact))
+        coefficient, slip = adhesion_limit(self.kind, self.q, peak, speed, contact)
+        return np.asarray(coefficient), np.asarray(slip)
+
+
+# Adhesion curves that are given by their shape alone.
+
+
+@dataclass(frozen=True)
+class ShapedCurve(AdhesionCurve):
+    """Base class of a user's own curve: a subclass gives its `shape`; level, sign and table follow.
+
+    The adhesion field gives the peak, so only ratios of the shape count. It depends on the slip velocity alone. The plant
+    interpolates it linearly between the knots of `alloc.plant.adhesion`, to about 1e-5 of the peak.
+    """
+
+    kind: ClassVar[int] = TABULATED
+
+    def shape(self, slip: NDArray[np.float64]) -> ArrayLike:
+        """Coefficient at `slip` >= 0 [m/s] to any scale: 0 at 0, one maximum below 20 m/s, finite."""
+        raise NotImplementedError
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Slip velocity of the peak [m/s], then the shape over slip / (slip + that), 0 to 1."""
+        return shape_table(self)
+
+    def steepest_slope(self, peak: float) -> float:
+        """Greatest slope between knots [s/m]."""
+        table = self.q
+        return float(peak * np.max(np.abs(np.diff(table[1:]) / np.diff(table[0] * KNOTS))))
+
+
+@dataclass(frozen=True)
+class ExponentialDifference(ShapedCurve):
+    """c exp(-a v) - d exp(-b v) over the slip velocity v, common in work on locomotives; wet rail by default.
+
+    Its peak is at 1.2 m/s, beyond the greatest slip that the MPC would hold.
+
+    Source: the form and its usual values are those of work on readhesion control of locomotives; no single document.
+    """
+
+    a: float = 0.54
+    """Decay beyond the peak [s/m]."""
+    b: float = 1.2
+    """Decay before the peak [s/m]; above `a`."""
+    c: float = 0.29
+    """Size of the first term, to any scale."""
+    d: float = 0.29
+    """Size of the second term; that of the first, so that no slip has no force."""
+
+    def shape(self, slip: Any) -> Any:
+        """Coefficient at a slip velocity of 0 or more [m/s], to any scale."""
+        return self.c * np.exp(-self.a * slip) - self.d * np.exp(-self.b * slip)
+
+
+# Adhesion curves: tangential force coefficient as a function of slip velocity, by their parameters.
+#
+# The laws are in `alloc.plant.laws`. Derive your own curve from `ShapedCurve` and register it in `CURVES`.
+
+
+ShapedCurve = ShapedCurve
 
 
 @dataclass(frozen=True)
@@ -73,9 +279,9 @@ class CreepCurve(AdhesionCurve):
 
     creep_stiffness: float | None = None
     """Creep stiffness G pi a b C11 / (4 Q) of the contact ellipse. Left out: that of the static wheel load (half the axle's)
-    and the wheel radius of each axle. Source: `alloc.plant.contact`."""
+    and the wheel radius of each axle. Source: `alloc.plant.adhesion`."""
     half_axes_ratio: float = HALF_AXES_RATIO
-    """Half axes a / b of the contact ellipse, a along the rail. Source: `alloc.plant.contact`."""
+    """Half axes a / b of the contact ellipse, a along the rail. Source: `alloc.plant.adhesion`."""
 
     def __post_init__(self) -> None:
         given = () if self.creep_stiffness is None else ("creep_stiffness",)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.plant.adhesion_laws import tangential_coefficient
-from alloc.plant.equations import (
+from alloc.plant.laws import (
+    HOLDING_BRAKE,
     axle_load,
     car_drag,
     car_rail_force,
@@ -23,10 +23,12 @@ from alloc.plant.equations import (
     hyperbolic_speed_law,
     motor_torque_rate,
     slip_velocity,
+    sticking_contact,
+    stuck_share,
+    tangential_coefficient,
     wheelset,
 )
 from alloc.plant.model import Inputs, Layout, Model, Structure
-from alloc.plant.static_adhesion import HOLDING_BRAKE, sticking_contact, stuck_share
 
 Array = Any
 """NumPy array (rows,) or (rows, instants), or CasADi column."""

@@ -1,4 +1,8 @@
-"""The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients, tunnels, curves."""
+"""The rail as it truly is: adhesion by speed, position, time and axle; its memory of wheels and sand; and the line.
+
+In: validated patches, laws, scatter, gradients, tunnels. Out: arrays for the compiled plant, and the field's law itself.
+Nobody on board may import this module.
+"""
 
 import math
 from collections.abc import Iterator
@@ -8,9 +12,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.compilation import equation, inlined_jit
 from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
+from alloc.plant.laws import conditioning_deposit, sand_laid
+from alloc.plant.operations import exp, floor, maximum, minimum
+
+# The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients, tunnels, curves.
+
 
 SPEED_LAWS: dict[str, tuple[float, float, float]] = {
     "none": (0.0, 1.0, 1.0),
@@ -129,7 +139,7 @@ class Rail:
     sand_decay: float = 0.0558
     """Share of the sand that an axle takes off the rail, 0 to 1. Source: calibrated in `studies.sanders.calibration`."""
     presliding: float = 1.5e-4
-    """Deflection at which a contact at rest yields, see `alloc.plant.static_adhesion` [m]. Source: assumed: a train that is
+    """Deflection at which a contact at rest yields, see `alloc.plant.laws` [m]. Source: assumed: a train that is
     held moves by less than a millimetre."""
     curve: AdhesionCurve = field(default_factory=PiecewiseCurve)
     """Adhesion curve: tangential coefficient over the slip."""
@@ -315,3 +325,152 @@ def axle_values(values: ArrayLike | None, axle_count: int, what: str) -> NDArray
     if array.shape != (axle_count,):
         raise PlantError(f"{what}: {array.size} values for {axle_count} axles; give one per axle")
     return array
+
+
+# The adhesion field: peak coefficient by position, time, speed and the effect of the wheels ahead.
+#
+# peak = (speed law x patches + increment + scatter) x (1 + gain x cleaning), never below a floor; sand raises it
+# towards the coefficient of sanded rail. JP5484215 gives the speed law (12), the increments by axle (15) and the
+# scatter; JP4209318 par. 0051 gives the conditioning.
+
+
+PEAK_FLOOR = 1e-3
+"""Smallest peak coefficient of the field; scatter must not make adhesion zero or negative."""
+
+
+@equation
+def smooth_step(x):
+    """0 below 0, 1 above 1, twice continuously differentiable between: 6 x^5 - 15 x^4 + 10 x^3."""
+    bounded = minimum(1.0, maximum(0.0, x))  # in this order a nan passes through
+    return bounded * bounded * bounded * (10.0 + bounded * (6.0 * bounded - 15.0))
+
+
+@equation
+def window(x, start, end, edge):
+    """1 between `start` and `end`, 0 outside, with smooth edges of width `edge` centred on the bounds."""
+    per_edge = 1.0 / edge
+    return smooth_step((x - start) * per_edge + 0.5) * smooth_step((end - x) * per_edge + 0.5)
+
+
+@equation
+def patch_factor(weight_in_space, weight_in_time, factor):
+    """Multiplier of the coefficient under a patch: 1 outside, `factor` inside."""
+    return 1.0 + (factor - 1.0) * weight_in_space * weight_in_time
+
+
+@equation
+def scatter_knot(x, length):
+    """Place in the scatter's ring of `NOISE_KNOTS` knots, `length` [m] apart, between which it is interpolated linearly.
+
+    The smooth step makes the result a curve with zero slope at the knots.
+    """
+    knot = x * (1.0 / length)
+    base = floor(knot)
+    ring = base - NOISE_KNOTS * floor(base * (1.0 / NOISE_KNOTS))
+    return ring + smooth_step(knot - base)
+
+
+@equation
+def peak_coefficient(decline, numerator, constant, patches, increment, scatter, conditioning):
+    """Peak coefficient of one axle; `decline` is that of its speed law, `patches` the product of the patch factors."""
+    base = (numerator * decline + constant) * patches
+    return maximum((base + increment + scatter) * (1.0 + conditioning), PEAK_FLOOR)
+
+
+@equation
+def sanded_peak(peak, amount, sanded, saturation):
+    """Peak coefficient on a rail with `amount` [kg/m] of sand: from `peak` towards `sanded`, by 63 % at `saturation` [kg/m].
+
+    The form is assumed: the gain is proportional to the remaining difference, so each grain adds less than the one before.
+    Where the rail carries more than `sanded`, sand changes nothing.
+    """
+    return peak + maximum(sanded - peak, 0.0) * (1.0 - exp(-amount / saturation))
+
+
+# State of the rail between steps: how far wheels have cleaned it, and the sand that lies on it.
+#
+# Cells of the rail under the train form a ring. Each axle reads the state under it, and changes the cells that it has
+# just left behind; the foremost axle initialises those ahead of it. The right-hand side uses the values read at the
+# start of a step.
+
+
+@inlined_jit
+def _place_in_cells(w, i):
+    """Where axle `i` stands, in lengths of the rail's cells."""
+    axle, state = w.axle, w.scratch.state
+    return (state[axle.position_row[i]] + axle.offset[i]) / w.rail.cleaning_spacing
+
+
+@inlined_jit
+def _read(w, remembered):
+    """A quantity under each axle, between the axle's own cell and the next: both hold what the wheels ahead left."""
+    left = remembered.left
+    cells = left.size
+    for i in range(w.size.axles):
+        x = _place_in_cells(w, i)
+        base = int(np.floor(x))
+        k = base % cells
+        here, ahead = left[k], left[k + 1 if k + 1 < cells else 0]
+        remembered.under[i] = here + (ahead - here) * (x - base)
+
+
+@inlined_jit
+def _begin(left, first, now):
+    """Clear the cells that the foremost axle comes near while it goes from cell `first` to `now`."""
+    for k in range(first, now + 1):
+        left[(k + 2) % left.size] = 0.0
+
+
+@inlined_jit
+def _clean(w, i, first, now):
+    """Axle `i` cleans the cells from `first` to `now`, as far as those ahead have not done so."""
+    axle, c = w.axle, w.scratch
+    left = c.cleaning.left
+    v = c.state[axle.speed_row[i]]
+    rim = axle.radius[i] * c.state[w.row.omega + i]
+    ratio = (rim - v) / max(max(abs(v), abs(rim)), 1e-3)
+    deposit = conditioning_deposit(ratio, w.rail.conditioning_slip)
+    for k in range(first, now):
+        left[k % left.size] = max(left[k % left.size], deposit)
+
+
+@inlined_jit
+def _sand(w, i, first, now, rate):
+    """Axle `i` leaves a part of the sand in the cells from `first` to `now`; its sander lays some just ahead of it."""
+    left, s = w.scratch.sand.left, w.axle.sander[i]
+    laid = 0.0
+    if s >= 0:
+        laid = sand_laid(rate[s], w.scratch.state[w.axle.speed_row[i]])
+    for k in range(first, now):
+        left[k % left.size] *= w.rail.sand_kept
+        left[(k + 2) % left.size] += laid
+
+
+@inlined_jit
+def read_rail(w):
+    """Fill in the state of the rail under each axle."""
+    if w.rail.conditioned:
+        _read(w, w.scratch.cleaning)
+    if w.rail.sandy:
+        _read(w, w.scratch.sand)
+
+
+@inlined_jit
+def leave_rail(w, sand_rate):
+    """Each axle changes the cells that it has left behind since the last step; `sand_rate` (sanders,) [kg/s]."""
+    c = w.scratch
+    cells = max(c.cleaning.left.size, c.sand.left.size)
+    for i in range(w.size.axles):
+        now = int(np.floor(_place_in_cells(w, i)))
+        if c.cell[i] < now - cells or c.cell[i] > now:
+            c.cell[i] = now
+        first = c.cell[i]
+        if w.rail.conditioned:
+            if i == 0:
+                _begin(c.cleaning.left, first, now)
+            _clean(w, i, first, now)
+        if w.rail.sandy:
+            if i == 0:
+                _begin(c.sand.left, first, now)
+            _sand(w, i, first, now, sand_rate)
+        c.cell[i] = now

@@ -1,20 +1,328 @@
-"""A train: its cars and the couplers between them. SI units, validated."""
+"""A train: wheelsets, traction units, brakes, sanders, cars and couplers. SI units, validated.
 
+In: parameters with a source each. Out: a `Train`, and errors that name the field and the value.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.errors import PlantError
-from alloc.plant.car import (
-    EFFORT_SPEED_STEP,
-    EFFORT_TABLE_LENGTH,
-    AirBrake,
-    Car,
-    InverterGroup,
-    Motors,
-    TorqueLimit,
-    triple,
-)
-from alloc.plant.sander import Sander
+from alloc.plant.laws import GRAVITY
+
+# Sanders: devices that lay sand ahead of an axle.
+
+
+@dataclass(frozen=True)
+class Sander:
+    """Lays sand on both rails just ahead of an axle of its car, in either running direction.
+
+    Source: the vehicle's.
+    """
+
+    axle: int
+    """Number of the axle in its car, 0 = foremost."""
+    rate: float
+    """Sand per rail: the rate of a sander of fixed rate, else the largest rate [kg/s]."""
+    amount: float | None = None
+    """Sand per rail and metre that a sander of variable rate keeps to as long as `rate` allows [kg/m]. Left out: the rate is
+    fixed."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.axle, bool) or not isinstance(self.axle, int) or self.axle < 0:
+            raise PlantError(f"sander: axle = {self.axle!r} must be a whole number, 0 = foremost")
+        amount = () if self.amount is None else ("amount",)
+        PlantError.check("sander", self, positive=("rate", *amount))
+
+
+# Components of a car: wheelsets, traction units, brakes. SI units, validated.
+
+
+def triple(owner: str, name: str, values: tuple[float, float, float]) -> tuple[float, float, float]:
+    """`values` as three floats; raises `PlantError` where they are not three finite numbers."""
+    if len(values) != 3 or not all(math.isfinite(value) for value in values):
+        raise PlantError(f"{owner}: {name} = {values} must be three finite numbers")
+    return values
+
+
+InverterGroup = Literal["1C4M", "1C2M", "1C1M"]
+"""Motors per inverter: a whole car, a bogie, an axle."""
+
+EFFORT_SPEED_STEP = 1.0 / 3.6
+"""Spacing [m/s] of tabulated torque limits: 1 km/h, the spacing of published effort curves."""
+EFFORT_TABLE_LENGTH = 402
+"""Tables reach 401 km/h; beyond, the last value is used."""
+
+
+@displayed
+@dataclass(frozen=True)
+class TorqueLimit:
+    """Largest motor torque by rim speed: `peak` [N m] at the shaft, then constant `power` [W] per motor.
+
+    Beyond `pull_out_speed` [m/s] the limit falls with the square of the speed (motor pull-out). If `table` is
+    given (torque per motor every 1 km/h from standstill) it replaces the formula.
+    """
+
+    peak: float
+    """Largest torque at the shaft [N m]."""
+    power: float
+    """Power of each motor [W]."""
+    pull_out_speed: float = math.inf
+    """[m/s]"""
+    fade_speed: float = 0.0
+    """Speed [m/s] below which the limit fades to zero linearly (electric brakes); 0: no fading."""
+    table: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        speed, table = ("pull_out_speed",), () if self.table is None else ("table[]",)
+        nonnegative = ("peak", "power", "fade_speed", *table)
+        PlantError.check("torque limit", self, speed, nonnegative, infinite=speed)
+        if self.table is not None and len(self.table) == 0:
+            raise PlantError("torque limit: table is empty")
+
+    def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
+        """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""
+        if self.table is not None:
+            values = np.array(self.table[:EFFORT_TABLE_LENGTH], dtype=float)
+            return np.pad(values, (0, EFFORT_TABLE_LENGTH - values.size), "edge")
+        speed = EFFORT_SPEED_STEP * np.arange(EFFORT_TABLE_LENGTH)
+        shaft_speed = gear_ratio * np.maximum(speed, 1e-3) / radius
+        limit = np.minimum(self.peak, self.power / shaft_speed)
+        limit = limit * np.minimum(1.0, self.pull_out_speed / np.maximum(speed, 1e-3))
+        if self.fade_speed > 0.0:
+            limit = limit * np.minimum(1.0, speed / self.fade_speed)
+        return np.asarray(limit)
+
+
+@displayed
+@dataclass(frozen=True)
+class Motors:
+    """Traction motors of a driven car and the inverters that feed them."""
+
+    group: InverterGroup
+    gear_ratio: float
+    drive: TorqueLimit
+    brake: TorqueLimit
+    torque_lag: float = 5e-3
+    """Time constant of the torque [s]; 5 ms: readhesion paper, section 2.2."""
+
+    def __post_init__(self) -> None:
+        PlantError.check("motors", self, positive=("gear_ratio", "torque_lag"))
+        if self.group not in get_args(InverterGroup):
+            raise PlantError(f"motors: group = {self.group!r} must be 1C4M, 1C2M or 1C1M")
+
+
+@displayed
+@dataclass(frozen=True)
+class AirBrake:
+    """Friction brake of a car; one pair of valves per bogie.
+
+    Shoe force at the rim per axle = `force_per_pascal` x cylinder pressure x friction(V) x `friction_factor`, friction(V) =
+    numerator / (V + offset) + constant with V in km/h, relative to the force at constant friction.
+    """
+
+    maximum_pressure: float
+    """Largest pressure of the cylinders [Pa]."""
+    force_per_pascal: float
+    """Shoe force at the rim of an axle over the pressure [N/Pa]."""
+    fill_time: float = 1.2
+    """Time constant of filling [s]."""
+    release_time: float = 1.2
+    """Time constant of releasing [s]."""
+    dead_time: float = 0.05
+    """Time between a command and the valve's response [s]."""
+    friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
+    cylinder_volume: float = 4e-3
+    """Volume [m3] of a bogie's cylinders and pipes behind its valves, for the air consumption. Assumed: four tread brake
+    units of about 0.7 l at their stroke (7 in piston, 30 mm), and the volume of one more unit in the pipes."""
+    cut_out: tuple[int, ...] = ()
+    """Bogies of the car, 0 = foremost, whose brake is isolated: their cylinders fill, but no shoe acts. The train's
+    computers have no information on it."""
+    friction_factor: float = 1.0
+    """Shoe friction over that of the design. The train's computers have no information on it."""
+
+    def __post_init__(self) -> None:
+        times = ("fill_time", "release_time")
+        PlantError.check(
+            "air brake",
+            self,
+            positive=("maximum_pressure", *times, "cylinder_volume", "friction_factor"),
+            nonnegative=("force_per_pascal", "dead_time"),
+        )
+        numerator, offset, constant = triple("air brake", "friction", self.friction)
+        if not offset > 0.0 or numerator < 0.0 or constant < 0.0:
+            raise PlantError(
+                f"air brake: friction = {self.friction} needs offset > 0, numerator and constant >= 0"
+            )
+        if not all(isinstance(bogie, int) and bogie >= 0 for bogie in self.cut_out):
+            raise PlantError(
+                f"air brake: cut_out = {self.cut_out} must be numbers of bogies, 0 = foremost"
+            )
+
+
+@displayed
+@dataclass(frozen=True)
+class Car:
+    """One car: masses [kg], wheelsets, motors and brakes.
+
+    `axle_positions` [m] are measured from the car's front end; `bogie_of_axle` numbers its bogies from 0. `driven` marks
+    axles with a motor. `load` is the pay load; JP5484215 calls empty mass and load per axle W0, dW.
+    """
+
+    name: str
+    length: float
+    """[m]"""
+    empty_mass: float
+    """[kg]"""
+    load: float
+    """Pay load [kg]."""
+    axle_positions: tuple[float, ...]
+    """Positions from the car's front end [m]."""
+    bogie_of_axle: tuple[int, ...]
+    wheel_radius: float
+    """[m]"""
+    wheel_inertia: tuple[float, ...]
+    """Inertia of each wheelset with everything geared to it [kg m2], at the wheel."""
+    driven: tuple[bool, ...]
+    motors: Motors | None = None
+    air_brake: AirBrake | None = None
+    centre_of_mass_height: float = 1.6
+    """Height above the rail [m]."""
+    pivot_height: float = 0.5
+    """Height above the rail at which bogies pull the body [m]."""
+    speed_sensors: bool = True
+    """Whether its axles have speed sensors for the train's computers; those of a freight wagon have none."""
+    axle_load_share: tuple[float, ...] | None = None
+    """Share of the car's weight on each axle; equal if None. If the sum is below 1, axles that are not modelled carry the
+    rest of the weight (a single axle with its part of a train)."""
+    sanders: tuple[Sander, ...] = ()
+    """Sanders from the front, at most one per axle."""
+
+    def __post_init__(self) -> None:
+        owner = f"car {self.name!r}"
+        PlantError.check(
+            owner,
+            self,
+            positive=("length", "empty_mass", "wheel_radius", "wheel_inertia[]"),
+            nonnegative=("load", "centre_of_mass_height", "pivot_height"),
+            finite=("axle_positions[]",),
+        )
+        for fault in self._faults():
+            raise PlantError(f"{owner}: {fault}")
+
+    def _faults(self) -> Iterator[str]:
+        """What does not fit together; each may only be looked for where there is none before it."""
+        n, positions, bogies = len(self.axle_positions), self.axle_positions, self.bogie_of_axle
+        if n == 0:
+            yield "has no axles; give axle_positions"
+        for name in ("bogie_of_axle", "wheel_inertia", "driven"):
+            if len(getattr(self, name)) != n:
+                yield f"{name} has {len(getattr(self, name))} entries for {n} axles"
+        if any(b <= a for a, b in itertools.pairwise(positions)):
+            yield f"axle_positions = {positions} must grow from the front"
+        if positions[0] < 0.0 or positions[-1] > self.length:
+            yield f"axle_positions = {positions} leave the car's {self.length} m"
+        if bogies[0] != 0 or any(b - a not in (0, 1) for a, b in itertools.pairwise(bogies)):
+            yield f"bogie_of_axle = {bogies} must count 0, 1, ... from the front"
+        if any(self.driven) and self.motors is None:
+            yield "has driven axles but no motors"
+        if any(self.driven) and not self.speed_sensors:
+            yield "has driven axles but no speed_sensors; motors need them"
+        cut_out = () if self.air_brake is None else self.air_brake.cut_out
+        if any(bogie > bogies[-1] for bogie in cut_out):
+            yield f"cut_out = {cut_out}, but its bogies are 0 to {bogies[-1]}"
+        sanded = [one.axle for one in self.sanders]
+        if sanded != sorted(set(sanded)) or any(axle >= n for axle in sanded):
+            yield f"sanders at axles {sanded}, but they must grow from the front within 0 to {n - 1}"
+        share = self.axle_load_share
+        if share is not None and not (
+            len(share) == n and all(x > 0.0 for x in share) and sum(share) <= 1.0 + 1e-9
+        ):
+            yield f"axle_load_share = {share} must be {n} values > 0 with a sum of 1 at most"
+
+    @property
+    def mass(self) -> float:
+        """Mass with load [kg]."""
+        return self.empty_mass + self.load
+
+    @property
+    def static_axle_loads(self) -> NDArray[np.float64]:
+        """Load of each axle [N], (axles,)."""
+        n = len(self.axle_positions)
+        return np.asarray(self.mass * GRAVITY * np.array(self.axle_load_share or (1.0 / n,) * n))
+
+    def unloading_factors(self) -> NDArray[np.float64]:
+        """Load [N] lost by each axle per newton of the car's rail force, (axles,), summing to zero.
+
+        Quasi-static pitch: the force acts at the rail and the inertia at the centre of mass, so the car's weight moves from
+        the front bogie to the rear one. Within a bogie its share of the force acts at pivot height, and does the same
+        between its axles. A bogie of one axle cannot carry such a moment and transmits its force at the rail. A car with one
+        bogie carries the whole moment there. The moment of coupler forces is neglected.
+        """
+        positions, bogies = np.array(self.axle_positions), np.array(self.bogie_of_axle)
+        factors = np.zeros(positions.size)
+        acting = np.array(self.driven) if any(self.driven) else np.ones(positions.size, dtype=bool)
+        members = [np.flatnonzero(bogies == b) for b in np.unique(bogies)]
+        centres = np.array([positions[inside].mean() for inside in members])
+        body_moment = self.centre_of_mass_height
+        for inside in members:
+            arm = centres[bogies[inside[0]]] - positions[inside]  # > 0 in front
+            if inside.size == 1:
+                continue
+            height = self.pivot_height if len(members) > 1 else self.centre_of_mass_height
+            moment = height * acting[inside].sum() / acting.sum()
+            factors[inside] += moment * arm / np.sum(arm**2)
+            body_moment -= moment
+        if len(members) > 1:
+            arm = centres.mean() - centres
+            for inside, unloading in zip(members, body_moment * arm / np.sum(arm**2), strict=True):
+                factors[inside] += unloading / inside.size
+        return factors
+
+    def reversed(self) -> "Car":
+        """The same car running in the other direction."""
+        last = max(self.bogie_of_axle)
+        share = self.axle_load_share
+        brake = self.air_brake
+        if brake is not None:
+            brake = replace(brake, cut_out=tuple(sorted(last - b for b in brake.cut_out)))
+        return replace(
+            self,
+            air_brake=brake,
+            axle_positions=tuple(self.length - p for p in reversed(self.axle_positions)),
+            bogie_of_axle=tuple(last - b for b in reversed(self.bogie_of_axle)),
+            wheel_inertia=self.wheel_inertia[::-1],
+            driven=self.driven[::-1],
+            axle_load_share=None if share is None else share[::-1],
+            sanders=tuple(
+                replace(one, axle=len(self.driven) - 1 - one.axle) for one in reversed(self.sanders)
+            ),
+        )
+
+    @property
+    def brake_groups(self) -> int:
+        """Number of pairs of brake valves: one per bogie."""
+        return 0 if self.air_brake is None else max(self.bogie_of_axle) + 1
+
+    def units(self) -> list[list[int]]:
+        """Axles of each traction unit of this car (indices from the car's front)."""
+        if self.motors is None:
+            return []
+        axles = [i for i, has_motor in enumerate(self.driven) if has_motor]
+        count = len(self.driven)
+        part = {"1C4M": [0] * count, "1C2M": self.bogie_of_axle, "1C1M": range(count)}
+        groups = itertools.groupby(axles, key=part[self.motors.group].__getitem__)
+        return [list(members) for _, members in groups]
+
+
+# A train: its cars and the couplers between them. SI units, validated.
+
 
 MOST_AXLES = 2000
 """Largest number of axles; the longest trains have some 1500."""
@@ -102,7 +410,7 @@ class DraftGear:
             )
 
     def wedges(self) -> tuple[float, ...]:
-        """Parameters of `alloc.plant.equations.friction_draft_gear` for the gears in series; 1 / viscosity and damping last.
+        """Parameters of `alloc.plant.laws.friction_draft_gear` for the gears in series; 1 / viscosity and damping last.
 
         The lines are over the wedges' travel p = s - T / ck instead of the stretch s.
         """

@@ -5,16 +5,11 @@ from typing import Any
 import numpy as np
 
 from alloc.compilation import equation, jit
-from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE
-from alloc.rules.alone import ALONE
-from alloc.rules.cooperative import COOPERATIVE
-from alloc.rules.exact import EXACT
-from alloc.rules.greedy import GREEDY
-from alloc.rules.greedy_claim import GREEDY_CLAIM
-from alloc.rules.oracle import ORACLE
-from alloc.rules.preset import PRESET
-from alloc.rules.rule import Rule
-from alloc.rules.sharing import SHARING
+from alloc.rules.exact import COOPERATIVE, EXACT, ORACLE
+from alloc.rules.patent import GREEDY, GREEDY_CLAIM
+from alloc.rules.prior_art import PRESET, SHARING
+from alloc.rules.problem import CASE_A, CASE_B, CASE_NONE
+from alloc.rules.rule import ALONE, Rule
 
 COMPILED: tuple[Rule, ...] = (
     ALONE,

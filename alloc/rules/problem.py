@@ -1,4 +1,7 @@
-"""A rule's problem: adhesion caps along the train, the plan, and the other bounds of the limits."""
+"""A rule's problem and its answer: caps along the train, the plan, other bounds; the limits and what they deliver.
+
+In: `AllocationProblem` (coefficients, (n,)), validated with errors that name field and value. Out: `Allocation`.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -8,9 +11,66 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from alloc.compilation import jit
 from alloc.display import displayed
 from alloc.errors import AllocationError
-from alloc.rules.reach import ROUNDING
+
+# Whether the plan is within reach of what bounds the units.
+
+
+ROUNDING = 1e-12
+"""Relative slack of comparisons between sums, so that a tie in exact arithmetic is one in floating point."""
+
+
+@jit
+def bounds_allow_plan(cap, expected, mass, limit_max):
+    """Whether caps and torque limits allow more than the plan, weighted with mass."""
+    balance = 0.0
+    for j in range(cap.size):
+        balance += mass[j] * (min(cap[j], limit_max[j]) - expected)
+    return balance > 0.0
+
+
+@jit
+def within_reach(cap, expected):
+    """Step S207: whether the mean cap (7) exceeds the plan, which is case B."""
+    total = 0.0
+    for j in range(cap.size):
+        total += cap[j]
+    return total > cap.size * expected * (1.0 + ROUNDING)
+
+
+@jit
+def sums_at_bounds(lower, upper, mass, expected):
+    """Sums of m (upper - expected), m (lower - expected) and m."""
+    most, least, total = 0.0, 0.0, 0.0
+    for j in range(upper.size):
+        most += mass[j] * (upper[j] - expected)
+        least += mass[j] * (lower[j] - expected)
+        total += mass[j]
+    return most, least, total
+
+
+@jit
+def highest_cap(cap):
+    """The level of case A, where every unit works at its cap."""
+    highest = cap[0]
+    for j in range(1, cap.size):
+        highest = max(highest, cap[j])
+    return highest
+
+
+@jit
+def lowest(values):
+    """The smallest of an array's values."""
+    smallest = values[0]
+    for j in range(1, values.size):
+        smallest = min(smallest, values[j])
+    return smallest
+
+
+# A rule's problem: adhesion caps along the train, the plan, and the other bounds of the limits.
+
 
 Floats = NDArray[np.float64]
 
@@ -194,3 +254,57 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
         bound = "greater than 0" if name == "mass" else "0 or greater"
         raise AllocationError(f"{name}[{j}] = {array[j]} must be {kind} {bound}: {_ADVICE[name]}")
     return _frozen(array)
+
+
+# A rule's answer: the limits, and what they deliver.
+
+
+CASE_NONE, CASE_A, CASE_B = 0, 1, 2
+CASES = ("none", "A", "B")
+"""Name of each case by its number: no slip; the plan out of reach; within reach."""
+
+
+@displayed
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """Limits of the tangential force coefficients, one per unit, and how the rule determined them."""
+
+    limit: Floats
+    """Limit of each unit, (n,), read-only."""
+    level: float
+    """Coefficient at which the units with adhesion to spare are held; nan where the rule has none."""
+    case: str
+    """"none": no slip. "A": the bounds do not allow the plan. "B": they do."""
+    unmet: float
+    """Mean shortfall of the limits against the plan, weighted with mass, as a coefficient; >= 0."""
+    status: str = "ok"
+    """"ok", which a rule with a solver states only for a certified optimum, or what happened instead."""
+    solve_time: float = 0.0
+    """Wall time that the rule took [s]."""
+
+    def effort(self, problem: AllocationProblem) -> float:
+        """Mean limit weighted with mass: what the train would deliver if every unit reached its limit."""
+        return float(np.average(self.limit, weights=problem.weight))
+
+    def excess(self, problem: AllocationProblem) -> float:
+        """Mean limit beyond the plan, weighted with mass; >= 0."""
+        return max(self.effort(problem) - problem.expected, 0.0)
+
+    def usable(self, problem: AllocationProblem) -> float:
+        """Mean of min(limit, cap) weighted with mass: what would be delivered if the caps were true."""
+        return float(np.average(np.minimum(self.limit, problem.cap), weights=problem.weight))
+
+
+def allocation(
+    problem: AllocationProblem,
+    limit: Floats,
+    level: float,
+    case: int,
+    solve_time: float,
+    status: str = "ok",
+) -> Allocation:
+    """The answer with `limit` to `problem`; shortfalls within rounding count as none."""
+    shortfall = problem.expected - float(np.dot(problem.weight, limit) / problem.weight.sum())
+    unmet = shortfall if shortfall > ROUNDING * problem.expected else 0.0
+    limit.flags.writeable = False
+    return Allocation(limit, float(level), CASES[case], unmet, status, solve_time)

@@ -7,9 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from alloc.rules.allocation import Allocation
-from alloc.rules.polish import polished
-from alloc.rules.problem import AllocationProblem, Floats, import_solver
+from alloc.rules.exact import polished
+from alloc.rules.problem import Allocation, AllocationProblem, Floats, import_solver
 from alloc.rules.qp import scaled
 from alloc.rules.rule import RULES, Rule
 

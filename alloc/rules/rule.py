@@ -1,4 +1,4 @@
-"""Definition of an allocation rule, and the registry of all rules."""
+"""Definition of an allocation rule, the registry of all rules, and the simplest one: every unit works alone."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -7,11 +7,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from alloc.compilation import jit
 from alloc.display import displayed
 from alloc.errors import AllocationError
 from alloc.registry import Registry
-from alloc.rules.allocation import CASE_A, CASE_B, CASE_NONE, Allocation, allocation
-from alloc.rules.problem import AllocationProblem, Floats
+from alloc.rules.problem import (
+    CASE_A,
+    CASE_B,
+    CASE_NONE,
+    Allocation,
+    AllocationProblem,
+    Floats,
+    allocation,
+    bounds_allow_plan,
+)
+
+# Definition of an allocation rule, and the registry of all rules.
 
 
 class Units(NamedTuple):
@@ -111,3 +122,21 @@ RULES: Registry[Rule] = Registry(
 
 find_rule = RULES.find
 """The rule of a name; raises `AllocationError` with the nearest name for one that does not exist."""
+
+
+# No redistribution: every unit works alone.
+
+
+@jit
+def alone_law(units, expected, limit_out):
+    """Every unit keeps the plan, within its torque limit; only its own readhesion control acts."""
+    for j in range(limit_out.size):
+        limit_out[j] = min(expected, units.limit_max[j])
+    return np.nan, bounds_allow_plan(units.cap, expected, units.mass, units.limit_max)
+
+
+ALONE = Rule(
+    "alone", "every unit keeps the plan and looks after its own slip", law=alone_law,
+    colour="#7f7f7f", marker="o",
+)  # fmt: skip
+RULES.register("alone", ALONE)

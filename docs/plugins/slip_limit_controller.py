@@ -1,7 +1,6 @@
 """A readhesion controller of one's own: torque falls in proportion to the slip velocity beyond a threshold."""
 
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.host import CONTROLLERS, HostedController, TorqueDecision, each_unit
 
 THRESHOLD, WIDTH = 0.1, 0.3
 """Slip velocity [m/s] up to which the target stands, and over which it falls to zero."""

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from alloc.rules import RULES, Rule
-from alloc.rules.allocation import CASE_A, CASE_B, allocation
+from alloc.rules.problem import CASE_A, CASE_B, allocation
 
 
 def answer(problem):

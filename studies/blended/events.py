@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alloc.plant.equations import GRAVITY
-from alloc.plant.structure import structure_of
+from alloc.plant.laws import GRAVITY
+from alloc.plant.model import structure_of
 from alloc.plant.train import Train
 from studies.core.drawn_events import DrawnEvents, Quantity, log_uniform, sometimes, uniform
 from studies.core.drawn_rails import SHAPE_QUANTITIES, curve_of, drawn_curve, rail_offering

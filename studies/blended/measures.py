@@ -12,7 +12,7 @@ from alloc.metrics.registry import (
     under_demand,
 )
 from alloc.metrics.search import LEAST_EPISODE, shortage
-from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED
+from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED
 
 LEAST_SPEED = 2.0
 """Speed [m/s] below which the error counts no more: slide protection has long ceased to act."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.estimation.car_brake_force import level_acceleration
+from alloc.estimation.brake_force import level_acceleration
 from studies.brake_force.measurement import Measured
 
 

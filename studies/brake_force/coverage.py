@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.brake_force_mean import SeriesMean, stop_mean
-from alloc.estimation.brake_force_smoother import SmoothedForces
+from alloc.estimation.brake_force import SeriesMean, SmoothedForces, stop_mean
 from studies.brake_force.running_tests import SYSTEM, TestResult, estimate
 
 Floats = NDArray[np.float64]

@@ -14,16 +14,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.driving import Controls, TrainSense, drive
-from alloc.estimation.brake_shortfall import (
+from alloc.estimation.brake_force import (
     CalibrationErrors,
     Shortfalls,
+    car_brake_forces,
     find_shortfalls,
     sliding_cars,
 )
-from alloc.estimation.car_brake_force import car_brake_forces
 from alloc.event import DriverCommand, Event
 from alloc.onboard.parameters import Belief, Onboard, Sensors
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail, logarithmic_increments
 from alloc.plant.sets import find_set

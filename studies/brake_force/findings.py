@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.car_brake_force import coupler_force_between
+from alloc.estimation.brake_force import coupler_force_between
 from studies.brake_force.beliefs import BELIEFS
 from studies.brake_force.coverage import averages, smoothed_intervals
 from studies.brake_force.running_tests import (

@@ -9,10 +9,9 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from alloc.estimation.brake_shortfall import CalibrationErrors
-from alloc.estimation.car_brake_force import rolling_mass
+from alloc.estimation.brake_force import CalibrationErrors, rolling_mass
 from alloc.metrics.registry import record_period
-from alloc.plant.equations import running_resistance
+from alloc.plant.laws import running_resistance
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train

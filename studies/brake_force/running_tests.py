@@ -12,10 +12,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.driving import Controls, TrainSense, drive
-from alloc.estimation.brake_force_mean import braking_window
-from alloc.estimation.brake_force_smoother import SmoothedForces, smooth_brake_forces
-from alloc.estimation.car_brake_force import BrakeRigging, car_brake_forces, group_brake_force
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.estimation.brake_force import (
+    BrakeRigging,
+    SmoothedForces,
+    braking_window,
+    car_brake_forces,
+    group_brake_force,
+    smooth_brake_forces,
+)
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import freight

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from alloc.citations import Citation, cited_in, uses
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.plant.train import Train
 from alloc.rules import RULES
@@ -16,14 +16,14 @@ from studies.scenario.scenario import Scenario
 
 SOURCED, ASSUMED, PARTLY = "sourced", "assumed", "sourced in part"
 EVERY_RUN = {
-    "slip detector": ("alloc.onboard.detector",),
-    "disturbance observer": ("alloc.onboard.observer",),
+    "slip detector": ("alloc.onboard.laws",),
+    "disturbance observer": ("alloc.onboard.laws",),
     "wheel damage Q": ("alloc.estimation.wheel_damage",),
 }
 """Parts that every run has, with their modules."""
 BRAKING = {
-    "slide protection": ("alloc.onboard.slide_protection.fuzzy", "alloc.onboard.slide_protection.protect"),
-    "shoe force": ("alloc.onboard.shoe_force",),
+    "slide protection": ("alloc.onboard.laws", "alloc.onboard.brakes"),
+    "shoe force": ("alloc.onboard.laws",),
 }  # fmt: skip
 """Parts of a run in which the driver brakes."""
 COLLECTING = {"registry", "collection", "dispatch"}
@@ -67,10 +67,10 @@ def _texts(scenario: Scenario, rule: str, controller: str) -> dict[str, str]:
     if event.onboard.learning.kind != "none":
         modules["learning of increments"] = ("alloc.onboard.increment_learning",)
     if any(car.sanders for car in train.cars):
-        modules["sanders"] = ("alloc.plant.sander",)
+        modules["sanders"] = ("alloc.plant.train",)
     kind = scenario.rail.curve.kind
     if kind.startswith("polach"):
-        modules["contact"] = ("alloc.plant.contact",)
+        modules["contact"] = ("alloc.plant.adhesion",)
     texts = {part: " ".join(module_text(one) for one in names) for part, names in modules.items()}
     texts[f"adhesion curve {kind}"] = inspect.getdoc(CURVES.find(kind)) or ""
     texts[f"train {train.name}"] = train_text(train)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS
 from studies.claims.quantities import BELIEVED_SLOPE, draw, event_name
 from studies.files.units import stated

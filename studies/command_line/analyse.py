@@ -14,12 +14,12 @@ from studies.files.study_error import StudyError
 from studies.files.writable import FIGURE, check_file, check_place, make_folder
 
 if TYPE_CHECKING:
-    from alloc.estimation.known_train import MeasuredTrain
-    from alloc.estimation.measured_run import Findings
     from alloc.estimation.slip_events import SlipCriterion
     from studies.logs.gradients import GradientLine
+    from studies.logs.known_train import MeasuredTrain
     from studies.logs.mapping import Mapping
     from studies.logs.measured_log import MeasuredLog
+    from studies.logs.measured_run import Findings
 
 SLIP_KMH, SLIP_PERCENT = 0.72, 5.0
 """Slip velocity and share of the speed from which on an axle slips."""
@@ -104,7 +104,7 @@ def analyse(
         Print everything as JSON instead of tables.
     """
     from alloc.estimation.slip_events import SlipCriterion
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.logs.event_list import write_events
     from studies.logs.gradients import read_gradients
     from studies.logs.mapping import read_mapping
@@ -161,9 +161,9 @@ def _one(
     path: Path, setting: _Setting, figure: Path | None = None, command: str = ""
 ) -> dict[str, Any]:
     """The report of a log, and its figure, which `command` gives; raises `StudyError`."""
-    from alloc.estimation.measured_run import analyse_run
     from studies.logs.mapping import read_mapping
     from studies.logs.measured_log import read_log
+    from studies.logs.measured_run import analyse_run
     from studies.logs.report import content
 
     mapping, owner = setting.mapping or (None, "")

@@ -3,7 +3,7 @@
 import sys
 
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES

@@ -27,7 +27,7 @@ def export_controller(scenario: str, *, unit: Whole, out: FilePath, target: str 
     """
     from alloc.onboard.equipment import equipment
     from alloc.onboard.host import unit_contexts
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.scenario.loading import load_scenario
 
     chosen = load_scenario(scenario)

@@ -61,7 +61,7 @@ def run_line(
         Print JSON instead of tables.
     """
     from alloc.recording import save
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.lines import line_run
     from studies.lines.driving_style import DrivingStyle, with_stops
     from studies.lines.named_files import find_line, find_stock

@@ -29,7 +29,7 @@ def schema(
     out
         File to write instead (.json, with --reference .md); one that exists is replaced.
     """
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.scenario.file_kinds import reference_page, schema_of_kind
 
     if reference and kind is not None:

@@ -50,7 +50,7 @@ def simulate(
 
     from alloc.metrics import METRICS, evaluate
     from alloc.recording import save
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.comparison.defaults import check_names
     from studies.core.job import Job, simulate_job
     from studies.core.own_parts import try_parts

@@ -49,7 +49,7 @@ def write_report(
     jobs
         Number of processes [default: one per core].
     """
-    from alloc.whole_file import write_whole
+    from alloc.sources import write_whole
     from studies.comparison.defaults import make_grid
     from studies.core.workers import workers
     from studies.report.gathering import gather

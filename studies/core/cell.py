@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import xarray as xr
 
-from alloc.canonical import canonical
+from alloc.event import canonical
 from alloc.sources import code_hash
 from studies.core.plugins import load_plugins
 from studies.files.study_error import StudyError

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from alloc.whole_file import writing
+from alloc.sources import writing
 from studies.files.study_error import StudyError
 
 DIGITS = 16

@@ -1,8 +1,7 @@
 """What a study asks of readhesion controllers: whether they can be had, and whether they live in Python."""
 
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController
+from alloc.onboard.host import CONTROLLERS, HostedController
 from studies.files.study_error import StudyError
 
 

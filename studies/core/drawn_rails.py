@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Any
 
 from alloc.plant.adhesion import CURVES, AdhesionCurve, CreepCurve
-from alloc.plant.environment import level_for
+from alloc.plant.model import level_for
 from alloc.plant.train import Train
 from studies.core.drawn_events import Quantity, log_uniform, uniform
 

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from alloc.private_folder import cache_folder, private
-from alloc.sources import library_versions, syntax_hash
+from alloc.sources import cache_folder, library_versions, private, syntax_hash
 
 MARK = ".done"
 """Ending of the file that says that a program has been run here."""

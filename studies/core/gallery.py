@@ -8,8 +8,7 @@ from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
-from alloc.sources import code_hash
-from alloc.whole_file import write_whole
+from alloc.sources import code_hash, write_whole
 from studies.core.plugins import plugin_modules
 from studies.files.study_error import FileWarning, StudyError
 

@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from alloc.metrics import METRICS
-from alloc.onboard.attachment import AddedNumbers, Attachment
 from alloc.onboard.host import HostedController, TellingController, TorqueDecision, UnitSense
+from alloc.onboard.telegrams import AddedNumbers, Attachment
+from alloc.recording import attributes_of
 from alloc.registry import Registry
 from alloc.rules import RULES, Allocation, AllocationProblem, Rule
-from alloc.run_attributes import attributes_of
 from alloc.simulation import CONTROLLERS, simulate
 from alloc.sources import PACKAGES
 from studies.files.study_error import StudyError

@@ -5,7 +5,7 @@ from typing import Any
 
 import xarray as xr
 
-from alloc.run_attributes import attributes_of
+from alloc.recording import attributes_of
 
 MOST_FAILURES = 0.05
 """Share of its calls, or of its steps over all units, in which a rule or a controller may fail in a run that counts.

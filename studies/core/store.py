@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 import xarray as xr
 
 from alloc.recording import save
-from alloc.whole_file import ASIDE
+from alloc.sources import ASIDE
 from studies.core.cell import Key, Row
 from studies.core.checked_file import Gone, read_checked, write_checked
 from studies.core.parts import Parts

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from alloc.display import displayed
-from alloc.whole_file import write_whole
+from alloc.sources import write_whole
 
 FOLDER = "thresholds"
 """Folder of these records in a study's folder of results."""

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.compute as pc
 
-from alloc.whole_file import write_whole
+from alloc.sources import write_whole
 from studies.core.checked_file import DIGITS, Gone, StoreWarning, read_checked
 from studies.core.parts import NAME, Parts
 from studies.core.single_table import TABLE, take_over

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from alloc.plant.car import EFFORT_TABLE_LENGTH, TorqueLimit
+from alloc.plant.train import EFFORT_TABLE_LENGTH, TorqueLimit
 
 
 def effort_limit(

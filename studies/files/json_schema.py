@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from alloc.field_meaning import Meaning, meanings, meant
+from alloc.records import Meaning, meanings, meant
 from studies.files.units import Unit, unit_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

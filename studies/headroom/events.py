@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.onboard.equipment import equipment
-from alloc.plant.structure import structure_of
+from alloc.plant.model import structure_of
 from studies.files.units import stated
 from studies.headroom.what_makes_room import TRAINS, draw, event_name
 from studies.ladder.events import rail_keys

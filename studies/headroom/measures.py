@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from alloc.metrics.room import room
+from alloc.metrics.use import room
 
 
 def measure(run: xr.Dataset) -> dict[str, float]:

@@ -17,12 +17,17 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.estimation.increments import unit_increments
-from alloc.estimation.learning import DIRECTIONS, learnt_in, load_learning, save_learning
+from alloc.estimation.increments import (
+    DIRECTIONS,
+    learnt_in,
+    load_learning,
+    save_learning,
+    unit_increments,
+)
 from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.onboard.equipment import equipment
-from alloc.rules.qp_robust import PROBABILITY
+from alloc.rules.qp import PROBABILITY
 from alloc.simulation import simulate
 from studies.learning.arms import ARMS
 from studies.scenario.loading import shipped_scenario

@@ -1,6 +1,6 @@
 """Learning the increments of adhesion along the train, station by station (JP5484215, embodiment 2)."""
 
-from alloc.estimation.learning import DIRECTIONS
+from alloc.estimation.increments import DIRECTIONS
 from studies.core.cell import Task
 from studies.core.study import Study
 from studies.learning.starts import DURATION, STATIONS, series_of_train, series_rows

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc.display import displayed
 from alloc.driving import drive
+from alloc.event import MOST_AXLE_RECORDS, longest_duration
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Rail
-from alloc.run_size import MOST_AXLE_RECORDS, longest_duration
 from studies.files.study_error import StudyError
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import FASTEST, DrivingStyle, Leg, legs

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from alloc.plant.car import Car
-from alloc.plant.train import Train
+from alloc.plant.train import Car, Train
 
 
 def lumped(train: Train) -> Train:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from alloc.driving import Controls, TrainSense
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import Model
 from studies.files.study_error import StudyError
 from studies.lines.driving_style import FASTEST, Coasting, DrivingStyle, Leg

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.plant.equations import (
+from alloc.plant.laws import (
     curving_resistance,
     gradient_force,
     hyperbolic_speed_law,

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.estimation.known_train import MeasuredTrain
 from studies.log_accuracy import defects as spoil
 from studies.logs.columns import column_of
+from studies.logs.known_train import MeasuredTrain
 
 Generator = np.random.Generator
 

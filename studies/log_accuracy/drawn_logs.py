@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run
 from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
@@ -21,7 +19,9 @@ from studies.ladder.events import scenario as drawn_start
 from studies.log_accuracy.drawn_defects import DEFECTS, Defect, Logged
 from studies.log_accuracy.forms import FORMS
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, read_log
+from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.open_questions import delay_remarks
 from studies.scenario.loading import shipped_scenario
 from studies.wsp_acceptance.events import CURVES, stop_of

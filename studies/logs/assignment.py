@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from alloc.estimation.known_train import MeasuredTrain
 from studies.files.study_error import StudyError
 from studies.logs.columns import (
     EFFORT,
@@ -13,6 +12,7 @@ from studies.logs.columns import (
     near_column,
     parse_column,
 )
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.remarks import Remark, faulty
 
 

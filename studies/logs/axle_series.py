@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants, Series, resample
-from alloc.estimation.long_series import usual_period
-from alloc.estimation.own_samples import Samples, own_samples
-from alloc.estimation.rim_speeds import RimSpeed, of_way, rim_speed
+from alloc.estimation.series import usual_period
 from studies.logs import checks
+from studies.logs.common_instants import Instants, Series, resample
+from studies.logs.own_samples import Samples, own_samples
 from studies.logs.remarks import Remark
+from studies.logs.rim_speeds import RimSpeed, of_way, rim_speed
 from studies.logs.told_channels import Sources
 
 Floats = NDArray[np.float64]

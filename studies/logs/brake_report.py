@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_force_smoother import SmoothedForces, smooth_brake_forces
-from alloc.estimation.brake_shortfall import find_shortfalls
-from alloc.estimation.long_series import usual_period
-from alloc.estimation.measured_run import train_acceleration
-from alloc.estimation.own_samples import noise_of
-from alloc.plant.equations import GRAVITY
-from alloc.spans import spans
+from alloc.estimation.brake_force import SmoothedForces, find_shortfalls, smooth_brake_forces
+from alloc.estimation.series import spans, usual_period
+from alloc.plant.laws import GRAVITY
 from studies.logs.measured_log import MeasuredLog
+from studies.logs.measured_run import train_acceleration
+from studies.logs.own_samples import noise_of
 
 Floats = NDArray[np.float64]
 

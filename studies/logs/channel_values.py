@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.long_series import excerpt
-from alloc.estimation.rim_speeds import pulse_step
-from alloc.plant.equations import GRAVITY
+from alloc.estimation.series import excerpt
+from alloc.plant.laws import GRAVITY
 from studies.logs.assignment import Assigned
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.number_texts import numbers_of
 from studies.logs.remarks import NAMED, Remark, faulty
+from studies.logs.rim_speeds import pulse_step
 
 Floats = NDArray[np.float64]
 

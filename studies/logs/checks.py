@@ -6,13 +6,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.long_series import excerpt, usual_period
-from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_shape import middle_speed
-from alloc.spans import spans
+from alloc.estimation.series import excerpt, spans, usual_period
+from studies.logs.common_instants import Instants
+from studies.logs.known_train import MeasuredTrain
+from studies.logs.own_samples import Samples
 from studies.logs.remarks import Remark, faulty
+from studies.logs.speed_shape import middle_speed
 from studies.logs.told_channels import FEWEST_ROWS
 
 Floats = NDArray[np.float64]

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run, train_acceleration
 from alloc.estimation.slip_events import SlipCriterion
 from studies.files.limits import check_values
 from studies.files.study_error import StudyError
@@ -15,7 +13,9 @@ from studies.files.writable import RUN
 from studies.logs.brake_report import BRAKING
 from studies.logs.csv_table import is_text
 from studies.logs.export import log_table
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log, read_log
+from studies.logs.measured_run import Findings, analyse_run, train_acceleration
 from studies.logs.recorder_files import ENDINGS
 
 RULE, CONTROLLER = "greedy", "cut-and-ramp"

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.spans import spans
+from alloc.estimation.series import spans
 from studies.logs.checks import STILL
 from studies.logs.remarks import Remark
 

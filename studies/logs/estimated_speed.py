@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.train_readings import TrainReadings
-from alloc.spans import bridged_spans
+from alloc.estimation.series import bridged_spans
+from studies.logs.ground_speed import GroundSpeed, estimate_ground_speed
 from studies.logs.remarks import Remark, faulty
+from studies.logs.train_readings import TrainReadings
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from alloc.whole_file import write_whole
+from alloc.sources import write_whole
 from studies.files.study_error import StudyError
 from studies.files.writable import as_csv
 

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import applied_force
 from alloc.plant.train import Train
-from alloc.whole_file import write_whole
+from alloc.sources import write_whole
 from studies.files.study_error import StudyError
 from studies.files.writable import LOG, as_csv, check_file
 from studies.logs.columns import column_of
+from studies.logs.known_train import MeasuredTrain
+from studies.logs.measured_run import applied_force
 from studies.logs.measured_train import write_log_train
 
 DECIMALS = {"s": 4, "kmh": 3, "kn": 3, "ms2": 4}

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.force_reading import at_rims, in_time
-from alloc.estimation.measured_run import WINDOW
-from alloc.estimation.train_readings import TrainReadings
-from alloc.estimation.train_speed import MeasuredSpeed
+from studies.logs.force_reading import at_rims, in_time
+from studies.logs.measured_run import WINDOW
 from studies.logs.remarks import Remark
+from studies.logs.train_readings import TrainReadings
+from studies.logs.train_speed import MeasuredSpeed
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants
+from studies.logs.common_instants import Instants
 
 Floats = NDArray[np.float64]
 

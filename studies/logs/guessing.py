@@ -7,10 +7,10 @@ import re
 import unicodedata
 from itertools import groupby
 
-from alloc.estimation.known_train import MeasuredTrain
 from studies.logs.assignment import Assigned
 from studies.logs.channel_units import SPELT, clean, factor, kinds_of
 from studies.logs.columns import QUANTITIES
+from studies.logs.known_train import MeasuredTrain
 
 WORDS: dict[str, set[str]] = {
     "time": {"time", "zeit", "timestamp", "t", "datetime", "date", "utc", "epoch", "uhrzeit", "zeitstempel", "seconds",

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.axle_delays import LateAxles, late_axles
-from alloc.estimation.force_reading import explains_more, in_time
-from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_fixes import Delay, find_delay
-from alloc.estimation.speed_shape import motion_of, rolls_always, shape_of_forces
-from alloc.estimation.train_readings import TrainReadings
-from alloc.estimation.train_speed import clear_of_rest
+from studies.logs.axle_delays import LateAxles, late_axles
+from studies.logs.force_reading import explains_more, in_time
+from studies.logs.own_samples import Samples
 from studies.logs.remarks import Remark
+from studies.logs.speed_fixes import Delay, find_delay
+from studies.logs.speed_shape import motion_of, rolls_always, shape_of_forces
+from studies.logs.train_readings import TrainReadings
+from studies.logs.train_speed import clear_of_rest
 
 Floats = NDArray[np.float64]
 

@@ -29,13 +29,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from alloc.display import displayed
-from alloc.estimation.known_train import MeasuredTrain
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError, nearest
 from studies.logs.assignment import Assigned, stem_of
 from studies.logs.channel_units import factor
 from studies.logs.columns import QUANTITIES
 from studies.logs.guessing import unit_in
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.raw_channels import Recording
 
 

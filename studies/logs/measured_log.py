@@ -9,29 +9,29 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from alloc.display import displayed
-from alloc.estimation.common_instants import Instants, common_instants, longest, resample
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.long_series import usual_period
-from alloc.estimation.measured_run import MeasuredRun, SpeedSource
-from alloc.estimation.own_samples import Samples
-from alloc.estimation.speed_shape import middle_speed
-from alloc.estimation.train_readings import TrainReadings
-from alloc.estimation.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
+from alloc.estimation.series import usual_period
 from studies.logs import checks
 from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
+from studies.logs.common_instants import Instants, common_instants, longest, resample
 from studies.logs.dead_zone import filled_dead_zone
 from studies.logs.estimated_speed import estimated_speed
 from studies.logs.forces_as_read import as_read
 from studies.logs.gradients import GradientLine
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.late_recorders import bring_together
 from studies.logs.mapping import Mapping
+from studies.logs.measured_run import MeasuredRun, SpeedSource
 from studies.logs.momentum_check import check_balance, forwards_too
+from studies.logs.own_samples import Samples
 from studies.logs.period import conclude_period
 from studies.logs.radius_correction import make_up_for_radii
 from studies.logs.raw_channels import Recording, recording_of
 from studies.logs.recorder_files import read_recording
 from studies.logs.remarks import Remark, faulty
+from studies.logs.speed_shape import middle_speed
 from studies.logs.told_channels import Sources, open_sources
+from studies.logs.train_readings import TrainReadings
+from studies.logs.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 
 Floats = NDArray[np.float64]
 

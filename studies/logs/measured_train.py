@@ -32,10 +32,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.plant.equations import GRAVITY
-from alloc.whole_file import write_whole
+from alloc.plant.laws import GRAVITY
+from alloc.sources import write_whole
 from studies.files.strict import Strict, parse, read_toml
+from studies.logs.known_train import MeasuredTrain
 from studies.scenario.train_keys import CouplerKeys
 
 Mass = Annotated[float, Field(gt=0.5, lt=500.0)]

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.long_series import usual_period
-from alloc.plant.equations import GRAVITY
+from alloc.estimation.series import usual_period
+from alloc.plant.laws import GRAVITY
+from studies.logs.common_instants import Instants
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.remarks import Remark
 
 Floats = NDArray[np.float64]

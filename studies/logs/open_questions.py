@@ -1,9 +1,9 @@
 """What the errors of a log leave open of its wheel damage Q: the delay of the train's speed first."""
 
-from alloc.estimation.measured_run import Findings
-from alloc.estimation.train_speed import ROWS, SURE, UNLIKE
 from studies.logs.measured_log import MeasuredLog
+from studies.logs.measured_run import Findings
 from studies.logs.remarks import Remark
+from studies.logs.train_speed import ROWS, SURE, UNLIKE
 
 MOVED = 0.05
 """Share of Q by which a delay changes it, above which the log is flagged."""

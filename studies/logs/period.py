@@ -7,12 +7,12 @@ A gradient and the resistance act as a constant force beside them, which is esti
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.speed_shape import STANDING
-from alloc.plant.equations import GRAVITY
-from alloc.spans import spans
+from alloc.estimation.series import spans
+from alloc.plant.laws import GRAVITY
 from studies.logs.clock import PERIODS, Clock
 from studies.logs.raw_channels import RawChannel
 from studies.logs.remarks import Remark, faulty
+from studies.logs.speed_shape import STANDING
 from studies.logs.told_channels import FEWEST_ROWS, Sources
 
 Floats = NDArray[np.float64]

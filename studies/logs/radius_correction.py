@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import Instants
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.long_series import excerpt
-from alloc.estimation.rolling_wheels import Rolling, rolling_wheel
-from alloc.estimation.speed_shape import rolls_always
-from alloc.estimation.train_speed import MeasuredSpeed
+from alloc.estimation.series import excerpt
+from studies.logs.common_instants import Instants
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.remarks import Remark
+from studies.logs.rolling_wheels import Rolling, rolling_wheel
+from studies.logs.speed_shape import rolls_always
 from studies.logs.told_channels import FEWEST_ROWS
+from studies.logs.train_speed import MeasuredSpeed
 
 Floats = NDArray[np.float64]
 

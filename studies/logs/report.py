@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.measured_run import Findings, train_acceleration
 from alloc.estimation.slip_events import SMALL, SlipCriterion, SlipEvent
 from studies.logs.brake_report import BRAKING
 from studies.logs.measured_log import MeasuredLog
+from studies.logs.measured_run import Findings, train_acceleration
 from studies.logs.open_questions import MOVED, delay_remarks, moved_by_delay
 from studies.logs.remarks import grouped
 

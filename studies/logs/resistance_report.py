@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
-from alloc.estimation.resistance_log import RunLog, learn_from_log
-from alloc.estimation.running_resistance import LeastSquaresLearner
-from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.onboard.speed_control.resistance import EXTENDED_WEIGHTS
-from alloc.spans import spans
+from alloc.estimation.running_resistance import LeastSquaresLearner, RunLog, learn_from_log
+from alloc.estimation.series import spans
+from alloc.onboard.line_memory import EXTENDED_WEIGHTS, LineMemory
 from studies.logs.gradients import GradientLine
 from studies.logs.measured_log import MeasuredLog
 

@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from alloc.estimation.common_instants import longest
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.own_samples import Samples, own_samples, smoothed_steps
-from alloc.spans import spans
+from alloc.estimation.series import spans
 from studies.logs.assignment import Assigned, by_name, check_assignment
 from studies.logs.channel_values import carried, forwards, numbers, scale_of
 from studies.logs.clock import Clock, read_clock
+from studies.logs.common_instants import longest
 from studies.logs.guessing import described, guess
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping
+from studies.logs.own_samples import Samples, own_samples, smoothed_steps
 from studies.logs.raw_channels import Recording
 from studies.logs.remarks import NAMED, Remark, faulty
 

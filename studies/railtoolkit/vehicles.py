@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from alloc.errors import PlantError
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
 from studies.files.effort import effort_limit
 from studies.files.study_error import StudyError

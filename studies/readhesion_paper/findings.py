@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from alloc.metrics.readhesion import limit_cycle, readhesion_possible, settled_at
-from alloc.spans import spans
+from alloc.estimation.series import spans
+from alloc.metrics.search import limit_cycle, readhesion_possible, settled_at
 from studies.readhesion_paper.lanes import TableRuns
 from studies.readhesion_paper.paper import (
     CASE_A,

@@ -14,25 +14,22 @@ from numpy.typing import NDArray
 
 from alloc.compilation import inlined_jit, jit
 from alloc.event import DriverCommand, SimulationError
-from alloc.onboard.controllers.torque_table import TorqueTable, asymmetric_lag, torque_factor
-from alloc.onboard.detector import differentiate
+from alloc.onboard.controllers.simple import TorqueTable, asymmetric_lag, torque_factor
 from alloc.onboard.equipment import equipment
+from alloc.onboard.laws import differentiate
 from alloc.onboard.parameters import Onboard
-from alloc.plant.adhesion_laws import tangential_coefficient
-from alloc.plant.car import EFFORT_SPEED_STEP
-from alloc.plant.equations import (
+from alloc.plant.laws import (
     car_drag,
     motor_torque_rate,
     slip_velocity,
     speed_decline,
+    tangential_coefficient,
     wheelset,
 )
-from alloc.plant.field import patch_factor, peak_coefficient, window
 from alloc.plant.model import Model, build
-from alloc.plant.operations import absolute, minimum
-from alloc.plant.rail import Rail
-from alloc.plant.simd import WIDTH, load, look_up, spread, store
-from alloc.plant.train import Train
+from alloc.plant.operations import WIDTH, absolute, load, look_up, minimum, spread, store
+from alloc.plant.rail import Rail, patch_factor, peak_coefficient, window
+from alloc.plant.train import EFFORT_SPEED_STEP, Train
 
 Floats = NDArray[np.float64]
 

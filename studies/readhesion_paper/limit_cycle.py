@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from alloc.metrics.readhesion import PROMINENCE
-from alloc.onboard.controllers.torque_table import TorqueTable, torque_factor
+from alloc.metrics.search import PROMINENCE
+from alloc.onboard.controllers.simple import TorqueTable, torque_factor
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard
 from alloc.plant.adhesion import PiecewiseCurve
-from alloc.plant.equations import motor_torque_rate, wheel_acceleration
+from alloc.plant.laws import motor_torque_rate, wheel_acceleration
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train

@@ -11,19 +11,19 @@ import joblib
 import numpy as np
 import pandas as pd
 
+from alloc.estimation.series import spans
 from alloc.event import DriverCommand
-from alloc.metrics.readhesion import (
+from alloc.metrics.search import (
     Signals,
     limit_cycle,
     readhesion_possible,
     used_coefficient,
     utilisation,
 )
-from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.onboard.controllers.simple import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import one_axle
-from alloc.spans import spans
 from studies.readhesion_paper.lanes import TableRuns, simulate_tables
 
 Unit = Literal["km/h/s", "m/s2"]
@@ -33,7 +33,7 @@ UNITS: dict[Unit, float] = {"km/h/s": 1.0 / 3.6, "m/s2": 1.0}
 BEGIN, DROP, RECOVERY, END = -1.0, 6.0, 14.0, 15.0
 """Times [s] of Table 2."""
 LOW_END = 16.0
-"""End [s] of a run whose rail stays low, for readhesion possibility (`alloc.metrics.readhesion`)."""
+"""End [s] of a run whose rail stays low, for readhesion possibility (`alloc.metrics.search`)."""
 CASES_TOGETHER = 32
 """Cases of one piece of parallel work."""
 COMMAND = DriverCommand((0.0,), (3.0 / 3.6,))

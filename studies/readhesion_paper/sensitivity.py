@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from alloc.metrics.readhesion import LimitSearch, limit_coefficient
+from alloc.metrics.search import LimitSearch, limit_coefficient
 from studies.readhesion_paper.findings import case_findings
 from studies.readhesion_paper.paper import (
     CASE_A,

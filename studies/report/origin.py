@@ -23,7 +23,7 @@ from studies.core.plugins import plugin_modules
 from studies.scenario.loading import SCENARIOS
 from studies.scenario.scenario import Scenario
 
-PLANT = ("alloc.plant.equations", "alloc.plant.field", "alloc.onboard.observer")
+PLANT = ("alloc.plant.laws", "alloc.plant.rail", "alloc.onboard.laws")
 """Modules whose laws every run obeys."""
 TIMED = ("rule_time", "controller_time", "controller_median", "controller_p99")
 """Metrics that measure how long something took to compute, which no other run repeats."""

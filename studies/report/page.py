@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
 from studies.comparison.summary import REFERENCE, Line, summarise

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.rail import Line
 from alloc.plant.sets import find_set
 from studies.resistance.routes import FULL_LOAD, LINE_SPACING, Route

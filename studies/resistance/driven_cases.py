@@ -13,12 +13,9 @@ from alloc.estimation.running_resistance import (
     LeastSquaresLearner,
     NormalisedGradientLearner,
 )
-from alloc.metrics.motion import jerk
-from alloc.onboard.speed_control.feedback import Feedback
-from alloc.onboard.speed_control.position_detector import PositionDetector
-from alloc.onboard.speed_control.speed_controller import Learning, SpeedControl
-from alloc.onboard.speed_control.switch import LearnThenUse
-from alloc.onboard.speed_control.traction import Traction
+from alloc.metrics.use import jerk
+from alloc.onboard.line_memory import PositionDetector
+from alloc.onboard.speed_controller import Feedback, Learning, LearnThenUse, SpeedControl, Traction
 from studies.files.study_error import StudyError, unknown
 from studies.resistance.routes import Route
 

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from alloc.estimation.excitation import LARGEST_DEVIATION, LEARNED
-from alloc.onboard.speed_control.position_detector import PositionDetector
-from alloc.onboard.speed_control.resistance import WEIGHTS
+from alloc.estimation.running_resistance import LARGEST_DEVIATION, LEARNED
+from alloc.onboard.line_memory import WEIGHTS, PositionDetector
 from studies.resistance import driven_cases as cases
 from studies.resistance.learners import (
     LEARNER_NAMES,

@@ -7,18 +7,20 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from alloc.estimation.resistance_log import Learnt, RunLog, learn_from_log
 from alloc.estimation.running_resistance import (
     GradientLearner,
     Learner,
+    Learnt,
     LeastSquaresLearner,
     NormalisedGradientLearner,
+    RunLog,
+    learn_from_log,
 )
 from alloc.event import DriverCommand, Event
 from alloc.metrics import evaluate
+from alloc.onboard.line_memory import WEIGHTS
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.resistance import WEIGHTS
+from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.simulation import simulate

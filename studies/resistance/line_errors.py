@@ -6,9 +6,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from alloc.errors import OnboardError
-from alloc.onboard.quantity import quantity
-from alloc.onboard.speed_control.position_detector import Odometer, PositionDetector
+from alloc.onboard.line_memory import Odometer, PositionDetector
 from alloc.plant.rail import Line
+from alloc.records import quantity
 from studies.files.strict import parse, read_toml
 from studies.resistance.routes import LineBelief, Route
 from studies.scenario.record_keys import built, keys_of

@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alloc.estimation.resistance_log import RunLog, learn_from_log
-from alloc.onboard.speed_control.position_detector import PositionDetector
-from alloc.onboard.speed_control.resistance import WEIGHTS
-from alloc.onboard.speed_control.switch import USE
+from alloc.estimation.running_resistance import RunLog, learn_from_log
+from alloc.onboard.line_memory import WEIGHTS, PositionDetector
+from alloc.onboard.speed_controller import USE
 from studies.resistance import driven_cases as cases
 from studies.resistance.drawn_routes import RANGES, drawn_route
 from studies.resistance.events import WRONG_BY, felt

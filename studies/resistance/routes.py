@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.line_memory import LineMemory
+from alloc.onboard.line_memory import LineMemory
+from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.model import Model, build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set

@@ -5,7 +5,7 @@ from typing import Literal
 
 import pandas as pd
 
-from alloc.estimation.excitation import LARGEST_DEVIATION
+from alloc.estimation.running_resistance import LARGEST_DEVIATION
 from studies.core.family import Claim, Part, Test, compared
 from studies.core.statement import INTERVALS_OF_MEANS, Statement, in_words
 from studies.resistance.driven_cases import CARS, EXACT, FEEDBACK, FRONT, LEARNED, RIGHT, WRONGLY

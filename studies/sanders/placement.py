@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from alloc.plant.equations import GRAVITY
-from alloc.plant.field import sanded_peak
+from alloc.plant.laws import GRAVITY
+from alloc.plant.rail import sanded_peak
 from alloc.plant.sets import gb_unit
 from alloc.plant.train import Sander, Train
 from alloc.rules import AllocationProblem, find_rule

@@ -8,14 +8,11 @@ from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
 from alloc.event import DriverCommand, Event
-from alloc.metrics.motion import damage, distance
-from alloc.metrics.slide import locked_time
+from alloc.metrics.use import damage, distance, locked_time
+from alloc.onboard.brakes import Sanding, SlideProtection
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
-from alloc.onboard.sanding import Sanding
-from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.adhesion import POLACH_WET, AdhesionCurve, SlipRatioCurve
-from alloc.plant.environment import level_for
-from alloc.plant.model import build
+from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
 from alloc.plant.sets import gb_unit
 from alloc.plant.train import Sander, Train

@@ -7,8 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from alloc.errors import InputError
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController
+from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.adhesion import AdhesionCurve
 from studies.files.in_file_words import in_file_words

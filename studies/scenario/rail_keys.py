@@ -7,16 +7,9 @@ from typing import Annotated, Any, ClassVar, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from alloc.errors import PlantError, number_fault
-from alloc.field_meaning import Meaning, meanings, meant
 from alloc.plant.adhesion import CURVES, AdhesionCurve
-from alloc.plant.rail import (
-    CURVE_LAWS,
-    SPEED_LAWS,
-    Line,
-    Patch,
-    Rail,
-    Receptivity,
-)
+from alloc.plant.rail import CURVE_LAWS, SPEED_LAWS, Line, Patch, Rail, Receptivity
+from alloc.records import Meaning, meanings, meant
 from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
 from studies.files.strict import Strict
 from studies.files.study_error import nearest

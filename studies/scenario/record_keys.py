@@ -32,7 +32,7 @@ def keys_of(record: type) -> Any:
     """Model of the keys that give a frozen dataclass; a key is the field's name and its unit's ending.
 
     Everything may be left out that has a default in `record`. Records in fields become tables. Raises `TypeError` for a
-    number whose field states no unit, see `alloc.onboard.quantity`.
+    number whose field states no unit, see `alloc.records`.
     """
     keys: Any = dict(_key(item) for item in fields(record) if _in_files(item))
     summary = (record.__doc__ or "").strip().splitlines()[0]

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from alloc.event import DriverCommand, Event
-from alloc.metrics import motion
+from alloc.metrics import use as motion
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car
 from alloc.plant.train import InverterGroup, Motors, TorqueLimit, Train

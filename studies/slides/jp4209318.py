@@ -13,10 +13,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.event import DriverCommand, Event
-from alloc.metrics.motion import damage, distance
-from alloc.metrics.slide import air_consumption, locked_time
+from alloc.metrics.use import air_consumption, damage, distance, locked_time
+from alloc.onboard.brakes import Fuzzy, SlideProtection
 from alloc.onboard.parameters import Braking, Onboard
-from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from alloc.onboard.slide_protection.parameters import SlideProtection, Threshold
+from alloc.onboard.brakes import SlideProtection, Threshold
 from studies.core.cell import Task
 from studies.core.study import Study
 from studies.slides.calibration import jittered

@@ -5,21 +5,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from alloc.event import STEP, DriverCommand, Event
+from alloc.event import STEP, DriverCommand, Event, longest_duration
+from alloc.onboard.brakes import SlideProtection
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
-from alloc.onboard.slide_protection.parameters import SlideProtection
-from alloc.plant.adhesion import (
-    POLACH_WET,
-    AdhesionCurve,
-    PiecewiseCurve,
-    SlipRatioCurve,
-)
-from alloc.plant.environment import level_for
-from alloc.plant.equations import gradient_force, running_resistance
-from alloc.plant.model import build
+from alloc.plant.adhesion import POLACH_WET, AdhesionCurve, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.laws import gradient_force, running_resistance
+from alloc.plant.model import build, level_for
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Car, Train
-from alloc.run_size import longest_duration
 from studies.files.study_error import StudyError
 from studies.slides.jp4209318 import CYCLE, FULL_BRAKE, slide_protection
 from studies.wsp_acceptance.perfect_stop import (

@@ -7,9 +7,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from alloc.event import Event
-from alloc.metrics.motion import damage
 from alloc.metrics.registry import record_period, series
-from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED, air_consumption, locked_time
+from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED, air_consumption, damage, locked_time
 from alloc.simulation import simulate
 from studies.wsp_acceptance.events import Stop
 from studies.wsp_acceptance.perfect_stop import adhesion_share, energy_offered

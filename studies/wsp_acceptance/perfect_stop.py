@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from alloc.plant.equations import GRAVITY, gradient_force
+from alloc.plant.laws import GRAVITY, gradient_force
 from alloc.plant.model import Floats, Model
 
 REFERENCE_SPEED = 15.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any
 
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.sets import jp4209318_3car
 from alloc.plant.sets.freight import FRICTION

@@ -16,8 +16,7 @@ import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
-from mpc.horizon import HorizonProblem, HorizonSolution
-from mpc.real_time import RealTimeIteration
+from mpc.period import HorizonProblem, HorizonSolution, RealTimeIteration
 from mpc.settings import MpcSettings
 from tests.benchmarks.stages import Stages, stages, with_numbers
 

@@ -1,6 +1,6 @@
 """Solvers of the horizon's problem, each as the controller of a unit in the closed loop.
 
-Belief, search, limits, model, horizon and weights are the same for all: those of `mpc.unit_controller`. Only the solver
+Belief, search, limits, model, horizon and weights are the same for all: those of `mpc.unit`. Only the solver
 differs. Of each event this tells failures, the share of adhesion used where it is short, wheel damage, iterations and time
 per period. A run is simulated as if every solver answered in time: what it answers and how fast it is are two questions.
 
@@ -22,12 +22,10 @@ from alloc.event import Event
 from alloc.metrics import METRICS
 from alloc.onboard.host import HostedController, TorqueDecision, UnitContext, UnitSense, each_unit
 from alloc.simulation import simulate
-from mpc.horizon import HorizonProblem, HorizonSolution
-from mpc.real_time import RealTimeIteration
+from mpc.model import Units
+from mpc.period import HorizonProblem, HorizonSolution, RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_controller import Iteration, MpcController
-from mpc.unit_model import Units
-from mpc.unit_step import STATUSES
+from mpc.unit import STATUSES, Iteration, MpcController
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.closed_loop_events import drawn_event
 from tests.benchmarks.peer_iteration import CONVERGING, PEERS, missing

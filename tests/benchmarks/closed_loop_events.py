@@ -7,8 +7,7 @@ import numpy as np
 from alloc.event import DriverCommand, Event
 from alloc.onboard.parameters import Braking, Onboard, Sensors
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from alloc.plant.environment import level_for
-from alloc.plant.model import build
+from alloc.plant.model import build, level_for
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train

@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 
 from alloc.onboard.host import UnitContext
-from mpc.horizon import HorizonProblem, HorizonSolution
+from mpc.period import HorizonProblem, HorizonSolution
 from mpc.settings import MpcSettings
 from tests.benchmarks.stages import Stages, stages
 

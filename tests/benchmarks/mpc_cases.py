@@ -9,17 +9,9 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve
-from mpc.horizon import HorizonProblem
-from mpc.real_time import RealTimeIteration
+from mpc.model import Units, group_of, parameters, substeps, torque_per_coefficient, unit_model
+from mpc.period import HorizonProblem, RealTimeIteration
 from mpc.settings import GroupSettings, MpcSettings
-from mpc.unit_model import (
-    Units,
-    group_of,
-    parameters,
-    substeps,
-    torque_per_coefficient,
-    unit_model,
-)
 from tests.benchmarks.peer_iteration import PEERS
 from tests.benchmarks.unit_step import step_function
 

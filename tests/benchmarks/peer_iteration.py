@@ -6,8 +6,8 @@ They start from their last solution, shifted by a period.
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from mpc.real_time import RealTimeIteration
-from mpc.unit_controller import OptiIteration
+from mpc.period import RealTimeIteration
+from mpc.unit import OptiIteration
 from tests.benchmarks.acados_peer import AcadosIteration
 from tests.benchmarks.do_mpc_peer import DoMpcSolver
 from tests.benchmarks.stages import with_numbers

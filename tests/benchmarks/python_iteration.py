@@ -5,13 +5,10 @@ Linearisation, condensing and simulation are those of the compiled step.
 
 import numpy as np
 
-from alloc.by_reference import ByReference
-from mpc.condensing import condense
-from mpc.cost import trajectory_cost
-from mpc.horizon import HorizonSolution
-from mpc.real_time import FAILURES, RealTimeIteration
-from mpc.shooting import simulate
-from mpc.sqp import HALVINGS, NO_SOLUTION, NOT_FINITE, linearise_at
+from alloc.records import ByReference
+from mpc.condensing import condense, simulate, trajectory_cost
+from mpc.period import FAILURES, HorizonSolution, RealTimeIteration
+from mpc.solver import HALVINGS, NO_SOLUTION, NOT_FINITE, linearise_at
 
 
 class PythonIteration(RealTimeIteration):

@@ -13,10 +13,10 @@ import numpy as np
 import qpsolvers
 from scipy.sparse import csc_matrix
 
-from alloc.by_reference import ByReference
-from alloc.plant.structure import Floats
+from alloc.plant.model import Floats
+from alloc.records import ByReference
 from mpc.box_qp import box_workspace, solve_box_qp
-from mpc.real_time import RealTimeIteration
+from mpc.period import RealTimeIteration
 from tests.benchmarks.python_iteration import PythonIteration
 
 

@@ -1,7 +1,7 @@
 """The horizon's problem stage by stage, on CasADi's symbols: the form that solvers of optimal control take.
 
 The last torque joins the state, so that its change is the business of one stage; everything is divided by its scale,
-so that a tolerance means the same for every unknown. The problem itself is that of `mpc.cost`.
+so that a tolerance means the same for every unknown. The problem itself is that of `mpc.condensing`.
 """
 
 from typing import NamedTuple
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
-from mpc.horizon import HorizonProblem, cost_of
+from mpc.model import slip_matrix, substeps, unit_model
+from mpc.period import HorizonProblem, cost_of
 from mpc.settings import MpcSettings
-from mpc.unit_model import slip_matrix, substeps, unit_model
 from tests.benchmarks.unit_step import step_function
 
 Floats = NDArray[np.float64]

@@ -8,8 +8,8 @@ import pytest
 
 from alloc.event import DriverCommand
 from alloc.metrics import evaluate
-from alloc.onboard.controllers.torque_table import TorqueTable
-from alloc.plant import compiled
+from alloc.onboard.controllers.simple import TorqueTable
+from alloc.plant import engine as compiled
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set

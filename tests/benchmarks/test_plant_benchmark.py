@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alloc.plant import compiled
+from alloc.plant import engine as compiled
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments

@@ -9,7 +9,7 @@ import pytest
 from alloc.compilation import jit
 from alloc.rules import RULES, AllocationProblem, find_rule
 from alloc.rules.dispatch import allocate_compiled, compiled_index
-from alloc.rules.polish import polish
+from alloc.rules.exact import polish
 from alloc.rules.rule import Units
 
 EXPECTED = 0.17

@@ -2,7 +2,7 @@
 
 import casadi as cs
 
-from mpc.unit_model import UnitModel
+from mpc.model import UnitModel
 
 
 def right_side(model: UnitModel) -> cs.Function:

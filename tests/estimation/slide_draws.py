@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from alloc.estimation.slide_counts import SIGMA, SlideCounts
+from alloc.estimation.increments import SIGMA, SlideCounts
 
 
 def slide_probability(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.axle_delays import late_axles
-from alloc.estimation.known_train import MeasuredTrain
 from alloc.plant.sets import find_set
+from studies.logs.axle_delays import late_axles
+from studies.logs.known_train import MeasuredTrain
 
 TRAIN = MeasuredTrain.of(find_set("commuter-8car"))
 TIME = 0.01 * np.arange(3000)

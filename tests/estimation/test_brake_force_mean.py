@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_force_mean import braking_window, stop_mean
+from alloc.estimation.brake_force import braking_window, stop_mean
 
 TIME = np.arange(0.0, 30.0, 0.02)
 PRESSURE = 350e3 * -np.expm1(-np.maximum(TIME - 1.0, 0.0) / 1.5)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_force_smoother import smooth_brake_forces
-from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.brake_force import car_brake_forces, smooth_brake_forces
 
 MASS = np.array([96e3, 59e3, 62e3, 55e3, 59e3])
 PERIOD, A_NOISE, R_NOISE, WALK = 0.02, 0.02, 1e3, 0.1

@@ -6,8 +6,12 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from alloc.errors import EstimationError
-from alloc.estimation.brake_shortfall import CalibrationErrors, find_shortfalls, sliding_cars
-from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.brake_force import (
+    CalibrationErrors,
+    car_brake_forces,
+    find_shortfalls,
+    sliding_cars,
+)
 
 CARS, SAMPLES = 8, 500
 MASS = np.full(CARS, 30e3)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.errors import EstimationError
-from alloc.estimation.car_brake_force import (
+from alloc.estimation.brake_force import (
     BrakeRigging,
     car_brake_forces,
     coupler_force_between,
@@ -14,7 +14,7 @@ from alloc.estimation.car_brake_force import (
     level_acceleration,
     rolling_mass,
 )
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 
 few = settings(max_examples=60, deadline=None, derandomize=True)
 MASS = np.array([96e3, 59e3, 60e3, 40e3])

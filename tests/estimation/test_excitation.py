@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from alloc.errors import EstimationError
-from alloc.estimation.excitation import LEARNED, NOT_LEARNABLE, judge_excitation
-from alloc.onboard.speed_control.resistance import EXTENDED_WEIGHTS, WEIGHTS, Motion, regressor
+from alloc.estimation.running_resistance import LEARNED, NOT_LEARNABLE, judge_excitation
+from alloc.onboard.line_memory import EXTENDED_WEIGHTS, WEIGHTS, Motion, regressor
 
 TRUE = np.array([12.0, 20.0, 250e3, 3e3, 140.0])
 N = 400

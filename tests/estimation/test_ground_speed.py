@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from alloc.errors import EstimationError
-from alloc.estimation.ground_speed import GroundSpeed, estimate_ground_speed
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.logged_computers import FilterTrace
-from alloc.estimation.speed_smoother import smooth
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
+from studies.logs.ground_speed import GroundSpeed, estimate_ground_speed
+from studies.logs.known_train import MeasuredTrain
+from studies.logs.logged_computers import FilterTrace
+from studies.logs.speed_smoother import smooth
 
 MASS, INERTIA, RADIUS = 40e3, 120.0, 0.43
 TRAILING = MeasuredTrain(

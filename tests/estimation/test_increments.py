@@ -6,13 +6,15 @@ import pytest
 from alloc.errors import EstimationError
 from alloc.estimation.increments import (
     LEAD_LOG_MEAN,
+    SYNTHETIC_TABLE,
     AxleShifts,
+    SlideCounts,
     axle_shifts,
     conventional_increments,
     fit_increments,
+    read_slide_counts,
     unit_increments,
 )
-from alloc.estimation.slide_counts import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
 from alloc.plant.rail import logarithmic_increments
 from tests.estimation.slide_draws import draw_slide_counts, slide_probability
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.logged_computers import FilterTrace
-from alloc.estimation.random_slope import STARTS, smoothed
-from alloc.estimation.speed_smoother import smooth
-from alloc.onboard.controllers.cubature_filter import correct, prediction
+from alloc.onboard.controllers.cubature import correct, prediction
+from studies.logs.logged_computers import FilterTrace
+from studies.logs.random_slope import STARTS, smoothed
+from studies.logs.speed_smoother import smooth
 
 filterpy = pytest.importorskip("filterpy.kalman")
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from alloc.errors import EstimationError
-from alloc.estimation.learning import learnt_in, load_learning, save_learning
+from alloc.estimation.increments import learnt_in, load_learning, save_learning
 from alloc.onboard.increment_learning import Increments, LearntIncrements
 
 LEARNT = LearntIncrements(

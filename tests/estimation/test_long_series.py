@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.estimation.long_series import PIECE, PIECES, excerpt, usual_period
+from alloc.estimation.series import PIECE, PIECES, excerpt, usual_period
 
 
 def test_a_short_series_is_its_own_excerpt():

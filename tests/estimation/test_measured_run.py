@@ -5,7 +5,10 @@ import pytest
 import xarray as xr
 
 from alloc.errors import EstimationError
-from alloc.estimation.measured_run import (
+from alloc.estimation.slip_events import SlipEvent
+from alloc.plant.model import structure_of
+from alloc.plant.sets import find_set
+from studies.logs.measured_run import (
     Findings,
     MeasuredRun,
     MeasuredTrain,
@@ -13,9 +16,6 @@ from alloc.estimation.measured_run import (
     applied_force,
     train_acceleration,
 )
-from alloc.estimation.slip_events import SlipEvent
-from alloc.plant.sets import find_set
-from alloc.plant.structure import structure_of
 
 TIME = np.concatenate([0.1 * np.arange(21), 3.0 + 0.1 * np.arange(11)])
 PART = np.repeat([0, 1], [21, 11])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.common_instants import BRIDGED, common_instants, resample
-from alloc.estimation.own_samples import Samples, noise_of, own_samples, quantum_of, smoothed_steps
-from alloc.estimation.rim_speeds import ALIASED, pulse_step, rim_speed
+from studies.logs.common_instants import BRIDGED, common_instants, resample
+from studies.logs.own_samples import Samples, noise_of, own_samples, quantum_of, smoothed_steps
+from studies.logs.rim_speeds import ALIASED, pulse_step, rim_speed
 
 TIME = 0.01 * np.arange(3000)
 SPEED = 25.0 - 0.8 * np.clip(TIME - 4.0, 0.0, 12.0) - 0.3 * np.sin(0.7 * TIME)

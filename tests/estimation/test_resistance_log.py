@@ -5,10 +5,9 @@ import pytest
 import xarray as xr
 
 from alloc.errors import EstimationError
-from alloc.estimation.resistance_log import RunLog, learn_from_log
-from alloc.estimation.running_resistance import Learner
-from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.plant.equations import GRAVITY
+from alloc.estimation.running_resistance import Learner, RunLog, learn_from_log
+from alloc.onboard.line_memory import LineMemory
+from alloc.plant.laws import GRAVITY
 
 TRUE = np.array([12.0, 20.0, 250e3, 3e3, 140.0])
 ROTATING = 20e3

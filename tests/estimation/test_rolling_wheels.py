@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.rolling_wheels import rolling_wheel
+from studies.logs.rolling_wheels import rolling_wheel
 
 TIME = np.arange(0.0, 30.0, 0.01)
 SPEED = 20.0 + 4.0 * np.sin(2.0 * np.pi * TIME / 10.0)

@@ -12,7 +12,7 @@ from alloc.estimation.running_resistance import (
     NormalisedGradientLearner,
     gradient_step,
 )
-from alloc.onboard.speed_control.resistance import Motion, regressor
+from alloc.onboard.line_memory import Motion, regressor
 
 TRUE = np.array([12.0, 20.0, 250e3])
 WRONG = TRUE * np.array([1.3, 0.7, 0.7])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from alloc.errors import EstimationError
-from alloc.estimation.measured_run import parts
 from alloc.estimation.slip_events import SlipCriterion, find_slips
+from studies.logs.measured_run import parts
 
 TIME = np.arange(1000) * 0.01
 

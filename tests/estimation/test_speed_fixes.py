@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from alloc.estimation.own_samples import Samples
-from alloc.estimation.random_slope import STARTS, Work, likelihood, smoothed
-from alloc.estimation.speed_fixes import find_delay, follow
+from studies.logs.own_samples import Samples
+from studies.logs.random_slope import STARTS, Work, likelihood, smoothed
+from studies.logs.speed_fixes import find_delay, follow
 
 TIME = 0.01 * np.arange(3000)
 SPEED = 25.0 - 0.8 * np.clip(TIME - 4.0, 0.0, 12.0) - 0.3 * np.sin(0.7 * TIME)

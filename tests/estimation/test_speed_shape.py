@@ -4,14 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.speed_shape import (
-    AFTER,
-    motion_of,
-    shape_of_forces,
-    standing,
-)
-from alloc.estimation.train_readings import TrainReadings
+from studies.logs.known_train import MeasuredTrain
+from studies.logs.speed_shape import AFTER, motion_of, shape_of_forces, standing
+from studies.logs.train_readings import TrainReadings
 from tests.simulation.slides import TRAIN
 
 TIME = np.arange(0.0, 10.0, 0.1)

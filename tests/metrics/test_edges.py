@@ -7,9 +7,17 @@ import pytest
 
 from alloc.errors import UnsoundRun
 from alloc.metrics import METRICS, evaluate
-from alloc.metrics.readhesion import Signals, limit_cycle, readhesion_possible, used_coefficient
-from alloc.metrics.search import episodes, searches, shortage, unit_shares
-from alloc.metrics.slide import LOCK_SPEED, STANDING_SPEED
+from alloc.metrics.search import (
+    Signals,
+    episodes,
+    limit_cycle,
+    readhesion_possible,
+    searches,
+    shortage,
+    unit_shares,
+    used_coefficient,
+)
+from alloc.metrics.use import LOCK_SPEED, STANDING_SPEED
 from tests.metrics.recorded_by_hand import course, recorded
 
 

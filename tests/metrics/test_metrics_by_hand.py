@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.metrics import METRICS, evaluate
-from alloc.metrics.motion import JERK_CUT_OFF, jerk
 from alloc.metrics.registry import record_period
+from alloc.metrics.use import JERK_CUT_OFF, jerk
 from tests.metrics.recorded_by_hand import recorded
 
 # Rail force in the driver's direction: axles 0 and 1; axles 3 to 5; then all six under brakes.

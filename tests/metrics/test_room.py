@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from alloc.metrics import METRICS
-from alloc.metrics.room import SETTLING, room, settled
+from alloc.metrics.use import SETTLING, room, settled
 
 LOAD = 1e5
 EXPECTED = 0.10

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.metrics.readhesion import settled_at
+from alloc.metrics.search import settled_at
 
 
 def test_a_course_has_settled_after_the_last_value_that_is_away():

@@ -7,8 +7,8 @@ import pytest
 
 from alloc.onboard.host import UnitContext, UnitSense
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
-from mpc.horizon import HorizonProblem
-from mpc.unit_model import parameters
+from mpc.model import parameters
+from mpc.period import HorizonProblem
 
 CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
 

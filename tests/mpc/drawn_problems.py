@@ -6,9 +6,9 @@ import numpy as np
 
 from alloc.onboard.host import UnitContext
 from mpc.belief import with_predicted_curve
-from mpc.horizon import HorizonProblem, Problem
+from mpc.model import Units, curve_place, group_of, parameters, unit_of_axle
+from mpc.period import HorizonProblem, Problem
 from mpc.settings import MpcSettings
-from mpc.unit_model import Units, curve_place, group_of, parameters, unit_of_axle
 from tests.mpc.conftest import make_unit
 from tests.mpc.groups import car_of_four, small_cars, unit
 

@@ -9,7 +9,7 @@ from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
-from mpc.unit_controller import MpcController
+from mpc.unit import MpcController
 
 DROP, BACK = 4.0, 6.0
 HIGH, LOW = 0.18, 0.12

@@ -21,7 +21,7 @@ from alloc.plant.adhesion import (
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
-from mpc.unit_controller import MpcController
+from mpc.unit import MpcController
 from tests.mpc.drop import between, driven, drop_event, run_mpc
 
 CURVES: dict[str, AdhesionCurve] = {

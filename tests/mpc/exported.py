@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 
-from alloc.onboard.compiled_controller import ANSWER, READING
-from mpc.unit_step import compiled_unit, unit_step
+from alloc.onboard.host import ANSWER, READING
+from mpc.unit import compiled_unit, unit_step
 
 COMPILER = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), "")
 STRICT = ("-Wall", "-Wextra", "-Werror", "-std=c99", "-pedantic", "-O0")

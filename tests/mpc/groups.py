@@ -5,8 +5,8 @@ import numpy as np
 from alloc.onboard.host import UnitContext
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.sets import find_set
-from mpc.horizon import HorizonProblem
-from mpc.unit_model import parameters, unit_of_axle
+from mpc.model import parameters, unit_of_axle
+from mpc.period import HorizonProblem
 
 UNLOADING = tuple(find_set("commuter-8car").cars[1].unloading_factors().tolist())
 """Load lost per newton by the axles of a motor car, front axle first: the front ones lose."""

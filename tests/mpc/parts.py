@@ -1,10 +1,8 @@
 """Parts of a control period's compiled call, one at a time."""
 
-from alloc.by_reference import ByReference
-from mpc.condensing import condense
-from mpc.cost import trajectory_cost
-from mpc.shooting import simulate
-from mpc.sqp import linearise_at
+from alloc.records import ByReference
+from mpc.condensing import condense, simulate, trajectory_cost
+from mpc.solver import linearise_at
 
 
 def model_at_guess(solver, problem):

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.onboard.attachment import Attachment
-from alloc.onboard.mail import exchange, mail, tell
-from alloc.onboard.settings import TelegramSettings
-from mpc.failed_motors import leading
+from alloc.onboard.state import TelegramSettings
+from alloc.onboard.telegrams import Attachment, exchange, mail, tell
+from mpc.model import leading
 
 PERIOD = 0.01
 

@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
 from alloc.metrics import evaluate
 from alloc.onboard.parameters import Braking, Onboard
 from alloc.plant.adhesion import PiecewiseCurve, SlipRatioCurve
+from alloc.records import ByReference
 from alloc.simulation import simulate
-from mpc.air_brake import LEAST_AIR
-from mpc.belief import with_predicted_curve
-from mpc.real_time import RealTimeIteration
+from mpc.belief import LEAST_AIR, with_predicted_curve
+from mpc.model import air_place, parameters, unit_model
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, SlipSearch
-from mpc.unit_model import air_place, parameters, unit_model
-from mpc.unit_problem import pose, unit_problem
+from mpc.unit import pose, unit_problem
 from studies.scenario.loading import shipped_scenario
 from tests.benchmarks.unit_step import right_side
 from tests.mpc.drop import drop_event

@@ -8,10 +8,10 @@ import pytest
 
 from alloc.plant.adhesion import PiecewiseCurve, RationalCurve
 from mpc.belief import GroupBelief, UnitBelief
-from mpc.curve_filter import USUAL_STEEPNESS
+from mpc.estimator import USUAL_STEEPNESS
+from mpc.model import torque_per_coefficient
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from mpc.slip_search import GOLDEN, USUAL_SHARE
-from mpc.unit_model import torque_per_coefficient
 from tests.mpc.conftest import make_unit
 from tests.mpc.groups import UNLOADING, train_of
 from tests.mpc.synthetic_axles import SyntheticUnit

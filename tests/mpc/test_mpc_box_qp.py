@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import quadprog
 
-from alloc.by_reference import ByReference
+from alloc.records import ByReference
 from mpc.box_qp import ACCEPTED, box_workspace, solve_box_qp
 from tests.mpc.box_programs import KINDS, program, violation
 

@@ -14,7 +14,7 @@ from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
 from mpc.hosted import MPC
 from mpc.settings import MpcSettings
-from mpc.unit_controller import MpcController
+from mpc.unit import MpcController
 from tests.mpc.drop import BACK, DROP, LOW, between, driven, drop_event, run_mpc
 
 

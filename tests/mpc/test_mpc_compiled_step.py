@@ -8,7 +8,7 @@ import pytest
 from numba.core.runtime import _nrt_python
 
 from mpc.belief import with_predicted_curve
-from mpc.real_time import RealTimeIteration
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
 from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.mpc.groups import car_of_four, problem, small_cars

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mpc.settings import MpcSettings, PeakBelief
-from mpc.sqp import NO_SOLUTION
-from mpc.unit_controller import MpcController
+from mpc.solver import NO_SOLUTION
+from mpc.unit import MpcController
 
 READINGS = ("speed", "torque", "target", "drive_limit", "omega")
 

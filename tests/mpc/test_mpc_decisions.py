@@ -6,25 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import mpc.group_problem as group_problem
-import mpc.joint_problem as joint_problem
-import mpc.train_controller as train_controller
+import mpc.group as group_problem
+import mpc.train as joint_problem
+import mpc.train as train_controller
 from alloc.onboard.host import TorqueDecision
 from alloc.onboard.parameters import Telegrams
 from alloc.plant.adhesion import RationalCurve
 from mpc.belief import with_predicted_curve
-from mpc.control_period import PredictiveController
-from mpc.group_controller import CarControllers, GroupController
-from mpc.group_problem import GroupProblem, WheelsAndRail, even_split
-from mpc.horizon import HorizonSolution, cost_of
+from mpc.group import CarControllers, GroupController, GroupProblem, WheelsAndRail, even_split
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.joint_problem import NO_SLIP_LIMIT, JointProblem
+from mpc.model import STEEPEST_SLOPE, air_place, parameters, torque_per_coefficient
+from mpc.period import HorizonSolution, PredictiveController, cost_of
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
-from mpc.stiffness import STEEPEST_SLOPE
-from mpc.telegrams import Report
-from mpc.train_controller import TrainMpc
-from mpc.unit_model import air_place, parameters, torque_per_coefficient
-from mpc.unit_step import STATUSES
+from mpc.train import NO_SLIP_LIMIT, JointProblem, Report, TrainMpc
+from mpc.unit import STATUSES
 from tests.mpc.telegraphy import Telegraphy
 
 

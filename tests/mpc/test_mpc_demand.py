@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from alloc.plant.adhesion import RationalCurve
-from mpc.demand import EXCESS, tracked_coefficient
-from mpc.group_problem import GroupProblem, WheelsAndRail
+from mpc.group import GroupProblem, WheelsAndRail
 from mpc.settings import MpcSettings
+from mpc.unit import EXCESS, tracked_coefficient
 from tests.mpc.groups import small_cars
 
 WEIGHTS = MpcSettings().weights

@@ -4,12 +4,11 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
-from mpc.cost import trajectory_cost
-from mpc.horizon import cost_of
-from mpc.real_time import RealTimeIteration
+from alloc.records import ByReference
+from mpc.condensing import trajectory_cost
+from mpc.model import unit_model
+from mpc.period import RealTimeIteration, cost_of
 from mpc.settings import MpcSettings
-from mpc.unit_model import unit_model
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.parts import cost_of_torques, model_at_guess
 

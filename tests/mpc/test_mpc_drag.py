@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from mpc.belief import UnitBelief
 from mpc.settings import MpcSettings
-from mpc.unit_controller import MpcController
+from mpc.unit import MpcController
 
 PERIOD, SLIP = 0.01, 0.02
 

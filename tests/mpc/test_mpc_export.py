@@ -16,7 +16,7 @@ from alloc.simulation import simulate
 from mpc import export
 from mpc.export import LINKED, TARGETS, export_unit
 from mpc.settings import MpcError, MpcSettings, SlipSearch
-from mpc.unit_step import STATUSES
+from mpc.unit import STATUSES
 from studies.ladder import locomotive_events
 from studies.scenario.loading import load_scenario
 from tests.mpc.conftest import make_unit

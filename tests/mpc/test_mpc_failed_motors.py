@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from mpc.failed_motors import LostShare, leading
-from mpc.group_controller import GroupController
-from mpc.unit_model import torque_per_coefficient
+from mpc.group import GroupController
+from mpc.model import LostShare, leading, torque_per_coefficient
 
 
 def _train_with_failures(make_context, seed):

@@ -5,8 +5,8 @@ import pytest
 
 from alloc.metrics import evaluate
 from alloc.simulation import simulate
-from mpc.sqp import NO_SOLUTION
-from mpc.unit_controller import MpcController
+from mpc.solver import NO_SOLUTION
+from mpc.unit import MpcController
 from tests.mpc.drop import BACK, DROP, adhesion_used, between, driven, drop_event, run_mpc
 
 UNITS, PERIOD = 4, 0.01

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from mpc.belief import with_predicted_curve
-from mpc.compiled_model import symbolic_functions
-from mpc.folding import folded, without_clamps
-from mpc.unit_model import unit_model
+from mpc.generated import symbolic_functions
+from mpc.model import folded, unit_model, without_clamps
 
 ENTRIES = cs.OP_INPUT, cs.OP_OUTPUT, cs.OP_CONST
 

@@ -7,10 +7,15 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from mpc.code_cache import create
-from mpc.compiled_model import compiled_model, symbolic_functions
-from mpc.generated import TranslationError, compile_functions, source
-from mpc.unit_model import unit_model
+from mpc.generated import (
+    TranslationError,
+    compile_functions,
+    compiled_model,
+    create,
+    source,
+    symbolic_functions,
+)
+from mpc.model import unit_model
 
 
 @pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
-from mpc.group_problem import even_split
-from mpc.real_time import RealTimeIteration
+from alloc.records import ByReference
+from mpc.group import even_split
+from mpc.period import RealTimeIteration
 from mpc.settings import GroupSettings, MpcError, MpcSettings
-from mpc.sqp import step as step_of
+from mpc.solver import step as step_of
 from tests.mpc.groups import UNLOADING, car_of_four, problem, rolling, small_cars
 from tests.mpc.parts import model_at_guess
 

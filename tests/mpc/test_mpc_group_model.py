@@ -7,16 +7,15 @@ import pytest
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.plant import compiled
+from alloc.plant import engine as compiled
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
-from mpc.assembly import compiled_group
-from mpc.compiled_model import symbolic_functions
-from mpc.real_time import RealTimeIteration
+from mpc.generated import compiled_group, symbolic_functions
+from mpc.model import parameters, substeps, unit_model
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.unit_model import parameters, substeps, unit_model
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import problem, small_cars, unit
 from tests.mpc.parts import cost_of_torques, model_at_guess

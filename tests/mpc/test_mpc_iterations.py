@@ -8,7 +8,7 @@ import pytest
 
 from alloc.metrics import evaluate
 from mpc.settings import MpcSettings
-from mpc.unit_controller import MpcController
+from mpc.unit import MpcController
 from studies.scenario.loading import load_scenario
 from tests.mpc.drop import drop_event, run_mpc
 

@@ -5,8 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from mpc.horizon import Problem, cost_of
-from mpc.real_time import RealTimeIteration
+from mpc.period import Problem, RealTimeIteration, cost_of
 from mpc.reference import solve
 from mpc.settings import MpcSettings
 from tests.benchmarks.acados_peer import AcadosSolver

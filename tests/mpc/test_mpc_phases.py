@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
+from alloc.records import ByReference
 from mpc.belief import with_predicted_curve
-from mpc.phases import move
-from mpc.real_time import RealTimeIteration
+from mpc.period import RealTimeIteration, move
 from mpc.settings import MpcError, MpcSettings
-from mpc.sqp import linearise_at
-from mpc.unit_controller import MpcController
+from mpc.solver import linearise_at
+from mpc.unit import MpcController
 from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.mpc.conftest import make_unit
 

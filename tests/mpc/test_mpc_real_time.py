@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpc.real_time import RealTimeIteration
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
 
 SETTINGS = MpcSettings()

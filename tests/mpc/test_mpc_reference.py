@@ -7,10 +7,10 @@ import pytest
 
 import mpc
 from mpc import reference
-from mpc.horizon import cost_of
+from mpc.period import cost_of
 from mpc.reference import OPTIONS, solve
 from mpc.settings import MpcError, MpcSettings
-from mpc.unit_controller import MpcController, OptiIteration
+from mpc.unit import MpcController, OptiIteration
 from tests.mpc.drawn_problems import KINDS, drawn
 
 CONVERGED = MpcSettings(iterations=1000, tolerance=1e-9, step_time=1e-6)

@@ -4,12 +4,21 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
-from mpc.condensing import condense, quadratic
-from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms, trajectory_cost
-from mpc.generated import compile_functions
-from mpc.shooting import Nonzeros, linearise, linearised, simulate
-from mpc.tangent import compile_tangent
+from alloc.records import ByReference
+from mpc.condensing import (
+    AxleTerms,
+    Cost,
+    CostWeights,
+    Nonzeros,
+    UnitTerms,
+    condense,
+    linearise,
+    linearised,
+    quadratic,
+    simulate,
+    trajectory_cost,
+)
+from mpc.generated import compile_functions, compile_tangent
 
 STATES, UNITS, HORIZON, SUBSTEPS, STEP = 3, 2, 3, 2, 0.15
 SIZE, WIDTH = HORIZON * UNITS, STATES + UNITS

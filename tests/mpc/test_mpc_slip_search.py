@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, RationalCurve, SlipRatioCurve
-from mpc import search_step
+from alloc.records import ByReference
+from mpc import slip_search as search_step
+from mpc.model import STEEPEST_SLOPE, no_steeper
 from mpc.settings import MpcSettings, SlipSearch
-from mpc.stiffness import STEEPEST_SLOPE, no_steeper
 from tests.mpc.synthetic_axles import SyntheticUnit
 
 CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}

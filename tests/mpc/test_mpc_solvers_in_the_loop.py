@@ -8,7 +8,7 @@ import qpsolvers
 
 from alloc.simulation import simulate
 from mpc.hosted import MPC
-from mpc.real_time import RealTimeIteration
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
 from tests.benchmarks import closed_loop
 from tests.benchmarks.closed_loop_events import DROP, drawn_event

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.by_reference import ByReference
 from alloc.plant.adhesion import RationalCurve
+from alloc.records import ByReference
 from mpc.belief import with_predicted_curve
-from mpc.real_time import RealTimeIteration
+from mpc.model import curve_place, needed_substeps, parameters, steepest, stiffness_of, substeps
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.sqp import linearise_at
-from mpc.stiffness import needed_substeps, steepest
-from mpc.unit_model import curve_place, parameters, stiffness_of, substeps
+from mpc.solver import linearise_at
 from tests.mpc.groups import small_cars
 
 STEP = 0.01

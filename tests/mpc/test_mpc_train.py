@@ -15,12 +15,19 @@ from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import DriverCommand, Event, simulate
 from mpc.belief import with_predicted_curve
-from mpc.group_controller import CarControllers, GroupController
+from mpc.group import CarControllers, GroupController
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.joint_problem import UnitForecast
-from mpc.telegrams import Order, Report, added_numbers, ordered_target, read_report, write_report
-from mpc.train_controller import TrainMpc
-from mpc.unit_model import parameters, substeps, unit_model
+from mpc.model import parameters, substeps, unit_model
+from mpc.train import (
+    Order,
+    Report,
+    TrainMpc,
+    UnitForecast,
+    added_numbers,
+    ordered_target,
+    read_report,
+    write_report,
+)
 from tests.benchmarks.unit_step import step_function
 from tests.mpc.groups import train_of
 from tests.mpc.telegraphy import Telegraphy

@@ -13,7 +13,7 @@ from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import DriverCommand, Event, simulate
 from mpc.hosted import MPC_CAR, MPC_TRAIN_IDEAL
-from mpc.train_controller import TrainMpc
+from mpc.train import TrainMpc
 
 FAILURE = 2.0
 KNOWN = FAILURE + REPORT_DELAY

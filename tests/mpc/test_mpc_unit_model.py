@@ -8,17 +8,11 @@ import pytest
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import unit_contexts
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.plant import compiled
+from alloc.plant import engine as compiled
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
-from mpc.unit_model import (
-    parameters,
-    slip_matrix,
-    substeps,
-    torque_per_coefficient,
-    unit_model,
-)
+from mpc.model import parameters, slip_matrix, substeps, torque_per_coefficient, unit_model
 from tests.benchmarks.unit_step import right_side, step_function
 from tests.plant.numpy_plant import environment_at
 

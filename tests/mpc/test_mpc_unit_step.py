@@ -11,11 +11,10 @@ from alloc.onboard.host import HostedController, each_unit
 from alloc.simulation import simulate
 from mpc.belief import with_predicted_curve
 from mpc.hosted import MPC
-from mpc.real_time import RealTimeIteration
+from mpc.model import unit_model
+from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings, PeakBelief
-from mpc.unit_controller import MpcController
-from mpc.unit_model import unit_model
-from mpc.unit_step import STATUSES
+from mpc.unit import STATUSES, MpcController
 from studies.scenario.loading import load_scenario
 from tests.benchmarks.daqp_peer import DaqpIteration
 from tests.benchmarks.unit_step import step_function

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.onboard import sensing
-from alloc.onboard.controllers.cut_and_ramp import CUT, FOLLOW, CutAndRamp, cut_and_ramp_unit
+from alloc.onboard.controllers.simple import CUT, FOLLOW, CutAndRamp, cut_and_ramp_unit
 
 
 def plain(part):

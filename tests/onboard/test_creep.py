@@ -8,14 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.dispatch import control
-from alloc.onboard.controllers.perturb_observe import PerturbObserve, perturbed_step
-from alloc.onboard.controllers.pi_creep import hold_slip
-from alloc.onboard.controllers.steepest_gradient import SteepestGradient, gradient_step
+from alloc.onboard.controllers.collection import control
+from alloc.onboard.controllers.creep import hold_slip
+from alloc.onboard.controllers.search import (
+    PerturbObserve,
+    SteepestGradient,
+    gradient_step,
+    perturbed_step,
+)
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set

@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.onboard.controllers.cubature_filter import correct, lower_root, prediction
-from alloc.onboard.controllers.cubature_seeking import (
+from alloc.onboard.controllers.cubature import (
     CubatureSeeking,
     adapted,
+    correct,
     curve_at,
+    lower_root,
     predict,
+    prediction,
     seek,
 )
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.cut_and_ramp import (
+from alloc.onboard.controllers.simple import (
     CUT,
     FOLLOW,
     HOLD,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.detector import differentiate, differentiator_gain, slip_signal
+from alloc.onboard.laws import differentiate, differentiator_gain, slip_signal
 from alloc.onboard.parameters import Detector
 
 THRESHOLDS = {"on": 1.8, "off": 0.9, "speed_on": 0.6}

@@ -9,8 +9,6 @@ from alloc.errors import OnboardError
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.equipment import equipment
 from alloc.onboard.host import each_unit, unit_contexts
-from alloc.onboard.mail import SLOTS
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import (
     Belief,
     Braking,
@@ -20,7 +18,8 @@ from alloc.onboard.parameters import (
     Sensors,
     Telegrams,
 )
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, memory, settings
+from alloc.onboard.telegrams import SLOTS
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

@@ -8,22 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.fuzzy_inference import memberships
-from alloc.onboard.slide_protection import LAWS
-from alloc.onboard.slide_protection.fuzzy import (
-    HOLD,
-    RELEASE,
-    RULES,
-    SUPPLY,
-    infer,
-    valve_action,
-)
-from alloc.onboard.slide_protection.parameters import (
-    SENSITIVITIES,
-    Fuzzy,
-    SlideProtection,
-    Threshold,
-)
+from alloc.onboard.brakes import LAWS, SENSITIVITIES, Fuzzy, SlideProtection, Threshold
+from alloc.onboard.laws import HOLD, RELEASE, RULES, SUPPLY, infer, memberships, valve_action
 
 SLIP, RATE = (0.0, 0.05, 0.15), (-1.0, 0.0, 1.0)
 slips = st.floats(0.0, 1.0)

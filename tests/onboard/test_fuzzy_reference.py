@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from alloc.onboard.controllers.fuzzy_tracking import RULES as STEPS
-from alloc.onboard.fuzzy_inference import weighted_action
-from alloc.onboard.slide_protection.fuzzy import RULES as VALVES
+from alloc.onboard.controllers.search import RULES as STEPS
+from alloc.onboard.laws import RULES as VALVES
+from alloc.onboard.laws import weighted_action
 
 simpful = pytest.importorskip("simpful")
 

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.fuzzy_creep import FuzzyCreep, allowed_rate
-from alloc.onboard.controllers.fuzzy_tracking import FuzzyTracking, inferred_step
-from alloc.onboard.controllers.pi_creep import CreepControl
+from alloc.onboard.controllers.creep import CreepControl, FuzzyCreep, allowed_rate
+from alloc.onboard.controllers.search import FuzzyTracking, inferred_step
 
 CREEP, TRACKING = FuzzyCreep(), FuzzyTracking()
 SLIP, RATE = st.floats(-1.0, 3.0), st.floats(-20.0, 20.0)

@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from alloc.onboard.observer import (
+from alloc.onboard.laws import (
     empty_torque_limit,
     load_compensated,
     observe,
     observer_gains,
     tangential_coefficient_estimate,
 )
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 
 J, A, T = 155.01, 25.0, 0.01
 

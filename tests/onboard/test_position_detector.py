@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
-from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.onboard.speed_control.position_detector import Detection, Odometer, PositionDetector
-from alloc.plant.equations import gradient_force
+from alloc.onboard.line_memory import Detection, LineMemory, Odometer, PositionDetector
+from alloc.plant.laws import gradient_force
 
 PERIOD = 0.05
 

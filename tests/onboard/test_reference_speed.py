@@ -13,8 +13,7 @@ from alloc.errors import OnboardError
 from alloc.metrics import evaluate
 from alloc.metrics.search import shortage, unit_shares
 from alloc.onboard.equipment import equipment
-from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed.parameters import COMPARED, Sounding
+from alloc.onboard.parameters import COMPARED, Belief, Onboard, ReferenceSpeed, Sensors, Sounding
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from alloc.onboard.brakes import Fuzzy, SlideProtection, protect
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Braking, Onboard
-from alloc.onboard.settings import RuleSettings, settings
-from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
-from alloc.onboard.slide_protection.protect import protect
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import jp4209318_3car

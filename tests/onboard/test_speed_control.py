@@ -4,20 +4,25 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
-from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.feedback import Feedback
-from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.onboard.speed_control.resistance import (
+from alloc.onboard.line_memory import (
+    LineMemory,
     Motion,
+    Regression,
+    RegressionFilter,
     compensation_force,
     feedforward_force,
     regressor,
 )
-from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
-from alloc.onboard.speed_control.speed_controller import SpeedControl
-from alloc.onboard.speed_control.switch import LEARN, USE, LearnThenUse
-from alloc.onboard.speed_control.traction import Traction
-from alloc.plant.equations import GRAVITY, gradient_force
+from alloc.onboard.speed_controller import (
+    LEARN,
+    USE,
+    Feedback,
+    LearnThenUse,
+    SpeedCommand,
+    SpeedControl,
+    Traction,
+)
+from alloc.plant.laws import GRAVITY, gradient_force
 from alloc.plant.sets import find_set
 
 

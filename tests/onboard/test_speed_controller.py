@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
-from alloc.onboard.speed_control.command import SpeedCommand
-from alloc.onboard.speed_control.feedback import Feedback
-from alloc.onboard.speed_control.line_memory import LineMemory
-from alloc.onboard.speed_control.position_detector import PositionDetector
-from alloc.onboard.speed_control.sampling import Regression, RegressionFilter
-from alloc.onboard.speed_control.speed_controller import LOGGED, Learning, SpeedControl
-from alloc.onboard.speed_control.switch import LEARN, USE, LearnThenUse
-from alloc.onboard.speed_control.traction import Traction
+from alloc.onboard.line_memory import LineMemory, PositionDetector, Regression, RegressionFilter
+from alloc.onboard.speed_controller import (
+    LEARN,
+    LOGGED,
+    USE,
+    Feedback,
+    Learning,
+    LearnThenUse,
+    SpeedCommand,
+    SpeedControl,
+    Traction,
+)
 from alloc.plant.sets import find_set
 
 PERIOD, PER_FORCE, MOST, OWN = 0.1, 1e-3, 60.0, 9e3

@@ -7,10 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.onboard.controllers.perturb_observe import PerturbObserve
+from alloc.onboard.controllers.particle_swarm import (
+    PARTICLES,
+    POINTS,
+    SwarmSlip,
+    SwarmTracking,
+    curve,
+    fit_models,
+    misfit,
+    try_particles,
+)
+from alloc.onboard.controllers.search import PerturbObserve
 from alloc.onboard.controllers.swarm import MODULUS, drawn, seeded, swarm_speed
-from alloc.onboard.controllers.swarm_slip import POINTS, SwarmSlip, curve, fit_models, misfit
-from alloc.onboard.controllers.swarm_tracking import PARTICLES, SwarmTracking, try_particles
 
 BOUNDS = PerturbObserve()
 

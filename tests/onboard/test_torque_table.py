@@ -7,12 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from alloc.errors import OnboardError
-from alloc.onboard.controllers.torque_table import (
-    TorqueTable,
-    asymmetric_lag,
-    lag_share,
-    torque_factor,
-)
+from alloc.onboard.controllers.simple import TorqueTable, asymmetric_lag, lag_share, torque_factor
 
 DEVIATION = st.floats(-50, 50)
 MARGIN, WIDTH = st.floats(0, 5), st.floats(1e-3, 5)

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from alloc.plant.car import AirBrake, Car, Motors, TorqueLimit
-from alloc.plant.train import Coupler, Train
+from alloc.plant.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
 
 AXLES, BOGIES = (2.5, 5.0, 15.0, 17.5), (0, 0, 1, 1)
 

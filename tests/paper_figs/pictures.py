@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
+from alloc.estimation.increments import SYNTHETIC_TABLE, read_slide_counts
 from paper_figs.registry import FIGURES
 from paper_figs.style import STYLE_FILE
 from studies.slides.jp4209318 import CALIBRATED

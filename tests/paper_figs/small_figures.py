@@ -7,8 +7,7 @@ from tempfile import TemporaryDirectory
 
 from matplotlib.figure import Figure
 
-from alloc.estimation.measured_run import MeasuredTrain, analyse_run
-from alloc.estimation.slide_counts import SYNTHETIC_TABLE, read_slide_counts
+from alloc.estimation.increments import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard.parameters import Detector
 from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
@@ -81,6 +80,7 @@ from studies.core.store import Store
 from studies.lines.line_run import run_line
 from studies.logs.export import log_table
 from studies.logs.measured_log import check_log
+from studies.logs.measured_run import MeasuredTrain, analyse_run
 from studies.readhesion_paper.limit_cycle_comparison import compare_cycles
 from studies.readhesion_paper.paper import CALIBRATED, RIVAL, run_cases
 from studies.report.replay import drawing

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.colors import to_hex
 
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from paper_figs.apart import apart
 from paper_figs.comparison import NO_PAIRS, rule_comparison
 from paper_figs.drawn_data import drawn_data

@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex
 from PIL import Image
 
 import paper_figs
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.rules import RULES
 from paper_figs.adhesion import PEAK

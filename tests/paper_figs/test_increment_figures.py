@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.estimation import increments
-from alloc.estimation.slide_counts import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
+from alloc.estimation.increments import SYNTHETIC_TABLE, SlideCounts, read_slide_counts
 from alloc.onboard.parameters import Detector
 from alloc.plant.rail import logarithmic_increments
 from paper_figs.adhesion import PLANNED, planned, planned_curves

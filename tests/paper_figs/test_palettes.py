@@ -7,8 +7,7 @@ import pytest
 from colorspacious import cspace_convert
 from matplotlib.colors import to_rgb
 
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController
+from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.rules import RULES
 from paper_figs.style import OTHER_COLOUR
 from studies.comparison.defaults import SLOW_CONTROLLER

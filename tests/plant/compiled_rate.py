@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from alloc.plant import compiled
-from alloc.plant.right_side import derivative
+from alloc.plant import engine as compiled
+from alloc.plant.engine import derivative
 from tests.compiled_part import from_python
 
 _pack, _unpack, _derivative = map(from_python, (compiled.pack, compiled.unpack, derivative))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from alloc.plant import compiled
+from alloc.plant import engine as compiled
 from alloc.plant.model import Inputs, Layout, Model
 from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.plant.array_model import ArrayModel, Local
-from alloc.plant.car import EFFORT_SPEED_STEP
-from alloc.plant.equations import speed_decline
-from alloc.plant.field import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
+from alloc.plant.laws import speed_decline
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
+from alloc.plant.rail import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
+from alloc.plant.train import EFFORT_SPEED_STEP
 
 
 def _table(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,11 +14,7 @@ from alloc.plant.adhesion import (
     RationalCurve,
     SlipRatioCurve,
 )
-from alloc.plant.adhesion_laws import (
-    parabola_curvature,
-    reference_speed,
-    tangential_coefficient,
-)
+from alloc.plant.laws import parabola_curvature, reference_speed, tangential_coefficient
 
 CURVES = {
     "piecewise": PiecewiseCurve(),

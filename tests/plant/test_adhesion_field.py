@@ -6,10 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import conditioning_deposit, hyperbolic_speed_law
-from alloc.plant.field import PEAK_FLOOR, smooth_step, window
+from alloc.plant.laws import conditioning_deposit, hyperbolic_speed_law
 from alloc.plant.model import build
-from alloc.plant.rail import SPEED_LAWS, Patch, Rail, logarithmic_increments
+from alloc.plant.rail import (
+    PEAK_FLOOR,
+    SPEED_LAWS,
+    Patch,
+    Rail,
+    logarithmic_increments,
+    smooth_step,
+    window,
+)
 from alloc.plant.train import Train
 from tests.plant.numpy_plant import environment_at
 

@@ -17,8 +17,8 @@ from alloc.plant.adhesion import (
 from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.model import Inputs, Model, build
 from alloc.plant.rail import SPEED_LAWS, Line, Patch, Rail, Receptivity, logarithmic_increments
-from alloc.plant.sander import Sander
 from alloc.plant.sets import SETS
+from alloc.plant.train import Sander
 from tests.plant.compiled_rate import compiled_rate
 from tests.plant.numpy_plant import environment_at
 

@@ -8,9 +8,8 @@ from alloc.errors import PlantError
 from alloc.plant.adhesion import PiecewiseCurve, PolachCurve, RationalCurve, SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
-from alloc.plant.sander import Sander
 from alloc.plant.sets import find_set
-from alloc.plant.train import AirBrake, Coupler, Motors, TorqueLimit, Train
+from alloc.plant.train import AirBrake, Coupler, Motors, Sander, TorqueLimit, Train
 from tests.plant.conftest import FLAT, make_car
 
 NAN, INF = math.nan, math.inf

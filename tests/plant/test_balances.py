@@ -8,7 +8,7 @@ import pytest
 from alloc.balance import mechanical_energy
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Patch, Rail
 from alloc.plant.train import Coupler, Sander

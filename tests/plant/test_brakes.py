@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import GRAVITY, shoe_torque
+from alloc.plant.laws import GRAVITY, shoe_torque
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import AirBrake, Train

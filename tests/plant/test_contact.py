@@ -11,9 +11,9 @@ from alloc.plant.adhesion import (
     POLACH_WET,
     PolachByFrictionCurve,
     PolachCurve,
+    creep_stiffness,
 )
-from alloc.plant.adhesion_laws import polach_set
-from alloc.plant.contact import creep_stiffness
+from alloc.plant.laws import polach_set
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Train

@@ -6,11 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.balance import coupler_spring_energy
-from alloc.plant.equations import (
-    coupler_damper_force,
-    coupler_spring_force,
-    coupler_stretch,
-)
+from alloc.plant.laws import coupler_damper_force, coupler_spring_force, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Coupler

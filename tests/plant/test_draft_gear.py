@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from alloc.balance import draft_gear_energy, mechanical_energy
 from alloc.errors import PlantError
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import coupler_stretch, friction_draft_gear
+from alloc.plant.laws import coupler_stretch, friction_draft_gear
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set

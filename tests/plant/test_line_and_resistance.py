@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.errors import PlantError
-from alloc.plant.equations import GRAVITY, gradient_force, running_resistance
+from alloc.plant.laws import GRAVITY, gradient_force, running_resistance
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.train import Coupler

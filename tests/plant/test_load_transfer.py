@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import GRAVITY, axle_load, car_rail_force
+from alloc.plant.laws import GRAVITY, axle_load, car_rail_force
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import SETS

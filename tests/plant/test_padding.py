@@ -5,13 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from alloc.plant import compiled
+from alloc.plant import engine as compiled
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import Inputs, build
+from alloc.plant.operations import WIDTH
 from alloc.plant.rail import Line, Patch, Rail, Receptivity
 from alloc.plant.sets import SETS
-from alloc.plant.simd import WIDTH
 from alloc.plant.train import AirBrake, Coupler, Motors, Train
 from tests.compiled_part import from_python
 from tests.plant.conftest import FLAT, make_car

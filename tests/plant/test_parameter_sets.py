@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import SETS, find_set, freight, high_speed_16car, jp4209318_3car, one_axle

@@ -6,12 +6,10 @@ import casadi
 import numpy as np
 import pytest
 
-from alloc.plant.equations import SLOWEST_SANDING, sand_laid
-from alloc.plant.field import sanded_peak
+from alloc.plant.laws import SLOWEST_SANDING, sand_laid
 from alloc.plant.model import build
-from alloc.plant.rail import Rail
-from alloc.plant.sander import Sander
-from alloc.plant.train import Train
+from alloc.plant.rail import Rail, sanded_peak
+from alloc.plant.train import Sander, Train
 
 SPEED, RATE, DECAY = 20.0, 0.04, 0.2
 RAIL = Rail(0.05, sanded_coefficient=0.2, sand_saturation=5e-3, sand_decay=DECAY)

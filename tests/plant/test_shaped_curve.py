@@ -12,9 +12,9 @@ import pytest
 import studies
 from alloc.errors import PlantError
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES, ExponentialDifference, ShapedCurve
-from alloc.plant.adhesion_laws import TABULATED, adhesion_limit, tangential_coefficient
+from alloc.plant.laws import TABULATED, adhesion_limit, tangential_coefficient
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from alloc.compilation import FASTMATH
-from alloc.plant import operations, simd
-from alloc.plant.simd import WIDTH, gather, load, look_up, padded, spread, store, total
+from alloc.plant import operations
+from alloc.plant import operations as simd
+from alloc.plant.operations import WIDTH, gather, load, look_up, padded, spread, store, total
 
 allocating_jit = numba.njit(error_model="numpy", fastmath=FASTMATH)
 """As the project's own, but these functions make the arrays that they return."""

@@ -13,10 +13,9 @@ from alloc.plant.adhesion import (
     SlipRatioCurve,
 )
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY, STICK_SPEED, elastic_energy, sticking_contact, stuck_share
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
-from alloc.plant.static_adhesion import STICK_SPEED, elastic_energy, sticking_contact, stuck_share
 from alloc.plant.train import Coupler, Train
 from tests.plant.numpy_plant import environment_at
 

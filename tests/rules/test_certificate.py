@@ -9,9 +9,8 @@ import pytest
 import quadprog
 
 from alloc.rules import AllocationProblem, find_rule, qp
-from alloc.rules.optimality_check import certified
-from alloc.rules.polish import polish
-from alloc.rules.qp_robust import chance_constrained
+from alloc.rules.exact import certified, polish
+from alloc.rules.qp import chance_constrained
 from tests.rules.random_problems import PLAN, random_problem
 
 FULL = bool(os.environ.get("READHESION_FULL"))

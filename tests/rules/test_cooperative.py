@@ -6,7 +6,7 @@ from hypothesis import given
 
 from alloc.metrics import evaluate
 from alloc.rules import find_rule
-from alloc.rules.cooperative import cooperative_law
+from alloc.rules.exact import cooperative_law
 from alloc.rules.rule import Units, units_of
 from alloc.simulation import simulate
 from studies.scenario.loading import load_scenario

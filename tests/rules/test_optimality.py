@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from scipy import sparse
 
 from alloc.rules import RULES, AllocationProblem, find_rule, optimality
-from alloc.rules.allocation import allocation
 from alloc.rules.exact import exact_in_box
+from alloc.rules.problem import allocation
 from tests.rules.strategies import EXPECTED, caps, problems
 
 ACCURACY = 1e-9 * EXPECTED

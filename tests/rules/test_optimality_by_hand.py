@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from alloc.rules import AllocationProblem, optimality
-from alloc.rules.allocation import CASE_B, allocation
-from alloc.rules.optimality_check import fitted_level
+from alloc.rules.exact import fitted_level
+from alloc.rules.problem import CASE_B, allocation
 
 # Unit 1 lacks 2 x 0.05, which units 2 and 3 make up by 0.05 each: the optimum is 0.15, 0.25, 0.25 and the level 0.25.
 PROBLEM = AllocationProblem([0.15, 0.30, 0.40], 0.2, mass=[2.0, 1.0, 1.0])

@@ -5,7 +5,7 @@ import pytest
 
 from alloc.errors import AllocationError
 from alloc.rules import AllocationProblem, find_rule
-from alloc.rules.optimality_check import optimality
+from alloc.rules.exact import optimality
 
 
 def test_limits_before_bound_nothing_without_a_rate():

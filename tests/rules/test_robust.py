@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from alloc.rules import AllocationError, AllocationProblem, find_rule, optimality, robust_rule
-from alloc.rules.qp_robust import PROBABILITY, QP_ROBUST, chance_constrained
+from alloc.rules.qp import PROBABILITY, QP_ROBUST, chance_constrained
 from tests.rules.strategies import EXPECTED, problems
 
 CAP = np.array([0.150, 0.160, 0.172, 0.176])

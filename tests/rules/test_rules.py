@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 
 from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp, qp_cvxpy
-from alloc.rules.allocation import CASES
 from alloc.rules.dispatch import COMPILED, allocate_compiled, compiled_index
+from alloc.rules.problem import CASES
 from alloc.rules.rule import units_of
 from tests.rules.strategies import EXPECTED, caps, problems
 

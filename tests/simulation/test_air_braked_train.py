@@ -9,12 +9,12 @@ import pytest
 from alloc.balance import mechanical_energy
 from alloc.errors import OnboardError
 from alloc.metrics import METRICS, evaluate
-from alloc.metrics.slide import ATMOSPHERE
+from alloc.metrics.use import ATMOSPHERE
+from alloc.onboard.brakes import Fuzzy, SlideProtection
 from alloc.onboard.host import HostedController
 from alloc.onboard.parameters import Braking, Onboard
-from alloc.onboard.slide_protection.parameters import Fuzzy, SlideProtection
 from alloc.plant.adhesion import SlipRatioCurve
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.simulation import simulate
 from studies.core.drawn_rails import rail_offering
 from studies.ladder.events import REFERENCE_SPEED

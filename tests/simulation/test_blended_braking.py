@@ -7,8 +7,8 @@ import pytest
 
 from alloc.errors import OnboardError
 from alloc.metrics import evaluate
+from alloc.onboard.brakes import SlideProtection
 from alloc.onboard.parameters import Belief, Braking, Onboard
-from alloc.onboard.slide_protection.parameters import SlideProtection
 from alloc.plant.model import build
 from alloc.plant.rail import Rail, Receptivity, logarithmic_increments
 from alloc.plant.sets import find_set

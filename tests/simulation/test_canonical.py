@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from alloc.canonical import canonical
+from alloc.event import canonical
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail, logarithmic_increments
 from alloc.plant.sets import SETS, find_set

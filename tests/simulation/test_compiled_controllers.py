@@ -9,13 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from alloc.by_address import address_of, record_at
-from alloc.by_reference import ByReference
 from alloc.compilation import compiled
 from alloc.event import DriverCommand
-from alloc.onboard.compiled_controller import STEP, CompiledController, each_compiled
-from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.host import (
+    STEP,
+    CompiledController,
+    HostedController,
+    TorqueDecision,
+    each_compiled,
+    each_unit,
+)
 from alloc.onboard.parameters import ReferenceSpeed, Sensors
+from alloc.records import ByReference, address_of, record_at
 from alloc.simulation import simulate
 
 PATTERN = ("ok", "infeasible", "odd but usable", "not a number", "ok", "ok")

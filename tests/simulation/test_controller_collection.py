@@ -7,10 +7,9 @@ import pytest
 
 from alloc.errors import OnboardError
 from alloc.onboard import controllers
-from alloc.onboard.controllers.built_in import BuiltInController
+from alloc.onboard.controllers.base import BuiltInController
 from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.host import CONTROLLERS, HostedController, TorqueDecision, each_unit
 from alloc.simulation import SimulationError, simulate
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from alloc.metrics import evaluate
-from alloc.metrics.detection import detection_delay, false_alarms, missed_slips, slips
+from alloc.metrics.search import detection_delay, false_alarms, missed_slips, slips
 from alloc.onboard.parameters import Onboard, Sensors
 from alloc.simulation import simulate
 

@@ -8,7 +8,7 @@ import pytest
 from alloc.driving import Controls, TrainSense, drive
 from alloc.errors import PlantError
 from alloc.event import SimulationError
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set

@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from alloc.estimation.learning import learnt_in
+from alloc.estimation.increments import learnt_in
 from alloc.onboard.increment_learning import IncrementLearning, gaussian_posterior, running_mean
-from alloc.recorded_variables import VARIABLES
+from alloc.recording import VARIABLES
 from alloc.simulation import simulate
 from studies.scenario.loading import shipped_scenario
 

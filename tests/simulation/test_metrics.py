@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from alloc.metrics import METRICS, evaluate
-from alloc.metrics.motion import jerk
+from alloc.metrics.use import jerk
 from alloc.simulation import simulate
 
 

@@ -7,9 +7,8 @@ import pytest
 
 from alloc.metrics.search import utilisation_short
 from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.pi_creep import CreepControl
-from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
-from alloc.onboard.reference_speed.parameters import Sounding
+from alloc.onboard.controllers.creep import CreepControl
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sounding
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

@@ -6,9 +6,9 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from alloc.metrics import readhesion
-from alloc.metrics.readhesion import Signals
-from alloc.spans import spans
+from alloc.estimation.series import spans
+from alloc.metrics import search as readhesion
+from alloc.metrics.search import Signals
 
 PLAN = 1000.0
 PEAK = 0.05

@@ -9,10 +9,7 @@ import pytest
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
-from alloc.recorded_physics import PlantRecord, physical_variables
-from alloc.recorded_variables import VARIABLES
-from alloc.recording import load, save
-from alloc.run_attributes import RunAttributes
+from alloc.recording import VARIABLES, PlantRecord, RunAttributes, load, physical_variables, save
 from alloc.simulation import simulate
 
 

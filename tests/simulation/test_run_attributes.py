@@ -4,10 +4,9 @@ from typing import Any, get_type_hints
 
 from alloc.event import Event
 from alloc.metrics import evaluate
-from alloc.recording import load, save
+from alloc.recording import RunAttributes, attributes_of, load, save
 from alloc.rules import AllocationProblem, Rule
-from alloc.rules.allocation import Allocation
-from alloc.run_attributes import RunAttributes, attributes_of
+from alloc.rules.problem import Allocation
 from alloc.simulation import simulate
 from studies.scenario.loading import load_scenario
 from studies.scenario.scenario import Scenario

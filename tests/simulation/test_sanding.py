@@ -5,12 +5,12 @@ import pytest
 
 from alloc.errors import OnboardError
 from alloc.event import DriverCommand, Event
+from alloc.onboard.brakes import Sanding
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
-from alloc.onboard.sanding import Sanding
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
-from alloc.plant.sander import Sander
 from alloc.plant.sets import gb_unit
+from alloc.plant.train import Sander
 from alloc.simulation import simulate
 
 RECORD = 0.01

@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from alloc.errors import EstimationError
-from alloc.estimation.measured_run import applied_force
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import find_set
+from studies.logs.measured_run import applied_force
 from tests.simulation.slides import (
     PLAIN_RAIL,
     START,

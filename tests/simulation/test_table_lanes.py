@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from alloc.event import DriverCommand, Event, SimulationError
-from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.onboard.controllers.simple import TorqueTable
 from alloc.onboard.parameters import Onboard, ReferenceSpeed
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
+from alloc.plant.operations import WIDTH
 from alloc.plant.rail import Patch, Rail
 from alloc.plant.sets import find_set
-from alloc.plant.simd import WIDTH
 from alloc.simulation import simulate
 from studies.readhesion_paper.lanes import simulate_tables
 

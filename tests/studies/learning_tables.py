@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from alloc.estimation.learning import DIRECTIONS
+from alloc.estimation.increments import DIRECTIONS
 from studies.learning.arms import ARMS
 from studies.learning.starts import KINDS
 

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from alloc.event import Event
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.event import Event, longest_duration
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
 from alloc.rules import RULES
-from alloc.run_size import longest_duration
 from studies.core.controllers import is_hosted
 from studies.files.strict import parse
 from studies.files.study_error import StudyError

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from alloc.onboard.speed_control.command import SpeedCommand
+from alloc.onboard.speed_controller import SpeedCommand
 from alloc.plant.rail import Line
 from alloc.plant.sets import find_set
 from studies.resistance.routes import Route

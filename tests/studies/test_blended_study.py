@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 from alloc.metrics import evaluate
-from alloc.metrics.slide import locked_time
-from alloc.plant.environment import axle_contacts
-from alloc.plant.equations import GRAVITY
-from alloc.plant.structure import structure_of
+from alloc.metrics.use import locked_time
+from alloc.plant.laws import GRAVITY
+from alloc.plant.model import axle_contacts, structure_of
 from alloc.simulation import simulate
 from studies.blended.events import (
     CURVES,

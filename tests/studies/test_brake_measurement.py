@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.estimation.brake_shortfall import CalibrationErrors
-from alloc.estimation.car_brake_force import car_brake_forces
+from alloc.estimation.brake_force import CalibrationErrors, car_brake_forces
 from studies.brake_force.measurement import (
     MeasuringSystem,
     disturb,

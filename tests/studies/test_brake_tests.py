@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from alloc.estimation.brake_force_mean import stop_mean
-from alloc.plant.equations import hyperbolic_speed_law
+from alloc.estimation.brake_force import stop_mean
+from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.sets import freight
 from studies.brake_force.findings import row_of_test
 from studies.brake_force.running_tests import (

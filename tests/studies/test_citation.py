@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from alloc.citations import CITATIONS, cited_in
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.plant.sets import SETS, find_set
 from alloc.rules import RULES
 from studies.citation.run_parts import ASSUMED, PARTLY, SOURCED, documents_of, values_of

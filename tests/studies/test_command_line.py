@@ -15,10 +15,10 @@ from PIL import Image
 
 import alloc.rules.qp
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.recording import load
 from alloc.rules import RULES
-from alloc.whole_file import ASIDE
+from alloc.sources import ASIDE
 from studies.command_line.main import run
 from studies.command_line.options import command_of
 from studies.core.plugins import VARIABLE

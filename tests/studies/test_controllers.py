@@ -3,7 +3,7 @@
 import pytest
 
 from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from studies.core.controllers import check_controller, is_hosted
 from studies.files.study_error import StudyError
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from alloc.metrics.motion import damage, distance
-from alloc.plant.equations import GRAVITY
+from alloc.metrics.use import damage, distance
+from alloc.plant.laws import GRAVITY
 from alloc.simulation import simulate
 from studies.slides.electric import electric_event, electric_train
 from studies.slides.jp4209318 import Undisclosed, brake, brake_event

@@ -5,7 +5,7 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 import pytest
 
-from alloc.onboard.slide_protection.parameters import SENSITIVITIES, Fuzzy
+from alloc.onboard.brakes import SENSITIVITIES, Fuzzy
 from alloc.plant.sets import jp4209318_3car
 from studies.slides.calibration import to_unit_cube
 from studies.slides.ensemble_statements import LEAST_MEMBERS

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 
 from alloc.plant.adhesion import POLACH_WET
-from alloc.plant.environment import level_for
-from alloc.plant.model import build
+from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
 from alloc.simulation import CONTROLLERS, simulate
 from studies.core.drawn_events import complete

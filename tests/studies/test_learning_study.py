@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.learning import DIRECTIONS, load_learning
+from alloc.estimation.increments import DIRECTIONS, load_learning
 from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, VERDICTS
 from studies.learning import starts, study

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from alloc.event import DriverCommand
-from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.onboard.controllers.simple import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail

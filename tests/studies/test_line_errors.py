@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
-from alloc.onboard.speed_control.position_detector import Odometer, PositionDetector
+from alloc.onboard.line_memory import Odometer, PositionDetector
 from alloc.plant.rail import Line
 from studies.command_line.options import StudyOptions
 from studies.files.study_error import StudyError

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from alloc.plant.array_model import ArrayModel
-from alloc.plant.equations import STANDSTILL_SPEED
+from alloc.plant.laws import STANDSTILL_SPEED
 from alloc.plant.model import Model
 from studies.lines.distance_steps import run_by_distance
 from studies.lines.driving_style import legs

@@ -5,8 +5,6 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import analyse_run
 from studies.core.statement import FAILS, HOLDS
 from studies.log_accuracy.defects import speeds_of
 from studies.log_accuracy.drawn_defects import DEFECTS, Logged
@@ -15,7 +13,9 @@ from studies.log_accuracy.forms import FORMS
 from studies.log_accuracy.statements import log_accuracy_statements
 from studies.log_accuracy.study import LOG_ACCURACY
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import read_log
+from studies.logs.measured_run import analyse_run
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, readhering
 
 

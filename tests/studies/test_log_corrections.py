@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import analyse_run
 from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from studies.blended.events import scenario as drawn_stop
@@ -16,7 +14,9 @@ from studies.ladder.events import scenario as drawn_start
 from studies.log_accuracy import defects as spoil
 from studies.logs.channel_values import forwards
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import check_log
+from studies.logs.measured_run import analyse_run
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import driven
 from tests.studies.test_log_defects import SHARE, Clean, clean

@@ -6,16 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run
 from alloc.estimation.slip_events import SMALL
 from alloc.plant.sets import find_set
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
 from studies.log_accuracy import defects as spoil
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping
 from studies.logs.measured_log import MeasuredLog, check_log
+from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.open_questions import delay_remarks
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.measured_run import analyse_run
 from studies.files.study_error import StudyError
 from studies.log_accuracy import defects as spoil
 from studies.logs.channel_units import factor, kinds_of
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping, read_mapping
 from studies.logs.measured_log import check_log, read_log
+from studies.logs.measured_run import analyse_run
 from studies.logs.remarks import MOST, grouped
 from tests.studies.test_measured_log import RADIUS, TRAIN, make_table
 

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.common_instants import Instants
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run
 from studies.log_accuracy import defects as spoil
+from studies.logs.common_instants import Instants
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping
 from studies.logs.measured_log import MeasuredLog, check_log
+from studies.logs.measured_run import Findings, analyse_run
 from studies.logs.momentum_check import forwards_too
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, readhering
 

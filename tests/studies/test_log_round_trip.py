@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from alloc.estimation.measured_run import Findings, MeasuredTrain, analyse_run
+from alloc.estimation.series import spans
 from alloc.estimation.slip_events import SlipCriterion
 from alloc.metrics import METRICS
 from alloc.metrics.registry import SLIP_FACTOR
 from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
-from alloc.spans import spans
 from studies.core.job import Job, simulate_job
 from studies.logs.export import log_table, rounded
 from studies.logs.measured_log import check_log
+from studies.logs.measured_run import Findings, MeasuredTrain, analyse_run
 from studies.scenario.loading import load_scenario
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 

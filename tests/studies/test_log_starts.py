@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.known_train import MeasuredTrain
-from alloc.estimation.measured_run import Findings, analyse_run
 from alloc.metrics import METRICS
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate
@@ -18,7 +16,9 @@ from studies.log_accuracy import defects as spoil
 from studies.logs.columns import column_of
 from studies.logs.dead_zone import filled_dead_zone
 from studies.logs.export import log_table, rounded
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log
+from studies.logs.measured_run import Findings, analyse_run
 from studies.scenario.loading import load_scenario
 from studies.wsp_acceptance.events import stop_of
 from tests.studies.test_log_defects import SHARE

@@ -11,13 +11,13 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from alloc.estimation.measured_run import MeasuredTrain, analyse_run
 from alloc.plant.sets import find_set
 from alloc.plant.train import Train
 from alloc.simulation import simulate
 from studies.ladder.events import scenario
 from studies.logs.export import log_table, rounded, write_log
 from studies.logs.measured_log import check_log
+from studies.logs.measured_run import MeasuredTrain, analyse_run
 from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
 
 NOISE = 0.04

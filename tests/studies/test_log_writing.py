@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from alloc.estimation.known_train import MeasuredTrain
 from studies.files.study_error import StudyError
 from studies.logs.axle_series import _gained, _since_row_before
 from studies.logs.channel_units import factor
 from studies.logs.channel_values import numbers
 from studies.logs.guessing import guess
+from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import read_log
 from studies.logs.number_texts import decimal_of, numbers_of
 from studies.logs.recorder_files import read_recording

@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from alloc.errors import PlantError
-from alloc.estimation.measured_run import MeasuredTrain, analyse_run
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from studies.files.study_error import StudyError
 from studies.logs.columns import column_names, parse_column
 from studies.logs.measured_log import check_log, read_log
+from studies.logs.measured_run import MeasuredTrain, analyse_run
 from studies.logs.measured_train import read_log_train, write_log_train
 from studies.logs.momentum_check import fitting_units
 from studies.scenario.train_file import read_train_file

@@ -4,15 +4,9 @@ import pickle
 
 import pytest
 
+from alloc.onboard.brakes import SENSITIVITIES, Fuzzy, SlideProtection, Threshold
 from alloc.onboard.increment_learning import IncrementLearning
-from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed.parameters import Sounding
-from alloc.onboard.slide_protection.parameters import (
-    SENSITIVITIES,
-    Fuzzy,
-    SlideProtection,
-    Threshold,
-)
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, Sounding
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.onboard_keys import OnboardKeys

@@ -11,14 +11,14 @@ from tests.studies.test_plugins import plain  # noqa: F401
 RULE = """
 import numpy as np
 from alloc.rules import RULES, Rule
-from alloc.rules.allocation import CASE_A, allocation
+from alloc.rules.problem import CASE_A, allocation
 def answer(problem{more}):
     limit = np.clip(np.full(problem.n, problem.expected), *problem.box)
     {answer}
 RULES.register("mine", {part})
 """
 CONTROLLER = """
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 class Mine:
     __slots__ = ()

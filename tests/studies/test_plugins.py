@@ -13,11 +13,10 @@ from jsonschema import Draft202012Validator
 
 from alloc import sources
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController
-from alloc.onboard.quantity import quantity
+from alloc.onboard.host import CONTROLLERS, HostedController
 from alloc.plant.adhesion import CURVES
 from alloc.plant.sets import SETS
+from alloc.records import quantity
 from alloc.rules import RULES
 from paper_figs.registry import FIGURES
 from studies.command_line.main import run

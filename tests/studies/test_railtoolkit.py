@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from studies.files.study_error import FileWarning, StudyError
 from studies.lines.real_input import with_real_input
 from studies.railtoolkit.reading import read_path, read_rolling_stock, read_train

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from alloc.metrics.readhesion import readhesion_possible
+from alloc.metrics.search import readhesion_possible
 from studies.readhesion_paper import sensitivity as readhesion_grid
 from studies.readhesion_paper.findings import (
     CLAIMS,

@@ -11,7 +11,7 @@ report_pages.need_packages()
 
 RAISING = """
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
-from alloc.onboard.controllers.registry import CONTROLLERS
+from alloc.onboard.host import CONTROLLERS
 
 
 class Raising:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from alloc.metrics.room import headroom
+from alloc.metrics.use import headroom
 from studies.comparison.summary import REFERENCE, Line
 from studies.comparison.table import COLUMNS
 from studies.core.collection import study_folder

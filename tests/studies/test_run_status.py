@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from alloc import simulation
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController, TorqueDecision, each_unit
+from alloc.onboard.host import CONTROLLERS, HostedController, TorqueDecision, each_unit
 from alloc.rules import RULES
 from studies.comparison.grid import Grid
 from studies.comparison.summary import summarise

@@ -8,8 +8,7 @@ import pytest
 
 import studies.core.runner
 from alloc.metrics import METRICS
-from alloc.onboard.controllers.registry import CONTROLLERS
-from alloc.onboard.host import HostedController, each_unit
+from alloc.onboard.host import CONTROLLERS, HostedController, each_unit
 from alloc.recording import load
 from studies.comparison.grid import Grid
 from studies.core.cell import key_of, run_cell

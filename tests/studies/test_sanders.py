@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.sets import gb_unit
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED

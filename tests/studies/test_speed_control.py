@@ -5,14 +5,11 @@ import pytest
 
 from alloc.driving import drive
 from alloc.errors import EstimationError, OnboardError
-from alloc.estimation.resistance_log import RunLog, learn_from_log
-from alloc.estimation.running_resistance import LeastSquaresLearner
+from alloc.estimation.running_resistance import LeastSquaresLearner, RunLog, learn_from_log
 from alloc.onboard.equipment import equipment
+from alloc.onboard.line_memory import PositionDetector
 from alloc.onboard.parameters import Belief, Onboard
-from alloc.onboard.speed_control.feedback import Feedback
-from alloc.onboard.speed_control.position_detector import PositionDetector
-from alloc.onboard.speed_control.speed_controller import SpeedControl
-from alloc.onboard.speed_control.traction import Traction
+from alloc.onboard.speed_controller import Feedback, SpeedControl, Traction
 from studies.files.study_error import StudyError
 from studies.resistance.driven_cases import (
     CARS,

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 from alloc.recording import load
-from alloc.whole_file import ASIDE
+from alloc.sources import ASIDE
 from studies.core.cell import Key
 from studies.core.checked_file import StoreWarning, write_checked
 from studies.core.store import Store

@@ -11,9 +11,8 @@ import xarray as xr
 from alloc.loop import CHUNKS
 from alloc.onboard.equipment import equipment
 from alloc.onboard.parameters import Onboard, ReferenceSpeed
-from alloc.plant.environment import level_for
-from alloc.plant.equations import GRAVITY
-from alloc.plant.model import build
+from alloc.plant.laws import GRAVITY
+from alloc.plant.model import build, level_for
 from alloc.plant.rail import Line, Rail
 from alloc.plant.sets import find_set
 from alloc.simulation import simulate

@@ -1,6 +1,6 @@
 """The train's computers written a second time, in arrays and queues; only equipment and settings are shared.
 
-`Computers` takes one control period at a time. Names are those of `alloc.onboard.memory`. The reference speed is given to
+`Computers` takes one control period at a time. Names are those of `alloc.onboard.state`. The reference speed is given to
 it; the estimate of it is tested in `tests/onboard/test_reference_speed.py`.
 """
 

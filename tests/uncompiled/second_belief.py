@@ -5,8 +5,12 @@ import math
 
 import numpy as np
 
-from alloc.onboard.observer import observer_gains
-from mpc import air_brake, axle_observer, curve_filter, search_step, slip_search
+from alloc.onboard.laws import observer_gains
+from mpc import belief as air_brake
+from mpc import estimator as axle_observer
+from mpc import estimator as curve_filter
+from mpc import slip_search
+from mpc import slip_search as search_step
 
 PERIOD = 0.01
 

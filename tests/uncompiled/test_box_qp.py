@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.plant.simd import WIDTH
+from alloc.plant.operations import WIDTH
 from mpc.box_qp import ACCEPTED, box_workspace, solve_box_qp
 from tests.mpc.box_programs import KINDS, program, violation
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alloc.onboard.actuation import (
+from alloc.onboard.brakes import (
     brake_receiver,
     foresee_torque,
     restrain_blind_units,
@@ -15,7 +15,7 @@ from alloc.onboard.actuation import (
 from alloc.onboard.distribution import distribute, prepare_allocation
 from alloc.onboard.equipment import equipment
 from alloc.onboard.increment_learning import IncrementLearning
-from alloc.onboard.memory import memory
+from alloc.onboard.laws import SUPPLY
 from alloc.onboard.parameters import (
     Belief,
     Braking,
@@ -25,10 +25,9 @@ from alloc.onboard.parameters import (
     Sensors,
     Telegrams,
 )
-from alloc.onboard.reports import hear_reports, write_reports
 from alloc.onboard.sensing import sense
-from alloc.onboard.settings import RuleSettings, settings
-from alloc.onboard.slide_protection.fuzzy import SUPPLY
+from alloc.onboard.state import RuleSettings, memory, settings
+from alloc.onboard.telegrams import hear_reports, write_reports
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

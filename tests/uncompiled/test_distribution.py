@@ -8,9 +8,8 @@ import pytest
 from alloc.onboard.distribution import KEPT, PROBE, prepare_allocation
 from alloc.onboard.equipment import equipment
 from alloc.onboard.increment_learning import NO_LEARNING
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

@@ -8,11 +8,10 @@ import pytest
 from alloc.onboard.distribution import prepare_allocation
 from alloc.onboard.equipment import equipment
 from alloc.onboard.increment_learning import IncrementLearning
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Belief, Onboard, ReferenceSpeed, Telegrams
-from alloc.onboard.reports import DETECTED, ESTIMATE, hear_reports, write_reports
 from alloc.onboard.sensing import sense
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, memory, settings
+from alloc.onboard.telegrams import DETECTED, ESTIMATE, hear_reports, write_reports
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

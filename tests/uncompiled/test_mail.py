@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from alloc.onboard.mail import SLOTS, collect, mail, post, tell
+from alloc.onboard.telegrams import SLOTS, collect, mail, post, tell
 
 UNITS = 3
 

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from alloc.onboard.own_slips import caps_by_slips, count_slips
-from alloc.onboard.reports import DETECTED, ESTIMATE
+from alloc.onboard.telegrams import DETECTED, ESTIMATE, caps_by_slips, count_slips
 
 PLAN, HOLD = 0.16, 5.0
 INCREMENTS = SimpleNamespace(increment=np.array([0.01, 0.03, 0.06, 0.07]))

@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 
 from alloc.balance import coupler_spring_energy
+from alloc.onboard import reference_speed as kalman_filter
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
-from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed import kalman_filter
-from alloc.onboard.reference_speed.kalman_filter import estimate_speed
-from alloc.onboard.reference_speed.parameters import Sounding
-from alloc.onboard.reference_speed.sounding import SEEN, has_settled, sound
-from alloc.onboard.reference_speed.speed_reading import take_reading
-from alloc.onboard.reference_speed.state import BOUND_SHARE, reference_pace
+from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors, Sounding
+from alloc.onboard.reference_speed import (
+    BOUND_SHARE,
+    SEEN,
+    estimate_speed,
+    has_settled,
+    reference_pace,
+    sound,
+    take_reading,
+)
 from alloc.onboard.sensing import sense
-from alloc.onboard.settings import RuleSettings, settings
-from alloc.plant.equations import GRAVITY, coupler_stretch
+from alloc.onboard.state import RuleSettings, memory, settings
+from alloc.plant.laws import GRAVITY, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set, jp4209318_3car

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
+from alloc.onboard.laws import HOLD, SUPPLY
 from alloc.onboard.parameters import Onboard, Telegrams
-from alloc.onboard.reports import (
+from alloc.onboard.state import RuleSettings, memory, settings
+from alloc.onboard.telegrams import (
     ACTING,
     BY_ITSELF,
     BY_NOTHING,
@@ -21,8 +22,6 @@ from alloc.onboard.reports import (
     hear_reports,
     write_reports,
 )
-from alloc.onboard.settings import RuleSettings, settings
-from alloc.onboard.slide_protection.fuzzy import HOLD, SUPPLY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

@@ -5,15 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from mpc import sqp
-from mpc.cost import AxleTerms, Cost, CostWeights, UnitTerms
-from mpc.horizon import HorizonProblem
-from mpc.real_time import RealTimeIteration
+from mpc import solver as sqp
+from mpc.condensing import AxleTerms, Cost, CostWeights, Nonzeros, UnitTerms
+from mpc.model import Stiffness
+from mpc.period import HorizonProblem, RealTimeIteration
 from mpc.settings import MpcSettings
-from mpc.shooting import Nonzeros
-from mpc.sqp import ENDED, GOING, NO_SOLUTION, NOT_FINITE
-from mpc.sqp_period import Addresses, Rules, period
-from mpc.stiffness import Stiffness
+from mpc.solver import ENDED, GOING, NO_SOLUTION, NOT_FINITE, Addresses, Rules, period
 
 SCALE, UPPER = np.array([10.0, 20.0]), np.array([50.0, 60.0])
 

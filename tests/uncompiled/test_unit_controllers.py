@@ -6,13 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from alloc.onboard.controllers.collection import BUILT_IN
-from alloc.onboard.controllers.dispatch import control
-from alloc.onboard.controllers.peak_search import move_reference
+from alloc.onboard.controllers.collection import BUILT_IN, control
+from alloc.onboard.controllers.creep import move_reference
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

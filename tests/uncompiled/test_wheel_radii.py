@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from alloc.onboard.equipment import equipment
-from alloc.onboard.memory import memory
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed.wheel_radii import AFTER, GATE
-from alloc.onboard.sensing import sense
-from alloc.onboard.settings import RuleSettings, settings
+from alloc.onboard.sensing import AFTER, GATE, sense
+from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from tests.onboard.uneven import uneven_train

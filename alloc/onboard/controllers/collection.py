@@ -1,24 +1,25 @@
-"""The readhesion controllers that are built in: to add one, import it here and give it a field."""
+"""The built-in readhesion controllers, and the compiled call of the one that a run has.
+
+In: the units' torque targets. Out: their torque commands. To add one, import it here and give it a field.
+"""
 
 from collections import namedtuple
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from alloc.onboard.controllers.built_in import BuiltInController
-from alloc.onboard.controllers.cubature_seeking import CubatureSeeking
-from alloc.onboard.controllers.cut_and_ramp import CutAndRamp
-from alloc.onboard.controllers.fuzzy_creep import FuzzyCreep
-from alloc.onboard.controllers.fuzzy_tracking import FuzzyTracking
-from alloc.onboard.controllers.none import NoControl
-from alloc.onboard.controllers.perturb_observe import PerturbObserve
-from alloc.onboard.controllers.pi_creep import CreepControl
-from alloc.onboard.controllers.steepest_gradient import SteepestGradient
-from alloc.onboard.controllers.swarm_slip import SwarmSlip
-from alloc.onboard.controllers.swarm_tracking import SwarmTracking
-from alloc.onboard.controllers.torque_table import TorqueTable
+from alloc.compilation import equation, inlined_jit
+from alloc.onboard.controllers.base import BuiltInController
+from alloc.onboard.controllers.creep import CreepControl, FuzzyCreep
+from alloc.onboard.controllers.cubature import CubatureSeeking
+from alloc.onboard.controllers.particle_swarm import SwarmSlip, SwarmTracking
+from alloc.onboard.controllers.search import FuzzyTracking, PerturbObserve, SteepestGradient
+from alloc.onboard.controllers.simple import CutAndRamp, NoControl, TorqueTable
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
+
+
+# The readhesion controllers that are built in: to add one, import it here and give it a field.
 
 
 @dataclass(frozen=True)
@@ -69,3 +70,52 @@ def law_settings(onboard: "Onboard") -> LawSettings:
 def law_memory(units: int) -> LawMemory:
     """Memory of all laws at the start of a run."""
     return LawMemory(*(kind.memory(units) for kind in _FIELDS.values()))
+
+
+# From the units' torque targets to their torque commands, by the readhesion controller of the run.
+
+
+def _case(index: int, law: Any) -> Any:
+    """Law of a unit under the controller of this index."""
+
+    @equation
+    def follow(eq, st, m, j, commanded):
+        return law(eq, st, m, st.law[index], m.law[index], j, commanded)
+
+    return follow
+
+
+def _either(first: Any, below: int, second: Any) -> Any:
+    """`first` for controllers of an index below this, else `second`."""
+
+    @equation
+    def choose(eq, st, m, j, commanded):
+        if st.controller < below:
+            return first(eq, st, m, j, commanded)
+        else:
+            return second(eq, st, m, j, commanded)
+
+    return choose
+
+
+def _tree(cases: list[Any], start: int) -> Any:
+    """Choice among `cases`, the first of index `start`; halved, for the compiler goes through all at every level."""
+    if len(cases) == 1:
+        return cases[0]
+    half = len(cases) // 2
+    return _either(_tree(cases[:half], start), start + half, _tree(cases[half:], start + half))
+
+
+_command: Any = _tree([_case(k, one.law) for k, one in enumerate(BUILT_IN.values())], 0)
+
+
+@inlined_jit
+def control(eq, st, m, commanded):
+    """Torque commands of all units, and the share of its target that each is.
+
+    Under a hosted controller these are its reserve; the share is then that of the host, which is not known yet.
+    """
+    for j in range(eq.axles.size):
+        share = _command(eq, st, m, j, commanded)
+        if not st.hosted:
+            m.unit.torque_factor[j] = share

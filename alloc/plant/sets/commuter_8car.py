@@ -1,6 +1,6 @@
 """Eight-car commuter electric multiple unit, four motor cars and four trailers, with trailers at both ends."""
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
 

@@ -3,7 +3,7 @@
 import math
 from functools import partial
 
-from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+from alloc.plant.laws import GRAVITY, hyperbolic_speed_law
 from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Coupler, Motors, TorqueLimit, Train
 

@@ -1,6 +1,6 @@
 """Heavy train of 70 equal vehicles with friction draft gears: a published yardstick of forces in couplers."""
 
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, DraftGear, Motors, TorqueLimit, Train
 

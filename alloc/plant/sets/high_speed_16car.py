@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from alloc.plant.equations import GRAVITY, hyperbolic_speed_law
+from alloc.plant.laws import GRAVITY, hyperbolic_speed_law
 from alloc.plant.rail import SPEED_LAWS, Rail, logarithmic_increments
 from alloc.plant.sets import SETS
 from alloc.plant.train import (

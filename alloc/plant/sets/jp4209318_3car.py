@@ -1,7 +1,7 @@
 """Three braked cars of the slide protection's demonstration: JP4209318, Table 2."""
 
 from alloc.plant.adhesion import SlipRatioCurve
-from alloc.plant.equations import GRAVITY
+from alloc.plant.laws import GRAVITY
 from alloc.plant.rail import Rail
 from alloc.plant.sets import SETS
 from alloc.plant.train import AirBrake, Car, Train

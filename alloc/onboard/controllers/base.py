@@ -1,0 +1,87 @@
+"""Base class of the readhesion controllers that are compiled with the loop."""
+
+from collections import namedtuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from alloc.compilation import equation
+from alloc.display import displayed
+
+if TYPE_CHECKING:
+    from alloc.onboard.parameters import Onboard
+
+
+# Base class of the readhesion controllers that are compiled with the loop.
+
+
+Remembered = Mapping[str, Any]
+"""What a law stores of every unit, and its value at the start of a run: a number, or nested tuples of numbers."""
+
+
+@displayed
+class BuiltInController:
+    """A readhesion controller; a subclass is a frozen dataclass of its parameters.
+
+    `law(eq, st, m, p, k, j, commanded)` is compiled. It fills the torque command of unit `j` and returns the share of its
+    target that it leaves the unit. `p` comes from `settings`, `k` from `memory`; `eq`, `st`, `m` are equipment, settings and
+    memory of the whole train. All quantities count positive in the direction of the demand.
+    """
+
+    name: ClassVar[str]
+    meaning: ClassVar[str]
+    """One line."""
+    colour: ClassVar[str]
+    """Hexadecimal; the same in every figure."""
+    marker: ClassVar[str]
+    """In figures, as Matplotlib names it."""
+    law: ClassVar[Any]
+    _remembered: ClassVar[Remembered]
+    Parameters: ClassVar[Any]
+    Memory: ClassVar[Any]
+    """Named tuples of the parameters and of the stored values of the law, as compiled code takes them."""
+
+    def __init_subclass__(cls, remembered: Remembered | None = None) -> None:
+        """`remembered`: what the law keeps of every unit."""
+        cls._remembered = remembered or {}
+        for kind, names in (("Parameters", cls.__annotations__), ("Memory", cls._remembered)):
+            record: Any = namedtuple(cls.__name__ + kind, names, module=cls.__module__)  # type: ignore[misc]
+            record.__qualname__ = f"{cls.__qualname__}.{kind}"  # where Numba's cache looks for it
+            setattr(cls, kind, record)
+        missing = [part for part in BuiltInController.__annotations__ if not hasattr(cls, part)]
+        if missing:
+            raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
+
+    def settings(self, onboard: "Onboard") -> Any:
+        """Named tuple of the numbers that the law takes as `p`; None if it needs none."""
+        values = [float(getattr(self, name)) for name in self.Parameters._fields]
+        return self.Parameters(*values) if values else None
+
+    @classmethod
+    def memory(cls, units: int) -> Any:
+        """Named tuple of arrays that the law keeps in `k`, as at the start of a run; None if it keeps none.
+
+        Each is (units,), or (units, n) where n values are stored per unit.
+        """
+        arrays = [np.full((units, *np.shape(value)), value) for value in cls._remembered.values()]
+        return cls.Memory(*arrays) if arrays else None
+
+
+@equation
+def share_of_target(m, j):
+    """Command of unit `j` as a share of its target."""
+    target = m.unit.torque_target[j]
+    return m.unit.torque_command[j] / target if target != 0.0 else 1.0
+
+
+@equation
+def direction(commanded):
+    """1 driving, -1 braking."""
+    return 1.0 if commanded >= 0.0 else -1.0
+
+
+@equation
+def torque_per_coefficient(eq, j):
+    """Torque [N m] of each motor of unit `j` for a coefficient of 1 at its axles."""
+    return eq.axle_load[j] * eq.radius[j] / eq.gear[j]

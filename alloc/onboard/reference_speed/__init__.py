@@ -1,1 +1,0 @@
-"""The speed that slip is measured from: one estimate for traction, brakes, slide protection and controllers."""

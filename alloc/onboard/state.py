@@ -1,0 +1,398 @@
+"""What the train's computers are set to and what they remember in a run; nothing is allocated later.
+
+In: `Onboard` parameters and `Equipment`. Out: `Settings`, numbers that compiled functions read, and `Memory`,
+arrays that they write.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alloc.onboard.brakes import (
+    SandingMemory,
+    SandingSettings,
+    SlideMemory,
+    SlideSettings,
+    slide_memory,
+    slide_settings,
+)
+from alloc.onboard.controllers.collection import (
+    BUILT_IN,
+    LawMemory,
+    LawSettings,
+    law_memory,
+    law_settings,
+)
+from alloc.onboard.equipment import Equipment
+from alloc.onboard.increment_learning import (
+    KINDS,
+    Increments,
+    LearningMemory,
+    LearningSettings,
+    learning_memory,
+)
+from alloc.onboard.laws import differentiator_gain, observer_gains
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.reference_speed import (
+    ReferenceMemory,
+    ReferencePace,
+    ReferenceSettings,
+    reference_memory,
+    reference_pace,
+    reference_settings,
+)
+from alloc.onboard.telegrams import (
+    NOTHING_ADDED,
+    NUMBERS,
+    AddedNumbers,
+    Attachment,
+    Mail,
+    ReportMemory,
+    mail,
+    report_memory,
+)
+from alloc.plant.model import Floats
+from alloc.records import filled
+
+# What differs between runs, as compiled code reads it: parameters of the on-board functions.
+
+
+RESERVE = "cut-and-ramp"
+"""Built-in controller that takes over where a hosted one gives up."""
+
+
+class RuleSettings(NamedTuple):
+    """The allocation rule of the run."""
+
+    compiled: int
+    """Its identifier; -1: it is called in Python."""
+    periodic: bool
+    """Whether it acts with every telegram, else at each detection by the foremost unit."""
+    needs_truth: bool
+    """Whether it reads the truth; who knows the rail need not wait for slip."""
+    always: bool
+    """Whether it is called whether or not a unit is limited."""
+    on_slip: bool
+    """Whether it is called at the foremost unit's slip, whatever units report."""
+    own_caps: bool
+    """Whether its caps are what the units themselves find; otherwise they follow from that of the foremost unit."""
+    own_slips: bool = False
+    """Whether, called on slip, it receives every unit's detections."""
+
+
+class DetectorSettings(NamedTuple):
+    """As `Detector`, with the gain of its differentiator."""
+
+    on: float
+    off: float
+    pole: float
+    gain: float
+    speed_on: float
+
+
+class ObserverSettings(NamedTuple):
+    """Pole and weights of `observer_gains`."""
+
+    pole: float
+    keep: float
+    old: float
+    new: float
+
+
+class TelegramSettings(NamedTuple):
+    """As `Telegrams`; `ticks`: control periods between two of them."""
+
+    latency: float
+    jitter: float
+    silence: float
+    loss: float
+    ticks: int
+
+
+class DropoutSettings(NamedTuple):
+    """As `Dropout`, (dropouts,) each."""
+
+    axle: NDArray[np.int64]
+    begin: Floats
+    until: Floats
+
+
+class SensorSettings(NamedTuple):
+    """As `Sensors`; `pole`: of the speed estimate without sensors, 0: sensors."""
+
+    noisy: bool
+    quantum: float
+    pole: float
+    blind_share: float
+    dropout: DropoutSettings
+
+
+class BrakeSettings(NamedTuple):
+    """As `Braking`; `by_pressure`: whether the air brake's force is that of the cylinders' pressure."""
+
+    inertia_in_estimate: bool
+    by_pressure: bool
+    blend_time: float
+    release_speed: float
+
+
+class Settings(NamedTuple):
+    """Parameters of the on-board functions for one run."""
+
+    period: float
+    hold_time: float
+    rise_time: float
+    rule: RuleSettings
+    hosted: bool  # whether the controller runs in Python; that of index `controller` is its reserve
+    controller: int
+    law: LawSettings
+    detector: DetectorSettings
+    observer: ObserverSettings
+    telegrams: TelegramSettings
+    sensors: SensorSettings
+    reference: ReferenceSettings
+    pace: ReferencePace
+    brakes: BrakeSettings
+    slide: SlideSettings
+    sanding: SandingSettings
+    learning: LearningSettings
+
+
+def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
+    """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted."""
+    period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
+    hosted = controller not in BUILT_IN
+    lost = np.array([(one.axle, one.begin, one.until) for one in sensors.dropouts], dtype=float)
+    lost = lost.reshape(-1, 3)
+    return filled(
+        Settings,
+        onboard,
+        rule=rule._replace(on_slip=rule.on_slip or onboard.trigger == "slip"),
+        hosted=hosted,
+        controller=list(BUILT_IN).index(RESERVE if hosted else controller),
+        law=law_settings(onboard),
+        detector=filled(
+            DetectorSettings,
+            onboard.detector,
+            gain=differentiator_gain(onboard.detector.pole, period),
+        ),
+        observer=ObserverSettings(
+            float(onboard.observer.pole), *observer_gains(onboard.observer.pole, period)
+        ),
+        telegrams=filled(
+            TelegramSettings,
+            onboard.telegrams,
+            ticks=max(1, round(onboard.telegrams.period / period)),
+        ),
+        sensors=filled(
+            SensorSettings,
+            sensors,
+            noisy=sensors.speed_noise > 0.0,
+            quantum=sensors.speed_quantum,
+            pole=sensors.sensorless_pole or 0.0,
+            dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
+        ),
+        reference=reference_settings(onboard),
+        pace=reference_pace(onboard.reference, period),
+        brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
+        slide=slide_settings(braking.slide_protection, period),
+        sanding=filled(SandingSettings, onboard.sanding),
+        learning=filled(
+            LearningSettings,
+            onboard.learning,
+            learner=KINDS[onboard.learning.kind],
+            held=onboard.learning.reference == "held",
+        ),
+    )
+
+
+# What the train's computers remember in a run; nothing is allocated later.
+
+
+Counter = NDArray[np.int64]
+
+
+class UnitMemory(NamedTuple):
+    """What is recorded of every unit, (units,) each; a field is a name in `alloc.recording.VARIABLES`."""
+
+    torque_command: Floats
+    torque_target: Floats
+    limit: Floats
+    coefficient_estimate: Floats
+    slipping: Floats
+    fallen_back: Floats
+    axles_seen: Floats
+    torque_factor: Floats
+    computed_acceleration: Floats
+    air_brake_force: Floats
+
+
+class TrainMemory(NamedTuple):
+    """What is recorded of the train, (1,) each; a field is a name in `alloc.recording.VARIABLES`."""
+
+    driver_command: Floats
+    expected: Floats
+    reference_speed: Floats
+    reference_deviation: Floats
+    case: Floats
+    level: Floats
+
+
+class LeadMemory(NamedTuple):
+    """Values that the foremost unit that works stores for the train, (1,) each."""
+
+    unit: NDArray[np.int64]  # its number
+    estimate: Floats  # coefficient at its last detection
+    detected: Floats  # time of that
+    slipped: Floats  # time of the last slip of any unit
+    allocate: NDArray[np.bool_]  # whether something changed that needs a new allocation
+    needed: Floats  # coefficient of the units that makes up for the trailers too
+    brake_rise: Floats  # share of the plan that the trailers' brakes have risen to
+
+
+class Counters(NamedTuple):
+    """What is counted in a run, (1,) each; a field is an attribute of the recorded run."""
+
+    detections: Counter
+    unit_detections: Counter
+    telegrams_sent: Counter
+    telegrams_lost: Counter
+    fallbacks: Counter
+    blinded: Counter
+    locks: Counter
+    time_outs: Counter
+    rule_calls: Counter
+
+
+class Memory(NamedTuple):
+    """What the computers remember; (units,) unless said otherwise."""
+
+    unit: UnitMemory
+    unit_block: Floats  # (fields, units): the same numbers, to be recorded by one copy
+    train: TrainMemory
+    train_block: Floats  # (fields, 1)
+    lead: LeadMemory
+    counter: Counters
+    slide: SlideMemory
+    estimate: ReferenceMemory
+    sanding: SandingMemory
+    law: LawMemory
+    reference: Floats  # (bodies,) reference speed
+    axle_omega: Floats  # (axles,) as measured
+    axle_seen: NDArray[np.bool_]  # (axles,)
+    mean_speed: Floats  # mean rim speed of the unit's axles as read
+    speed: Floats  # mean rim speed as the unit knows it
+    worst_slip: Floats  # largest slip of the unit's axles against the reference speed, in the direction of the demand
+    differentiator: Floats
+    observer: Floats
+    observer_input: Floats
+    torque: Floats  # as the inverters know it
+    foreseen: Floats  # torque of the motors if they work and the line takes all of it
+    taken: Floats  # braking torque that the line is thought to take
+    kept: Floats  # share of its part that the air brake keeps
+    air_force: Floats  # of the air brake per axle at the rim, as the unit knows it [N]
+    drive_limit: Floats
+    brake_limit: Floats
+    limit_max: Floats
+    in_service: NDArray[np.bool_]
+    rise: Floats  # slew-limited magnitude of the expected torque
+    cap: Floats
+    limit_wanted: Floats  # what the foremost unit wants
+    delivered: Floats  # by each unit, as the leader has heard
+    truth: Floats  # filled for the oracle only
+    shown: Floats  # coefficient that each unit has shown to be able to deliver
+    open_to: Floats  # coefficient up to which each unit may be asked for more than the plan
+    most: Floats  # up to which a limit may rise now
+    limited: NDArray[np.bool_]  # whether the unit is limited, as the leader has heard
+    by_rail: NDArray[np.bool_]  # whether it was the rail that limited it the last time
+    slipping: NDArray[np.bool_]  # whether it slips, as the leader has heard
+    since_limited: Floats  # time since it was limited the last time, as the leader knows it [s]
+    pressure: Floats  # (groups,) of the brake cylinders as read [Pa]
+    air_most: Floats  # (groups,) force per axle that the oracle allows a trailer's brake [N]
+    told: Floats  # (units, 1 and what a controller adds) limit that the leader would send now; inf: none, the plan stands
+    received: Floats  # last limit received; inf: none
+    orders: Mail  # limits to the units
+    report: ReportMemory
+    learnt: Increments
+    learning: LearningMemory
+
+
+def _block(kind: Any, size: int) -> tuple[Any, Floats]:
+    """A record of zeros whose fields are the rows of a block, and the block."""
+    values = np.zeros((len(kind._fields), size))
+    return kind(*values), values
+
+
+def _singles(kind: Any, dtype: Any = np.float64, **others: Any) -> Any:
+    """A record of single zeros of `dtype`; `others`: types of the fields that have another."""
+    return kind(*(np.zeros(1, others.get(name, dtype)) for name in kind._fields))
+
+
+def attachments(m: Memory) -> tuple[Attachment, Attachment]:
+    """What a controller adds to the reports and to the limits that are sent, in the memory itself."""
+    line = m.report.line
+    return (
+        Attachment(m.report.own[:, NUMBERS:], line.read[:, NUMBERS:], line.heard),
+        Attachment(m.told[:, 1:], m.orders.read[:, 1:], m.orders.heard),
+    )
+
+
+def memory(
+    eq: Equipment, speed: float, expected: float, added: AddedNumbers = NOTHING_ADDED
+) -> Memory:
+    """Memory at the start of a run, the train rolling at `speed` [m/s]; telegrams have room for what is `added`."""
+    n, bodies = eq.axles.size, int(eq.axle_body.max()) + 1
+    unit, unit_block = _block(UnitMemory, n)
+    unit.limit[:] = expected
+    unit.axles_seen[:] = eq.axles
+    unit.torque_factor[:] = 1.0
+    train, train_block = _block(TrainMemory, 1)
+    train.expected[:] = expected
+    train.level[:] = np.nan
+    lead = _singles(LeadMemory, unit=np.int64, allocate=np.bool_)
+    lead.detected[:] = lead.slipped[:] = -np.inf
+    learnt, learning = learning_memory(eq.learnt)
+    nothing = np.tile([np.inf, *[np.nan] * added.order], (n, 1))
+    orders = mail(n, 1 + added.order, np.inf)
+    orders.read[:] = nothing
+    empty = Memory(*(np.zeros(n) for _ in Memory._fields))  # type: ignore[arg-type]
+    return empty._replace(
+        unit=unit,
+        unit_block=unit_block,
+        train=train,
+        train_block=train_block,
+        lead=lead,
+        counter=_singles(Counters, np.int64),
+        slide=slide_memory(eq.axle_car.size, eq.group.unit.size),
+        estimate=reference_memory(bodies, eq.axle_car.size, n, eq.group.unit.size),
+        sanding=SandingMemory(np.full(1, -np.inf), np.full(1, -np.inf)),
+        law=law_memory(n),
+        reference=np.full(bodies, speed),
+        axle_omega=speed / eq.axle_radius,
+        axle_seen=eq.axle_sensed.copy(),
+        mean_speed=np.full(n, speed),
+        speed=np.full(n, speed),
+        differentiator=np.full(n, speed),
+        observer=np.full(n, np.nan),
+        limit_max=np.full(n, np.inf),
+        taken=np.full(n, np.inf),
+        kept=np.ones(n),
+        in_service=np.ones(n, dtype=np.bool_),
+        cap=np.full(n, expected),
+        limit_wanted=np.full(n, expected),
+        delivered=np.full(n, expected),
+        limited=np.zeros(n, dtype=np.bool_),
+        by_rail=np.zeros(n, dtype=np.bool_),
+        slipping=np.zeros(n, dtype=np.bool_),
+        shown=np.full(n, np.inf),
+        open_to=np.full(n, np.inf),
+        pressure=np.zeros(eq.group.unit.size),
+        air_most=np.full(eq.group.unit.size, np.inf),
+        told=nothing,
+        received=np.full(n, np.inf),
+        orders=orders,
+        report=report_memory(n, speed, expected, added.report),
+        learnt=learnt,
+        learning=learning,
+    )
