@@ -21,7 +21,7 @@ from tests.studies.test_bad_input_battery import KEYS
 AXLE_STEPS = 1e5
 """Integration steps times axles of a run at most: it ends early."""
 COMPILED = [name for name in CONTROLLERS if not is_hosted(name)]
-MOST_ODD = 8
+MOST_ODD = 5
 """Keys that take an odd value at most."""
 SHARE_OF_TABLES = 0.25
 """Share of the scenarios that have each table of a scenario that may be left out."""
