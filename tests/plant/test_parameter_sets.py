@@ -118,6 +118,15 @@ def test_the_heavy_train_pulls_and_brakes_as_stated():
         assert car.air_brake.dead_time == pytest.approx(0.3 + 13.9 * k / 250.0)
 
 
+def test_the_high_speed_train_has_a_tenth_in_hand_and_its_resistance_by_weight():
+    train = find_set("high-speed-16car")
+    s = build(train, Rail(0.5)).structure
+    effort = (s.drive_table[:, 10] * s.unit_axles * s.unit_gear).sum() / s.radius[0]
+    planned = (train.mass + train.rotating_mass) * train.planned_acceleration
+    assert effort == pytest.approx(1.1 * planned, rel=1e-9)
+    assert train.resistance[0] == pytest.approx(1.273 * GRAVITY * train.mass / 1e3, rel=1e-9)
+
+
 def test_rails_of_the_sets():
     paper = one_axle.rail(0.12)
     assert paper.level * paper.patches[0].factor == pytest.approx(0.12)
