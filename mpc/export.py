@@ -161,18 +161,18 @@ def _memory(record: ByReference, functions: dict[int, str]) -> str:
 
     A word of the record that is an address of this process becomes a symbol; the others are numbers.
     """
-    spans, symbols = set[tuple[int, bytes]](), dict(functions)
+    contents, symbols = dict[int, bytes](), dict(functions)
     for array in _arrays(record._value):
         address = array.__array_interface__["data"][0]
         if array.size:
-            spans.add((address, array.tobytes()))
+            contents[address] = array.tobytes()
         else:
             symbols.setdefault(address, "null")
-    for (address, content), (following, _) in pairwise(sorted(spans)):
+    for (address, content), (following, _) in pairwise(sorted(contents.items())):
         assert address + len(content) <= following, "arrays that overlap"
     start, end = b"", 0
-    # what is not zero at the start comes first
-    for address, content in sorted(spans, key=lambda span: (not any(span[1]), span[0])):
+    # what is not zero at the start comes first; else in the order of the record, which is no matter of addresses
+    for address, content in sorted(contents.items(), key=lambda item: not any(item[1])):
         symbols[address] = f"getelementptr (i8, ptr @memory, i64 {end})"
         end += -(-len(content) // _LINE) * _LINE
         start = (start + content).ljust(end, b"\0") if any(content) else start
