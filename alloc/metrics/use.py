@@ -292,10 +292,11 @@ def room(run: xr.Dataset) -> Room:
     # what turns the wheelsets comes from the motors and does not reach the rail
     turning = np.bincount(unit[driven], series(run, "axle_turning_mass")[driven], minlength=units)
     gained = np.maximum(direction(run) * series(run, "acceleration"), 0.0)[chosen]
-    motors = np.maximum(at_rail * signed - turning * gained[:, None], 0.0)
+    # less than 0 where the train turns wheels whose motors have failed
+    motors = at_rail * signed - turning * gained[:, None]
     most = np.minimum(most, np.where(braking[:, None] & blended, np.inf, motors))
-    plan, bound = own.sum(axis=1), most.sum(axis=1)
-    apart = np.minimum(own, most).sum(axis=1)
+    plan, bound = own.sum(axis=1), np.maximum(most.sum(axis=1), 0.0)
+    apart = np.maximum(np.minimum(own, most).sum(axis=1), 0.0)
     delivered = force[:, driven].sum(axis=1)
     if blended:
         trailing = ~driven & (group >= 0)
@@ -309,7 +310,7 @@ def room(run: xr.Dataset) -> Room:
     bound = np.minimum(plan, bound)
     limited = series(run, "torque_factor")[chosen] < WHOLE
     # who resists has lost all that he could give, and no more
-    unused = np.clip(most - _of_units(force, unit, units), 0.0, most)
+    unused = np.clip(most - _of_units(force, unit, units), 0.0, np.maximum(most, 0.0))
     short = bound - np.clip(delivered, 0.0, bound)
     held_back = np.minimum((limited * unused).sum(axis=1), short)
     return Room(plan, bound, np.minimum(plan, apart), delivered, held_back)

@@ -7,6 +7,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from alloc.sources import sealed
 from mpc.generated import (
     TranslationError,
     compile_functions,
@@ -62,12 +63,13 @@ def test_translation_of_every_selection():
 
 def test_writers_at_once_leave_one_whole_file(tmp_path):
     target, barrier = tmp_path / "file.txt", threading.Barrier(2)
+    whole = sealed(b"first half, second half")
 
     def write(aside):
         with aside.open("w") as file:
             file.write("first half, ")
             barrier.wait(10.0)  # both are in the middle of it
-            assert not target.exists() or target.read_text() == "first half, second half"
+            assert not target.exists() or target.read_bytes() == whole
             file.write("second half")
 
     threads = [threading.Thread(target=create, args=(target, write)) for _ in range(2)]
@@ -75,7 +77,7 @@ def test_writers_at_once_leave_one_whole_file(tmp_path):
         thread.start()
     for thread in threads:
         thread.join()
-    assert target.read_text() == "first half, second half"
+    assert target.read_bytes() == whole
     assert os.listdir(tmp_path) == ["file.txt"]
 
 

@@ -95,7 +95,7 @@ def test_settings_reach_the_controller(load, controller):
         ("[onboard.mpc_car.weights]\nslp = 1.0\n", "unknown key 'onboard.mpc_car.weights.slp'; did you mean 'slip'?"),
         ("[onboard.mpc_trian]\nhorizon = 5\n", "unknown key 'onboard.mpc_trian'; did you mean 'mpc_train'?"),
         ("[onboard]\nhold_time = 5\n", "unknown key 'onboard.hold_time'; did you mean 'hold_time_s'?"),
-        ("[onboard.mpc]\nhorizon = 1\n", "key 'onboard': mpc.period = 1 must be at least 2 steps"),
+        ("[onboard.mpc]\nhorizon = 1\n", "key 'onboard': mpc.horizon = 1 must be at least 2 steps"),
         ("[onboard.mpc]\nhorizon = 'long'\n", "key 'onboard.mpc.horizon' = 'long': input should be a valid integer"),
         ("[onboard]\nmpc = 3\n", "key 'onboard.mpc' = 3: input should be a valid dictionary"),
     ],
