@@ -54,7 +54,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 """Of the solvers, named as CasADi does."""
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=3)
 def posed(model: UnitModel, weights: Weights, evenness: float, grid: Any, solver: str) -> Any:
     """The problem for all groups of one shape; `grid`: steps, length of one [s], Runge-Kutta steps in one.
 

@@ -38,6 +38,13 @@ def missed(kind, seeds, solver):
     return found
 
 
+@pytest.fixture(autouse=True)
+def forgotten():
+    """Built problems take up to 100 MB each; none outlives its test."""
+    yield
+    reference.posed.cache_clear()
+
+
 @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_loops_solver_run_to_convergence_finds_the_optimum(kind, solver):
