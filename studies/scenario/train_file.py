@@ -101,10 +101,9 @@ class AirBrakeKeys(Strict):
 
     def air_brake(self) -> AirBrake:
         """The plant's brake."""
-        pressure = 1e3 * self.pressure_kpa
         return AirBrake(
-            pressure,
-            1e3 * self.force_kn / pressure,
+            1e3 * self.pressure_kpa,
+            self.force_kn / self.pressure_kpa,
             self.lag_s,
             self.lag_s,
             self.dead_time_s,
