@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from alloc.plant.adhesion import PiecewiseCurve
-from alloc.plant.sets.one_axle import PATCH_FADE
 from paper_figs.direct_labels import label_lines
 from paper_figs.palette import BLACK, DARK, ORANGE, VERMILION
 from paper_figs.readhesion_paper import (
@@ -22,7 +21,7 @@ from paper_figs.readhesion_paper import (
 from paper_figs.registry import figure
 from paper_figs.style import PAGE, Look, new_panels
 from studies.readhesion_paper.lanes import TableRuns
-from studies.readhesion_paper.paper import DROP, RECOVERY, Case
+from studies.readhesion_paper.paper import DROP, PATCH_FADE, RECOVERY, Case
 
 LAST = 2.0
 """Time [s] before the recovery in which the loci are drawn heavily: the limit cycle, if there is one."""

@@ -5,7 +5,7 @@ In: parameters with a source each. Out: a `Train`, and errors that name the fiel
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -85,6 +85,23 @@ class TorqueLimit:
         PlantError.check("torque limit", self, speed, nonnegative, infinite=speed)
         if self.table is not None and len(self.table) == 0:
             raise PlantError("torque limit: table is empty")
+
+    @classmethod
+    def of_effort(
+        cls,
+        speeds_kmh: Sequence[float],
+        efforts: Sequence[float],
+        radius: float,
+        gear_ratio: float,
+        motors: int,
+    ) -> "TorqueLimit":
+        """Limit of each of `motors` motors that together have these efforts [N] at the rims of wheels of `radius` [m].
+
+        Linear between the given speeds [km/h]; before the first and beyond the last the nearest effort applies.
+        """
+        speed = np.arange(min(EFFORT_TABLE_LENGTH, math.ceil(speeds_kmh[-1]) + 1))
+        torque = radius / (gear_ratio * motors) * np.interp(speed, speeds_kmh, efforts)
+        return cls(peak=float(torque[0]), power=0.0, table=tuple(torque.tolist()))
 
     def tabulate(self, radius: float, gear_ratio: float) -> NDArray[np.float64]:
         """Limit [N m] at multiples of `EFFORT_SPEED_STEP`, (EFFORT_TABLE_LENGTH,)."""

@@ -4,6 +4,7 @@ Cylinders fill in the order in which the brake pipe's wave reaches them (their d
 friction of their shoes, as the report says of its own (3.2.2); the measuring system, whose errors are drawn, does not know.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,8 +24,8 @@ from alloc.estimation.brake_force import (
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import build
 from alloc.plant.rail import Line, Rail
-from alloc.plant.sets import freight
-from alloc.plant.train import Train
+from alloc.plant.sets import find_set
+from alloc.plant.train import AirBrake, Train
 from studies.brake_force.beliefs import FrictionBelief, Misbelief
 from studies.brake_force.measurement import (
     Measured,
@@ -35,6 +36,14 @@ from studies.brake_force.measurement import (
 )
 
 Floats = NDArray[np.float64]
+
+
+def _brake_of_a_wagon() -> tuple[AirBrake, int]:
+    """The brake of every wagon of the report's trains, and its axles; sources in the set's file."""
+    wagon = find_set("freight-5").cars[-1]
+    assert wagon.air_brake is not None
+    return wagon.air_brake, len(wagon.axle_positions)
+
 
 BRAKED_AT = 2.0
 """Time [s] of the driver's command; the report's time 0."""
@@ -47,9 +56,18 @@ LONGEST = 90.0
 STOP_SPEED = 0.3
 """Speed [m/s] of the foremost car below which a test ends, the train being about to stand."""
 SYSTEM = MeasuringSystem()
-RIGGING = BrakeRigging(
-    freight.CYLINDERS, freight.LEVER_RATIO, freight.RIGGING_EFFICIENCY, freight.PISTON_AREA
+BRAKE, AXLES = _brake_of_a_wagon()
+STEP, EMERGENCY = 350e3, BRAKE.maximum_pressure
+"""Pressures of the cylinders in the third service step and in emergency [Pa]. Assumed."""
+CYLINDERS, PISTON_AREA, EFFICIENCY = 2, math.pi / 4.0 * 0.254**2, 0.9
+"""Of a wagon's rigging: a cylinder per bogie, since bogies are cut out one by one, of 10 inches, a usual size. Assumed."""
+STANDSTILL_FRICTION = 0.25
+"""Of the shoes at standstill. Assumed."""
+LEVER_RATIO = (
+    AXLES * BRAKE.force_per_pascal / (CYLINDERS * EFFICIENCY * PISTON_AREA * STANDSTILL_FRICTION)
 )
+"""4.9; it follows from the brake force."""
+RIGGING = BrakeRigging(CYLINDERS, LEVER_RATIO, EFFICIENCY, PISTON_AREA)
 
 
 @dataclass(frozen=True)
@@ -67,7 +85,6 @@ class BrakeTest:
     """None: all."""
 
 
-STEP, EMERGENCY = freight.STEP_PRESSURE, freight.EMERGENCY_PRESSURE
 TESTS: dict[str, BrakeTest] = {
     "locomotive": BrakeTest("only the locomotive braked", 5, 25.0, STEP, locomotive_only=True),
     "all": BrakeTest("locomotive and wagons braked", 5, 25.0, STEP),
@@ -85,7 +102,7 @@ def train_of_test(test: BrakeTest, seed: int) -> Train:
     The same day has the same wagons in every test of the same length.
     """
     draw = np.random.default_rng([seed, 40])
-    train = freight.train(test.wagons)
+    train = find_set(f"freight-{test.wagons}")
     scatter = 1.0 + SHOE_SCATTER * draw.standard_normal(len(train.cars))
     order = 1 + draw.permutation(test.wagons)
     braked = test.wagons if test.cars_braked is None else test.cars_braked
@@ -179,10 +196,8 @@ def estimate(result: TestResult) -> Estimates:
     m = result.measured
     a, couplers, drag = m.acceleration, m.coupler_force, m.resistance
     own = car_brake_forces(a, couplers, m.mass, drag)
-    fall = 1.0 - hyperbolic_speed_law(m.speed, *freight.FRICTION)
-    friction = (
-        freight.STANDSTILL_FRICTION * result.friction.level * (1.0 - result.friction.fall * fall)
-    )
+    fall = 1.0 - hyperbolic_speed_law(m.speed, *BRAKE.friction)
+    friction = STANDSTILL_FRICTION * result.friction.level * (1.0 - result.friction.fall * fall)
     return Estimates(
         locomotive=group_brake_force(a[:, 0], m.mass[0], None, couplers[:, 0], drag[:, 0]),
         wagons=group_brake_force(

@@ -36,11 +36,11 @@ def catalogue() -> dict[str, dict[str, str]]:
 
 
 def _train(name: str) -> str:
-    """Meaning of a train set: what its module says, and its size."""
+    """Meaning of a train set: what its file says, or the module of one that a package or a plug-in brings, and its size."""
     train = find_set(name)
     cars = len(train.cars)
-    module = sys.modules[SETS.origin(name)]
-    return f"{_first_line(module)} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
+    said = getattr(SETS[name], "description", None) or _first_line(sys.modules[SETS.origin(name)])
+    return f"{said} {cars} car{'s' if cars > 1 else ''}, {train.mass / 1e3:.0f} t."
 
 
 def _first_line(item: object) -> str:

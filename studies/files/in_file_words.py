@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from studies.files.units import Unit, unit_of
+from alloc.units import Unit, unit_of
 
 STATED = re.compile(r"((?:\w+\.)*\w+)(\[\d+\])? = (\([^)]*\)|-?[\w.+-]+)")
 """A field and its value, as errors of records state them; `part.field` for a field of a record inside."""

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from alloc.records import Meaning, meanings, meant
-from studies.files.units import Unit, unit_of
+from alloc.units import Unit, unit_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]

@@ -115,6 +115,8 @@ def kind_of(said: Schema) -> str:
         least, most = said.get("minItems"), said.get("maxItems")
         number = f"{least} " if least is not None and least == most else ""
         return f"list of {number}{of.get(said['items'].get('type', ''), 'values')}"
+    if said.get("additionalProperties") == {"type": "string"}:
+        return "texts by name"
     words = {"integer": "whole number", "boolean": "true or false", "string": "text"}
     if said.get("pattern", "").startswith(r"\."):
         return "path of a file"

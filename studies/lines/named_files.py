@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from alloc.plant.sets import SETS, find_set
-from alloc.plant.train import AirBrake, Train
+from alloc.plant.train import Train
 from studies.files.study_error import FileWarning, StudyError, unknown
 from studies.railtoolkit.reading import read_rolling_stock
 from studies.railtoolkit.records import RollingStock, RunningPath
@@ -42,6 +42,9 @@ def find_stock(name_or_path: str, load_share: float = 1.0) -> RollingStock:
     if not file.lower().endswith(".toml"):
         return read_rolling_stock(file, load_share)
     keys, train = read_train_keys(file)
+    if train.couplers is not None:
+        _warn(f"train {file!r} is run as rigid, with a quick brake")
+        train = _rigid(train)
     if keys.service_deceleration_kmhs is None:
         deceleration = _usual_deceleration(
             train, f"{file}: key 'service_deceleration_kmhs' is missing"
@@ -54,17 +57,18 @@ def find_stock(name_or_path: str, load_share: float = 1.0) -> RollingStock:
 
 def _of_a_set(name: str, load_share: float) -> RollingStock:
     train = find_set(name)
+    what = f"train {name!r} is run as rigid, with a quick brake"
+    deceleration = _usual_deceleration(train, what)
+    return RollingStock(_loaded(_rigid(train), load_share), math.inf, deceleration)
+
+
+def _rigid(train: Train) -> Train:
+    quick = {"fill_time": BRAKE_LAG, "release_time": BRAKE_LAG, "dead_time": 0.0}
     cars = tuple(
-        replace(car, air_brake=_quick(car.air_brake)) if car.air_brake else car
+        replace(car, air_brake=replace(car.air_brake, **quick)) if car.air_brake else car
         for car in train.cars
     )
-    rigid = replace(train, cars=cars, couplers=None)
-    what = f"train {name!r} is run as rigid, with a quick brake"
-    return RollingStock(_loaded(rigid, load_share), math.inf, _usual_deceleration(train, what))
-
-
-def _quick(brake: AirBrake) -> AirBrake:
-    return replace(brake, fill_time=BRAKE_LAG, release_time=BRAKE_LAG, dead_time=0.0)
+    return replace(train, cars=cars, couplers=None)
 
 
 def _usual_deceleration(train: Train, why: str) -> float:
@@ -72,12 +76,12 @@ def _usual_deceleration(train: Train, why: str) -> float:
     freight = not all(car.speed_sensors for car in train.cars)
     usual = FREIGHT_BRAKING if freight else PASSENGER_BRAKING
     kind = "freight" if freight else "passenger"
-    warnings.warn(
-        f"{why}; its deceleration is taken as {3.6 * usual:g} km/h/s, usual for {kind} trains",
-        FileWarning,
-        stacklevel=4,
-    )
+    _warn(f"{why}; its deceleration is taken as {3.6 * usual:g} km/h/s, usual for {kind} trains")
     return usual
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, FileWarning, stacklevel=4)
 
 
 def _loaded(train: Train, share: float) -> Train:

@@ -11,7 +11,6 @@ from dataclasses import replace
 from alloc.errors import PlantError
 from alloc.plant.laws import GRAVITY
 from alloc.plant.train import AirBrake, Car, Motors, TorqueLimit, Train
-from studies.files.effort import effort_limit
 from studies.files.study_error import StudyError
 from studies.railtoolkit.keys import VehicleKeys
 
@@ -149,7 +148,7 @@ def build_car(
         motors = Motors(
             group="1C2M",
             gear_ratio=GEAR_RATIO,
-            drive=effort_limit(speeds, efforts, WHEEL_RADIUS, GEAR_RATIO, sum(driven)),
+            drive=TorqueLimit.of_effort(speeds, efforts, WHEEL_RADIUS, GEAR_RATIO, sum(driven)),
             brake=TorqueLimit(peak=0.0, power=0.0),
         )
     half = 0.5 * BOGIE_WHEELBASE

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from alloc.plant.adhesion import PiecewiseCurve
-from alloc.plant.sets import one_axle
+from alloc.plant.sets import find_set
 from studies.readhesion_paper.limit_cycle import LimitCycle, ReducedModel, growth, reduced_model
 from studies.readhesion_paper.paper import CALIBRATED, CASE_A, COMMAND, Case, Unprinted, assess
 
@@ -19,7 +19,7 @@ def paper_model(
     """The loop of the readhesion paper, a_w in its numbers, on a rail of mu_lim, with a_0 of its case A."""
     curve = PiecewiseCurve(residual_ratio=unprinted.residual_ratio)
     table = unprinted.table(CASE_A.margin, width)
-    return reduced_model(one_axle.train(), table, curve, limit, COMMAND.accelerations[0])
+    return reduced_model(find_set("one-axle"), table, curve, limit, COMMAND.accelerations[0])
 
 
 def compare_cycles(

@@ -23,7 +23,7 @@ from alloc.metrics.search import (
 from alloc.onboard.controllers.simple import TorqueTable
 from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.rail import Patch, Rail
-from alloc.plant.sets import one_axle
+from alloc.plant.sets import find_set
 from studies.readhesion_paper.lanes import TableRuns, simulate_tables
 
 Unit = Literal["km/h/s", "m/s2"]
@@ -32,6 +32,8 @@ UNITS: dict[Unit, float] = {"km/h/s": 1.0 / 3.6, "m/s2": 1.0}
 
 BEGIN, DROP, RECOVERY, END = -1.0, 6.0, 14.0, 15.0
 """Times [s] of Table 2."""
+PATCH_FADE = 0.02
+"""Time [s] over which the rail changes. The paper steps; a smooth edge keeps the integrator's order. Assumed."""
 LOW_END = 16.0
 """End [s] of a run whose rail stays low, for readhesion possibility (`alloc.metrics.search`)."""
 CASES_TOGETHER = 32
@@ -87,6 +89,12 @@ PAPER_MARGINS = tuple(round(0.1 * k, 1) for k in range(10))
 PAPER_WIDTHS = tuple(round(0.1 * k, 1) for k in range(1, 11))
 
 
+def rail(limit: float, until: float = RECOVERY, curve: PiecewiseCurve | None = None) -> Rail:
+    """Table 2: coefficient 0.18, `limit` (mu_lim) from 6 s after the command at 0 s until it recovers."""
+    patch = Patch(limit / 0.18, begin=DROP, until=until, fade=PATCH_FADE)
+    return Rail(0.18, patches=(patch,), curve=curve or PiecewiseCurve())
+
+
 def run_cases(
     unprinted: Unprinted,
     cases: Sequence[Case],
@@ -103,17 +111,10 @@ def run_cases(
     if top_curvature is not None:
         curve = replace(curve, top_curvature=top_curvature)
     until = RECOVERY if recovers else 2.0 * LOW_END
-    rails = [
-        Rail(
-            0.18,
-            patches=(Patch(case.limit / 0.18, begin=DROP, until=until, fade=one_axle.PATCH_FADE),),
-            curve=curve,
-        )
-        for case in cases
-    ]
+    rails = [rail(case.limit, until, curve) for case in cases]
     tables = [unprinted.table(case.margin, case.width) for case in cases]
     end = END if recovers else LOW_END
-    return simulate_tables(one_axle.train(), rails, tables, COMMAND, BEGIN, end, step)
+    return simulate_tables(find_set("one-axle"), rails, tables, COMMAND, BEGIN, end, step)
 
 
 def signals_of(runs: TableRuns) -> Signals:

@@ -4,7 +4,6 @@ from typing import Any
 
 from alloc.plant.laws import GRAVITY
 from alloc.plant.rail import sanded_peak
-from alloc.plant.sets import gb_unit
 from alloc.plant.train import Sander, Train
 from alloc.rules import AllocationProblem, find_rule
 from studies.core.drawn_events import DrawnEvents, uniform
@@ -12,16 +11,21 @@ from studies.sanders.calibration import CALIBRATED
 from studies.sanders.trial import (
     AXLES_PER_UNIT,
     DEMAND,
+    FULL_BRAKE,
+    GREATEST_RATE,
     INITIAL_SPEED,
     SOURCE,
+    VARIABLE_AMOUNT,
     Source,
     brake_event,
+    coupled_units,
     equipment,
     measured_stop,
     rail,
+    sanded,
 )
 
-AMOUNT, RATE = 4 * gb_unit.VARIABLE_AMOUNT, 4 * gb_unit.GREATEST_RATE
+AMOUNT, RATE = 4 * VARIABLE_AMOUNT, 4 * GREATEST_RATE
 """Sand of the whole train per rail [kg/m, kg/s]: that of two units with two sanders of variable rate each."""
 DURATION = 85.0
 """Time [s] longer than any stop here."""
@@ -61,7 +65,7 @@ EVENTS = DrawnEvents(
 def placed(axles: tuple[int, ...]) -> Train:
     """Eight cars whose sand is laid in equal parts ahead of these axles."""
     one = Sander(0, RATE / len(axles), AMOUNT / len(axles))
-    return gb_unit.sanded(gb_unit.train(), dict.fromkeys(axles, one))
+    return sanded(coupled_units(), dict.fromkeys(axles, one))
 
 
 def caps(train: Train, level: float, speed: float) -> list[float]:
@@ -90,7 +94,7 @@ def shares(train: Train, level: float, speed: float, sharing: str) -> tuple[floa
     problem = AllocationProblem(
         cap=caps(train, level, speed),
         expected=planned,
-        limit_max=[gb_unit.FULL_BRAKE / GRAVITY] * len(train.cars),
+        limit_max=[FULL_BRAKE / GRAVITY] * len(train.cars),
     )
     least = 1.0 if sharing == "raised" else 0.0
     return tuple(max(float(x) / planned, least) for x in find_rule("exact")(problem).limit)

@@ -4,6 +4,7 @@ Read: demand, speed, friction, five distances, two four-car units with sanders a
 and assumed: that both units sand, the second sander's place, the rates, the slide protection and its use of adhesion.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -14,16 +15,22 @@ from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
 from alloc.plant.adhesion import POLACH_WET, AdhesionCurve, SlipRatioCurve
 from alloc.plant.model import build, level_for
 from alloc.plant.rail import Rail
-from alloc.plant.sets import gb_unit
+from alloc.plant.sets import find_set
 from alloc.plant.train import Sander, Train
 from alloc.simulation import simulate
 
 INITIAL_SPEED = 55.0 * 0.44704
 DEMAND = -0.9
 FRICTION = 0.02
-AXLES_PER_UNIT = 16
+CARS_PER_UNIT, AXLES_PER_UNIT = 4, 16
 PLACES = {"one": (2,), "two": (2, 6)}
 """Axles of a unit ahead of which sand is laid, 0 = foremost: 3, and 3 and 7."""
+FULL_BRAKE = 1.2
+"""Deceleration at full pressure [m/s2]."""
+FIXED_RATE, GREATEST_RATE = 2.0 / 60.0, 6.0 / 60.0
+"""Sand per rail [kg/s]: of a sander of fixed rate, and at most of one of variable rate; sources in the set's file."""
+VARIABLE_AMOUNT = 4.5e-3
+"""Sand per rail that a sander of variable rate keeps to as long as its rate allows [kg/m]."""
 DISTANCES = {
     "none": 1200.0,
     "one fixed": 800.0,
@@ -60,15 +67,40 @@ def sanders(kind: str, units: int = 2) -> dict[int, Sander]:
     if kind == "none":
         return {}
     number, rate = kind.split()
-    make = gb_unit.fixed if rate == "fixed" else gb_unit.variable
+    one = Sander(0, FIXED_RATE) if rate == "fixed" else Sander(0, GREATEST_RATE, VARIABLE_AMOUNT)
     places = [AXLES_PER_UNIT * unit + axle for unit in range(units) for axle in PLACES[number]]
-    return {place: make(0) for place in places}
+    return dict.fromkeys(places, one)
+
+
+def sanded(train: Train, sanders: dict[int, Sander]) -> Train:
+    """The train with these sanders alone, each by the number of its axle in the train (0 = foremost) in place of its own."""
+    cars, first = [], 0
+    for car in train.cars:
+        axles = range(first, first + len(car.axle_positions))
+        own = tuple(replace(sanders[i], axle=i - first) for i in axles if i in sanders)
+        cars.append(replace(car, sanders=own))
+        first = axles.stop
+    return replace(train, cars=tuple(cars))
+
+
+def coupled_units(units: int = 2) -> Train:
+    """One unit of the trials, or both, as they come: a sander of fixed rate at the third axle of each."""
+    both = find_set("gb-unit-8car")
+    cars = CARS_PER_UNIT * units
+    share = cars / len(both.cars)
+    a, b, c = both.resistance
+    return replace(
+        both,
+        name=f"gb-unit-{cars}car",
+        cars=both.cars[:cars],
+        resistance=(share * a, share * b, share * c),
+    )
 
 
 @lru_cache
 def _level(curve: str, adhesion: float) -> float:
     """Level that offers the units `adhesion` at the initial speed; all their axles are alike."""
-    return level_for(CURVES[curve], adhesion, INITIAL_SPEED, gb_unit.train())
+    return level_for(CURVES[curve], adhesion, INITIAL_SPEED, coupled_units())
 
 
 def rail(law: SandLaw, curve: str = "slip-ratio", level: float = FRICTION, **others: Any) -> Rail:
@@ -114,7 +146,7 @@ def stop(
     kind: str, law: SandLaw, units: int = 2, curve: str = "slip-ratio", source: Source = SOURCE
 ) -> dict[str, float]:
     """Measures of a row of `DISTANCES`."""
-    train = gb_unit.sanded(gb_unit.train(units), sanders(kind, units))
+    train = sanded(coupled_units(units), sanders(kind, units))
     return measured_stop(brake_event(train, rail(law, curve), DURATIONS[kind], equipment(source)))
 
 

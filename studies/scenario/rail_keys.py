@@ -10,10 +10,11 @@ from alloc.errors import PlantError, number_fault
 from alloc.plant.adhesion import CURVES, AdhesionCurve
 from alloc.plant.rail import CURVE_LAWS, SPEED_LAWS, Line, Patch, Rail, Receptivity
 from alloc.records import Meaning, meanings, meant
+from alloc.units import unit_of
 from studies.files.json_schema import Names, Schema, add, bound_numbers, in_unit
 from studies.files.strict import Strict
 from studies.files.study_error import nearest
-from studies.files.units import range_fault, si, unit_of
+from studies.files.units import range_fault, si
 from studies.scenario.increment_keys import MOST_COEFFICIENT, IncrementKeys
 
 SpeedLaw = Annotated[str, Names(lambda: SPEED_LAWS)] | tuple[float, float, float]

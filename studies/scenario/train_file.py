@@ -1,19 +1,18 @@
 """A user's own train as a TOML file: kinds of cars, and their order in the formation."""
 
-import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from alloc.errors import PlantError
-from alloc.plant.train import AirBrake, Car, InverterGroup, Motors, Sander, TorqueLimit, Train
-from studies.files.effort import effort_limit
+from alloc.plant.sets import train_of
+from alloc.plant.train import Car, InverterGroup, Sander, Train
 from studies.files.in_file_words import in_file_words
 from studies.files.strict import Strict, parse, read_toml
 from studies.files.study_error import StudyError
-from studies.files.units import si
+from studies.scenario.train_keys import CouplerKeys, DraftGearKeys
 
 
 class MotorKeys(Strict):
@@ -45,13 +44,18 @@ class MotorKeys(Strict):
     """Speed from which the torque falls with the square of the speed. Left out: it never does."""
     fade_speed_kmh: float = 5.0
     """Speed below which the electric brake fades. Source: assumed."""
+    planned_adhesion: Literal["shinkansen", "curtius-kniffler"] | None = None
+    """Coefficient over the speed for which drive and brake are planned: they ask no more of a wheel under the empty car.
+    Left out: torque and power alone decide. Source: shinkansen: JP5484215 (12); curtius-kniffler: Curtius and Kniffler,
+    1950."""
 
     @model_validator(mode="after")
     def _one_drive(self) -> "MotorKeys":
         speeds, efforts = self.effort_speed_kmh, self.effort_kn
         formula = (self.torque_nm, self.power_kw)
         if speeds or efforts:
-            if any(value is not None for value in (*formula, self.pull_out_speed_kmh)):
+            others = (*formula, self.pull_out_speed_kmh, self.planned_adhesion)
+            if any(value is not None for value in others):
                 raise ValueError(
                     "give torque_nm and power_kw, or effort_speed_kmh and effort_kn, not both"
                 )
@@ -68,22 +72,6 @@ class MotorKeys(Strict):
             raise ValueError(f"{missing} is missing; or give effort_speed_kmh and effort_kn")
         return self
 
-    def motors(self, radius: float, count: int) -> Motors:
-        """The plant's motors of a car with this number of motors, on wheels of `radius` [m]."""
-        if self.effort_speed_kmh:
-            efforts = [1e3 * effort for effort in self.effort_kn]
-            speeds = self.effort_speed_kmh
-            drive = effort_limit(speeds, efforts, radius, self.gear_ratio, max(count, 1))
-        else:
-            pull_out = (
-                math.inf if self.pull_out_speed_kmh is None else self.pull_out_speed_kmh / 3.6
-            )
-            drive = TorqueLimit(self.torque_nm or 0.0, 1e3 * (self.power_kw or 0.0), pull_out)
-        torque = (self.torque_nm or 0.0) if self.brake_torque_nm is None else self.brake_torque_nm
-        power = (self.power_kw or 0.0) if self.brake_power_kw is None else self.brake_power_kw
-        brake = TorqueLimit(torque, 1e3 * power, fade_speed=self.fade_speed_kmh / 3.6)
-        return Motors(self.inverter_group, self.gear_ratio, drive, brake)
-
 
 class AirBrakeKeys(Strict):
     """Friction brake of a kind of car: `[car.X.air_brake]`. Source: the vehicle's."""
@@ -94,21 +82,16 @@ class AirBrakeKeys(Strict):
     """Force of one axle at the rim, at that pressure."""
     lag_s: float = Field(default=1.2, gt=0.0)
     """Time constant of filling and of releasing the cylinders. Source: assumed."""
+    release_lag_s: float | None = Field(default=None, gt=0.0)
+    """Time constant of releasing the cylinders where it is another. Left out: lag_s."""
     dead_time_s: float = 0.05
     """Time from the command to the first change of pressure. Source: assumed."""
+    pipe_wave_m_per_s: float | None = Field(default=None, gt=0.0)
+    """Speed at which the command runs along the brake pipe from the train's head. Left out: it is everywhere at once."""
+    friction: tuple[float, float, float] = (0.0, 1.0, 1.0)
+    """Friction over the speed, a, b and c of a / (V + b) + c with V in km/h, relative to that with which force_kn holds."""
     friction_factor: float = Field(default=1.0, le=10.0)
     """Friction of the shoes over that of the design; the train's computers have no information on it."""
-
-    def air_brake(self) -> AirBrake:
-        """The plant's brake."""
-        return AirBrake(
-            1e3 * self.pressure_kpa,
-            self.force_kn / self.pressure_kpa,
-            self.lag_s,
-            self.lag_s,
-            self.dead_time_s,
-            friction_factor=self.friction_factor,
-        )
 
 
 class SanderKeys(Strict):
@@ -123,14 +106,11 @@ class SanderKeys(Strict):
     rate_kg_per_min: float
     amount_g_per_m: float | None = None
 
-    def sander(self) -> Sander:
-        """The plant's sander."""
-        return Sander(**si(self))
-
 
 class CarKeys(Strict):
     """A kind of car: `[car.X]`, X the letter that stands for it in the formation. Source: the vehicle's."""
 
+    record = Car
     fields_of_keys: ClassVar[Mapping[str, str]] = {"mass_t": "empty_mass"}
 
     length_m: float
@@ -147,6 +127,11 @@ class CarKeys(Strict):
     """Radius of the wheels."""
     wheel_inertia_kgm2: float
     """Inertia of a wheelset at the wheel, with everything geared to it."""
+    axle_load_share: tuple[float, ...] | None = Field(default=None, max_length=64)
+    """Share of the car's weight on each axle; in sum below 1 where axles that are not modelled carry the rest. Left out:
+    equal shares."""
+    pivot_height_m: float | None = None
+    """Height above the rail at which bogies pull the body. Source: assumed."""
     driven: tuple[bool, ...] | None = None
     """Whether each axle has a motor. Left out: every axle, if there are motors."""
     motors: MotorKeys | None = None
@@ -157,28 +142,6 @@ class CarKeys(Strict):
     """Whether the train's computers know the speed of its axles."""
     sanders: tuple[SanderKeys, ...] = Field(default=(), max_length=64)
     """Sanders. Left out: none."""
-
-    def car(self, name: str) -> Car:
-        """The plant's car; every axle is driven where there are motors and nothing is said."""
-        axles = len(self.axle_positions_m)
-        driven = self.driven or (self.motors is not None,) * axles
-        return Car(
-            name=name,
-            length=self.length_m,
-            empty_mass=1e3 * self.mass_t,
-            load=1e3 * self.load_t,
-            axle_positions=self.axle_positions_m,
-            bogie_of_axle=self.bogie_of_axle,
-            wheel_radius=self.wheel_radius_m,
-            wheel_inertia=(self.wheel_inertia_kgm2,) * axles,
-            driven=driven,
-            motors=None
-            if self.motors is None
-            else self.motors.motors(self.wheel_radius_m, sum(driven)),
-            air_brake=None if self.air_brake is None else self.air_brake.air_brake(),
-            speed_sensors=self.speed_sensors,
-            sanders=tuple(one.sander() for one in self.sanders),
-        )
 
 
 class TrainKeys(Strict):
@@ -204,8 +167,14 @@ class TrainKeys(Strict):
     service_deceleration_kmhs: float | None = Field(default=None, gt=0.0)
     """Deceleration under the service brake in total, for a run over a line. Left out: one that is usual for its kind of
     train, with a warning."""
+    coupler: CouplerKeys | None = None
+    """Linear draft gear between all cars. Left out: none, a rigid train."""
+    draft_gear: DraftGearKeys | None = None
+    """Friction draft gear between all cars in place of `coupler`; an empty table is a published set. Left out: none."""
     source: str = ""
     """Where its figures come from."""
+    sources: dict[str, str] = Field(default={})
+    """Where each value comes from, by names of one's own: `readhesion cite` shows them. Left out: nothing is said."""
 
     @field_validator("car")
     @classmethod
@@ -213,6 +182,12 @@ class TrainKeys(Strict):
         if any(len(kind) != 1 for kind in value):
             raise ValueError("the kinds of cars have one letter each, such as [car.M]")
         return value
+
+    @model_validator(mode="after")
+    def _one_coupler(self) -> "TrainKeys":
+        if self.coupler is not None and self.draft_gear is not None:
+            raise ValueError("give either coupler or draft_gear, not both")
+        return self
 
     def train(self) -> Train:
         """The plant's train; raises `StudyError` where the formation names a kind that the file does not describe."""
@@ -222,15 +197,7 @@ class TrainKeys(Strict):
                 f"train {self.name!r}: formation {self.formation!r} has a car {unknown[0]!r}; describe it as "
                 f"[car.{unknown[0]}], or use {', '.join(self.car)}"
             )
-        return Train(
-            name=self.name,
-            cars=tuple(
-                self.car[kind].car(f"car {k} ({kind})") for k, kind in enumerate(self.formation, 1)
-            ),
-            resistance=(self.resistance_n, self.resistance_ns_per_m, self.resistance_ns2_per_m2),
-            planned_acceleration=self.planned_acceleration_kmhs / 3.6,
-            source=self.source,
-        )
+        return train_of(self.model_dump(exclude_none=True))
 
 
 def read_train_file(path: str) -> Train:

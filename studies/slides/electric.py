@@ -17,14 +17,13 @@ from alloc.metrics import use as motion
 from alloc.onboard.parameters import Belief, Onboard
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
-from alloc.plant.sets import jp4209318_3car
 from alloc.plant.train import InverterGroup, Motors, TorqueLimit, Train
 from alloc.simulation import simulate
 from mpc.hosted import MPC
 from studies.core.run_status import run_status
 from studies.core.statement import Statement
 from studies.core.verdict import over_cases
-from studies.slides.jp4209318 import CALIBRATED, INITIAL_SPEED, STEP, Undisclosed
+from studies.slides.jp4209318 import CALIBRATED, INITIAL_SPEED, STEP, Undisclosed, slide_train
 from studies.slides.targets import front
 
 GROUPS: tuple[InverterGroup, ...] = ("1C4M", "1C1M")
@@ -49,7 +48,7 @@ def electric_train(cars: int, group: InverterGroup, shoe_force_share: float) -> 
 
     `group`: motors per inverter. The wheelsets' inertia stays that of Table 2.
     """
-    train = jp4209318_3car.train(cars, shoe_force_share)
+    train = slide_train(cars, shoe_force_share)
     car = train.cars[0]
     load = float(car.static_axle_loads[0])
     peak = shoe_force_share * load * car.wheel_radius / GEAR_RATIO

@@ -5,7 +5,7 @@ wheels condition the rail, the rules and the three sensitivities are not disclos
 `studies.slides.ensemble` seeks sets that bring out Tables 3 and 4.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from alloc.metrics.use import air_consumption, damage, distance, locked_time
 from alloc.onboard.brakes import Fuzzy, SlideProtection
 from alloc.onboard.parameters import Braking, Onboard
 from alloc.plant.adhesion import SlipRatioCurve
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.sets import jp4209318_3car
+from alloc.plant.sets import find_set
+from alloc.plant.train import Train
 from alloc.simulation import simulate
 
 INITIAL_SPEED = 100.0 / 3.6
@@ -126,6 +128,17 @@ for one that noise of 1e-4 disturbs least. It is one of `studies.slides.members`
 one of their walkers started there. Conditioning ended at its bound, the rear's fall with speed near it."""
 
 
+def slide_train(cars: int = 3, shoe_force_share: float = CALIBRATED.shoe_force_share) -> Train:
+    """The train of Table 2 with 1, 2 or 3 `cars` (Table 3), or any other number."""
+    train = find_set("jp4209318-3car")
+    car = train.cars[0]
+    brake, axles = car.air_brake, len(car.axle_positions)
+    assert brake is not None
+    force = shoe_force_share * (car.mass / axles) * GRAVITY / brake.maximum_pressure
+    car = replace(car, air_brake=replace(brake, force_per_pascal=force))
+    return replace(train, name=f"jp4209318-{cars}car", cars=(car,) * cars)
+
+
 def brake_event(
     undisclosed: Undisclosed,
     cars: int = 3,
@@ -140,7 +153,7 @@ def brake_event(
     return Event(
         name=f"JP4209318, {cars} cars",
         model=build(
-            jp4209318_3car.train(cars, undisclosed.shoe_force_share),
+            slide_train(cars, undisclosed.shoe_force_share),
             undisclosed.rail(),
             span=(0.0, 1500.0),
         ),

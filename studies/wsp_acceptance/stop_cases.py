@@ -8,13 +8,12 @@ from typing import Any
 
 from alloc.plant.laws import hyperbolic_speed_law
 from alloc.plant.model import build
-from alloc.plant.sets import jp4209318_3car
-from alloc.plant.sets.freight import FRICTION
+from alloc.plant.sets import find_set
 from alloc.plant.train import Car, Train
 from studies.core.drawn_events import DrawnEvents, Quantity, sometimes, uniform
 from studies.files.study_error import StudyError, unknown
 from studies.scenario.train_keys import build_train
-from studies.slides.jp4209318 import slide_protection
+from studies.slides.jp4209318 import slide_protection, slide_train
 from studies.wsp_acceptance.events import (
     CURVES,
     ROLLING,
@@ -97,7 +96,7 @@ class StopCase:
 
 def discs(cars: int) -> Train:
     """The train of JP4209318, whose brakes have the same friction at all speeds."""
-    return jp4209318_3car.train(cars)
+    return slide_train(cars)
 
 
 def shoes(cars: int) -> Train:
@@ -113,8 +112,10 @@ def shoes(cars: int) -> Train:
 def _with_shoes(car: Car) -> Car:
     brake = car.air_brake
     assert brake is not None
-    force = brake.force_per_pascal / float(hyperbolic_speed_law(REFERENCE_SPEED, *FRICTION))
-    return replace(car, air_brake=replace(brake, friction=FRICTION, force_per_pascal=force))
+    shoes = find_set("freight-5").cars[0].air_brake
+    assert shoes is not None
+    force = brake.force_per_pascal / float(hyperbolic_speed_law(REFERENCE_SPEED, *shoes.friction))
+    return replace(car, air_brake=replace(brake, friction=shoes.friction, force_per_pascal=force))
 
 
 def table_cases(law: str = "fuzzy") -> Iterator[StopCase]:

@@ -11,7 +11,7 @@ from alloc.onboard.parameters import Braking, Onboard
 from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.sets import jp4209318_3car
+from studies.slides.jp4209318 import slide_train
 from tests.compiled_part import from_python
 
 SPEED, CYCLE = 20.0, 0.02
@@ -21,7 +21,7 @@ FUZZY = SlideProtection(
     fuzzy=Fuzzy(slip=(0.0, 0.05, 0.15), rate=(-1.0, 0.0, 1.0)),
 )  # fmt: skip
 decide = from_python(protect)
-MODEL = build(jp4209318_3car.train(2), Rail(0.1))
+MODEL = build(slide_train(2), Rail(0.1))
 
 
 class Cars:

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from alloc.estimation.increments import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard.parameters import Detector
-from alloc.plant.sets.jp4209318_3car import rail as wet_rail
 from alloc.plant.train import Coupler
 from paper_figs.adhesion import adhesion_curve, adhesion_drop, planned_curves
 from paper_figs.allocation import SHOWN, allocation_bars
@@ -154,7 +153,9 @@ def half_slips():
 def logged():
     """A log with a gap, of coupled cars that slide."""
     train = TRAIN.coupled(Coupler())
-    table = log_table(braked(readhering, train=train, rail=wet_rail(), duration=10.0), train, 5)
+    table = log_table(
+        braked(readhering, train=train, rail=DEMONSTRATION.rail(), duration=10.0), train, 5
+    )
     log = check_log(table.drop(index=range(60, 80)), MeasuredTrain.of(train), "log")
     return log, analyse_run(log.run, log.train)
 

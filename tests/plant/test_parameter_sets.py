@@ -1,12 +1,18 @@
 """Every named set builds, weighs what its source says, and can do what its plan asks for."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from alloc.plant import sets
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.sets import SETS, find_set, freight, high_speed_16car, jp4209318_3car, one_axle
+from alloc.plant.sets import SETS, find_set
+from studies.brake_force.running_tests import LEVER_RATIO, RIGGING, STANDSTILL_FRICTION
+from studies.scenario.train_file import read_train_file
+from studies.slides.jp4209318 import slide_train
 
 MASS = {
     "one-axle": 20e3,  # readhesion paper, Table 1
@@ -69,7 +75,7 @@ def test_planned_coefficients():
     for name in ("freight-5", "freight-17"):
         train = find_set(name)
         force = (train.mass + train.rotating_mass) * train.planned_acceleration
-        assert force / (train.cars[0].mass * GRAVITY) == pytest.approx(freight.PLANNED_COEFFICIENT)
+        assert force / (train.cars[0].mass * GRAVITY) == pytest.approx(0.16)
 
 
 def test_freight_brake_is_that_of_the_report():
@@ -84,10 +90,9 @@ def test_freight_brake_is_that_of_the_report():
 def test_a_wagons_rigging_gives_its_brake_force():
     """RTRI report (7): tau kappa eta S P mu."""
     brake = find_set("freight-5").cars[-1].air_brake
-    product = freight.CYLINDERS * freight.LEVER_RATIO * freight.RIGGING_EFFICIENCY
-    force = product * freight.PISTON_AREA * 350e3 * freight.STANDSTILL_FRICTION
+    force = RIGGING.force(350e3, STANDSTILL_FRICTION)
     assert force == pytest.approx(4 * brake.force_per_pascal * 350e3)
-    assert 2.0 < freight.LEVER_RATIO < 10.0
+    assert 2.0 < LEVER_RATIO < 10.0
 
 
 def test_dead_time_grows_along_the_freight_train():
@@ -127,17 +132,22 @@ def test_the_high_speed_train_has_a_tenth_in_hand_and_its_resistance_by_weight()
     assert train.resistance[0] == pytest.approx(1.273 * GRAVITY * train.mass / 1e3, rel=1e-9)
 
 
-def test_rails_of_the_sets():
-    paper = one_axle.rail(0.12)
-    assert paper.level * paper.patches[0].factor == pytest.approx(0.12)
-    assert (paper.patches[0].begin, paper.patches[0].until) == (6.0, 14.0)
-    fast = high_speed_16car.rail(3)
-    assert (fast.scatter, fast.seed, len(fast.increments)) == (0.012, 3, 64)
-    assert jp4209318_3car.rail().conditioning > 0.0
+def test_both_freight_trains_have_the_same_cars():
+    short, long = (find_set(name).cars for name in ("freight-5", "freight-17"))
+    assert long[: len(short)] == short
+
+
+def test_every_file_beside_the_registry_is_a_set_under_its_own_name():
+    """A user may copy any of them: the reader of one's own trains finds the same train."""
+    files = sorted(Path(sets.__file__).parent.glob("*.toml"))
+    assert {path.stem for path in files} == set(SETS.shipped())
+    for path in files:
+        assert read_train_file(str(path)) == find_set(path.stem)
+        assert read_train_file(str(path)).sources == find_set(path.stem).sources
 
 
 @pytest.mark.parametrize("cars", [1, 2, 3])
 def test_slide_train_by_number_of_cars(cars):
-    train = jp4209318_3car.train(cars)
+    train = slide_train(cars)
     assert train.mass == cars * 32e3
     assert train.axle_count == 4 * cars

@@ -9,11 +9,12 @@ from alloc.driving import Controls, TrainSense, drive
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
-from alloc.plant.sets import find_set, jp4209318_3car
+from alloc.plant.sets import find_set
 from alloc.plant.train import Coupler, Train
+from studies.slides.jp4209318 import slide_train
 
 START = 100.0 / 3.6
-TRAIN = jp4209318_3car.train(3, shoe_force_share=0.14)
+TRAIN = slide_train(3, shoe_force_share=0.14)
 PLAIN_RAIL = Rail(
     0.125, (150.0, 150.0, 0.0), curve=SlipRatioCurve(peak_slip_ratio=0.03, residual_ratio=1.0)
 )

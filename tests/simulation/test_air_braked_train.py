@@ -17,9 +17,10 @@ from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.sets import find_set, jp4209318_3car
+from alloc.plant.sets import find_set
 from alloc.rules import RULES
 from alloc.simulation import DriverCommand, Event, simulate
+from studies.slides.jp4209318 import CALIBRATED, slide_train
 
 SPEED = 20.0
 CURVE = SlipRatioCurve(peak_slip_ratio=0.03)
@@ -31,7 +32,7 @@ def stop(level, law="fuzzy", train=None, deceleration=3.0, speed=SPEED, **option
     braking = Braking(slide_protection=replace(FUZZY, law=law), release_speed=0.0)
     return Event(
         "stop",
-        build(train or jp4209318_3car.train(2), Rail(level, curve=CURVE)),
+        build(train or slide_train(2), Rail(level, curve=CURVE)),
         DriverCommand((0.0,), (-deceleration,)),
         Onboard(period=0.02, rise_time=0.02, braking=braking),
         initial_speed=speed,
@@ -90,8 +91,8 @@ def test_a_command_to_pull_does_nothing():
 def test_without_slide_the_distance_is_that_of_a_constant_force():
     """v^2 / 2a behind dead time and lag: the brake's impulse starts a dead time and a time constant late."""
     run = simulate(stop(0.3), "greedy")
-    train = jp4209318_3car.train(2)
-    force = jp4209318_3car.SHOE_FORCE_SHARE * train.mass * GRAVITY
+    train = slide_train(2)
+    force = CALIBRATED.shoe_force_share * train.mass * GRAVITY
     a = force / (train.mass + train.rotating_mass)
     dead, lag = 0.05, 1.2
     # v = v0 - a (t - lag (1 - e^(-t/lag))) once the dead time is over; at standstill e^(-t/lag) is next to nothing
@@ -162,7 +163,7 @@ def test_a_target_of_standstill_is_reached(sliding):
 
 
 def test_a_train_without_motors_and_air_brakes_is_refused():
-    train = jp4209318_3car.train(1)
+    train = slide_train(1)
     bare = replace(train, cars=tuple(replace(car, air_brake=None) for car in train.cars))
     with pytest.raises(OnboardError, match="no traction unit and no air brake") as error:
         simulate(stop(0.1, train=bare), "greedy")

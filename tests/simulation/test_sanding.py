@@ -9,9 +9,15 @@ from alloc.onboard.brakes import Sanding
 from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
-from alloc.plant.sets import gb_unit
 from alloc.plant.train import Sander
 from alloc.simulation import simulate
+from studies.sanders.trial import (
+    FIXED_RATE,
+    GREATEST_RATE,
+    VARIABLE_AMOUNT,
+    coupled_units,
+    sanded,
+)
 
 RECORD = 0.01
 SLIPPERY = Patch(0.2, begin=2.0, until=5.0, fade=0.1)
@@ -20,8 +26,8 @@ SLIPPERY = Patch(0.2, begin=2.0, until=5.0, fade=0.1)
 
 def run(sanding=None, *, sanders=None, speed=20.0, patches=(SLIPPERY,), duration=12.0, shares=None):
     """One unit brakes from `speed` [m/s] on dry rail with slippery spells."""
-    train = gb_unit.train(1)
-    train = train if sanders is None else gb_unit.sanded(train, sanders)
+    train = coupled_units(1)
+    train = train if sanders is None else sanded(train, sanders)
     onboard = Onboard(
         sanding=sanding or Sanding(),
         braking=Braking(car_shares=shares),
@@ -59,7 +65,7 @@ def test_sand_begins_a_delay_after_the_first_slide_and_holds_on(delay, hold):
 
 def test_a_fixed_rate_is_that_of_the_sander():
     rates = np.unique(run()["sand_rate"].values)
-    assert rates.tolist() == [0.0, gb_unit.FIXED_RATE]
+    assert rates.tolist() == [0.0, FIXED_RATE]
 
 
 def test_no_slide_no_sand():
@@ -83,13 +89,14 @@ def test_slow_trains_lay_none():
 
 def test_a_variable_rate_keeps_to_the_amount_as_far_as_it_goes():
     found = run(
-        Sanding(on_slide=False, delay=0.0, begin=0.0, least_speed=0.0), sanders={2: gb_unit.variable(0)},
+        Sanding(on_slide=False, delay=0.0, begin=0.0, least_speed=0.0),
+        sanders={2: Sander(0, GREATEST_RATE, VARIABLE_AMOUNT)},
         speed=28.0,
     )  # fmt: skip
     amount = found["sand_rate"].values[:, 0] / found["speed"].values
-    most = gb_unit.GREATEST_RATE / found["speed"].values
-    np.testing.assert_allclose(amount, np.minimum(gb_unit.VARIABLE_AMOUNT, most), rtol=1e-3)
-    assert most[0] < 0.9 * gb_unit.VARIABLE_AMOUNT < most[-1]
+    most = GREATEST_RATE / found["speed"].values
+    np.testing.assert_allclose(amount, np.minimum(VARIABLE_AMOUNT, most), rtol=1e-3)
+    assert most[0] < 0.9 * VARIABLE_AMOUNT < most[-1]
 
 
 def test_a_train_without_sanders_has_none_in_its_record():
@@ -122,7 +129,7 @@ def test_impossible_parameter_is_named(make, named):
 
 
 def test_slip_in_traction_calls_for_sand_too(make_event, train):
-    one = gb_unit.sanded(train, {4: Sander(0, 0.03)})
+    one = sanded(train, {4: Sander(0, 0.03)})
     event = make_event(0.06, train=one, onboard=Onboard(sanding=Sanding(least_speed=0.0)))
     found = simulate(event, "alone", "cut-and-ramp")
     first = found["time"].values[(found["slipping"].values > 0).any(axis=1)][0]

@@ -7,12 +7,14 @@ import pytest
 
 from alloc.estimation.brake_force import stop_mean
 from alloc.plant.laws import hyperbolic_speed_law
-from alloc.plant.sets import freight
+from alloc.plant.sets import find_set
 from studies.brake_force.findings import row_of_test
 from studies.brake_force.running_tests import (
+    BRAKE,
     BRAKED_AT,
     RIGGING,
     SHOE_SCATTER,
+    STANDSTILL_FRICTION,
     TESTS,
     estimate,
     run_test,
@@ -39,7 +41,7 @@ def test_cylinders_fill_in_the_order_of_the_brake_pipe():
     assert np.all(np.diff(m.time[built]) >= 0.0)
     delay = m.time[built[-1]] - m.time[built[0]]
     distance = 19.6 + 16 * 20.4
-    assert delay == pytest.approx(distance / freight.PIPE_WAVE_SPEED, abs=0.1)
+    assert delay == pytest.approx(distance / 250.0, abs=0.1)
 
 
 def test_only_the_locomotive_fills_under_its_own_brake():
@@ -66,7 +68,7 @@ def test_a_day_has_the_same_shoes_in_all_tests_and_others_on_another_day():
 
     assert shoes("all", 1) == shoes("3 wagons", 1) == shoes("locomotive", 1)
     assert shoes("all", 1) != shoes("all", 2)
-    nominal = [car.air_brake.force_per_pascal for car in freight.train(17).cars]
+    nominal = [car.air_brake.force_per_pascal for car in find_set("freight-17").cars]
     ratio = np.array([shoes("emergency", day) for day in range(30)]) / nominal
     assert ratio.std() == pytest.approx(SHOE_SCATTER, rel=0.1)
     assert ratio.mean() == pytest.approx(1.0, abs=0.01)
@@ -75,9 +77,9 @@ def test_a_day_has_the_same_shoes_in_all_tests_and_others_on_another_day():
 def test_theory_is_the_force_of_sound_shoes():
     """(7) with the wagon's constants is the plant's brake of a wagon whose shoes do not scatter."""
     for speed in (0.0, 5.0, 20.0):
-        friction = hyperbolic_speed_law(speed, *freight.FRICTION)
-        plant = 4 * freight.train(5).cars[1].air_brake.force_per_pascal * 350e3 * friction
-        theory = RIGGING.force(350e3, freight.STANDSTILL_FRICTION * friction)
+        friction = hyperbolic_speed_law(speed, *BRAKE.friction)
+        plant = 4 * find_set("freight-5").cars[1].air_brake.force_per_pascal * 350e3 * friction
+        theory = RIGGING.force(350e3, STANDSTILL_FRICTION * friction)
         assert theory == pytest.approx(plant)
 
 
@@ -110,7 +112,7 @@ def test_locomotives_estimate_is_60_kn_in_both_tests():
     assert both[0] == pytest.approx(both[1], rel=0.05)
     # its own shoes scatter
     scatter = result("all").train.cars[0].air_brake.force_per_pascal / (
-        freight.train(5).cars[0].air_brake.force_per_pascal
+        find_set("freight-5").cars[0].air_brake.force_per_pascal
     )
     assert np.array(both) / scatter == pytest.approx(60.0, rel=0.05)
 
@@ -121,7 +123,7 @@ def test_averages_are_linear_in_the_wagons_braked():
     slope, intercept = np.polyfit(count, means, 1)
     assert np.abs(means - slope * count - intercept).max() < 0.5 * slope
     assert np.all(np.diff(means) < 0.0)
-    assert slope == pytest.approx(freight.STEP_FORCE / 1e3 * 59.0 / 96.0, rel=0.15)
+    assert slope == pytest.approx(60.0 * 59.0 / 96.0, rel=0.15)
 
 
 def test_18_cars_follow_theory_on_average_and_oscillate():

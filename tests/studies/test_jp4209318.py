@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alloc.onboard.brakes import SENSITIVITIES, Fuzzy
-from alloc.plant.sets import jp4209318_3car
+from alloc.plant.sets import find_set
 from studies.slides.calibration import to_unit_cube
 from studies.slides.ensemble_statements import LEAST_MEMBERS
 from studies.slides.extrapolation import STOPS, beyond_event, beyond_row
@@ -17,6 +17,7 @@ from studies.slides.jp4209318 import (
     brake,
     brake_event,
     measures,
+    slide_train,
 )
 from studies.slides.members import HELD_OUT, MEMBERS
 from studies.slides.targets import (
@@ -124,8 +125,8 @@ def test_sensitivity_alone_changes_between_the_columns():
 def test_the_defaults_on_board_are_the_calibrated_ones():
     assert CALIBRATED.fuzzy() == Fuzzy()
     assert CALIBRATED.sensitivities == SENSITIVITIES
-    assert CALIBRATED.rail() == jp4209318_3car.rail()
-    assert jp4209318_3car.train(3, CALIBRATED.shoe_force_share) == jp4209318_3car.train(3)
+    shipped, made = (train.cars[0] for train in (find_set("jp4209318-3car"), slide_train()))
+    assert shipped.air_brake == made.air_brake
 
 
 def test_every_parameter_has_bounds_and_a_meaning():

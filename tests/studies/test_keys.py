@@ -11,11 +11,11 @@ from alloc.onboard.parameters import Onboard
 from alloc.plant.rail import Line, Rail, Receptivity
 from alloc.plant.train import DraftGear
 from alloc.simulation import inputs_hash
+from alloc.units import unit_of
 from mpc.settings import MpcSettings
 from studies.files.key_tables import tables_of
 from studies.files.strict import parse
 from studies.files.study_error import StudyError
-from studies.files.units import unit_of
 from studies.scenario.file_kinds import FILE_KINDS, places_of, reference_page, schema_of_kind
 from studies.scenario.loading import load_scenario, shipped_scenarios
 from studies.scenario.onboard_keys import OnboardKeys
@@ -28,6 +28,7 @@ FILES = [
     *(("scenario", path) for path in sorted((ROOT / "studies/scenario/shipped").glob("*.toml"))),
     *(("train", path) for path in sorted((ROOT / "studies/lines/shipped_trains").glob("*.toml"))),
     *(("line", path) for path in sorted((ROOT / "studies/lines/shipped_lines").glob("*.toml"))),
+    *(("train", path) for path in sorted((ROOT / "alloc/plant/sets").glob("*.toml"))),
     ("train", ROOT / "docs/plugins/tram.toml"),
 ]
 NEEDED = {

@@ -9,7 +9,6 @@ from alloc.plant.adhesion import PiecewiseCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
 from alloc.plant.sets import find_set
-from alloc.plant.sets.one_axle import rail
 from studies.readhesion_paper.lanes import simulate_tables
 from studies.readhesion_paper.limit_cycle import (
     SLIP,
@@ -18,6 +17,7 @@ from studies.readhesion_paper.limit_cycle import (
     growth,
     reduced_model,
 )
+from studies.readhesion_paper.paper import rail
 from tests.plant.compiled_rate import compiled_rate
 
 ACCELERATION = 3.0 / 3.6

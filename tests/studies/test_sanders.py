@@ -7,7 +7,6 @@ import pytest
 
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import build
-from alloc.plant.sets import gb_unit
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED
 from studies.files.study_error import StudyError
 from studies.sanders.calibration import (
@@ -22,7 +21,17 @@ from studies.sanders.calibration import (
 from studies.sanders.placement import AMOUNT, PLACEMENTS, RATE, USUAL, caps, placed, shares
 from studies.sanders.statements import sander_statements
 from studies.sanders.study import SANDERS
-from studies.sanders.trial import DEMAND, DISTANCES, FRICTION, INITIAL_SPEED, SOURCES, rail, stop
+from studies.sanders.trial import (
+    DEMAND,
+    DISTANCES,
+    FIXED_RATE,
+    FRICTION,
+    INITIAL_SPEED,
+    SOURCES,
+    coupled_units,
+    rail,
+    stop,
+)
 from tests.studies.sander_tables import BEST, REAR, sander_table
 
 
@@ -65,7 +74,7 @@ def test_the_stored_law_is_what_the_calibration_gives():
 @pytest.mark.parametrize("curve", ["slip-ratio", "polach"])
 def test_rails_of_both_curves_carry_the_same(curve):
     one = rail(CALIBRATED, curve)
-    contact = build(gb_unit.train(), one).environment.contact
+    contact = build(coupled_units(), one).environment.contact
     for level, carried in ((one.level, FRICTION), (one.sanded_coefficient, CALIBRATED[0])):
         found = one.curve.limit(level, INITIAL_SPEED, contact)[0]
         np.testing.assert_allclose(found, carried, rtol=1e-6)
@@ -119,7 +128,7 @@ def test_slip_is_measured_from_the_speed_asked_for():
 def test_a_train_that_stands_lays_no_sand():
     """Two units with a sander of fixed rate each: both rails, for the time of the stop."""
     metres, kg = (stop("one fixed", CALIBRATED)[name] for name in ("distance", "sand"))
-    rate = 2 * 2 * gb_unit.FIXED_RATE
+    rate = 2 * 2 * FIXED_RATE
     mean_speed = metres / (kg / rate)
     assert 0.4 * INITIAL_SPEED < mean_speed < 0.7 * INITIAL_SPEED
 

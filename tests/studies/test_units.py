@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from alloc.units import UNITS
 from studies.files.strict import Strict
-from studies.files.units import UNITS, si
+from studies.files.units import si
 
 
 class Everything(Strict):

@@ -25,7 +25,8 @@ from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.laws import GRAVITY, coupler_stretch
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.plant.sets import find_set, jp4209318_3car
+from alloc.plant.sets import find_set
+from studies.slides.jp4209318 import slide_train
 from tests.onboard.uneven import uneven_train
 
 SPEED, PERIOD = 20.0, 0.01
@@ -153,7 +154,7 @@ def test_resistance_stops_believed_cars_and_does_not_turn_them_round():
 
 def braked(rim, share=BOUND_SHARE):
     """Two braked cars whose wheels turn at `rim` [m/s], none of them at ease or light; their bound counts by `share`."""
-    train = Computers(jp4209318_3car.train(2))
+    train = Computers(slide_train(2))
     train.st = train.st._replace(pace=train.st.pace._replace(bound_share=share))
     train.filter.full[:] = 3e5
     for _ in range(30):
@@ -180,7 +181,7 @@ def test_a_braking_wheel_that_lags_tells_nothing():
 def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
     persist = ReferenceSpeed().persist
     for told, believed in ((0.4 * persist, False), (0.9 * persist, False), (1.1 * persist, True)):
-        train = Computers(jp4209318_3car.train(1))
+        train = Computers(slide_train(1))
         train.estimate(SPEED, 2e5)
         before = train.filter.state.copy(), train.filter.covariance.copy()
         train.filter.rim[0] = train.m.reference[0] + lead
@@ -197,7 +198,7 @@ def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
 
 @pytest.mark.parametrize(("told", "taken"), [(0.4, False), (0.6, True)])
 def test_a_light_wheels_likely_reading_is_taken_before(told, taken):
-    train = Computers(jp4209318_3car.train(1))
+    train = Computers(slide_train(1))
     for _ in range(100):
         train.estimate(train.m.reference[0], 2e5)
     before, variance = train.filter.state[0], train.filter.covariance[0, 0]
@@ -322,7 +323,7 @@ def test_a_unit_without_speed_signals_is_not_sounded():
 
 
 def test_one_bogie_is_released_from_doubt_until_the_speed_is_known():
-    train = Computers(jp4209318_3car.train(2))
+    train = Computers(slide_train(2))
     s, group = train.st.reference.sounding, train.filter.sounding.group
     train.filter.full[:] = 3e5
     train.filter.pressure[:] = 2e5, 2e5, 1e5, 2e5
@@ -344,9 +345,7 @@ def test_one_bogie_is_released_from_doubt_until_the_speed_is_known():
 
 @pytest.mark.parametrize("noise", [0.0, 0.04 / 3.6])
 def test_a_reading_is_as_uncertain_as_its_sensor(noise):
-    train = Computers(
-        jp4209318_3car.train(1), sensors=Sensors(speed_noise=noise, speed_quantum=0.03)
-    )
+    train = Computers(slide_train(1), sensors=Sensors(speed_noise=noise, speed_quantum=0.03))
     expected = ReferenceSpeed().sensor ** 2 + noise**2 + 0.03**2 / 12.0
     assert train.st.reference.noise**2 == pytest.approx(expected)
 
