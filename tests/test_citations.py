@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from alloc.citations import CITATIONS, cited_in, uses
+from alloc.citations import CITATIONS, cited_in, read_bibtex, uses
 
 ROOT = Path(__file__).parents[1]
 TEXT = "\n".join(
     path.read_text()
     for layer in ("alloc", "mpc", "studies")
     for path in (ROOT / layer).rglob("*")
-    if path.suffix in (".py", ".toml") and path.name != "citations.py"
+    if path.suffix in (".py", ".toml")
 )
 
 
@@ -43,3 +43,20 @@ def test_uses_keep_the_order_of_the_publications_and_name_their_users():
     assert [(one.key, who) for one, who in found.items()] == [
         ("JP5484215", ["rule a"]), ("polach2005", ["rule b", "rule a"]),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "@misc{a,\n  title = {One},\n}\n",
+        "@misc{a,\n  marks = {A},\n  title = {One},\n  title = {Two},\n}\n",
+        "@misc{a,\n  marks = {A}, title = {One},\n}\n",
+        "@misc{a,\n  marks = {A},\n  title = {The {TGV}},\n}\n",
+        "@misc{a,\n  marks = {A},\n  title = {One},\n",
+    ],
+)
+def test_an_entry_that_is_not_regular_is_refused_by_its_first_line(text):
+    good = "% a remark\n@misc{b,\n  marks = {B | Bs},\n  title = {B},\n}\n\n"
+    assert [one.marks for one in read_bibtex(good)] == [("B", "Bs")]
+    with pytest.raises(ValueError, match=r"BibTeX entry '@misc\{a,'"):
+        list(read_bibtex(good + text))
