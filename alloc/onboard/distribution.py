@@ -254,6 +254,7 @@ def distribute(eq, st, m, time, tick, delay, fate):
     for j in range(units):  # who is told nothing keeps to the driver's command
         m.received[j] = m.orders.read[j, 0]
         m.unit.limit[j] = m.received[j] if np.isfinite(m.received[j]) else m.train.expected[0]
-        if m.unit.axles_seen[j] == 0.0 and not (st.rule.on_slip or st.rule.needs_truth):
+        by_reports = st.rule.own_caps or not (st.rule.on_slip or st.rule.needs_truth)
+        if m.unit.axles_seen[j] == 0.0 and by_reports:
             # a cap at what its share leaves of the plan, and that share of the cap again, would end at nothing
             m.unit.limit[j] = max(m.unit.limit[j], m.train.expected[0])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from alloc.errors import OnboardError
+from alloc.event import DriverCommand
 from alloc.metrics import evaluate
 from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.onboard.parameters import Dropout, Onboard, Sensors, Telegrams
@@ -257,3 +258,17 @@ def test_the_others_make_up_for_a_failed_unit_where_the_rail_lets_them(make_even
     assert limits[:100].max() < 1.005
     first = later["time"].values[np.argmax(limits > 1.005, axis=0)]
     assert np.all((first > 3.09) & (first < 3.0 + 0.1 + 2 * 0.1 + 0.05))
+
+
+def test_a_rule_with_caps_of_its_own_goes_by_reports_whatever_the_trigger(make_event):
+    """Also where a unit sees none of its axles and limits arrive late: its own is the plan at least."""
+    onboard = replace(dropouts(range(8, 12)), telegrams=Telegrams(loss=0.8))
+    command = DriverCommand((0.2, 3.0, 4.0), (0.75, 0.5, 0.75))
+    runs = [
+        simulate(
+            make_event(0.13, onboard=replace(onboard, trigger=one), command=command), "cooperative"
+        )
+        for one in ("slip", "limited")
+    ]
+    for name in runs[0].data_vars:
+        np.testing.assert_array_equal(runs[0][name], runs[1][name], err_msg=name)
