@@ -4,6 +4,7 @@ import math
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from alloc.plant.sets import SETS, find_set
 from alloc.plant.train import Train
@@ -63,7 +64,7 @@ def _of_a_set(name: str, load_share: float) -> RollingStock:
 
 
 def _rigid(train: Train) -> Train:
-    quick = {"fill_time": BRAKE_LAG, "release_time": BRAKE_LAG, "dead_time": 0.0}
+    quick: dict[str, Any] = {"fill_time": BRAKE_LAG, "release_time": BRAKE_LAG, "dead_time": 0.0}
     cars = tuple(
         replace(car, air_brake=replace(car.air_brake, **quick)) if car.air_brake else car
         for car in train.cars
