@@ -34,7 +34,7 @@ from alloc.plant.laws import adhesion_limit
 from alloc.plant.model import Floats, Inputs, Layout, Model
 from alloc.records import ByReference
 from alloc.rules.dispatch import allocate_compiled
-from alloc.rules.rule import Units
+from alloc.rules.rule import Caps, Units
 
 # What the loop writes down of an instant, compiled.
 
@@ -241,7 +241,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             write_reports(eq, st, m, time, a)
             hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_fate[row])
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
-            if needed and st.rule.needs_truth:
+            if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
                 true_limits(plant, eq, time, sign, eq.blended and a < 0.0, m.truth, m.air_most)
             progress.phase[0] = DISTRIBUTE
@@ -270,7 +270,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                 set_brake_targets(eq, st, m)
             else:
                 set_targets(eq, st, m, a)
-            if not st.rule.needs_truth:
+            if st.rule.caps != Caps.TRUE:
                 restrain_blind_units(st, m)
             control(eq, st, m, a)
             progress.phase[0] = ADVANCE

@@ -6,6 +6,7 @@ from alloc.compilation import inlined_jit
 from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
 from alloc.onboard.laws import believed_shoe_force
 from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, exchange, tell
+from alloc.rules.rule import Caps, Trigger
 
 HELD = 1.0
 """Time [s] for which a unit that was limited still counts as such: a search for the peak takes about as long, and in ten
@@ -117,13 +118,6 @@ def _caps_by_front(eq, st, m, time, blended):
 
 
 @inlined_jit
-def _own_caps(m):
-    """What limited units deliver; the others are open up to their marks."""
-    for j in range(m.cap.size):
-        m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.open_to[j]
-
-
-@inlined_jit
 def _trailers_shortfall(eq, m, expected):
     """What the trailers' shoes lack against their part of the plan, as a coefficient of the units."""
     lacking, carried = 0.0, 0.0
@@ -150,18 +144,20 @@ def _keep_plan(m, expected):
 @inlined_jit
 def _asked_on_slip(st, m, time, tick, changed):
     """As the patent says: at the leader's detection, while its slip is not over for the hold time."""
+    _caps_at_detection(st, m, time)
     expected = m.train.expected[0]
-    since = m.lead.slipped[0] if st.rule.periodic else m.lead.detected[0]
+    slipping = st.rule.trigger == Trigger.SLIPPING
+    since = m.lead.slipped[0] if slipping else m.lead.detected[0]
     if expected == 0.0 or time - since > st.hold_time:
         _keep_plan(m, expected)
         return False
-    if st.rule.periodic:
+    if slipping:
         return tick % st.telegrams.ticks == 0 or changed
     return m.lead.allocate[0] or changed
 
 
 @inlined_jit
-def _asked_on_own_slips(st, m, time, changed):
+def _asked_on_any_slip(st, m, time, changed):
     """At every unit's detection, and where one is too old to count, while any counts."""
     some, others = count_slips(st, m, time)
     if m.train.expected[0] == 0.0 or not some:
@@ -175,7 +171,8 @@ def _asked_on_own_slips(st, m, time, changed):
 def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
     expected = m.train.expected[0]
-    active = st.rule.always or (blended and st.rule.own_caps)
+    of_units = st.rule.caps == Caps.DELIVERED
+    active = st.rule.trigger == Trigger.TELEGRAM or (blended and of_units)
     for j in range(m.cap.size):
         works = m.in_service[j] or blended  # air brakes stand in for motors
         m.since_limited[j] = time - m.report.limited_at[j] if works else 0.0
@@ -189,8 +186,9 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     for j in range(m.cap.size):
         m.most[j] = min(m.limit_max[j], max(m.limit_wanted[j], expected) + step)
     _move_marks(st, m)
-    if st.rule.own_caps:
-        _own_caps(m)
+    if of_units:
+        for j in range(m.cap.size):
+            m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.open_to[j]
     else:
         _caps_by_front(eq, st, m, time, blended)
     return True
@@ -209,19 +207,19 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
     m.lead.needed[0] = expected
     if m.cap.size == 0:
         return False
-    if blended and (st.rule.own_caps or st.rule.needs_truth):
+    if blended and (st.rule.caps == Caps.DELIVERED or st.rule.caps == Caps.TRUE):
         m.lead.needed[0] += _trailers_shortfall(eq, m, expected)
     _lead(eq, m)
     if st.learning.learner != NO_LEARNING:
         learn_increments(st, m, time)
     for j in range(m.cap.size):
         m.most[j] = m.limit_max[j]
-    if st.rule.needs_truth:
+    trigger = st.rule.trigger
+    if trigger == Trigger.PERIOD:
         return True
-    if st.rule.own_slips:
-        return _asked_on_own_slips(st, m, time, changed)
-    if st.rule.on_slip and not st.rule.own_caps:
-        _caps_at_detection(st, m, time)
+    if trigger == Trigger.ANY_SLIP:
+        return _asked_on_any_slip(st, m, time, changed)
+    if trigger == Trigger.SLIP or trigger == Trigger.SLIPPING:
         return _asked_on_slip(st, m, time, tick, changed)
     return _asked_on_limited(eq, st, m, time, tick, failed or changed, blended)
 
@@ -241,7 +239,7 @@ def distribute(eq, st, m, time, tick, delay, fate):
     for j in range(units):
         m.told[j, 0] = m.limit_wanted[j] if limited else np.inf
     for j in range(units):
-        if j == first or st.rule.needs_truth:
+        if j == first or st.rule.caps == Caps.TRUE:
             tell(m.orders, j, time, m.told)
             continue
         if exchange(m.orders, j, time, m.told, sending, st.telegrams, m.counter, delay[j], fate[j]):
@@ -254,7 +252,6 @@ def distribute(eq, st, m, time, tick, delay, fate):
     for j in range(units):  # who is told nothing keeps to the driver's command
         m.received[j] = m.orders.read[j, 0]
         m.unit.limit[j] = m.received[j] if np.isfinite(m.received[j]) else m.train.expected[0]
-        by_reports = st.rule.own_caps or not (st.rule.on_slip or st.rule.needs_truth)
-        if m.unit.axles_seen[j] == 0.0 and by_reports:
+        if m.unit.axles_seen[j] == 0.0 and st.rule.trigger < Trigger.SLIP:
             # a cap at what its share leaves of the plan, and that share of the cap again, would end at nothing
             m.unit.limit[j] = max(m.unit.limit[j], m.train.expected[0])

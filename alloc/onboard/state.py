@@ -54,6 +54,7 @@ from alloc.onboard.telegrams import (
 )
 from alloc.plant.model import Floats
 from alloc.records import filled
+from alloc.rules.rule import AT_SLIP, Caps, Trigger
 
 # What differs between runs, as compiled code reads it: parameters of the on-board functions.
 
@@ -67,18 +68,10 @@ class RuleSettings(NamedTuple):
 
     compiled: int
     """Its identifier; -1: it is called in Python."""
-    periodic: bool
-    """Whether it acts with every telegram, else at each detection by the foremost unit."""
-    needs_truth: bool
-    """Whether it reads the truth; who knows the rail need not wait for slip."""
-    always: bool
-    """Whether it is called whether or not a unit is limited."""
-    on_slip: bool
-    """Whether it is called at the foremost unit's slip, whatever units report."""
-    own_caps: bool
-    """Whether its caps are what the units themselves find; otherwise they follow from that of the foremost unit."""
-    own_slips: bool = False
-    """Whether, called on slip, it receives every unit's detections."""
+    trigger: int = Trigger.LIMITED
+    """When it is asked, a `Trigger`; in `Settings` that of the event."""
+    caps: int = Caps.FRONT
+    """What it is given, `Caps`."""
 
 
 class DetectorSettings(NamedTuple):
@@ -163,12 +156,15 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
     """Settings of a run; `controller` names a built-in one, any other name stands for one that is hosted."""
     period, sensors, braking = onboard.period, onboard.sensors, onboard.braking
     hosted = controller not in BUILT_IN
+    trigger = Trigger(rule.trigger)
+    if onboard.trigger == "slip" and rule.caps == Caps.FRONT:
+        trigger = AT_SLIP.get(trigger, trigger)
     lost = np.array([(one.axle, one.begin, one.until) for one in sensors.dropouts], dtype=float)
     lost = lost.reshape(-1, 3)
     return filled(
         Settings,
         onboard,
-        rule=rule._replace(on_slip=rule.on_slip or onboard.trigger == "slip"),
+        rule=rule._replace(trigger=int(trigger), caps=int(rule.caps)),
         hosted=hosted,
         controller=list(BUILT_IN).index(RESERVE if hosted else controller),
         law=law_settings(onboard),

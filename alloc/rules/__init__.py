@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from alloc.rules.exact import Optimality, optimality
     from alloc.rules.problem import CASES, Allocation, AllocationProblem
     from alloc.rules.qp import robust_rule
-    from alloc.rules.rule import RULES, Rule, find_rule
+    from alloc.rules.rule import RULES, Caps, Rule, Trigger, find_rule
 else:
     __getattr__ = names_of(
         __name__,
         exact="Optimality optimality",
         problem="CASES Allocation AllocationError AllocationProblem",
         qp="robust_rule",
-        rule="RULES Rule find_rule",
+        rule="RULES Caps Rule Trigger find_rule",
     )
 
 __all__ = [
@@ -28,8 +28,10 @@ __all__ = [
     "Allocation",
     "AllocationError",
     "AllocationProblem",
+    "Caps",
     "Optimality",
     "Rule",
+    "Trigger",
     "find_rule",
     "optimality",
     "robust_rule",

@@ -24,7 +24,7 @@ from alloc.rules.problem import (
     lowest,
     sums_at_bounds,
 )
-from alloc.rules.rule import RULES, Rule
+from alloc.rules.rule import RULES, Caps, Rule, Trigger
 
 # The exact level that par. 0050 of JP5484215 names but does not compute, without sorting.
 #
@@ -355,7 +355,7 @@ def answer_oracle(problem: AllocationProblem) -> Allocation:
 
 ORACLE = Rule(
     "oracle", "the exact level on the true coefficients: what could be had at best", answer_oracle,
-    oracle_law, periodic=True, needs_truth=True, colour="#000000", marker="*",
+    oracle_law, trigger=Trigger.PERIOD, caps=Caps.TRUE, colour="#000000", marker="*",
 )  # fmt: skip
 RULES.register("oracle", ORACLE)
 
@@ -396,6 +396,6 @@ def cooperative_law(units, expected, limit_out):
 
 COOPERATIVE = Rule(
     "cooperative", "limited units keep what they find, the others make up for it", answer_exact,
-    cooperative_law, own_caps=True, colour="#8e0055", marker="p",
+    cooperative_law, caps=Caps.DELIVERED, colour="#8e0055", marker="p",
 )  # fmt: skip
 RULES.register("cooperative", COOPERATIVE)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from alloc.compilation import jit
 from alloc.rules.problem import ROUNDING, highest_cap, within_reach
-from alloc.rules.rule import RULES, Rule
+from alloc.rules.rule import RULES, Caps, Rule, Trigger
 
 # The rule of JP5484215: the slip of the foremost unit bounds all units, and the rear takes over what the front lost.
 #
@@ -66,7 +66,7 @@ GREEDY = Rule(
 RULES.register("greedy", GREEDY)
 
 GREEDY_LITERAL = replace(
-    GREEDY, name="greedy-literal", on_slip=True, colour="#551c8e", marker="d",
+    GREEDY, name="greedy-literal", trigger=Trigger.SLIP, colour="#551c8e", marker="d",
     description="greedy asked as JP5484215 is printed: at the foremost unit's slip, held, lifted at once",
 )  # fmt: skip
 RULES.register("greedy-literal", GREEDY_LITERAL)
@@ -80,7 +80,7 @@ SLIP_ON = 0.3
 """Slip [m/s] from which a unit counts as slipping whatever its acceleration; the detector's own is 0.6."""
 
 GREEDY_TUNED = replace(
-    GREEDY_LITERAL, name="greedy-tuned", own_slips=True, colour="#aa71ff", marker="h",
+    GREEDY_LITERAL, name="greedy-tuned", trigger=Trigger.ANY_SLIP, caps=Caps.DETECTED, colour="#aa71ff", marker="h",
     onboard={"hold_time": HOLD_TIME, "detector.pole": DIFFERENTIATOR_POLE, "detector.speed_on": SLIP_ON},
     description="greedy at its best within the words of JP5484215: all units' slips heard, "
     f"held {HOLD_TIME:g} s, differentiator {DIFFERENTIATOR_POLE:g} 1/s, slip from {SLIP_ON:g} m/s",

@@ -7,7 +7,7 @@ import numpy as np
 
 from alloc.compilation import jit
 from alloc.rules.problem import bounds_allow_plan
-from alloc.rules.rule import RULES, Rule
+from alloc.rules.rule import RULES, Rule, Trigger
 
 # A preset pattern, JP H05-276606 as JP5484215 par. 0007 describes it.
 
@@ -42,7 +42,7 @@ def preset_law(units, expected, limit_out):
 
 PRESET = Rule(
     "preset", "a fixed part of the front's effort moved to the rear (JP H05-276606)",
-    law=preset_law, always=True, colour="#553900", marker="v",
+    law=preset_law, trigger=Trigger.TELEGRAM, colour="#553900", marker="v",
 )  # fmt: skip
 RULES.register("preset", PRESET)
 
@@ -88,6 +88,6 @@ def sharing_law(units, expected, limit_out):
 
 SHARING = Rule(
     "sharing", "each unit's shortfall handed to the others step by step (JP 4225233)",
-    law=sharing_law, periodic=True, colour="#e69f00", marker="^",
+    law=sharing_law, trigger=Trigger.STEPWISE, colour="#e69f00", marker="^",
 )  # fmt: skip
 RULES.register("sharing", SHARING)

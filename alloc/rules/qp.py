@@ -1,4 +1,4 @@
-"""The allocation as a quadratic program, solved by OSQP; and with a probability that the rail carries every cap.
+"""The allocation as a quadratic program, by OSQP and as cvxpy states it; and with a probability that the rail carries a cap.
 
 In: an `AllocationProblem`. Out: an `Allocation`, certified by its active set. Set up once per number of units, then updated.
 """
@@ -6,6 +6,7 @@ In: an `AllocationProblem`. Out: an `Allocation`, certified by its active set. S
 import signal
 import threading
 import time
+import warnings
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -47,7 +48,8 @@ SETTINGS = {
 as many iterations. Without warm start the answer does not depend on the previous problem."""
 
 ONE_AT_A_TIME = threading.Lock()
-"""OSQP catches interrupts for the whole process while it solves: with two solves at once, Python would ignore Ctrl-C."""
+"""OSQP catches interrupts for the whole process while it solves: with two solves at once, Python would ignore Ctrl-C. The
+parameters of cvxpy and Python's filters of warnings belong to the whole process too."""
 
 
 class Workspace:
@@ -123,6 +125,74 @@ QP = Rule(
     "qp", "quadratic program: least deviation from the plan (OSQP)", answer_qp, colour="#e38eff", marker="X"
 )  # fmt: skip
 RULES.register("qp", QP)
+
+
+# The same program as one would write it on paper, in cvxpy: the readable reference, slow.
+
+
+SOLVER = "CLARABEL"
+"""An interior-point solver: its method differs from that of `qp`, so the two check each other."""
+CLARABEL_SETTINGS = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
+
+
+class Formulation:
+    """The problem for n units with its parameters, built once, since building it costs more than solving it."""
+
+    def __init__(self, n: int) -> None:
+        cp = import_solver("cvxpy", "qp-cvxpy")
+
+        self.failure = cp.SolverError
+        self.root_weight = cp.Parameter(n, pos=True)
+        self.weight = cp.Parameter(n, pos=True)
+        self.lower = cp.Parameter(n, nonneg=True)
+        self.upper = cp.Parameter(n, nonneg=True)
+        self.total = cp.Parameter(nonneg=True)
+        self.z = cp.Variable(n)
+
+        deviation = cp.multiply(self.root_weight, self.z - 1)
+        self.problem = cp.Problem(
+            cp.Minimize(cp.sum_squares(deviation)),
+            [self.lower <= self.z, self.z <= self.upper, self.weight @ self.z == self.total],
+        )
+
+    def solve(
+        self, weight: Floats, lower: Floats, upper: Floats, total: float
+    ) -> tuple[Floats, Floats, str]:
+        """As `Workspace.solve`."""
+        self.root_weight.value, self.weight.value = np.sqrt(weight), weight
+        self.lower.value, self.upper.value, self.total.value = lower, upper, total
+        nothing = np.full(weight.size, np.nan)
+        try:
+            with warnings.catch_warnings():
+                # "may be inaccurate": whether the answer is, its certificate says
+                warnings.simplefilter("ignore", UserWarning)
+                self.problem.solve(solver=SOLVER, **CLARABEL_SETTINGS)
+        except self.failure as error:
+            return nothing, nothing, str(error)
+        if self.problem.status not in ("optimal", "optimal_inaccurate"):
+            return nothing, nothing, str(self.problem.status)
+        at_lower, at_upper, _ = (constraint.dual_value for constraint in self.problem.constraints)
+        return self.z.value, 0.5 * (at_upper - at_lower) / weight, "ok"
+
+
+formulation = lru_cache(maxsize=64)(Formulation)
+"""The formulation for n units, built on first use."""
+
+
+def answer_qp_cvxpy(problem: AllocationProblem) -> Allocation:
+    """Limits by cvxpy; where they are not certified, the exact ones, and the status says so."""
+    with ONE_AT_A_TIME:
+        stated = formulation(problem.n)
+        started = time.perf_counter()
+        *answer, status = stated.solve(*scaled(problem))
+    return polished("qp-cvxpy", problem, answer, status, started)
+
+
+QP_CVXPY = Rule(
+    "qp-cvxpy", "the same program stated in cvxpy: readable reference, slow", answer_qp_cvxpy,
+    colour="#1c00ff", marker="<",
+)  # fmt: skip
+RULES.register("qp-cvxpy", QP_CVXPY)
 
 
 # Chance-constrained allocation: the rail carries every cap with a chosen probability; then the quadratic program as

@@ -1,8 +1,12 @@
-"""Definition of an allocation rule, the registry of all rules, and the simplest one: every unit works alone."""
+"""Definition of an allocation rule, the registry of all rules, and the simplest one: every unit works alone.
+
+A rule is an answer to a problem, with two choices beside it: when it is asked (`Trigger`), and what it is given (`Caps`).
+"""
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +26,56 @@ from alloc.rules.problem import (
     bounds_allow_plan,
 )
 
-# Definition of an allocation rule, and the registry of all rules.
+
+class Trigger(IntEnum):
+    """When the leader, the foremost unit that works, asks a rule. Those before `SLIP` go by what units report."""
+
+    LIMITED = 0
+    """With every telegram while a unit is limited by the rail, by its motors' power or by a failure."""
+    STEPWISE = 1
+    """As `LIMITED`; each answer is a step from the limits in force."""
+    TELEGRAM = 2
+    """With every telegram, whether or not a unit is limited."""
+    SLIP = 3
+    """Once at each slip detection of the leader; limits are held for the hold time."""
+    SLIPPING = 4
+    """With every telegram while the leader slips, and for the hold time after."""
+    ANY_SLIP = 5
+    """At each slip detection of any unit; limits are held for the hold time."""
+    PERIOD = 6
+    """In every control period."""
+
+
+AT_SLIP = {
+    Trigger.LIMITED: Trigger.SLIP,
+    Trigger.STEPWISE: Trigger.SLIPPING,
+    Trigger.TELEGRAM: Trigger.SLIP,
+}
+"""Trigger in its place where an event asks rules at slip alone; only for rules whose caps are `Caps.FRONT`."""
+
+
+class Caps(IntEnum):
+    """Coefficients that a rule is given as what each unit can carry."""
+
+    FRONT = 0
+    """JP5484215 (5): what the foremost unit that the rail limits has shown, and the increments along the train."""
+    DETECTED = 1
+    """What each unit carried at its own slip detection; (5) from the foremost of these for those behind it."""
+    DELIVERED = 2
+    """What each limited unit delivers; what each other unit has shown to carry."""
+    TRUE = 3
+    """The truth, which no computer on board can know."""
+
+
+TRIGGERS = {
+    Caps.FRONT: (
+        Trigger.LIMITED, Trigger.STEPWISE, Trigger.TELEGRAM, Trigger.SLIP, Trigger.SLIPPING
+    ),
+    Caps.DETECTED: (Trigger.ANY_SLIP,),
+    Caps.DELIVERED: (Trigger.LIMITED, Trigger.TELEGRAM),
+    Caps.TRUE: (Trigger.PERIOD,),
+}  # fmt: skip
+"""Triggers that go with caps; a rule with others is refused."""
 
 
 class Units(NamedTuple):
@@ -57,25 +110,36 @@ class Rule:
     law: Any = field(default=None, repr=False)
     """Compiled: fills an array of limits from `Units` and the plan; returns level and whether the plan is within reach. The
     array may be that of the previous limits. None if the rule needs Python."""
-    periodic: bool = False
-    """Whether it is called with every telegram, instead of once per detection of slip."""
-    always: bool = False
-    """Whether it is called with every telegram, whether or not units are limited."""
-    own_caps: bool = False
-    """Whether its caps are what each unit finds itself, instead of what (5) derives from the foremost unit's cap."""
-    on_slip: bool = False
-    """Whether it is called at the foremost unit's slip alone, as JP5484215 says, whatever units report."""
-    own_slips: bool = False
-    """Whether, called on slip, it receives every unit's detections, each of which is that unit's own cap."""
+    trigger: Trigger = Trigger.LIMITED
+    """When it is asked."""
+    caps: Caps = Caps.FRONT
+    """What it is given as each unit's cap."""
     onboard: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Settings of the equipment that belong to the rule, whatever the event says: values by the path of their fields in
     `alloc.onboard.parameters.Onboard`, as "detector.pole"."""
-    needs_truth: bool = False
-    """Whether it reads true values that no computer on board can know."""
     colour: str = "#402020"
     """Hexadecimal; the same in every figure."""
     marker: str = "h"
     """In figures, as Matplotlib names it."""
+
+    def __post_init__(self) -> None:
+        for name, kind in (("trigger", Trigger), ("caps", Caps)):
+            if not isinstance(getattr(self, name), kind):
+                choices = ", ".join(f"{kind.__name__}.{one.name}" for one in kind)
+                raise AllocationError(
+                    f"rule {self.name!r}: {name} = {getattr(self, name)!r} must be one of {choices}"
+                )
+        able = TRIGGERS[self.caps]
+        if self.trigger not in able:
+            names = " or ".join(one.name for one in able)
+            raise AllocationError(
+                f"rule {self.name!r}: trigger {self.trigger.name} does not go with caps {self.caps.name}; choose {names}"
+            )
+
+    @property
+    def needs_truth(self) -> bool:
+        """Whether it reads true values that no computer on board can know."""
+        return self.caps is Caps.TRUE
 
     def __call__(self, problem: AllocationProblem) -> Allocation:
         """The rule's answer to `problem`."""

@@ -123,7 +123,7 @@ def obedient():
 
     def run(name, onboard, coefficient, time=30.0):
         eq = equipment(build(find_set("one-axle"), Rail(0.12)), onboard)
-        st = settings(onboard, RuleSettings(0, False, False, False, False, False), name)
+        st = settings(onboard, RuleSettings(0), name)
         m = memory(eq, 5.0, 0.17)
         search = getattr(m.law, name.replace("-", "_"), None)
         to_torque = eq.axle_load[0] * eq.radius[0] / eq.gear[0]

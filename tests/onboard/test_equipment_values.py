@@ -23,6 +23,7 @@ from alloc.onboard.telegrams import SLOTS
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from alloc.rules.rule import Trigger
 from tests.onboard.uneven import uneven_train
 
 GRAVITY = 9.80665
@@ -200,9 +201,9 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     onboard = Onboard(
         period=0.02, telegrams=Telegrams(period=0.13), sensors=Sensors(speed_noise=0.01, speed_quantum=0.03, dropouts=lost)
     )  # fmt: skip
-    st = settings(onboard, RuleSettings(1, True, False, False, False, False), "cut-and-ramp")
+    st = settings(onboard, RuleSettings(1, Trigger.STEPWISE), "cut-and-ramp")
     assert (st.period, st.hold_time, st.rise_time) == (0.02, onboard.hold_time, onboard.rise_time)
-    assert not st.rule.on_slip
+    assert st.rule == RuleSettings(1, Trigger.STEPWISE)
     assert not st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"
     assert st.telegrams.ticks == 6
@@ -222,8 +223,8 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
         onboard, sensors=Sensors(sensorless_pole=4.0), telegrams=Telegrams(period=0.02), hosted={"mpc": 3},
         reference=ReferenceSpeed("truth"), braking=Braking(inertia_in_estimate=False, air_force="command"), trigger="slip",
     )  # fmt: skip
-    st = settings(other, RuleSettings(1, True, False, False, False, False), "mpc")
-    assert st.rule.on_slip
+    st = settings(other, RuleSettings(1, Trigger.STEPWISE), "mpc")
+    assert st.rule == RuleSettings(1, Trigger.SLIPPING)
     assert st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"  # its reserve
     assert (st.sensors.noisy, st.sensors.pole, st.telegrams.ticks) == (False, 4.0, 1)

@@ -30,9 +30,7 @@ class Cars:
     def __init__(self, protection: SlideProtection, period: float = CYCLE) -> None:
         onboard = Onboard(period=period, braking=Braking(slide_protection=protection))
         self.eq = equipment(MODEL, onboard)
-        self.settings = settings(
-            onboard, RuleSettings(0, False, False, False, False, False), "none"
-        )
+        self.settings = settings(onboard, RuleSettings(0), "none")
         self.memory = memory(self.eq, SPEED, 0.1)
         self.valve = np.full((4, 1), np.nan)
         self.tick = 0

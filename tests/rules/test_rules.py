@@ -1,15 +1,16 @@
 """The contract that all rules share, the prior art's rules, and what happens without a solver."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp, qp_cvxpy
+from alloc.rules import RULES, AllocationError, AllocationProblem, find_rule, qp
 from alloc.rules.dispatch import COMPILED, allocate_compiled, compiled_index
 from alloc.rules.problem import CASES
-from alloc.rules.rule import units_of
+from alloc.rules.rule import TRIGGERS, Caps, Trigger, units_of
 from tests.rules.strategies import EXPECTED, caps, problems
 
 NAMES = [
@@ -90,12 +91,36 @@ def test_oracle_is_the_exact_level_on_the_truth():
 
 
 def test_when_rules_are_asked_and_what_they_know():
-    assert {name for name in NAMES if RULES[name].periodic} == {"sharing", "oracle"}
-    assert {name for name in NAMES if RULES[name].always} == {"preset"}
-    assert {name for name in NAMES if RULES[name].own_caps} == {"cooperative"}
-    assert {name for name in NAMES if RULES[name].on_slip} == {"greedy-literal", "greedy-tuned"}
-    assert {name for name in NAMES if RULES[name].own_slips} == {"greedy-tuned"}
+    others = {
+        "preset": (Trigger.TELEGRAM, Caps.FRONT),
+        "sharing": (Trigger.STEPWISE, Caps.FRONT),
+        "greedy-literal": (Trigger.SLIP, Caps.FRONT),
+        "greedy-tuned": (Trigger.ANY_SLIP, Caps.DETECTED),
+        "cooperative": (Trigger.LIMITED, Caps.DELIVERED),
+        "oracle": (Trigger.PERIOD, Caps.TRUE),
+    }
+    for name in NAMES:
+        usual = Trigger.LIMITED, Caps.FRONT
+        assert (RULES[name].trigger, RULES[name].caps) == others.get(name, usual), name
     assert {name for name in NAMES if RULES[name].onboard} == {"greedy-tuned"}
+
+
+def test_triggers_and_caps_that_do_not_go_together_are_refused():
+    for one in Caps:
+        for trigger in Trigger:
+            if trigger in TRIGGERS[one]:
+                assert replace(RULES["exact"], trigger=trigger, caps=one).caps is one
+                continue
+            with pytest.raises(AllocationError, match=f"'exact'.*{trigger.name}.*{one.name}"):
+                replace(RULES["exact"], trigger=trigger, caps=one)
+    for name, wrong in (
+        ("trigger", "slip"),
+        ("trigger", 3),
+        ("caps", Trigger.SLIP),
+        ("caps", None),
+    ):
+        with pytest.raises(AllocationError, match=f"'exact': {name} = .* must be one of"):
+            replace(RULES["exact"], **{name: wrong})
 
 
 def test_what_a_rule_brings_along_stands_in_its_description():
@@ -136,7 +161,7 @@ def test_dynamic_sharing_settles_at_the_plan_step_by_step():
 def test_compiled_call_equals_the_python_call(problem):
     for index, rule in enumerate(COMPILED):
         assert compiled_index(rule) == index
-        if rule.own_caps:  # its law needs what a run remembers, see test_cooperative
+        if rule.caps is Caps.DELIVERED:  # its law needs what a run remembers, see test_cooperative
             continue
         limit = np.empty(problem.n)
         level, case = allocate_compiled(index, units_of(problem), problem.expected, limit)
@@ -173,7 +198,7 @@ def test_unknown_rule_is_refused_with_the_nearest_name(name, near):
 @pytest.mark.parametrize(("rule", "module"), [("qp", "osqp"), ("qp-cvxpy", "cvxpy")])
 def test_missing_solver_is_named(rule, module, monkeypatch):
     qp.workspace.cache_clear()
-    qp_cvxpy.formulation.cache_clear()
+    qp.formulation.cache_clear()
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(
         AllocationError, match=f"rule '{rule}' needs '{module}'.*pip install {module}"

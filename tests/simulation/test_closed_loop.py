@@ -63,9 +63,8 @@ def test_hosted_rule_and_compiled_rule_make_the_same_run(make_event, dip):
 
         inner = find_rule("exact")
         name = "exact"
-        periodic, needs_truth = inner.periodic, inner.needs_truth
-        always, own_caps, on_slip, law = inner.always, inner.own_caps, inner.on_slip, None
-        own_slips, onboard = inner.own_slips, inner.onboard
+        trigger, caps, needs_truth = inner.trigger, inner.caps, inner.needs_truth
+        law, onboard = None, inner.onboard
 
         def __call__(self, problem):
             return self.inner(problem)

@@ -13,7 +13,7 @@ from alloc.onboard.host import HostedController, TorqueDecision, each_unit
 from alloc.onboard.parameters import Dropout, Onboard, Sensors, Telegrams
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
-from alloc.rules import find_rule
+from alloc.rules import Caps, Trigger, find_rule
 from alloc.simulation import simulate
 
 
@@ -144,10 +144,8 @@ class FailingRule:
     name = "failing"
 
     def __init__(self, every: int) -> None:
-        inner = find_rule("sharing")
         self.inner, self.every, self.calls, self.failed = find_rule("exact"), every, 0, 0
-        self.periodic, self.needs_truth = inner.periodic, False
-        self.always = self.own_caps = self.on_slip = self.own_slips = False
+        self.trigger, self.caps, self.needs_truth = Trigger.STEPWISE, Caps.FRONT, False
         self.onboard = {}
         self.law = None
 

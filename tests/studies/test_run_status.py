@@ -84,7 +84,7 @@ def test_a_controller_that_breaks_ends_the_row_with_its_traceback(row, faults, r
 
 def rule_row(short, folder, monkeypatch, answer):
     """Row of the short scenario under a rule with this answer in the place of "qp"; it is asked with every telegram."""
-    monkeypatch.setitem(RULES._parts, "qp", replace(RULES["qp"], answer=answer, periodic=True))
+    monkeypatch.setitem(RULES._parts, "qp", replace(RULES["qp"], answer=answer))
     longer = short.changed(duration_s=4.0)
     return run_cells(Grid((longer,), ("qp",), ("none",), (0,)).jobs(), Store(folder)).iloc[0]
 

@@ -8,6 +8,8 @@ import math
 
 import numpy as np
 
+from alloc.rules.rule import Trigger
+
 GRAVITY = 9.80665
 
 
@@ -235,16 +237,17 @@ class Computers:
         if st.learning.learner:
             self._learn(time)
         on_telegram = tick % st.telegrams.ticks == 0
-        if st.rule.own_slips:
+        if st.rule.trigger == Trigger.ANY_SLIP:
             before = list(self.counted)
             self.counted = [at if time - at <= st.hold_time else -math.inf for at in self.told_at]
             active = max(self.counted) > -math.inf
             asked = changed or self.counted != before
             if active and self.expected:
                 self.cap = self._caps_of_slips()
-        elif st.rule.on_slip:
-            active = time - (self.slipped if st.rule.periodic else self.detected) <= st.hold_time
-            asked = changed or (on_telegram if st.rule.periodic else self.allocate)
+        elif st.rule.trigger >= Trigger.SLIP:
+            stepwise = st.rule.trigger == Trigger.SLIPPING
+            active = time - (self.slipped if stepwise else self.detected) <= st.hold_time
+            asked = changed or (on_telegram if stepwise else self.allocate)
             self.cap = self.estimate + self.increment - self.increment[self.first]
             self.cap = np.maximum(self.cap, 0.0)
             if st.learning.learner:
@@ -258,7 +261,7 @@ class Computers:
             self.limit_wanted[:], self.case = self.expected, 0.0
             self.marks[:] = self.open_to[:] = np.inf
             return False
-        if asked and not st.rule.on_slip:
+        if asked and st.rule.trigger < Trigger.SLIP:
             self._find_caps(recent, time)
         return asked
 
@@ -346,7 +349,7 @@ class Computers:
                 self.fallen_back[j], line.read = 1.0, np.inf
         self.received = np.array([line.read for line in self.orders])
         self.limit = np.where(np.isinf(self.received), self.expected, self.received)
-        if not self.st.rule.on_slip:
+        if self.st.rule.trigger < Trigger.SLIP:
             blind = self.axles_seen == 0.0
             self.limit[blind] = np.maximum(self.limit[blind], self.expected)
 

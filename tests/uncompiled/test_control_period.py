@@ -30,6 +30,7 @@ from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.onboard.telegrams import hear_reports, write_reports
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from alloc.rules.rule import Caps, Trigger
 from tests.onboard.uneven import uneven_train
 from tests.uncompiled.computers import Computers
 
@@ -97,7 +98,10 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
     rng = np.random.default_rng(seed)
     model = build(uneven_train(**options), Rail(0.15))
     eq = equipment(model, onboard)
-    st = settings(onboard, RuleSettings(0, periodic, False, False, False, False, own_slips), "none")
+    rule = RuleSettings(0, Trigger.STEPWISE if periodic else Trigger.LIMITED)
+    if own_slips:
+        rule = RuleSettings(0, Trigger.ANY_SLIP, Caps.DETECTED)
+    st = settings(onboard, rule, "none")
     speed, n, groups = 12.0, eq.axles.size, eq.group.unit.size
     m, twin = memory(eq, speed, 0.08), Computers(eq, st, speed, 0.08)
     pressure, valve = np.zeros(groups), np.zeros(groups)
@@ -199,7 +203,7 @@ def test_a_train_without_motors_has_nobody_to_tell_and_brakes_by_plan():
     model = build(replace(train, cars=(train.cars[0], train.cars[4])), Rail(0.15))
     onboard = Onboard(rise_time=0.02, reference=ReferenceSpeed(source="truth"))
     eq = equipment(model, onboard)
-    st = settings(onboard, RuleSettings(0, True, True, False, False, False), "none")
+    st = settings(onboard, RuleSettings(0, Trigger.PERIOD, Caps.TRUE), "none")
     m, pressure, valve = memory(eq, 10.0, 0.0), np.zeros(4), np.zeros(4)
     empty, omega = np.zeros(0), 10.0 / eq.axle_radius
     for tick in range(3):

@@ -12,6 +12,7 @@ from alloc.onboard.parameters import Onboard
 from alloc.onboard.state import RuleSettings, memory, settings
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
+from alloc.rules.rule import Caps, Trigger
 from tests.onboard.uneven import uneven_train
 
 
@@ -40,19 +41,11 @@ def train_memory(first=0, estimate=0.10, units=3):
     )
 
 
-def rules(**choices):
-    """Settings of a rule that is asked as these say."""
-    kind = {
-        "periodic": False,
-        "needs_truth": False,
-        "always": False,
-        "on_slip": False,
-        "own_caps": False,
-        "own_slips": False,
-    }
+def rules(trigger=Trigger.LIMITED, caps=Caps.FRONT):
+    """Settings of a rule that is asked so, with these caps."""
     return SimpleNamespace(
         hold_time=5.0, rise_time=1.0, period=0.01, learning=SimpleNamespace(learner=NO_LEARNING),
-        rule=SimpleNamespace(**kind | choices), telegrams=SimpleNamespace(ticks=10),
+        rule=RuleSettings(0, trigger, caps), telegrams=SimpleNamespace(ticks=10),
     )  # fmt: skip
 
 
@@ -78,11 +71,11 @@ def prepare(memory, settings, time=2.0, tick=7, failed=False):
 def test_increments_count_from_the_unit_that_leads(first, caps):
     """(5) with the increments 0.01, 0.03, 0.06: where units ahead have failed, the first sound one is the reference."""
     memory = train_memory(first)
-    assert prepare(memory, rules(on_slip=True))
+    assert prepare(memory, rules(Trigger.SLIP))
     assert memory.cap == pytest.approx(caps, rel=1e-12)
     assert memory.train.expected[0] == pytest.approx(0.16, rel=1e-12)
     memory.lead.estimate[0] = 0.03
-    prepare(memory, rules(on_slip=True))
+    prepare(memory, rules(Trigger.SLIP))
     assert memory.cap == pytest.approx(np.maximum(np.array(caps) - 0.07, 0.0), abs=1e-15)
 
 
@@ -90,19 +83,19 @@ def test_a_new_leader_takes_the_old_ones_estimate_over_at_its_own_place():
     """The rail under unit 0 carried 0.10; under unit 1 that is 0.12, so that the caps stand as they stood."""
     memory = train_memory()
     memory.in_service[0] = False
-    assert prepare(memory, rules(on_slip=True))
+    assert prepare(memory, rules(Trigger.SLIP))
     assert memory.lead.unit[0] == 1
     assert memory.lead.estimate[0] == pytest.approx(0.12, rel=1e-12)
     assert memory.cap == pytest.approx([0.10, 0.12, 0.15], rel=1e-12)
     memory.in_service[0] = True
-    prepare(memory, rules(on_slip=True))
+    prepare(memory, rules(Trigger.SLIP))
     assert memory.lead.estimate[0] == pytest.approx(0.10, rel=1e-12)
 
 
 @pytest.mark.parametrize("slipped", [1.0, -np.inf])
 @pytest.mark.parametrize(("time", "asked"), [(6.0, True), (6.01, False)])
 def test_the_slip_signal_asks_until_the_hold_time_is_over(time, asked, slipped):
-    memory, settings = train_memory(), rules(on_slip=True)
+    memory, settings = train_memory(), rules(Trigger.SLIP)
     memory.lead.slipped[0] = slipped  # counts for rules that are asked with every telegram only
     assert prepare(memory, settings, time) == asked
     assert (memory.train.case[0] != 0.0) == asked
@@ -110,7 +103,7 @@ def test_the_slip_signal_asks_until_the_hold_time_is_over(time, asked, slipped):
     assert prepare(memory, settings, time) == asked  # it is still marked
     memory.lead.allocate[0] = False
     assert not prepare(memory, settings, time)
-    periodic = rules(on_slip=True, periodic=True)
+    periodic = rules(Trigger.SLIPPING)
     assert prepare(memory, periodic, time, tick=20) == (asked and slipped == 1.0)
     assert not prepare(memory, periodic, time, tick=21)
 
@@ -132,15 +125,16 @@ def test_nobody_is_asked_while_nothing_limits_the_train():
     assert not prepare(memory, rules(), tick=20)
     assert memory.train.case[0] == 0.0
     assert memory.limit_wanted == pytest.approx([0.16] * 3)
-    assert prepare(told(), rules(always=True), tick=20)
-    assert prepare(told(), rules(needs_truth=True), tick=21)
+    assert prepare(told(), rules(Trigger.TELEGRAM), tick=20)
+    assert prepare(told(), rules(Trigger.PERIOD, Caps.TRUE), tick=21)
 
 
 def test_a_rule_with_caps_of_its_own_goes_by_reports_whatever_the_trigger():
-    for on_slip in (False, True):
-        assert prepare(told([1]), rules(own_caps=True, on_slip=on_slip), tick=20)
-        assert not prepare(told(), rules(own_caps=True, on_slip=on_slip), tick=20)
-    assert not prepare(told([1]), rules(on_slip=True), tick=20, time=7.0)
+    for trigger in ("limited", "slip"):
+        rule = settings(Onboard(trigger=trigger), RuleSettings(0, caps=Caps.DELIVERED), "none").rule
+        assert prepare(told([1]), rules(*rule[1:]), tick=20)
+        assert not prepare(told(), rules(*rule[1:]), tick=20)
+    assert not prepare(told([1]), rules(Trigger.SLIP), tick=20, time=7.0)
 
 
 @pytest.mark.parametrize(("time", "asked"), [(2.0, True), (2.99, True), (3.0, False)])
@@ -192,27 +186,27 @@ def test_a_limited_unit_that_slips_is_held_below_its_mark_for_the_hold_time():
 
 
 @pytest.mark.parametrize("slipping", [[1], []])
-@pytest.mark.parametrize("own_caps", [True, False])
-def test_a_mark_is_the_best_while_limited_and_moves_slowly(slipping, own_caps):
+@pytest.mark.parametrize("caps", [Caps.DELIVERED, Caps.FRONT])
+def test_a_mark_is_the_best_while_limited_and_moves_slowly(slipping, caps):
     """A telegram lasts 0.1 s: a fiftieth of the way down, with 5 s; up 1 % of the plan per second."""
     memory = told([1], delivered=(0.16, 0.15, 0.16), slipping=slipping)
-    prepare(memory, rules(own_caps=own_caps), tick=20)
+    prepare(memory, rules(caps=caps), tick=20)
     assert memory.shown.tolist() == [np.inf, 0.15, np.inf]
     # its controller must limit the torque, not its limit: there is room to look for the peak
     assert memory.open_to == pytest.approx([np.inf, PROBE * 0.15, np.inf], rel=1e-12)
     memory.delivered[1] = 0.10
-    prepare(memory, rules(own_caps=own_caps), tick=30)
+    prepare(memory, rules(caps=caps), tick=30)
     assert memory.open_to[1] == memory.shown[1] == pytest.approx(0.15 - 0.05 / 50, rel=1e-12)
     memory.delivered[1] = 0.155
-    prepare(memory, rules(own_caps=own_caps), tick=40)
+    prepare(memory, rules(caps=caps), tick=40)
     assert memory.shown[1] == pytest.approx(0.155, rel=1e-12)
     memory.limited[1], memory.delivered[1] = False, 0.152
-    prepare(memory, rules(own_caps=own_caps), tick=50)
+    prepare(memory, rules(caps=caps), tick=50)
     assert memory.shown[1] == pytest.approx(0.155 + 0.001 * 0.16, rel=1e-12)
     # held at its mark it would reach its target, and stop to search
     open_to = memory.shown[1] if slipping else PROBE * 0.152
     assert memory.open_to[1] == pytest.approx(open_to, rel=1e-12)
-    assert not prepare(memory, rules(own_caps=own_caps), time=9.0, tick=60)
+    assert not prepare(memory, rules(caps=caps), time=9.0, tick=60)
     assert (
         np.isinf(memory.shown).all() & np.isinf(memory.open_to).all()
     )  # the rail of then is not that of now
@@ -256,7 +250,7 @@ def test_limits_rise_beyond_the_plan_no_faster_than_torque():
     prepare(memory, rules(), tick=20)
     assert memory.most == pytest.approx([0.1696, 0.165, 0.1896], rel=1e-12)
     memory = told([0])
-    prepare(memory, rules(needs_truth=True), tick=20)
+    prepare(memory, rules(Trigger.PERIOD, Caps.TRUE), tick=20)
     assert np.isinf(memory.most).all()
 
 
@@ -266,7 +260,7 @@ class Braking:
     def __init__(self):
         onboard = Onboard()
         self.eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
-        self.st = settings(onboard, RuleSettings(0, False, False, False, False, True), "none")
+        self.st = settings(onboard, RuleSettings(0, caps=Caps.DELIVERED), "none")
         self.m = memory(self.eq, 12.0, 0.0)
         self.m.lead.brake_rise[0] = 0.5
         self.plan = 0.8 * self.eq.brake_share
@@ -296,5 +290,5 @@ def test_units_make_up_for_what_the_trailers_shoes_lack():
 
 def test_rules_that_know_no_more_than_the_patent_leave_the_trailers_to_themselves():
     train = Braking()
-    st = train.st._replace(rule=train.st.rule._replace(own_caps=False))
+    st = train.st._replace(rule=train.st.rule._replace(caps=Caps.FRONT))
     assert train.needed(st) == train.plan

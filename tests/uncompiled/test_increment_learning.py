@@ -32,7 +32,7 @@ class Train:
             reference=ReferenceSpeed(source="truth"),
         )  # fmt: skip
         self.eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
-        self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
+        self.st = settings(onboard, RuleSettings(0), "none")
         self.m, self.tick = memory(self.eq, 12.0, PLAN), 0
         self.command = PLAN / self.eq.planned_share
         self.m.unit.torque_command[:] = self.m.torque[:] = 500.0

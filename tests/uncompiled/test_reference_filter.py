@@ -39,7 +39,7 @@ class Computers:
         onboard = Onboard(period=PERIOD, **options)
         self.model = build(train, Rail(0.1))
         self.eq = equipment(self.model, onboard)
-        self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
+        self.st = settings(onboard, RuleSettings(0), "none")
         self.m = memory(self.eq, SPEED, 0.1)
         self.filter = self.m.estimate
 

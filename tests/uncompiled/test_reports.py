@@ -36,7 +36,7 @@ class Train:
     def __init__(self, telegrams=LINES):
         onboard = Onboard(telegrams=telegrams)
         self.eq = equipment(build(uneven_train(), Rail(0.15)), onboard)
-        self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
+        self.st = settings(onboard, RuleSettings(0), "none")
         self.eq = self.eq._replace(own_inertia=np.zeros_like(self.eq.own_inertia))
         self.m = memory(self.eq, 12.0, PLAN)
         self.n = self.eq.axles.size

@@ -363,7 +363,7 @@ def test_every_controller_has_its_second_transcription():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("name", TWINS)
 def test_commands_equal_the_second_transcription(name, sign):
-    st = settings(ONBOARD, RuleSettings(0, False, False, False, False, False), name)
+    st = settings(ONBOARD, RuleSettings(0), name)
     m, rng, n = memory(EQ, 10.0, 0.08), np.random.default_rng(7), EQ.axles.size
     twins, slip, speed = [TWINS[name](j) for j in range(n)], np.zeros(n), 10.0
     for tick in range(500):
@@ -406,7 +406,7 @@ def test_commands_equal_the_second_transcription(name, sign):
 
 
 def test_a_hosted_controllers_share_is_not_its_reserves():
-    st = settings(ONBOARD, RuleSettings(0, False, False, False, False, False), "mpc")
+    st = settings(ONBOARD, RuleSettings(0), "mpc")
     m = memory(EQ, 10.0, 0.08)
     m.unit.torque_factor[:] = 0.3
     m.unit.torque_target[:] = 400.0

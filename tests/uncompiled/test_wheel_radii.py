@@ -26,7 +26,7 @@ class Rolling:
     def __init__(self, onboard=ONBOARD):
         self.model = build(uneven_train(), Rail(0.1))
         self.eq, self.onboard = equipment(self.model, onboard), onboard
-        self.st = settings(onboard, RuleSettings(0, False, False, False, False, False), "none")
+        self.st = settings(onboard, RuleSettings(0), "none")
         self.m = memory(self.eq, SPEED, 0.1)
         self.rng, self.read = np.random.default_rng(3), []
 
