@@ -17,7 +17,6 @@ from paper_figs.style import NOTE, PAGE, new_panels
 from studies.core.statement import mean_interval
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
-    APART,
     DELAYED,
     GIVEN,
     MIDDLE,
@@ -72,7 +71,6 @@ GROUPS: dict[str, Sequence[Column]] = {
             SEARCHER.name: SEARCHER,
             "mpc": SOUGHT,
             "mpc,\na period late": DELAYED,
-            "mpc,\nphases apart": APART,
         }.items()
     },
     "mpc at\nown peak ×": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],

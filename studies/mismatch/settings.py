@@ -40,9 +40,7 @@ SEARCHER = Setting("perturb-observe", "perturb-observe")
 SOUGHT = Setting("mpc", "mpc")
 DELAYED = Setting("mpc, delayed", "mpc", {"computing_delay": 1})
 """Its commands act a control period after the readings that they follow from."""
-APART = Setting("mpc, phases apart", "mpc", {"phases_apart": True})
-"""Its commands are prepared before the readings, which then wait for a quadratic program alone."""
-EVERYWHERE = (REFERENCE, SEARCHER, SOUGHT, DELAYED, APART)
+EVERYWHERE = (REFERENCE, SEARCHER, SOUGHT, DELAYED)
 """Those that meet every noise."""
 SHARES = {0.5: "half its peak", 1.0: "its peak", 1.5: "1.5 times its peak"}
 RIGHT = SHARES[1.0]

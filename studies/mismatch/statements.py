@@ -9,7 +9,6 @@ from studies.core.statement import CONFIDENCE, INTERVALS_OF_MEANS, Statement
 from studies.core.verdict import Bound, Item, decided
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
-    APART,
     DELAYED,
     GIVEN,
     MIDDLE,
@@ -75,7 +74,7 @@ def _statement(
 def _sought(table: pd.DataFrame, curve: str, reference: str) -> Statement:
     pairs = {
         f"{setting.name}, {noise:g} km/h of noise": (curve, noise, setting.name, reference)
-        for setting in (SOUGHT, DELAYED, APART)
+        for setting in (SOUGHT, DELAYED)
         for noise in NOISES
     }
     return _statement(

@@ -13,7 +13,6 @@ from studies.ladder.events import REFERENCE_SPEED, draw
 from studies.mismatch.events import Place, scenario
 from studies.mismatch.rails import RAILS
 from studies.mismatch.settings import (
-    APART,
     DELAYED,
     EVERYWHERE,
     GIVEN,
@@ -66,7 +65,6 @@ def test_settings_reach_the_controller():
     event = scenario(rail, DELAYED).event(0)
     assert event.onboard.hosted["mpc"].computing_delay == 1
     assert event.onboard.hosted["mpc"].search.seek
-    assert scenario(rail, APART).event(0).onboard.hosted["mpc"].phases_apart
     for setting, share in zip(GIVEN, SHARES, strict=False):
         event = scenario(rail, setting).event(0)
         search = event.onboard.hosted["mpc"].search
