@@ -44,7 +44,6 @@ from mpc.slip_search import (
     LIMITING,
     USUAL_SHARE,
     Search,
-    coming_slip_limit,
     search_of,
     search_slip,
     slip_limit,
@@ -267,11 +266,6 @@ class UnitBelief:
         return float(slip_limit(self._search))
 
     @property
-    def coming_slip_limit(self) -> float:
-        """The same a control period later, as far as the swing is known."""
-        return float(coming_slip_limit(self._search))
-
-    @property
     def curve(self) -> tuple[float, float]:
         """Peak slip [m/s] and steepness for the prediction."""
         top, steepness = predicted_curve(self._curve, self._axles)
@@ -350,12 +344,6 @@ class GroupBelief:
         force = self._same_car @ (felt * self.load)
         # an observer's transient must not take away a whole load
         self.load = np.maximum(self._static - self._unloading * force, 0.5 * self._static)
-
-    @property
-    def coming_slip_limit(self) -> Floats:
-        """`slip_limit` a control period later, as far as the swings are known, (axles,)."""
-        limits = np.array([observer.coming_slip_limit for observer in self.observers])
-        return limits[self.unit]
 
     @property
     def curve(self) -> Floats:

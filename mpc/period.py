@@ -10,12 +10,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.model import Floats
 from alloc.records import ByReference, address_of
-from mpc.arrays import PREPARE, RATE, SLOPE, TANGENT, sweep
+from mpc.arrays import PREPARE, RATE, SLOPE, TANGENT
 from mpc.belief import GroupBelief, UnitBelief
 from mpc.condensing import AxleTerms, Cost, CostWeights, UnitTerms, simulate, trajectory_cost
 from mpc.generated import compiled_group
@@ -30,20 +29,15 @@ from mpc.model import (
 )
 from mpc.settings import MpcError, MpcSettings
 from mpc.solver import (
-    ENDED,
     NO_SOLUTION,
     NOT_FINITE,
-    PERIOD,
     Addresses,
     Rules,
     ahead,
     hold,
     iterate,
-    linearise_at,
     period,
     prepare,
-    quadratic_model,
-    quadratic_step,
     shift,
 )
 
@@ -152,72 +146,6 @@ def cost_of(units: Units, settings: MpcSettings, evenness: float = 0.0) -> Cost:
     )
 
 
-# The two phases of the real-time iteration, apart: what can be done before the readings, and what has to wait for them.
-#
-# *Preparation*, once a command is out: predict the state of the next readings and the slip limit then, improve the
-# guess from
-# there, and leave its trajectory and the derivatives. *Feedback*, on the readings: move that trajectory to the measured
-# state, to first order, and solve the quadratic program. So no evaluation of the model stands between the readings and
-# the
-# command. Belief, slip limits and bounds are those of the readings; only the model's parameters are a control period
-# old.
-#
-# Diehl, Bock, Schloeder: A real-time iteration scheme for nonlinear optimization in optimal feedback control, SIAM J.
-# Control and Optimization 43 (2005) 1714-1736, section 3. The slip penalty is kept as it is, not linearised: the
-# feedback phase condenses anew, so a slip that passes its limit between the phases is seen with its curvature.
-
-
-@sweep(types.UniTuple(int64, 2)(int64, float64, PERIOD))
-def preparation(most, time, p):
-    """Make ready for readings `time` [s] ahead with at most `most` steps; returns steps done, and how it ended."""
-    ahead(time, p)
-    linearise_at(p.guess.torques, p)
-    _, residual, end = quadratic_model(p)
-    if most == 0 or end > ENDED or residual <= p.rules.tolerance:
-        return 0, end
-    _, _, done, end = iterate(most, p)
-    linearise_at(p.guess.torques, p)
-    return done, end
-
-
-@sweep(void(PERIOD))
-def move(p):
-    """Move the prepared trajectory to the measured state, and the guess within its bounds, to first order."""
-    guess, nodes, sensitivity = p.guess, p.around.nodes, p.around.sensitivity
-    change, states = guess.nodes, nodes.shape[1]
-    units = guess.torques.size // sensitivity.shape[0]
-    for m in range(guess.torques.size):
-        torque = min(max(guess.torques[m], 0.0), p.now.upper[m])
-        guess.step[m] = torque - guess.torques[m]
-        guess.torques[m] = torque
-    for i in range(states):
-        change[0, i] = p.now.state[i] - nodes[0, i]
-        nodes[0, i] = p.now.state[i]
-    for k in range(sensitivity.shape[0]):
-        for i in range(states):
-            moved = 0.0
-            for j in range(states):
-                moved += sensitivity[k, i, j] * change[k, j]
-            for j in range(units):
-                moved += sensitivity[k, i, states + j] * guess.step[k * units + j]
-            change[k + 1, i] = moved
-            nodes[k + 1, i] += moved
-
-
-@sweep(types.Tuple((float64, float64, int64, int64))(PERIOD))
-def feedback(p):
-    """Answer the readings with one whole step from what `preparation` left; returns as `mpc.solver.iterate`."""
-    move(p)
-    cost, residual, end = quadratic_model(p)
-    if end == ENDED:
-        end = quadratic_step(p)
-    if end > ENDED:
-        return cost, residual, 0, end
-    for m in range(p.guess.torques.size):
-        p.guess.torques[m] = p.guess.trial[m]
-    return cost, residual, 1, ENDED
-
-
 # Real-time iteration: one step of sequential quadratic programming per control period, warm started by shifting.
 #
 # Diehl, Bock, Schloeder, Findeisen, Nagy, Allgoewer: Real-time optimization and nonlinear model predictive control of
@@ -267,9 +195,6 @@ class RealTimeIteration:
         )
         self._period = ByReference(self.period)
         self._iterate = iterate
-        self.prepared: int | None = None
-        """SQP steps of the preparation for the coming problem; None: there was none."""
-        self._left = 0
         self.torques = self.period.guess.torques
         """The guess, [N m], (horizon * units,)."""
 
@@ -280,21 +205,17 @@ class RealTimeIteration:
     def restart(self, torque: float | np.ndarray) -> None:
         """Discard the guess: hold `torque` [N m], (units,), over the horizon."""
         self._terms.unit.before[:] = torque
-        self.prepared = None
         hold(self._period)
 
     def take(self, problem: HorizonProblem) -> None:
         """Copy what is new in a period to where the compiled code reads it, and set the model's parameters."""
-        self._write(problem)
-        prepare(self._period)
-
-    def _write(self, problem: HorizonProblem) -> None:
         now, axle, unit = self.period.now, self._terms.axle, self._terms.unit
         now.state[:], now.parameters[:] = problem.state, problem.parameters
         now.upper.reshape(-1, self.units)[:] = problem.upper
         axle.slip_limit[:] = problem.slip_limit
         unit.target[:], unit.before[:] = problem.target, problem.before
         unit.reference[:] = problem.reference
+        prepare(self._period)
 
     def course(self, torques: Floats) -> tuple[Floats, float]:
         """States (horizon + 1, states) from that of the last problem on under `torques` [N m], (horizon * units,); cost."""
@@ -312,30 +233,13 @@ class RealTimeIteration:
         ahead(time, self._period)
         return problem._replace(state=self.period.now.state.copy())
 
-    def prepare(self, problem: HorizonProblem, time: float) -> bool:
-        """Prepare for readings `time` [s] after those of `problem`, the last solved; whether that succeeded.
-
-        See `mpc.period`; with the steps that are left of `most`.
-        """
-        self.take(problem)
-        done, end = preparation(self._left, time, self._period)
-        self.prepared = done if end <= ENDED else None
-        return end <= ENDED
-
     def solve(self, problem: HorizonProblem) -> HorizonSolution:
         """Improve the guess by one step, and by more while the residual before the last one exceeds `settings.tolerance`.
 
-        At most `most` in all; after a preparation, by one. A solution with another status than "ok" must not be used; the
-        guess is then to be restarted.
+        At most `most` in all. A solution with another status than "ok" must not be used; the guess is then to be restarted.
         """
-        if self.prepared is None:
-            self.take(problem)
-            cost, residual, done, end = self._iterate(self.most, self._period)
-        else:  # the model's parameters stay those of the preparation
-            self._write(problem)
-            cost, residual, done, end = feedback(self._period)
-        self._left = self.most - done
-        done, self.prepared = done + (self.prepared or 0), None
+        self.take(problem)
+        cost, residual, done, end = self._iterate(self.most, self._period)
         status = FAILURES.get(end, "ok")
         return HorizonSolution(self.torques.copy(), cost, residual, done, status)
 
@@ -445,7 +349,7 @@ class PredictiveController:
             self._before = np.maximum(sign * torque, 0.0)
             self._solver.restart(self._before)
             self._sign = sign
-        elif self._shifts and self._solver.prepared is None:
+        elif self._shifts:
             self._solver.shift()
         speed, omega, torque = sign * speed, sign * omega, sign * torque
         limit = drive_limit if sign > 0.0 else brake_limit
@@ -464,17 +368,4 @@ class PredictiveController:
             problem = self._solver.ahead(problem, self._period)
         solution = self._solver.solve(problem)
         self._before = solution.torques[: len(senses)].copy()
-        if self.settings.phases_apart and solution.status == "ok" and not self._late:
-            self._prepare(problem)
         return sign * self._before, solution.status, solution.residual, solution.iterations
-
-    def _prepare(self, problem: HorizonProblem) -> None:
-        """The preparation phase for the next readings, once the command is out."""
-        if self._shifts:
-            self._solver.shift()
-        coming = problem._replace(
-            before=self._before,
-            slip_limit=np.broadcast_to(self.belief.coming_slip_limit, problem.slip_limit.shape),
-        )
-        if not self._solver.prepare(coming, self._period):
-            self._sign = 0.0

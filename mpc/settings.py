@@ -196,9 +196,6 @@ class MpcSettings:
     commands the result of the period before."""
     compensated: bool = True
     """Whether, with a computing delay, it solves from the state predicted for the instant at which its command acts."""
-    phases_apart: bool = False
-    """Whether trajectory and derivatives are computed before the readings, from the state predicted for them; the readings
-    then wait for one QP alone. Source: see `mpc.period`."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the cost."""
     belief: PeakBelief = field(default_factory=PeakBelief)
@@ -219,10 +216,6 @@ class MpcSettings:
                 raise MpcError(f"mpc: {item.name} = {value!r} must be a {kind}")
         if self.computing_delay not in (0, 1):
             raise MpcError(f"mpc: computing_delay = {self.computing_delay!r} must be 0 or 1")
-        if self.phases_apart and self.computing_delay:
-            raise MpcError(
-                "mpc: phases_apart = True leaves no computing delay to model; set computing_delay = 0"
-            )
         if self.horizon < 2:
             raise MpcError(f"mpc: horizon = {self.horizon!r} must be at least 2 steps")
 

@@ -314,13 +314,6 @@ def slip_limit(search):
 
 
 @inlined
-def coming_slip_limit(search):
-    """The same a control period later, as far as the swing is known."""
-    state = search.state[0]
-    return state.slip * (1.0 + state.swing * math.sin(state.phase + search.pace.advance))
-
-
-@inlined
 def _demodulate(search, axles, felt):
     """Take the pairs of a period into the demodulated values; returns the axle with the largest mean slip, -1: none."""
     pace, state = search.pace, search.state[0]

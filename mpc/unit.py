@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, void
 
 from alloc.compilation import equation
 from alloc.onboard.host import STEP, CompiledController, TorqueDecision, UnitContext, UnitSense
@@ -27,12 +27,10 @@ from mpc.period import (
     PredictiveController,
     Problem,
     RealTimeIteration,
-    feedback,
-    preparation,
 )
 from mpc.reference import solve
-from mpc.settings import MpcError, MpcSettings
-from mpc.slip_search import coming_slip_limit, slip_limit
+from mpc.settings import MpcSettings
+from mpc.slip_search import slip_limit
 from mpc.solver import ENDED, Period, ahead, empty_period, hold, iterate, shift
 
 # How much of a demand that the rail does not carry the cost tracks.
@@ -189,10 +187,6 @@ class MpcController(PredictiveController):
         iteration: Iteration = RealTimeIteration,
     ) -> None:
         settings = settings or MpcSettings()
-        if settings.phases_apart and iteration is not RealTimeIteration:
-            raise MpcError(
-                "mpc: phases_apart = True needs the project's own solver; set it to False"
-            )
         predicted = with_predicted_curve(context)
         solver = iteration(predicted, settings)
         super().__init__([context], settings, solver)
@@ -234,9 +228,6 @@ STATUSES = ("ok", *FAILURES.values(), "reading not finite", "late")
 """Status by number: the ends of `mpc.solver` from `ENDED` on, then those of the period itself."""
 NOT_A_NUMBER, LATE = len(STATUSES) - 2, len(STATUSES) - 1
 
-NONE = -1
-"""In place of a number of steps: there is no preparation."""
-
 
 class Times(NamedTuple):
     """Settings of time."""
@@ -255,8 +246,6 @@ class Times(NamedTuple):
     """Whether a command acts a period after the readings from which it was computed."""
     predicted: bool
     """Whether it is computed from the state predicted for that instant."""
-    apart: bool
-    """Whether preparation and feedback are apart, see `mpc.period`."""
 
 
 class UnitState(NamedTuple):
@@ -270,10 +259,6 @@ class UnitState(NamedTuple):
     """Direction in which the observers count; 0: a reading was missed, (1,)."""
     found: Ints
     """Status of the command that will act next, if commands are delayed, (1,)."""
-    left: Ints
-    """Most steps of the preparation that is to follow; `NONE`: none is, (1,)."""
-    prepared: Ints
-    """Steps of the preparation before the readings; `NONE`: there was none, (1,)."""
 
 
 def times_of(context: UnitContext, settings: MpcSettings) -> Times:
@@ -283,19 +268,18 @@ def times_of(context: UnitContext, settings: MpcSettings) -> Times:
     delayed = settings.computing_delay > 0
     return Times(
         max(1, most), most < 1, shifts, float(settings.step_time), float(context.period),
-        delayed, bool(delayed and settings.compensated), settings.phases_apart,
+        delayed, bool(delayed and settings.compensated),
     )  # fmt: skip
 
 
 def _at_start(times: Times, problem: UnitProblem) -> UnitState:
     """State of a unit's controller before its first period."""
-    zero, whole = np.zeros(1), np.zeros(1, dtype=np.int64)
-    return UnitState(times, problem, zero, zero.copy(), whole, whole + NONE, whole + NONE)
+    return UnitState(times, problem, np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.int64))
 
 
 def _kind() -> Any:
     """Numba's type of a `UnitState`."""
-    times = Times(1, False, True, 0.0, 0.0, False, False, False)
+    times = Times(1, False, True, 0.0, 0.0, False, False)
     return ByReference(_at_start(times, empty_problem())).kind
 
 
@@ -325,8 +309,8 @@ def _start(u, reading):
     if sign != u.sign[0]:
         before[0] = max(sign * reading.torque, 0.0)
         hold(u.problem.solver)
-        u.sign[0], u.prepared[0] = sign, NONE
-    elif u.times.shifts and u.prepared[0] == NONE:
+        u.sign[0] = sign
+    elif u.times.shifts:
         shift(u.problem.solver)
 
 
@@ -359,27 +343,20 @@ def _decide(u, reading, omega, answer):
     pose(u.problem, sign * reading.target, limit)
     if u.times.predicted:
         ahead(u.times.period, p)
-    if u.prepared[0] == NONE:
-        _, residual, done, end = iterate(u.times.most, p)
-        answer.solve_time = done * u.times.step
-    else:
-        _, residual, done, end = feedback(p)
-        answer.solve_time = (u.prepared[0] + done) * u.times.step
+    _, residual, done, end = iterate(u.times.most, p)
+    answer.solve_time = done * u.times.step
     before[0], answer.residual = p.guess.torques[0], residual
     answer.torque = in_force if u.times.delayed else sign * before[0]
     if end > ENDED:
         return end - ENDED
-    if u.times.apart:
-        u.left[0] = u.times.most - done
     return LATE if u.times.late else 0
 
 
 @sweep(STEP.signature)
-def unit_feedback(address, reading, omega, answer):
-    """What waits for the readings of a control period; parameters as those of `unit_step`."""
+def unit_step(address, reading, omega, answer):
+    """A control period, see `alloc.onboard.host.STEP`; `address`: of a `UnitState`."""
     u = state_at(address)
     answer.residual, answer.solve_time = np.nan, 0.0
-    u.left[0] = NONE
     status = _decide(u, reading, omega, answer)
     if status != 0:
         u.sign[0] = 0.0  # guess anew: what the unit does meanwhile is not known here, but observed
@@ -388,32 +365,6 @@ def unit_feedback(address, reading, omega, answer):
     answer.status, answer.usable = status, int(status == 0)
     if status != 0:
         answer.torque = 0.0
-
-
-@sweep(void(int64))
-def unit_preparation(address):
-    """What can be done before the next readings, once the command is out."""
-    u = state_at(address)
-    u.prepared[0] = NONE
-    if u.left[0] != NONE and u.sign[0] != 0.0:
-        if u.times.shifts:
-            shift(u.problem.solver)
-        coming = coming_slip_limit(u.problem.belief.search)
-        slip_limit = u.problem.solver.terms.axle.slip_limit
-        for i in range(slip_limit.size):
-            slip_limit[i] = coming
-        done, end = preparation(u.left[0], u.times.period, u.problem.solver)
-        if end > ENDED:
-            u.sign[0] = 0.0
-        else:
-            u.prepared[0] = done
-
-
-@sweep(STEP.signature)
-def unit_step(address, reading, omega, answer):
-    """A control period, see `alloc.onboard.host.STEP`; `address`: of a `UnitState`."""
-    unit_feedback(address, reading, omega, answer)
-    unit_preparation(address)
 
 
 def compiled_unit(context: UnitContext, settings: MpcSettings | None = None) -> CompiledController:

@@ -69,7 +69,7 @@ ONBOARD = {
 }  # fmt: skip
 MPC = {
     "horizon": 20, "step": 0.01, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
-    "step_time": 1e-3, "deadline": 0.01, "computing_delay": 0, "compensated": True, "phases_apart": False,
+    "step_time": 1e-3, "deadline": 0.01, "computing_delay": 0, "compensated": True,
     "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
     "belief": {
         "initial": 0.2, "pole": 25.0, "walk": 0.05, "slope_walk": 0.05, "slip_error": 0.001, "coefficient_error": 0.0006,

@@ -28,7 +28,6 @@ class Solver:
 
     def __init__(self, torques, status="ok"):
         self.calls, self.torques, self.status = [], np.asarray(torques, float), status
-        self.prepared = None
 
     def restart(self, torque):
         self.calls.append(("restart", np.asarray(torque).tolist()))

@@ -264,24 +264,6 @@ def test_the_limit_swings_about_what_is_sought(make_context):
     np.testing.assert_allclose(swing[25:], swing[:-25], atol=1e-9)
 
 
-def test_the_limit_of_the_next_period_is_foreseen():
-    """The MPC prepares its next period with it: with today's limit it would be late by a period."""
-    for swing_time in (0.2, 0.45, 1.7):
-        search = SlipSearch(seek=False, swing=0.2, least_swing=0.2, swing_time=swing_time)
-        for number in range(4):
-            unit = SyntheticUnit(PiecewiseCurve(), settings=MpcSettings(search=search), unit=number)
-            moved = []
-            for _ in range(200):
-                unit.belief.record.axles.noise[:] = 0.0  # it would swing more at first
-                before, foreseen = unit.swing, unit.belief.coming_slip_limit / unit.search.slip
-                unit.period(0.03)
-                assert unit.swing == pytest.approx(foreseen, rel=1e-9)
-                moved.append(unit.swing - before)
-            # a sine's steepest period: twice its height times the sine of half the angle
-            steepest = 2.0 * 0.2 * math.sin(math.pi * 0.01 / swing_time)
-            assert max(moved) == pytest.approx(steepest, rel=0.1)
-
-
 # --- the predicted curve
 
 

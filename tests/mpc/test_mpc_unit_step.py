@@ -49,9 +49,6 @@ def _readings(make_sense, seed):
         MpcSettings(computing_delay=1, compensated=False),
         MpcSettings(computing_delay=1, step_time=0.02),
         MpcSettings(computing_delay=1, step=0.025, horizon=10),
-        MpcSettings(phases_apart=True),
-        MpcSettings(phases_apart=True, step=0.02, horizon=10, iterations=2),
-        MpcSettings(phases_apart=True, step_time=0.02),
     ],
     ids=[
         "default",
@@ -62,9 +59,6 @@ def _readings(make_sense, seed):
         "not compensated",
         "late and delayed",
         "delayed, longer steps",
-        "apart",
-        "apart, longer steps",
-        "apart and late",
     ],
 )
 def test_every_answer_is_that_in_python(context, make_sense, settings):
