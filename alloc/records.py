@@ -6,10 +6,12 @@ pages the unit, meaning and source of each field.
 
 import hashlib
 import re
+from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cache, lru_cache
-from typing import Any, NamedTuple, TypeVar
+from inspect import get_annotations
+from typing import Any, ClassVar, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from docstring_parser.attrdoc import AttributeDocstrings
@@ -340,6 +342,9 @@ def _docstrings(kind: type) -> dict[str, tuple[str, str | None, str | None]]:
 
 
 # Fields of parameter records: the unit in which a file gives them, and what compiled code takes of them.
+#
+# A number is declared once, as a field of a frozen dataclass. One that is the same for every train is a `ClassVar`: no file
+# sets it. `numbers_of` makes the record that compiled code reads.
 
 
 Filled = TypeVar("Filled")
@@ -359,11 +364,40 @@ def quantity(
     return field(default=default, metadata={"unit": unit, "names": names or {}, "most": most})
 
 
-def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
-    """Named tuple `kind` of the fields of `source` that have the same names, and of `others`.
+@cache
+def _numeric(kind: type) -> dict[str, type]:
+    """Fields and constants (`ClassVar`) of a dataclass that are numbers or further dataclasses, and the type of each."""
+    found = {}
+    for base in reversed(kind.__mro__):
+        for name, stated in get_annotations(base).items():
+            stated = get_args(stated)[0] if get_origin(stated) is ClassVar else stated
+            if stated in _NUMBERS or is_dataclass(stated):
+                found[name] = stated
+    return found
+
+
+@cache
+def _numbers_kind(name: str, fields: tuple[str, ...]) -> Any:
+    return namedtuple(name, fields)
+
+
+def numbers_of(record: Any, **others: Any) -> Any:
+    """Named tuple of the numbers of a dataclass, its constants and those of further dataclasses in it, and of `others`.
 
     Every number gets the type that its field states: another type would make Numba compile everything again.
     """
+    kind: Any = type(record)
+    values = {
+        name: numbers_of(getattr(record, name)) if is_dataclass(stated) else stated(getattr(record, name))
+        for name, stated in _numeric(kind).items()
+        if name not in others
+    }  # fmt: skip
+    values |= others
+    return _numbers_kind(kind.__name__, tuple(values))(**values)
+
+
+def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:
+    """Named tuple `kind` of the fields of `source` that have the same names, and of `others`; types as by `numbers_of`."""
     values = {}
     for name, stated in kind.__annotations__.items():
         value = others[name] if name in others else getattr(source, name)

@@ -20,7 +20,6 @@ from alloc.records import ByReference
 from mpc.arrays import VECTOR, inlined, sweep
 from mpc.estimator import (
     Axles,
-    Constants,
     Curve,
     axles_of,
     constants_of,
@@ -172,7 +171,8 @@ class Belief(NamedTuple):
     """Everything that a unit believes about its rail, as compiled code takes it."""
 
     gear: float
-    constants: Constants
+    constants: Any
+    """See `mpc.estimator.constants_of`."""
     axles: Axles
     load: Floats
     """Load of each axle [N], (axles,)."""
@@ -226,7 +226,7 @@ def believe(b, speed, omega, torque, wanted, estimate):
     take_in_pairs(b.constants, axles, b.curve, noise)
     felt = b.constants.felt_noise * noise
     search_slip(b.search, axles, b.curve, felt, noise, torque < LIMITING * wanted)
-    if not b.search.pace.seeks:
+    if not b.search.pace.seek:
         for i in range(omega.size):
             least = min(least, axles.peak[i])
         _, top = adhesion_limit(b.given.kind, b.given.q, least, speed)

@@ -4,7 +4,7 @@ In: torque and wheel speeds. Out: peak coefficient per axle, peak slip and slope
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from alloc.onboard.host import UnitContext
 from alloc.onboard.laws import observer_gains, tangential_coefficient_estimate
 from alloc.plant.laws import slip_velocity
 from alloc.plant.model import Floats
-from alloc.records import named_record
+from alloc.records import named_record, numbers_of
 from mpc.arrays import inlined
 from mpc.model import no_steeper
 from mpc.settings import PeakBelief
@@ -42,37 +42,6 @@ DOUBT = 0.5
 
 ROUGHEST = 4.0
 """A reading counts as no noisier than this multiple of the known noise, because slip itself also jumps."""
-
-
-class Constants(NamedTuple):
-    """Constants of the compiled update, from the unit and `PeakBelief`."""
-
-    inertia: float
-    radius: float
-    pole: float
-    keep: float
-    """Weight in the observer's filter, as are `old` and `new`."""
-    old: float
-    new: float
-    old_torque: float
-    """Weights of the torque, as `old` and `new` of the speed."""
-    new_torque: float
-    noise_share: float
-    """Weight of a new value in the mean noise."""
-    repeat: float
-    """Periods over which the filter's values come from one reading: together they count as one."""
-    kept_noise: float
-    """Variance of filtered noise over that of noise."""
-    felt_noise: float
-    """Deviation of the coefficient per m/s of noise in the slip."""
-    walk: float
-    """Growth of a peak's relative variance per period."""
-    slip_error: float
-    coefficient_error: float
-    relative_error: float
-    gate: float
-    floor: float
-    ceiling: float
 
 
 class Axles(NamedTuple):
@@ -108,19 +77,30 @@ def torque_share(pole: float, period: float, lag: float) -> float:
     return (transient - left * (1.0 - keep)) / (1.0 - left)
 
 
-def constants_of(context: UnitContext, belief: PeakBelief) -> Constants:
-    """Constants of a unit."""
+def constants_of(context: UnitContext, belief: PeakBelief) -> Any:
+    """Numbers of the compiled update: those of `belief`, and what follows from them and the unit."""
     period, pole = context.period, belief.pole
     keep, old, new = observer_gains(pole, period)
     old_torque = torque_share(pole, period, context.torque_lag)
-    values = (
-        context.inertia, context.radius, pole, keep, old, new, old_torque,
-        1.0 - keep - old_torque, -math.expm1(-period / NOISE_TIME),
-        max(1.0, 2.0 / (pole * period)), (1.0 - keep) / (1.0 + keep),
-        pole * context.inertia / (context.radius**2 * context.axle_load), belief.walk**2 * period,
-        belief.slip_error, belief.coefficient_error, belief.relative_error, belief.gate**2, belief.floor, belief.ceiling,
-    )  # fmt: skip
-    return Constants(*map(float, values))
+    inertia, radius = float(context.inertia), float(context.radius)
+    return numbers_of(
+        belief,
+        inertia=inertia,
+        radius=radius,
+        keep=keep,  # weight in the observer's filter, as are `old` and `new`
+        old=old,
+        new=new,
+        old_torque=old_torque,  # weights of the torque, as `old` and `new` of the speed
+        new_torque=1.0 - keep - old_torque,
+        noise_share=-math.expm1(-period / NOISE_TIME),  # weight of a new value in the mean noise
+        # periods over which the filter's values come from one reading: together they count as one
+        repeat=max(1.0, 2.0 / (pole * period)),
+        kept_noise=(1.0 - keep) / (1.0 + keep),  # variance of filtered noise over that of noise
+        # deviation of the coefficient per m/s of noise in the slip
+        felt_noise=float(pole * context.inertia / (context.radius**2 * context.axle_load)),
+        walk=belief.walk**2 * period,  # growth of a peak's relative variance per period
+        gate=belief.gate**2,
+    )
 
 
 def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:

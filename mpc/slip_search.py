@@ -4,14 +4,14 @@ In: coefficient and slip of a unit per control period. Out: the slip limit of th
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.onboard.host import UnitContext
 from alloc.plant.model import Floats
-from alloc.records import named_record
+from alloc.records import named_record, numbers_of
 from mpc.arrays import inlined
 from mpc.estimator import steepness, take_in_elasticity
 from mpc.settings import SlipSearch
@@ -136,8 +136,8 @@ def step_slip(search, error, rough, lowest, steep):
     grown = state.step_share * (1.0 + RECOVERY * pace.period * state.told)
     least = max(LEAST_STEP_SHARE, steep / WIDE * steep / WIDE)
     state.step_share = min(max(grown, least), 1.0)
-    rise = pace.rise * (1.0 + EAGER * max(state.elasticity - FAR_BELOW, 0.0))
-    rate = min(max(state.step_share * state.told * pace.gain * error, -pace.fall), rise)
+    rise = pace.fastest_rise * (1.0 + EAGER * max(state.elasticity - FAR_BELOW, 0.0))
+    rate = min(max(state.step_share * state.told * pace.gain * error, -pace.fastest_fall), rise)
     if OVER_NOISE * rough > pace.swing and state.away < SELDOM:
         rate += EXPLORE * max(1.0 - state.told / HARDLY, 0.0)
     state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
@@ -223,38 +223,6 @@ GOLDEN = 2.399963
 """Golden angle: units swing out of step, so the train does not swing."""
 
 
-class Pace(NamedTuple):
-    """Settings of the search, per control period."""
-
-    swing: float
-    advance: float
-    """Of the swing's phase."""
-    kept: float
-    """Of the demodulated values."""
-    mean: float
-    """Share of a new value, as is `noise`."""
-    noise: float
-    period: float
-    gain: float
-    rise: float
-    fall: float
-    price: float
-    lowest: float
-    highest: float
-    noise_margin: float
-    seeks: bool
-    cosine: float
-    """Of the phase of an answer, as is `sine`."""
-    sine: float
-    least_swing: float
-    heard: float
-    """Variance that noise of a reading makes in a demodulated value, over its own."""
-    swing_rate: float
-    """Logarithmic, per `told` above `GOAL`."""
-    kept_away: float
-    """Of the count of slips that ran away."""
-
-
 STATE = named_record(
     "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "error", "step_share",
     "beyond", "away", "below",
@@ -268,7 +236,8 @@ sought though the peak believed was used up [s]."""
 class Search(NamedTuple):
     """The search of one unit."""
 
-    pace: Pace
+    pace: Any
+    """Numbers of `SlipSearch`, and more per control period, see `search_of`."""
     state: NDArray[np.void]
     """`STATE`, (1,)."""
     mean_slip: Floats
@@ -287,15 +256,20 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
 
     turning = 2.0 * math.pi / settings.swing_time
     lag = math.atan(turning / pole) + turning * ANSWER_LAG
-    pace = Pace(
-        float(settings.swing), 2.0 * math.pi * dt / settings.swing_time, math.exp(-dt / settings.memory),
-        share(MEAN_TIME), share(NOISE_TIME), float(dt), float(settings.gain),
-        float(settings.fastest_rise), float(settings.fastest_fall), float(settings.friction_price),
-        float(settings.lowest), float(settings.highest), float(settings.noise_margin),
-        bool(settings.seek), -math.sin(lag), math.cos(lag), float(settings.least_swing),
-        0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
-        SWING_RATE * dt, math.exp(-dt / AWAY_TIME),
-    )  # fmt: skip
+    pace = numbers_of(
+        settings,
+        period=float(dt),
+        advance=2.0 * math.pi * dt / settings.swing_time,  # of the swing's phase
+        kept=math.exp(-dt / settings.memory),  # of the demodulated values
+        mean=share(MEAN_TIME),  # share of a new value, as is `noise`
+        noise=share(NOISE_TIME),
+        cosine=-math.sin(lag),  # of the phase of an answer, as is `sine`
+        sine=math.cos(lag),
+        # variance that noise of a reading makes in a demodulated value, over its own
+        heard=0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
+        swing_rate=SWING_RATE * dt,  # logarithmic, per `told` above `GOAL`
+        kept_away=math.exp(-dt / AWAY_TIME),  # of the count of slips that ran away
+    )
     state = np.zeros(1, STATE)
     one = state[0]
     one.slip, one.swing = settings.first, settings.swing
@@ -398,13 +372,13 @@ def search_slip(search, axles, curve, felt, noise, limited):
     doubt_peaks(search, axles, follows and binds)
     if i < 0:
         return
-    wanted, rough = pace.price * state.slip, noise / slip
+    wanted, rough = pace.friction_price * state.slip, noise / slip
     heard = _elasticity(search, i, wanted, rough, follows)
     if runs_away(search, axles, noise):
         heard = state.elasticity = FALLING
         state.told = 1.0
     size_swing(search, rough)
     if state.limited_for > SETTLED and follows:
-        if pace.seeks:
+        if pace.seek:
             step_slip(search, state.elasticity - wanted, rough, lowest, steepness(curve))
         take_in_elasticity(curve, slip, heard, state.told)

@@ -5,7 +5,7 @@ In: limits, readings and parameters. Out: the units' torque targets, cylinder pr
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from alloc.onboard.laws import (
 )
 from alloc.plant.laws import GRAVITY
 from alloc.plant.model import Floats
-from alloc.records import filled, quantity
+from alloc.records import numbers_of, quantity
 
 # Wheel slide protection of the air brakes: what a bogie's supply and release valve do while its wheels slide.
 #
@@ -138,36 +138,6 @@ class SlideProtection:
 # Input of the slide protection of a run, and its memory.
 
 
-class ThresholdSettings(NamedTuple):
-    """As `Threshold`."""
-
-    release: float
-    hold: float
-
-
-class FuzzySettings(NamedTuple):
-    """As `Fuzzy`, with the gain of its differentiator."""
-
-    sensitivity: float
-    slip: Floats  # (3,)
-    rate: Floats  # (3,)
-    pole: float
-    gain: float
-
-
-class SlideSettings(NamedTuple):
-    """Parameters for one run."""
-
-    law: int
-    every: int  # control periods between two decisions
-    period: float  # between two decisions [s]
-    cut_out_speed: float
-    time_out: float
-    refill: float
-    threshold: ThresholdSettings
-    fuzzy: FuzzySettings
-
-
 class SlideMemory(NamedTuple):
     """What the cars' computers remember."""
 
@@ -179,19 +149,16 @@ class SlideMemory(NamedTuple):
     refill: Floats  # (groups,) time that it must still supply [s]
 
 
-def slide_settings(protection: SlideProtection, period: float) -> SlideSettings:
-    """Settings for a control period [s], to a whole number of which the protection's is rounded."""
+def slide_settings(protection: SlideProtection, period: float) -> Any:
+    """Numbers for a control period [s]; a decision is taken `every` so many, the protection's `period` rounded."""
     every = max(1, round(protection.period / period))
     fuzzy = protection.fuzzy
-    return filled(
-        SlideSettings,
+    return numbers_of(
         protection,
         law=LAWS[protection.law],
         every=every,
-        period=every * period,
-        threshold=filled(ThresholdSettings, protection.threshold),
-        fuzzy=filled(
-            FuzzySettings,
+        period=float(every * period),
+        fuzzy=numbers_of(
             fuzzy,
             slip=np.array(fuzzy.slip, dtype=float),
             rate=np.array(fuzzy.rate, dtype=float),
@@ -277,7 +244,7 @@ def _decide(eq, p, m, g):
 @inlined_jit
 def protect(eq, st, m, tick, braking, valve):
     """Fill `valve` (groups,) with the actions of all bogies; everything rests while the air brakes do."""
-    p, k = st.slide, m.slide
+    p, k = st.brakes.slide_protection, m.slide
     if not braking:
         for i in range(k.filtered.size):
             k.filtered[i], k.locked[i] = 0.0, False
@@ -319,17 +286,6 @@ class Sanding:
     def __post_init__(self) -> None:
         OnboardError.check("sanding", self, nonnegative=("delay", "hold", "begin", "least_speed"))
         OnboardError.check_order("sanding", self, "begin", "until", equal=True)
-
-
-class SandingSettings(NamedTuple):
-    """As `Sanding`."""
-
-    on_slide: bool
-    delay: float
-    hold: float
-    begin: float
-    until: float
-    least_speed: float
 
 
 class SandingMemory(NamedTuple):

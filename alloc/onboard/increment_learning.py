@@ -102,17 +102,6 @@ class LearntIncrements:
             raise OnboardError("learnt increments: every number must be finite")
 
 
-class LearningSettings(NamedTuple):
-    """As `IncrementLearning`."""
-
-    learner: int
-    held: bool
-    first: int
-    further: int
-    noise: float
-    drift: float
-
-
 class Increments(NamedTuple):
     """As `LearntIncrements`, (units,) each; equal to the believed increments where nothing is learnt."""
 

@@ -23,7 +23,7 @@ from alloc.plant.laws import (
     running_resistance,
 )
 from alloc.plant.model import Floats, Ints
-from alloc.records import filled
+from alloc.records import numbers_of
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
@@ -207,53 +207,6 @@ SLOWEST_SHARE = 0.25
 """Share of a new value that the mean takes at most: over fewer samples noise would not cancel."""
 
 
-class SoundingSettings(NamedTuple):
-    """As `Sounding`."""
-
-    doubt: float
-    doubt_ratio: float
-    ease: float
-    share: float
-    time: float
-    longest: float
-    return_time: float
-    pause: float
-    air_doubt: float
-    air_known: float
-    patience: float
-
-
-class ReferenceSettings(NamedTuple):
-    """As `ReferenceSpeed`."""
-
-    given: bool  # the true speed stands in place of the estimate
-    noise: float  # deviation of a speed reading [m/s]
-    speed_walk: float
-    force_walk: float
-    unknown_force: float
-    shoe_error: float
-    shoe_walk: float
-    mass_error: float
-    slip: float
-    slip_deviation: float
-    creep: float
-    creep_speed: float
-    repeat: float
-    light_repeat: float
-    sounded_repeat: float
-    ease_time: float
-    light: float
-    away: float
-    returning: float
-    gate: float
-    persist: float
-    carried_time: float
-    slid_time: float
-    radius_deviation: float
-    radius_prior: float  # deviation at the start of the run
-    sounding: SoundingSettings
-
-
 class ReferencePace(NamedTuple):
     """What depends on the period."""
 
@@ -270,7 +223,7 @@ class ReferencePace(NamedTuple):
 
 @equation
 def reference_pace(o, period):
-    """`ReferencePace` of a period [s]; `o`: `ReferenceSettings`, or `ReferenceSpeed`."""
+    """`ReferencePace` of a period [s]; `o`: `ReferenceSpeed`, or its numbers."""
     usual = USUAL_PERIOD / period
     return ReferencePace(
         -math.expm1(-OBSERVER_POLE * period),
@@ -333,19 +286,20 @@ class ReferenceMemory(NamedTuple):
     radii: RadiusMemory
 
 
-def reference_settings(onboard: "Onboard") -> ReferenceSettings:
-    """Settings of a run; a reading is as uncertain as its noise and its quantum make it."""
+def reference_settings(onboard: "Onboard") -> Any:
+    """Numbers of `ReferenceSpeed` for a run, whether the true speed is `given`, and the `noise` of a reading [m/s].
+
+    A reading is as uncertain as its noise and its quantum make it.
+    """
     given, sensors = onboard.reference, onboard.sensors
     noise = math.sqrt(given.sensor**2 + sensors.speed_noise**2 + sensors.speed_quantum**2 / 12.0)
-    return filled(
-        ReferenceSettings,
+    return numbers_of(
         given,
         given=given.source == "truth",
         noise=noise,
         radius_prior=given.radius_prior,
         # what is taken for a motion of the wheel must exceed what noise makes of its speed
         returning=max(given.returning, NOISE_MARGIN * OBSERVER_POLE * noise),
-        sounding=filled(SoundingSettings, given.sounding),
     )
 
 

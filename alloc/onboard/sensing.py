@@ -127,7 +127,7 @@ def _read_speeds(eq, st, m, omega, noise):
     An axle without signal is taken to turn as the others of its unit do; where none has one, as the reference speed.
     """
     units = eq.axles.size
-    seen, quantum, pole = m.unit.axles_seen, st.sensors.quantum, st.sensors.pole
+    seen, quantum, pole = m.unit.axles_seen, st.sensors.speed_quantum, st.sensors.pole
     for j in range(units):
         m.mean_speed[j] = 0.0 if seen[j] > 0.0 else m.reference[eq.unit_body[j]]
     for i in range(omega.size):

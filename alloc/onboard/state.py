@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from alloc.onboard.brakes import (
     SandingMemory,
-    SandingSettings,
     SlideMemory,
-    SlideSettings,
     slide_memory,
     slide_settings,
 )
@@ -29,7 +27,6 @@ from alloc.onboard.increment_learning import (
     KINDS,
     Increments,
     LearningMemory,
-    LearningSettings,
     learning_memory,
 )
 from alloc.onboard.laws import differentiator_gain, observer_gains
@@ -37,7 +34,6 @@ from alloc.onboard.parameters import Onboard
 from alloc.onboard.reference_speed import (
     ReferenceMemory,
     ReferencePace,
-    ReferenceSettings,
     reference_memory,
     reference_pace,
     reference_settings,
@@ -53,7 +49,7 @@ from alloc.onboard.telegrams import (
     report_memory,
 )
 from alloc.plant.model import Floats
-from alloc.records import filled
+from alloc.records import filled, numbers_of
 from alloc.rules.rule import AT_SLIP, Caps, Trigger
 
 # What differs between runs, as compiled code reads it: parameters of the on-board functions.
@@ -74,35 +70,6 @@ class RuleSettings(NamedTuple):
     """What it is given, `Caps`."""
 
 
-class DetectorSettings(NamedTuple):
-    """As `Detector`, with the gain of its differentiator."""
-
-    on: float
-    off: float
-    pole: float
-    gain: float
-    speed_on: float
-
-
-class ObserverSettings(NamedTuple):
-    """Pole and weights of `observer_gains`."""
-
-    pole: float
-    keep: float
-    old: float
-    new: float
-
-
-class TelegramSettings(NamedTuple):
-    """As `Telegrams`; `ticks`: control periods between two of them."""
-
-    latency: float
-    jitter: float
-    silence: float
-    loss: float
-    ticks: int
-
-
 class DropoutSettings(NamedTuple):
     """As `Dropout`, (dropouts,) each."""
 
@@ -111,27 +78,8 @@ class DropoutSettings(NamedTuple):
     until: Floats
 
 
-class SensorSettings(NamedTuple):
-    """As `Sensors`; `pole`: of the speed estimate without sensors, 0: sensors."""
-
-    noisy: bool
-    quantum: float
-    pole: float
-    blind_share: float
-    dropout: DropoutSettings
-
-
-class BrakeSettings(NamedTuple):
-    """As `Braking`; `by_pressure`: whether the air brake's force is that of the cylinders' pressure."""
-
-    inertia_in_estimate: bool
-    by_pressure: bool
-    blend_time: float
-    release_speed: float
-
-
 class Settings(NamedTuple):
-    """Parameters of the on-board functions for one run."""
+    """Parameters of the on-board functions for one run; `Any`: the dataclass's numbers, and what is said beside."""
 
     period: float
     hold_time: float
@@ -140,16 +88,17 @@ class Settings(NamedTuple):
     hosted: bool  # whether the controller runs in Python; that of index `controller` is its reserve
     controller: int
     law: LawSettings
-    detector: DetectorSettings
-    observer: ObserverSettings
-    telegrams: TelegramSettings
-    sensors: SensorSettings
-    reference: ReferenceSettings
+    detector: Any  # with the `gain` of its differentiator
+    observer: Any  # with the weights `keep`, `old`, `new` of `observer_gains`
+    telegrams: Any  # with `ticks`: control periods between two of them
+    sensors: Any  # `noisy`; `pole` of the speed estimate without sensors, 0: sensors; `dropout`: `DropoutSettings`
+    reference: Any  # see `reference_settings`
     pace: ReferencePace
-    brakes: BrakeSettings
-    slide: SlideSettings
-    sanding: SandingSettings
-    learning: LearningSettings
+    brakes: (
+        Any  # with `by_pressure`: whether the air brake's force is that of the cylinders' pressure
+    )
+    sanding: Any
+    learning: Any  # with `learner`, its identifier, and `held`, whether a datum counts against the leader's last slip
 
 
 def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
@@ -161,6 +110,7 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         trigger = AT_SLIP.get(trigger, trigger)
     lost = np.array([(one.axle, one.begin, one.until) for one in sensors.dropouts], dtype=float)
     lost = lost.reshape(-1, 3)
+    keep, old, new = observer_gains(onboard.observer.pole, period)
     return filled(
         Settings,
         onboard,
@@ -168,34 +118,28 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
         hosted=hosted,
         controller=list(BUILT_IN).index(RESERVE if hosted else controller),
         law=law_settings(onboard),
-        detector=filled(
-            DetectorSettings,
-            onboard.detector,
-            gain=differentiator_gain(onboard.detector.pole, period),
+        detector=numbers_of(
+            onboard.detector, gain=differentiator_gain(onboard.detector.pole, period)
         ),
-        observer=ObserverSettings(
-            float(onboard.observer.pole), *observer_gains(onboard.observer.pole, period)
+        observer=numbers_of(onboard.observer, keep=keep, old=old, new=new),
+        telegrams=numbers_of(
+            onboard.telegrams, ticks=max(1, round(onboard.telegrams.period / period))
         ),
-        telegrams=filled(
-            TelegramSettings,
-            onboard.telegrams,
-            ticks=max(1, round(onboard.telegrams.period / period)),
-        ),
-        sensors=filled(
-            SensorSettings,
+        sensors=numbers_of(
             sensors,
             noisy=sensors.speed_noise > 0.0,
-            quantum=sensors.speed_quantum,
-            pole=sensors.sensorless_pole or 0.0,
+            pole=float(sensors.sensorless_pole or 0.0),
             dropout=DropoutSettings(lost[:, 0].astype(np.int64), *lost[:, 1:].T.copy()),
         ),
         reference=reference_settings(onboard),
         pace=reference_pace(onboard.reference, period),
-        brakes=filled(BrakeSettings, braking, by_pressure=braking.air_force == "pressure"),
-        slide=slide_settings(braking.slide_protection, period),
-        sanding=filled(SandingSettings, onboard.sanding),
-        learning=filled(
-            LearningSettings,
+        brakes=numbers_of(
+            braking,
+            by_pressure=braking.air_force == "pressure",
+            slide_protection=slide_settings(braking.slide_protection, period),
+        ),
+        sanding=numbers_of(onboard.sanding),
+        learning=numbers_of(
             onboard.learning,
             learner=KINDS[onboard.learning.kind],
             held=onboard.learning.reference == "held",

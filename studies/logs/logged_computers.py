@@ -13,7 +13,7 @@ A force that no column tells counts as none; its axle is read while the train pu
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from alloc.onboard.reference_speed import (
     STANDING,
     ReferenceMemory,
     ReferencePace,
-    ReferenceSettings,
     correct,
     predict,
     reference_memory,
@@ -85,7 +84,7 @@ class LoggedSettings(NamedTuple):
     """What the filter reads of `alloc.onboard.state.Settings`."""
 
     period: float
-    reference: ReferenceSettings
+    reference: Any  # see `alloc.onboard.reference_speed.reference_settings`
     pace: ReferencePace
 
 

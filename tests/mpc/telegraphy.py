@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.onboard.state import TelegramSettings
 from alloc.onboard.telegrams import Attachment, exchange, mail, tell
+from alloc.records import ByReference, numbers_of
 from mpc.model import leading
 
 PERIOD = 0.01
@@ -49,7 +49,7 @@ class Telegraphy:
         """What the controller answers in a control period, after the telegrams, as in the loop."""
         time, t = senses[0].time, self.telegrams
         ticks = max(1, round(t.period / PERIOD))
-        settings = TelegramSettings(t.latency, t.jitter, t.silence, 0.5, ticks)
+        settings = ByReference(numbers_of(t, loss=0.5, ticks=ticks))
         for line in self._lines:
             _carry(
                 line.mail, leading(senses), time, line.told, round(time / PERIOD) % ticks == 0, settings,

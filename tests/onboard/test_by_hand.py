@@ -24,7 +24,7 @@ def test_a_quantised_speed_is_the_nearest_step(rim, seen):
         axles=np.ones(1), unit_body=np.zeros(1, int), axle_body=np.zeros(1, int),
         axle_radius=np.array([0.5]), axle_unit=np.zeros(1, int),
     )  # fmt: skip
-    settings = SimpleNamespace(sensors=SimpleNamespace(quantum=0.1, pole=0.0), period=0.01)
+    settings = SimpleNamespace(sensors=SimpleNamespace(speed_quantum=0.1, pole=0.0), period=0.01)
     memory = SimpleNamespace(
         unit=SimpleNamespace(axles_seen=np.ones(1)), mean_speed=np.zeros(1), speed=np.zeros(1),
         reference=np.zeros(1), axle_omega=np.zeros(1), axle_seen=np.ones(1, bool),

@@ -207,7 +207,7 @@ def test_settings_are_the_parameters_in_the_loops_own_terms():
     assert not st.hosted
     assert list(BUILT_IN)[st.controller] == "cut-and-ramp"
     assert st.telegrams.ticks == 6
-    assert (st.sensors.noisy, st.sensors.quantum, st.sensors.pole) == (True, 0.03, 0.0)
+    assert (st.sensors.noisy, st.sensors.speed_quantum, st.sensors.pole) == (True, 0.03, 0.0)
     assert (st.sensors.dropout.axle.tolist(), st.sensors.dropout.begin.tolist()) == (
         [3, 7],
         [1.0, 0.5],

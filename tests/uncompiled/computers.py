@@ -110,8 +110,8 @@ class Computers:
     def _speeds(self, omega, noise, seen):
         eq, sensors = self.eq, self.st.sensors
         rim = eq.axle_radius * omega + noise
-        if sensors.quantum > 0.0:
-            rim = sensors.quantum * np.floor(rim / sensors.quantum + 0.5)
+        if sensors.speed_quantum > 0.0:
+            rim = sensors.speed_quantum * np.floor(rim / sensors.speed_quantum + 0.5)
         for j in range(eq.axles.size):
             read = rim[seen & (eq.axle_unit == j)]
             mean = read.mean() if read.size else self.reference[eq.unit_body[j]]

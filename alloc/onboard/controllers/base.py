@@ -8,6 +8,7 @@ import numpy as np
 
 from alloc.compilation import equation
 from alloc.display import displayed
+from alloc.records import numbers_of
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
@@ -38,25 +39,21 @@ class BuiltInController:
     """In figures, as Matplotlib names it."""
     law: ClassVar[Any]
     _remembered: ClassVar[Remembered]
-    Parameters: ClassVar[Any]
     Memory: ClassVar[Any]
-    """Named tuples of the parameters and of the stored values of the law, as compiled code takes them."""
+    """Named tuple of the stored values of the law, as compiled code takes them."""
 
     def __init_subclass__(cls, remembered: Remembered | None = None) -> None:
         """`remembered`: what the law keeps of every unit."""
         cls._remembered = remembered or {}
-        for kind, names in (("Parameters", cls.__annotations__), ("Memory", cls._remembered)):
-            record: Any = namedtuple(cls.__name__ + kind, names, module=cls.__module__)  # type: ignore[misc]
-            record.__qualname__ = f"{cls.__qualname__}.{kind}"  # where Numba's cache looks for it
-            setattr(cls, kind, record)
+        cls.Memory = namedtuple(cls.__name__ + "Memory", cls._remembered, module=cls.__module__)  # type: ignore[misc]
+        cls.Memory.__qualname__ = f"{cls.__qualname__}.Memory"  # where Numba's cache looks for it
         missing = [part for part in BuiltInController.__annotations__ if not hasattr(cls, part)]
         if missing:
             raise TypeError(f"controller {cls.__name__}: needs {', '.join(missing)}")
 
     def settings(self, onboard: "Onboard") -> Any:
-        """Named tuple of the numbers that the law takes as `p`; None if it needs none."""
-        values = [float(getattr(self, name)) for name in self.Parameters._fields]
-        return self.Parameters(*values) if values else None
+        """Numbers that the law takes as `p`: its fields and constants; None if it needs none."""
+        return numbers_of(self) or None
 
     @classmethod
     def memory(cls, units: int) -> Any:
