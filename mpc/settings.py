@@ -1,7 +1,7 @@
 """Settings of the readhesion MPC: horizon, weights, belief, deadline."""
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 from alloc.display import displayed
 from alloc.errors import InputError
@@ -32,15 +32,15 @@ class Weights:
     Source: assumed.
     """
 
-    tracking: float = quantity(1.0, "1")
+    tracking: ClassVar[float] = 1.0
     """Weight of ((torque - target) / torque scale)^2."""
     slip: float = quantity(2.0, "1")
     """Weight of the mean over the axles of (excess over the slip limit / `slip_scale`)^2, zero below the limit."""
     rate: float = quantity(0.3, "1")
     """Weight of (change of torque from step to step / torque scale)^2."""
-    coefficient_scale: float = quantity(0.1, "1")
+    coefficient_scale: ClassVar[float] = 0.1
     """Coefficient whose motor torque is the torque scale."""
-    slip_scale: float = quantity(0.05, "km/h")
+    slip_scale: ClassVar[float] = 0.05
     """Scale of the excess of slip [m/s]."""
 
     def __post_init__(self) -> None:
@@ -58,17 +58,17 @@ class PeakBelief:
     """Peak coefficient before the first reading."""
     pole: float = quantity(25.0, "1/s")
     """Pole of the observers of single axles [1/s]. Source: that of the unit's own observer."""
-    walk: float = quantity(0.05, "1")
+    walk: ClassVar[float] = 0.05
     """Relative deviation by which a peak may have changed after a second."""
-    slope_walk: float = quantity(0.05, "1")
+    slope_walk: ClassVar[float] = 0.05
     """Relative deviation by which the slope at the origin over the peak may have changed after a second."""
-    slip_error: float = quantity(0.001, "km/h")
+    slip_error: ClassVar[float] = 0.001
     """Deviation of measured slip in addition to its noise: that of the reference speed [m/s]."""
-    coefficient_error: float = quantity(0.0006, "1")
+    coefficient_error: ClassVar[float] = 0.0006
     """Deviation of the observed coefficient."""
-    relative_error: float = quantity(0.006, "1")
+    relative_error: ClassVar[float] = 0.006
     """Relative deviation of the curve's shape."""
-    gate: float = quantity(5.0, "1")
+    gate: ClassVar[float] = 5.0
     """Number of deviations from the expected value above which the rail counts as changed."""
     floor: float = quantity(0.01, "1")
     """Smallest peak coefficient believed."""
@@ -76,7 +76,7 @@ class PeakBelief:
     """Largest peak coefficient believed."""
 
     def __post_init__(self) -> None:
-        _check("belief", self, zero=("walk", "slope_walk", "slip_error"))
+        _check("belief", self)
         if not self.floor < self.initial <= self.ceiling:
             raise MpcError(
                 f"belief: needs floor < initial <= ceiling, got {self.floor!r}, {self.initial!r} and "
@@ -103,17 +103,17 @@ class SlipSearch:
     """Relative loss of force that is accepted to avoid a slip of 1 m/s [s/m]."""
     swing: float = quantity(0.1, "1")
     """Largest swing of the slip limit about its mean where noise does not hide the response, as a share of the mean."""
-    least_swing: float = quantity(0.03, "1")
+    least_swing: ClassVar[float] = 0.03
     """Smallest swing, used where the response is clear."""
     swing_time: float = quantity(0.2, "s")
     """Period of the swing [s]."""
-    memory: float = quantity(0.3, "s")
+    memory: ClassVar[float] = 0.3
     """Memory of the response [s]."""
-    gain: float = quantity(40.0, "1/s")
+    gain: ClassVar[float] = 40.0
     """Relative speed of the slip sought per elasticity [1/s]."""
-    fastest_rise: float = quantity(3.0, "1/s")
+    fastest_rise: ClassVar[float] = 3.0
     """Largest relative speed of its rise [1/s]."""
-    fastest_fall: float = quantity(3.0, "1/s")
+    fastest_fall: ClassVar[float] = 3.0
     """Largest relative speed of its fall [1/s]."""
     seek: bool = True
     """Whether the best slip is sought. Otherwise slip is held at `given_share` of the slip at the peak of the curve that the
@@ -145,10 +145,10 @@ class GroupSettings:
     Source: assumed.
     """
 
-    evenness: float = quantity(0.05, "1")
+    evenness: ClassVar[float] = 0.05
     """Weight per step of sum of shares ((torque - torque of an even split) / torque scale)^2. It is small compared with that
-    of tracking, and makes the split of the total unique."""
-    limited: float = quantity(0.95, "1")
+    of tracking, and makes the split of the total unique: without it the Hessian is singular."""
+    limited: ClassVar[float] = 0.95
     """Share of its believed adhesion above which a unit counts as limited by its own rail, not by what the others need of
     it."""
     steps: int = quantity(3, "1", most=1000)
@@ -156,10 +156,7 @@ class GroupSettings:
     second old."""
 
     def __post_init__(self) -> None:
-        # without evenness the Hessian is singular in the split, and so is the problem
         _check("group", self)
-        if self.limited > 1.0:
-            raise MpcError(f"group: limited = {self.limited!r} must lie in (0, 1]")
 
 
 @displayed

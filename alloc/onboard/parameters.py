@@ -6,7 +6,7 @@ In: keys of scenario files, by the units that each field states. Out: an `Onboar
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from alloc.display import displayed
 from alloc.errors import OnboardError
@@ -34,7 +34,7 @@ class Sounding:
     """Deviation of the estimate above which a unit's torque is cut [m/s]."""
     doubt_ratio: float = quantity(0.004, "1")
     """The same deviation over the speed; the larger of the two bounds applies."""
-    ease: float = quantity(2.4, "1")
+    ease: ClassVar[float] = 2.4
     """Factor of both deviations while a unit is within adhesion."""
     share: float = quantity(0.4, "1")
     """Share of its torque that a sounded unit keeps, 0 to 1."""
@@ -48,15 +48,15 @@ class Sounding:
     """Shortest time from one sounding to the next [s]."""
     air_doubt: float = quantity(0.06, "1")
     """Deviation over the speed above which a bogie is released."""
-    air_known: float = quantity(0.03, "1")
+    air_known: ClassVar[float] = 0.03
     """Deviation over the speed at which it brakes again, less than `air_doubt`."""
-    patience: float = quantity(5.0, "1")
+    patience: ClassVar[float] = 5.0
     """Factor of `air_doubt` while an axle runs near the estimate."""
 
     def __post_init__(self) -> None:
-        numbers = set(self.__dataclass_fields__) - {"share"}
-        OnboardError.check("sounding", self, sorted(numbers), ("share",))
-        OnboardError.check_finite("sounding", self, sorted(numbers))
+        numbers = sorted({one.name for one in fields(self)} - {"share"})
+        OnboardError.check("sounding", self, numbers, ("share",))
+        OnboardError.check_finite("sounding", self, numbers)
         if self.share > 1.0:
             raise OnboardError(f"sounding: share = {self.share!r} must lie in [0, 1]")
         OnboardError.check_order("sounding", self, "air_known", "air_doubt")
@@ -75,21 +75,21 @@ class ReferenceSpeed:
     Source: this project."""
     sensor: float = quantity(0.005, "km/h")
     """Deviation of a speed reading, beside the sensors' own noise, at the rim [m/s]."""
-    speed_walk: float = quantity(1e-3, "1")
+    speed_walk: ClassVar[float] = 1e-3
     """Deviation by which the speed changes unforeseen, per root s [m/s]."""
-    force_walk: float = quantity(5e-3, "1")
+    force_walk: ClassVar[float] = 5e-3
     """Deviation by which the unknown specific force changes, per root s [m/s2]."""
-    unknown_force: float = quantity(0.2, "1")
+    unknown_force: ClassVar[float] = 0.2
     """Deviation of the unknown specific force at the start, mainly a gradient [m/s2]."""
-    shoe_error: float = quantity(0.1, "1")
+    shoe_error: ClassVar[float] = 0.1
     """Deviation of the shoes' friction, relative."""
-    shoe_walk: float = quantity(0.02, "1")
+    shoe_walk: ClassVar[float] = 0.02
     """Deviation by which the shoes' friction changes, relative, per root s."""
-    mass_error: float = quantity(0.05, "1")
+    mass_error: ClassVar[float] = 0.05
     """Deviation of the mass, relative."""
-    slip: float = quantity(0.25, "1")
+    slip: ClassVar[float] = 0.25
     """Micro-slip per coefficient of force [m/s]."""
-    slip_deviation: float = quantity(0.2, "1")
+    slip_deviation: ClassVar[float] = 0.2
     """Deviation of the micro-slip per coefficient at the start [m/s]."""
     creep: float = quantity(0.01, "1")
     """Deviation of the slip ratio of a wheel that rolls at the full adhesion."""
@@ -97,25 +97,25 @@ class ReferenceSpeed:
     """Below this speed `creep` has its value at this speed [m/s]."""
     repeat: float = quantity(100.0, "1")
     """Number of samples over which the creep of a wheel is the same."""
-    light_repeat: float = quantity(16.0, "1")
+    light_repeat: ClassVar[float] = 16.0
     """The same of a wheel with little force."""
-    sounded_repeat: float = quantity(0.3, "1")
+    sounded_repeat: ClassVar[float] = 0.3
     """The same while a unit is sounded."""
-    ease_time: float = quantity(0.3, "s")
+    ease_time: ClassVar[float] = 0.3
     """An axle whose force nobody limits is at ease after this time [s]."""
-    light: float = quantity(0.85, "1")
+    light: ClassVar[float] = 0.85
     """Share of the force that it carried lately below which a wheel is light and rolls."""
-    carried_time: float = quantity(5.0, "s")
+    carried_time: ClassVar[float] = 5.0
     """Time in which a wheel's largest force is forgotten [s]."""
-    slid_time: float = quantity(1.0, "s")
+    slid_time: ClassVar[float] = 1.0
     """The same while it certainly slides [s]."""
-    away: float = quantity(0.2, "1")
+    away: ClassVar[float] = 0.2
     """Acceleration against the train of a wheel that does not roll [m/s2]."""
-    returning: float = quantity(0.45, "1")
+    returning: ClassVar[float] = 0.45
     """Acceleration against the train of a wheel that returns from a slide [m/s2]."""
-    gate: float = quantity(3.0, "1")
+    gate: ClassVar[float] = 3.0
     """Number of deviations beyond which an axle at ease counts as slipping."""
-    persist: float = quantity(0.6, "s")
+    persist: ClassVar[float] = 0.6
     """Time for which a braked axle must show a deviating speed to be believed [s]."""
     radius_deviation: float = quantity(0.01, "1")
     """Deviation of the wheels' believed radii before any comparison, relative. The computers compare them while the train
@@ -127,15 +127,9 @@ class ReferenceSpeed:
 
     def __post_init__(self) -> None:
         OnboardError.check_choice("reference speed", "source", self.source, ("estimate", "truth"))
-        positive = ("sensor", "speed_walk", "unknown_force", "creep", "carried_time", "slid_time")
-        others = set(self.__dataclass_fields__) - {
-            "source",
-            "radii_compared",
-            "sounding",
-            *positive,
-        }
-        OnboardError.check("reference speed", self, positive, nonnegative=sorted(others))
-        OnboardError.check_finite("reference speed", self, sorted({*positive, *others}))
+        positive, others = ("sensor", "creep"), ("creep_speed", "repeat", "radius_deviation")
+        OnboardError.check("reference speed", self, positive, others)
+        OnboardError.check_finite("reference speed", self, (*positive, *others))
 
     @property
     def radius_prior(self) -> float:

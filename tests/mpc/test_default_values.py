@@ -18,14 +18,13 @@ ONBOARD = {
     "steepest_gradient": {
         "interval": 0.3, "gain": 0.15, "least": 0.01, "largest": 0.06, "lowest": 0.02, "highest": 0.5,
     },
-    "fuzzy_creep": {"reference": 0.085, "large": 0.3, "rate": 1.7, "change": 0.7, "pole": 40.0},
-    "fuzzy_tracking": {"coefficient": 0.005, "way": 0.01, "least": 0.01, "largest": 0.04},
-    "swarm_tracking": {"spread": 0.04, "keep": 0.98, "gathered": 0.015, "change": 0.05, "seed": 1.0},
+    "fuzzy_creep": {"reference": 0.085, "rate": 1.7, "pole": 40.0},
+    "fuzzy_tracking": {"least": 0.01, "largest": 0.04},
+    "swarm_tracking": {"spread": 0.04, "seed": 1.0},
     "swarm_slip": {"largest": 0.02, "seed": 1.0},
     "cubature_seeking": {
         "cycle": 0.3, "amplitude": 0.015, "gain": 0.2, "largest": 0.03, "lag": 0.3, "lowest": 0.02, "highest": 0.5,
-        "noise": 0.005, "train_noise": 0.01, "rim_walk": 1.0, "train_walk": 0.3, "height_walk": 0.2, "adapt": 0.02,
-        "scale": 0.2,
+        "noise": 0.005,
     },
     "detector": {"on": 1.8, "off": 0.9, "pole": 40.0, "speed_on": 0.6},
     "observer": {"pole": 25.0},
@@ -47,14 +46,11 @@ ONBOARD = {
         },
     },
     "reference": {
-        "source": "estimate", "sensor": 0.005, "speed_walk": 1e-3, "force_walk": 5e-3, "unknown_force": 0.2,
-        "shoe_error": 0.1, "shoe_walk": 0.02, "mass_error": 0.05, "slip": 0.25, "slip_deviation": 0.2, "creep": 0.01,
-        "creep_speed": 5.0, "repeat": 100.0, "light_repeat": 16.0, "sounded_repeat": 0.3, "ease_time": 0.3,
-        "light": 0.85, "carried_time": 5.0, "slid_time": 1.0, "away": 0.2, "returning": 0.45, "gate": 3.0, "persist": 0.6,
+        "source": "estimate", "sensor": 0.005, "creep": 0.01, "creep_speed": 5.0, "repeat": 100.0,
         "radius_deviation": 0.01, "radii_compared": True,
         "sounding": {
-            "doubt": 0.05, "doubt_ratio": 0.004, "ease": 2.4, "share": 0.4, "time": 0.06, "longest": 0.2,
-            "return_time": 0.06, "pause": 0.3, "air_doubt": 0.06, "air_known": 0.03, "patience": 5.0,
+            "doubt": 0.05, "doubt_ratio": 0.004, "share": 0.4, "time": 0.06, "longest": 0.2, "return_time": 0.06,
+            "pause": 0.3, "air_doubt": 0.06,
         },
     },
     "sanding": {
@@ -70,18 +66,13 @@ ONBOARD = {
 MPC = {
     "horizon": 20, "step": 0.01, "headroom": 0.1, "iterations": 5, "tolerance": 0.01,
     "step_time": 1e-3, "deadline": 0.01, "computing_delay": 0, "compensated": True,
-    "weights": {"tracking": 1.0, "slip": 2.0, "rate": 0.3, "coefficient_scale": 0.1, "slip_scale": 0.05},
-    "belief": {
-        "initial": 0.2, "pole": 25.0, "walk": 0.05, "slope_walk": 0.05, "slip_error": 0.001, "coefficient_error": 0.0006,
-        "relative_error": 0.006, "gate": 5.0, "floor": 0.01, "ceiling": 0.5,
-    },
+    "weights": {"slip": 2.0, "rate": 0.3},
+    "belief": {"initial": 0.2, "pole": 25.0, "floor": 0.01, "ceiling": 0.5},
     "search": {
         "first": 0.08, "lowest": 0.02, "highest": 1.6, "noise_margin": 4.0, "friction_price": 0.15, "swing": 0.1,
-        "least_swing": 0.03, "swing_time": 0.2,
-        "memory": 0.3, "gain": 40.0, "fastest_rise": 3.0, "fastest_fall": 3.0,
-        "seek": True, "given_share": 1.0,
+        "swing_time": 0.2, "seek": True, "given_share": 1.0,
     },
-    "group": {"evenness": 0.05, "limited": 0.95, "steps": 3},
+    "group": {"steps": 3},
 }  # fmt: skip
 
 

@@ -128,9 +128,6 @@ def test_even_split_is_one_level_that_gives_the_total():
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("evenness", 0.0),
-        ("evenness", np.inf),
-        ("limited", 1.5),
         ("steps", 0),
         ("steps", 2.0),
     ],

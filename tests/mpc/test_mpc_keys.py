@@ -47,13 +47,12 @@ def test_keys_give_the_settings_in_si(load, table):
 horizon = 12
 step_s = 0.02
 [onboard.{table}.weights]
-slip_scale_kmh = 0.36
+slip = 3.0
 [onboard.{table}.belief]
-slip_error_kmh = 0.018
 pole_per_s = 20.0
 [onboard.{table}.search]
 seek = false
-memory_s = 2.0
+swing_time_s = 0.4
 first_kmh = 0.72
 friction_price_s_per_m = 0.4
 """
@@ -61,9 +60,11 @@ friction_price_s_per_m = 0.4
         table.replace("_", "-"): MpcSettings(
             horizon=12,
             step=0.02,
-            weights=Weights(slip_scale=0.36 * (1.0 / 3.6)),
-            belief=PeakBelief(slip_error=0.018 * (1.0 / 3.6), pole=20.0),
-            search=SlipSearch(seek=False, memory=2.0, first=0.72 * (1.0 / 3.6), friction_price=0.4),
+            weights=Weights(slip=3.0),
+            belief=PeakBelief(pole=20.0),
+            search=SlipSearch(
+                seek=False, swing_time=0.4, first=0.72 * (1.0 / 3.6), friction_price=0.4
+            ),
         )
     }
 

@@ -25,20 +25,13 @@ from mpc.settings import MpcError, MpcSettings, PeakBelief, SlipSearch, Weights
         (MpcSettings, "headroom", -0.1),
         (MpcSettings, "weights", {"slip": 2.0}),
         (MpcSettings, "belief", None),
-        (Weights, "tracking", 0.0),
         (Weights, "slip", -1.0),
-        (Weights, "slip_scale", math.nan),
         (PeakBelief, "initial", 0.6),
         (PeakBelief, "floor", 0.3),
-        (PeakBelief, "gate", 0.0),
-        (PeakBelief, "walk", -0.1),
-        (PeakBelief, "coefficient_error", math.nan),
-        (PeakBelief, "relative_error", 0.0),
         (PeakBelief, "pole", None),
         (MpcSettings, "search", None),
         (MpcSettings, "group", None),
         (SlipSearch, "seek", 1),
-        (SlipSearch, "memory", 0.0),
         (SlipSearch, "swing", 1.0),
         (SlipSearch, "swing", 0.0),
         (SlipSearch, "swing_time", -0.2),
@@ -59,5 +52,4 @@ def test_bad_value_is_named(kind, field, value):
 def test_edges_are_allowed():
     MpcSettings(horizon=2, headroom=0.0, tolerance=0.0)
     Weights(slip=0.0, rate=0.0)
-    PeakBelief(walk=0.0, slip_error=0.0)
     SlipSearch(friction_price=0.0, noise_margin=0.0, lowest=0.1, first=0.1, highest=0.1)

@@ -194,8 +194,8 @@ def test_impossible_settings_are_refused_by_name(kind, name, value):
             "time = 0.1 must not exceed longest = 0.05",
         ),
         (
-            lambda: Sounding(air_known=0.04, air_doubt=0.04),
-            "air_known = 0.04 must be below air_doubt",
+            lambda: Sounding(air_doubt=0.03),
+            "air_known = 0.03 must be below air_doubt",
         ),
         (lambda: Sensors(radius_error=-0.01), "radius_error = -0.01"),
         (lambda: Belief(mass_factor=0.0), "mass_factor = 0.0"),

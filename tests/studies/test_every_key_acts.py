@@ -118,12 +118,9 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "belief.unit_increments": ([0.0, 0.01, 0.02, 0.03], [0.0, 0.0, 0.0, 0.05]),
     "belief.unit_deviation": ([0.01] * 4, [0.05] * 4),
     "draft_gear.viscosity_ns_per_m": (300.0, 1e6),
-    "onboard.reference.gate": (0.05, 1.0),
     "onboard.telegrams.silence_s": (0.05, 2.0),
     "onboard.mpc.search.noise_margin": (8.0,),
-    "onboard.mpc.search.least_swing": (0.05,),
     "onboard.mpc.search.lowest_kmh": (0.05, 0.28),
-    "onboard.swarm_tracking.change": (1e-9, 1e-3, 1e3),
     "onboard.braking.slide_protection.fuzzy.slip": ([0.02, 0.05, 0.1], [0.1, 0.2, 0.4]),
     "onboard.braking.slide_protection.fuzzy.rate_kmhs": ([1.0, 4.0, 9.0], [3.0, 12.0, 30.0]),
 }
@@ -133,13 +130,10 @@ NOT_SHOWN = {
     "line.sections.start_m": "the first section reaches back to the start of the line; of a second one it acts",
     "onboard.mpc.belief.floor": "acts where a peak believed falls as low as this; these rails carry more",
     "onboard.mpc.deadline_s": "acts where the computer is too slow, so by the clock",
-    **{
-        f"onboard.mpc.group.{one}": "acts in mpc-car and mpc-train"
-        for one in ("evenness", "limited", "steps")
-    },
+    "onboard.mpc.group.steps": "acts in mpc-car and mpc-train",
     **{
         f"onboard.reference.sounding.{one}": "acts in stops longer than these"
-        for one in ("longest_s", "air_doubt", "air_known")
+        for one in ("longest_s", "air_doubt")
     },
 }
 """Keys of which these worlds show nothing -> why."""

@@ -10,16 +10,28 @@ from mpc.belief import GroupBelief, UnitBelief
 from mpc.settings import MpcSettings, PeakBelief, SlipSearch
 from tests.uncompiled.second_belief import Unit
 
+
+class OtherBelief(PeakBelief):
+    walk, slope_walk, slip_error, coefficient_error, relative_error, gate = (
+        0.2,
+        0.1,
+        0.003,
+        0.002,
+        0.02,
+        2.0,
+    )
+
+
+class OtherSearch(SlipSearch):
+    least_swing, memory, gain, fastest_rise, fastest_fall = 0.1, 0.5, 10.0, 1.0, 0.8
+
+
 SETTINGS = {
     "default": MpcSettings(),
     "others": MpcSettings(
-        belief=PeakBelief(
-            initial=0.15, pole=40.0, walk=0.2, slope_walk=0.1, slip_error=0.003, coefficient_error=0.002,
-            relative_error=0.02, gate=2.0, floor=0.05, ceiling=0.3,
-        ),
-        search=SlipSearch(
-            first=0.06, lowest=0.03, highest=0.09, noise_margin=2.0, friction_price=1.0, swing=0.3, least_swing=0.1,
-            swing_time=0.15, memory=0.5, gain=10.0, fastest_rise=1.0, fastest_fall=0.8,
+        belief=OtherBelief(initial=0.15, pole=40.0, floor=0.05, ceiling=0.3),
+        search=OtherSearch(
+            first=0.06, lowest=0.03, highest=0.09, noise_margin=2.0, friction_price=1.0, swing=0.3, swing_time=0.15
         ),
     ),
     "given": MpcSettings(search=SlipSearch(seek=False, given_share=0.8)),

@@ -5,7 +5,7 @@ In: the unit's slip against the reference speed. Out: the coefficient from which
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from alloc.compilation import called, equation
 from alloc.errors import OnboardError
@@ -17,7 +17,7 @@ from alloc.onboard.controllers.base import (
 )
 from alloc.onboard.laws import HOLD, differentiate, differentiator_gain, infer
 from alloc.onboard.reference_speed import is_relieved
-from alloc.records import filled, quantity
+from alloc.records import numbers_of, quantity
 
 if TYPE_CHECKING:
     from alloc.onboard.parameters import Onboard
@@ -165,17 +165,6 @@ class CreepControl(BuiltInController, remembered={"allowed": math.nan}):
 # become more, the same and less torque.
 
 
-class FuzzyCreepSettings(NamedTuple):
-    """Numbers of the law; `gain`: share of the new slip that the differentiator takes per control period."""
-
-    reference: float
-    large: float
-    rate: float
-    change: float
-    pole: float
-    gain: float
-
-
 @called
 def allowed_rate(slip, slip_rate, p):
     """Rate [1/s] at which the allowed coefficient changes at this slip [m/s] and slip rate [m/s2], under settings `p`.
@@ -224,20 +213,19 @@ class FuzzyCreep(BuiltInController, remembered={"allowed": math.nan, "slip": mat
 
     reference: float = quantity(0.085, "km/h")
     """Slip at which the middle set of the slip peaks, and which the law holds; the lowest set peaks at 0 [m/s]."""
-    large: float = quantity(0.3, "km/h")
+    large: ClassVar[float] = 0.3
     """Slip at which the highest set peaks, larger than `reference` [m/s]."""
     rate: float = quantity(1.7, "km/h/s")
     """Slip rates at which the outer sets of the rate peak, either way; the middle one peaks at 0 [m/s2]."""
-    change: float = quantity(0.7, "1/s")
+    change: ClassVar[float] = 0.7
     """Greatest rate at which the allowed coefficient changes [1/s]."""
     pole: float = quantity(40.0, "1/s")
     """Pole of the pseudo-differentiator [1/s]."""
 
     def __post_init__(self) -> None:
-        names = ("reference", "large", "rate", "change", "pole")
-        OnboardError.check("fuzzy-creep", self, names)
+        OnboardError.check("fuzzy-creep", self, ("reference", "rate", "pole"))
         OnboardError.check_order("fuzzy-creep", self, "reference", "large")
 
-    def settings(self, onboard: "Onboard") -> FuzzyCreepSettings:
-        """Numbers of the law."""
-        return filled(FuzzyCreepSettings, self, gain=differentiator_gain(self.pole, onboard.period))
+    def settings(self, onboard: "Onboard") -> Any:
+        """Numbers of the law; `gain`: share of the new slip that the differentiator takes per control period."""
+        return numbers_of(self, gain=differentiator_gain(self.pole, onboard.period))

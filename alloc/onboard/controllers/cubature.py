@@ -5,7 +5,7 @@ In: torque and speed of a unit. Out: the slip that is held.
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from alloc.compilation import called
 from alloc.errors import OnboardError
@@ -260,23 +260,20 @@ class CubatureSeeking(BuiltInController, remembered=_SEEKING):
     """Greatest centre [m/s]."""
     noise: float = quantity(0.005, "km/h")
     """Filter: least deviation of the measured rim speed [m/s]."""
-    train_noise: float = quantity(0.01, "km/h")
+    train_noise: ClassVar[float] = 0.01
     """Filter: deviation of the train's measured speed [m/s]."""
-    rim_walk: float = quantity(1.0, "km/h/s")
+    rim_walk: ClassVar[float] = 1.0
     """Filter: walk of the rim speed [m/s2]."""
-    train_walk: float = quantity(0.3, "km/h/s")
+    train_walk: ClassVar[float] = 0.3
     """Filter: walk of the train's speed [m/s2]."""
-    height_walk: float = quantity(0.2, "1")
+    height_walk: ClassVar[float] = 0.2
     """Filter: walk of the curve's height [1/sqrt(s)]."""
-    adapt: float = quantity(0.02, "1")
+    adapt: ClassVar[float] = 0.02
     """Filter: share of an innovation that enters the rim speed's variance."""
-    scale: float = quantity(0.2, "km/h")
+    scale: ClassVar[float] = 0.2
     """Filter: slip at the peak of its curve [m/s]."""
 
     def __post_init__(self) -> None:
-        names = (
-            "cycle", "amplitude", "gain", "largest", "lowest", "highest", "noise", "train_noise", "rim_walk", "train_walk",
-            "height_walk", "scale",
-        )  # fmt: skip
-        OnboardError.check("cubature-seeking", self, names, ("lag", "adapt"))
+        names = ("cycle", "amplitude", "gain", "largest", "lowest", "highest", "noise")
+        OnboardError.check("cubature-seeking", self, names, ("lag",))
         OnboardError.check_order("cubature-seeking", self, "lowest", "highest")

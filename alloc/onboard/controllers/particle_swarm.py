@@ -5,6 +5,7 @@ In: coefficient and slip of a unit. Out: the slip that is held.
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from alloc.compilation import called
 from alloc.errors import OnboardError
@@ -282,15 +283,14 @@ class SwarmTracking(BuiltInController, remembered=_SWARM_swarm_tracking):
     spread: float = quantity(0.04, "km/h")
     """Distance of the swarm's particles at the start, about the reference [m/s]. Source: tuned on 24 events of
     `studies.ladder.events` (seed 1000)."""
-    keep: float = quantity(0.98, "1")
+    keep: ClassVar[float] = 0.98
     """Factor by which the best value that a particle found decreases after every round."""
-    gathered: float = quantity(0.015, "km/h")
+    gathered: ClassVar[float] = 0.015
     """Once all particles are within this distance of the best place, that slip is held [m/s]."""
-    change: float = quantity(0.05, "1")
+    change: ClassVar[float] = 0.05
     """The search begins again once the coefficient changes by this share from one interval to the next."""
     seed: float = quantity(1.0, "1")
     """Seed of the draws."""
 
     def __post_init__(self) -> None:
-        names = ("spread", "keep", "gathered", "change")
-        OnboardError.check("swarm-tracking", self, names, ("seed",))
+        OnboardError.check("swarm-tracking", self, ("spread",), ("seed",))

@@ -5,6 +5,7 @@ In: coefficient and slip over an interval. Out: the slip that the creep control 
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from alloc.compilation import called, equation
 from alloc.errors import OnboardError
@@ -217,9 +218,9 @@ class FuzzyTracking(BuiltInController):
     marker = "h"
     law = fuzzy_tracking_unit
 
-    coefficient: float = quantity(0.005, "1")
+    coefficient: ClassVar[float] = 0.005
     """Changes of the coefficient at which its outer sets peak, either way."""
-    way: float = quantity(0.01, "km/h")
+    way: ClassVar[float] = 0.01
     """Changes of the slip at which its outer sets peak, either way [m/s]."""
     least: float = quantity(0.01, "km/h")
     """Least step of the reference [m/s]."""
@@ -227,6 +228,5 @@ class FuzzyTracking(BuiltInController):
     """Largest step of the reference [m/s]."""
 
     def __post_init__(self) -> None:
-        names = ("coefficient", "way", "least", "largest")
-        OnboardError.check("fuzzy-tracking", self, names)
+        OnboardError.check("fuzzy-tracking", self, ("least", "largest"))
         OnboardError.check_order("fuzzy-tracking", self, "least", "largest", equal=True)
