@@ -123,7 +123,11 @@ def equipment(model: Model, onboard: Onboard) -> Equipment:
         **plan,
         group=_brake_groups(model, onboard, weights, plan["brake_share"]),
         chain=_chain(model, onboard, weights),
-        sander=_sanders(model),
+        sander=Sanders(
+            body=s.axle_body[s.axle_sander >= 0],
+            rate=np.array([one.rate for one in model.train.sanders], dtype=float),
+            amount=np.array([one.amount or np.inf for one in model.train.sanders], dtype=float),
+        ),
     )
 
 
@@ -300,15 +304,4 @@ def _brake_groups(
         gain=gain[s.axle_car[foremost]],
         friction=s.shoe_friction[foremost],
         pressure=pressure[s.axle_car[foremost]],
-    )
-
-
-def _sanders(model: Model) -> Sanders:
-    s, sanders = model.structure, model.train.sanders
-    return Sanders(
-        body=s.axle_body[s.axle_sander >= 0],
-        rate=np.array([one.rate for one in sanders], dtype=float),
-        amount=np.array(
-            [np.inf if one.amount is None else one.amount for one in sanders], dtype=float
-        ),
     )

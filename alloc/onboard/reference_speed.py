@@ -305,40 +305,19 @@ def reference_settings(onboard: "Onboard") -> Any:
 
 def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:
     """Memory of a train whose computers have not sensed yet."""
-    nobody = np.full((3, 1), -1, dtype=np.int64)
-    untold = np.zeros(1, dtype=np.int64)
-    of_axles = (
-        "rim", "rim_rate", "rail", "smooth_rim", "applied", "smooth_applied", "carried", "ease", "telling", "ahead",
-    )  # fmt: skip
-    zeros: Any = {name: np.zeros(axles) for name in of_axles}
+    nobody, untold = np.full((3, 1), -1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+
+    def zeros(size: int, *names: str) -> dict[str, Any]:
+        return {name: np.zeros(size) for name in names}
+
     return ReferenceMemory(
-        ready=np.zeros(1, dtype=np.int64),
-        state=np.zeros(4),
-        covariance=np.zeros((4, 4)),
-        place=np.zeros(bodies),
-        force=np.zeros(bodies),
-        change=np.zeros(bodies),
-        share=np.zeros(bodies),
-        smooth_speed=np.zeros(1),
-        shoe_decel=np.zeros(1),
-        **zeros,
-        full=np.zeros(groups),
-        pressure=np.zeros(groups),
-        sounding=SoundingMemory(
-            unit=nobody[0],
-            group=nobody[1],
-            last=nobody[2],
-            told=untold,
-            clock=np.zeros(1),
-            share=np.ones(units),
-        ),
-        radii=RadiusMemory(
-            rolling=np.zeros(1),
-            factor=np.ones(axles),
-            known=np.zeros(axles),
-            ahead=np.zeros(axles),
-        ),
-    )
+        ready=np.zeros(1, dtype=np.int64), state=np.zeros(4), covariance=np.zeros((4, 4)),
+        **zeros(bodies, "place", "force", "change", "share"), **zeros(1, "smooth_speed", "shoe_decel"),
+        **zeros(axles, "rim", "rim_rate", "rail", "smooth_rim", "applied", "smooth_applied", "carried", "ease"),
+        **zeros(axles, "telling", "ahead"), **zeros(groups, "full", "pressure"),
+        sounding=SoundingMemory(nobody[0], nobody[1], nobody[2], untold, np.zeros(1), np.ones(units)),
+        radii=RadiusMemory(np.zeros(1), factor=np.ones(axles), known=np.zeros(axles), ahead=np.zeros(axles)),
+    )  # fmt: skip
 
 
 # Train speed from all wheel speeds and all applied forces: an extended Kalman filter of four states.
