@@ -14,9 +14,9 @@ import numpy as np
 
 from alloc.compilation import equation
 from alloc.onboard.host import UnitContext, UnitSense
-from alloc.plant.adhesion import CreepCurve, RationalCurve
+from alloc.plant.adhesion import RationalCurve
 from alloc.plant.array_model import ArrayModel, Local
-from alloc.plant.laws import POLACH, POLACH_BY_FRICTION, slip_velocity, tangential_coefficient
+from alloc.plant.laws import slip_velocity, tangential_coefficient
 from alloc.plant.model import STABLE_STEP, Floats, Inputs, Ints, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
@@ -334,14 +334,6 @@ def unloading(units: Units) -> Floats:
     )
 
 
-def creep_stiffnesses(units: Units) -> Floats:
-    """Creep stiffness of each unit over that of the first, (units,); (0,) where the curve has none."""
-    group = group_of(units)
-    if not isinstance(group[0].curve, CreepCurve):
-        return np.zeros(0)
-    return np.array([context.curve.q[4] for context in group]) / group[0].curve.q[4]
-
-
 @dataclass(frozen=True, eq=False)
 class UnitModel:
     """Symbolic right side of a group; get it with `unit_model`.
@@ -414,7 +406,8 @@ _models: dict[tuple[object, ...], UnitModel] = {}
 def unit_model(units: Units) -> UnitModel:
     """Prediction model for groups of the shape and the kind of curve of `units`; one object for all of them.
 
-    Raises `PlantError` where the units' values are impossible.
+    Controllers predict on the rational curve; Polach's, whose stiffness is each unit's own, has no model. Raises
+    `PlantError` where the units' values are impossible.
     """
     group = group_of(units)
     plant = _plant(group)
@@ -430,10 +423,9 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     n, m = layout.axles, layout.units
     transfer = bool(plant.structure.unloading.any())
     state, torque = cs.SX.sym("state", n + 1 + m), cs.SX.sym("torque", m)
-    creeps = curve_kind in (POLACH, POLACH_BY_FRICTION)
-    sizes = [n, 1, 1, *[m] * len(CONSTANTS), m * creeps, m, 6, n * transfer]
+    sizes = [n, 1, 1, *[m] * len(CONSTANTS), m, CURVE_PARAMETERS, n * transfer]
     parameters = cs.SX.sym("parameters", sum(sizes))
-    peak, grade, mass, load, radius, inertia, gear, lag, contact, air, q, unloaded = cs.vertsplit(
+    peak, grade, mass, load, radius, inertia, gear, lag, air, q, unloaded = cs.vertsplit(
         parameters, np.concatenate([[0], np.cumsum(sizes)]).tolist()
     )
 
@@ -449,10 +441,9 @@ def _symbolic(plant: Model, curve_kind: int) -> UnitModel:
     if transfer:
         symbols["unloading"] = unloaded
     structure = plant.structure._replace(**symbols)
-    stiffness = by_axle(contact) if creeps else np.ones(n)
-    curve = [q[k] for k in range(6)]
+    curve = [q[k] for k in range(CURVE_PARAMETERS)]
     # nothing sticks: the deflections of the contacts are no states of the model, and zero
-    arrays = SteppedModel(structure, layout, curve_kind, curve, stiffness, Rail(1.0).presliding)
+    arrays = SteppedModel(structure, layout, curve_kind, curve, np.ones(n), Rail(1.0).presliding)
     rows = [layout.speed, layout.omega, layout.torque]
     whole = cs.SX.zeros(layout.rows)
     whole[rows[0]], whole[rows[1]], whole[rows[2]] = state[0], state[1 : n + 1], state[n + 1 :]
@@ -498,8 +489,8 @@ def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats
     """Vector of the model's parameters.
 
     Its order is: peak coefficient of each axle, gradient (which represents all drag), mass, each of the `CONSTANTS` of all
-    units, their `creep_stiffnesses`, the torque of other brakes at each wheelset of a unit [N m], 0 here, and the six
-    parameters of the adhesion curve. Where axle loads change, the unloading of each axle follows.
+    units, the torque of other brakes at each wheelset of a unit [N m], 0 here, and the six parameters of the adhesion curve.
+    Where axle loads change, the unloading of each axle follows.
 
     `peak`: one for all axles, or (axles,).
     """
@@ -509,9 +500,8 @@ def parameters(units: Units, peak: float | Floats, grade: float = 0.0) -> Floats
     peaks = np.broadcast_to(np.asarray(peak, dtype=float), moved.shape)
     mass = sum(context.mass for context in group)
     lost = moved if moved.any() else moved[:0]
-    creep = creep_stiffnesses(group)
     air = np.zeros(len(group))
-    return np.concatenate([peaks, [grade, mass], constants, creep, air, group[0].curve.q, lost])
+    return np.concatenate([peaks, [grade, mass], constants, air, group[0].curve.q, lost])
 
 
 def curve_place(units: Units) -> slice:

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from alloc.onboard.host import UnitContext, UnitSense
-from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, SlipRatioCurve
+from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, RationalCurve, SlipRatioCurve
 from mpc.model import parameters
 from mpc.period import HorizonProblem
 
-CURVES = {"piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve()}
+CURVES = {
+    "piecewise": PiecewiseCurve(), "polach": POLACH_WET, "slip-ratio": SlipRatioCurve(),
+    "rational": RationalCurve(0.08, 2.5),
+}  # fmt: skip
 
 
 def make_unit(curve="piecewise", axles=4, believed=None, **values) -> UnitContext:

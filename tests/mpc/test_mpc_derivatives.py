@@ -32,7 +32,7 @@ def _central(function, x, width):
     return np.stack(columns, axis=-1)
 
 
-@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+@pytest.mark.parametrize("curve", ["piecewise", "rational", "slip-ratio"])
 def test_sensitivities_equal_casadi(make_context, random_problem, curve):
     context = make_context(curve)
     model = unit_model(context)
@@ -57,7 +57,7 @@ def test_sensitivities_equal_casadi(make_context, random_problem, curve):
             )
 
 
-@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+@pytest.mark.parametrize("curve", ["piecewise", "rational", "slip-ratio"])
 @pytest.mark.parametrize("seed", range(4))
 def test_gradient_equals_finite_differences_of_the_cost(make_context, random_problem, curve, seed):
     context = make_context(curve)

@@ -12,10 +12,8 @@ ENTRIES = cs.OP_INPUT, cs.OP_OUTPUT, cs.OP_CONST
 
 
 @pytest.mark.parametrize("axles", [1, 3])
-@pytest.mark.parametrize("curve", ["rational", "polach"])
-def test_no_operation_is_on_constants_alone(make_context, random_problem, curve, axles):
-    context = make_context(curve if curve == "polach" else "piecewise", axles=axles)
-    context = with_predicted_curve(context) if curve == "rational" else context
+def test_no_operation_is_on_constants_alone(make_context, random_problem, axles):
+    context = with_predicted_curve(make_context(axles=axles))
     symbolic = symbolic_functions(unit_model(context))
     made = folded(symbolic)
     rng = np.random.default_rng(2)

@@ -19,7 +19,7 @@ from mpc.generated import (
 from mpc.model import unit_model
 
 
-@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+@pytest.mark.parametrize("curve", ["piecewise", "rational", "slip-ratio"])
 def test_numba_equals_casadi(make_context, random_problem, curve):
     context = make_context(curve)
     model = unit_model(context)

@@ -55,7 +55,7 @@ def _compare(curve, slip, step):
 
 
 @pytest.mark.parametrize("slip", [(0.0,) * 4, (0.02, 0.05, 0.1, 0.3)], ids=["rolling", "slipping"])
-@pytest.mark.parametrize("curve", ["piecewise", "polach", "slip-ratio"])
+@pytest.mark.parametrize("curve", ["piecewise", "rational", "slip-ratio"])
 @pytest.mark.parametrize("step", [None, 1e-3], ids=["substeps of the model", "1 ms"])
 def test_prediction_equals_the_plant(make_context, curve, slip, step):
     before, plant, predicted = _compare(make_context(curve).curve, slip, step)
@@ -81,7 +81,7 @@ def test_units_that_differ_in_values_share_one_model(make_context):
     light, heavy = make_context(), make_context(axle_load=120e3, mass=80e3, inertia=100.0)
     assert unit_model(light) is unit_model(heavy)
     assert unit_model(light) is not unit_model(make_context(axles=2))
-    assert unit_model(light) is not unit_model(make_context("polach"))
+    assert unit_model(light) is not unit_model(make_context("slip-ratio"))
 
 
 def test_torque_per_coefficient_keeps_the_slip_constant(make_context):
