@@ -224,12 +224,6 @@ def quadratic_model(p):
     return cost, residual, ENDED if finite else NOT_FINITE
 
 
-@sweep(int64(PERIOD))
-def quadratic_step(p):
-    """Leave the end of the quadratic model's step in the trial torques; returns `ENDED`, or what went wrong."""
-    return ENDED if step(p) else NO_SOLUTION
-
-
 @sweep(boolean(float64, int64, PERIOD))
 def search(cost, trials, p):
     """Take the trial torques, halving the step while the cost rises above `cost`; False if no step lowers it."""
@@ -310,9 +304,8 @@ def iterate(most, p):
         if near and done > 0:
             return cost, residual, done, ENDED
         done += 1
-        end = quadratic_step(p)
-        if end > ENDED:
-            return cost, residual, done, end
+        if not step(p):
+            return cost, residual, done, NO_SOLUTION
         trials, known = HALVINGS + 1, False
         if not near and done == 1 and most > 1:
             # nearly every first step is taken whole, and the second begins with its derivatives; later ones seldom are
