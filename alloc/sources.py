@@ -176,7 +176,8 @@ class Source(NamedTuple):
     imports: list[str]
     """Modules named in import statements, wherever these stand, and the packages around them."""
     later: list[str]
-    """Modules imported when a part or a name is asked for: those of a `Registry` (``package.*``) and of a facade."""
+    """Modules imported for annotations alone, or when a part or a name is asked for: those of a `Registry` (``package.*``)
+    and of a facade."""
     named: list[str]
     """Data files."""
 
@@ -220,7 +221,7 @@ def closure(*modules: str, later: bool = True) -> frozenset[str]:
         source = _source(name)
         waiting += [_absolute(one, name) for one in source.imports] + source.named
         if later:
-            waiting += [one for name in source.later for one in _modules_of(name)]
+            waiting += [one for each in source.later for one in _modules_of(_absolute(each, name))]
     return frozenset(found)
 
 
@@ -351,11 +352,15 @@ def _read_python(tree: ast.Module) -> Source:
     nodes = list(ast.walk(tree))
     lazy = [node for node in nodes if isinstance(node, ast.If) and _for_types(node)]
     unneeded = {id(inner) for node in lazy for inner in ast.walk(node)}
+    stated = _only_annotating(nodes)
     imports: list[str] = []
     later: list[str] = []
     strings: list[str] = []
     for node in nodes:
-        (later if id(node) in unneeded else imports).extend(_imported(node))
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            for one in node.names:
+                of_types = id(node) in unneeded or (one.asname or one.name) in stated
+                (later if of_types else imports).extend(_imported(node, one.name))
         body = getattr(node, "body", None)
         if isinstance(body, list):  # strings that stand alone are docstrings
             node.body = [item for item in body if not _stands_alone(item)]  # type: ignore[attr-defined]
@@ -369,6 +374,20 @@ def _read_python(tree: ast.Module) -> Source:
     return Source(digest, list(dict.fromkeys(imports)), list(dict.fromkeys(later)), _named(strings))
 
 
+def _only_annotating(nodes: list[ast.AST]) -> set[str]:
+    """Names that stand in annotations alone: no number depends on them. One that nobody uses is there for others."""
+    stated = [getattr(node, part, None) for node in nodes for part in ("annotation", "returns")]
+    inner = [node for one in stated if one is not None for node in ast.walk(one)]
+    within = {id(node) for node in inner}
+    used = {_name(node) for node in nodes if id(node) not in within}
+    return {_name(node) for node in inner} - used
+
+
+def _name(node: ast.AST) -> str:
+    """A name, or a string, which may be one: in `__all__`, or in an annotation that looks ahead."""
+    return str(getattr(node, "id", "") or getattr(node, "value", ""))
+
+
 def _for_types(node: ast.If) -> bool:
     """Whether a branch is for type checkers; facades (`names_of`) import what stands there when it is asked for."""
     return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
@@ -378,16 +397,14 @@ def _stands_alone(node: ast.stmt) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
-def _imported(node: ast.AST) -> list[str]:
-    """Modules named in an import statement, and the packages around them; relative ones begin with their dots."""
-    names: list[str] = []
-    if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom):
+def _imported(node: ast.Import | ast.ImportFrom, name: str) -> list[str]:
+    """Modules that the import of `name` loads, and the packages around them; relative ones begin with their dots."""
+    names = [name]
+    if isinstance(node, ast.ImportFrom):
         module = "." * node.level + (node.module or "")
         dot = "" if module.endswith(".") else "."
-        names = [module, *(f"{module}{dot}{alias.name}" for alias in node.names)]
+        names = [module, f"{module}{dot}{name}"]
         if node.level:
             return names
-    parts = [name.split(".") for name in names]
+    parts = [one.split(".") for one in names]
     return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]

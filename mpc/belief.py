@@ -18,6 +18,7 @@ from alloc.plant.laws import GRAVITY, adhesion_limit
 from alloc.plant.model import Floats
 from alloc.records import ByReference
 from mpc.arrays import VECTOR, inlined, sweep
+from mpc.condensing import STEEPEST_SLOPE
 from mpc.estimator import (
     Axles,
     Curve,
@@ -31,7 +32,6 @@ from mpc.estimator import (
     take_in_pairs,
 )
 from mpc.model import (
-    STEEPEST_SLOPE,
     Units,
     group_of,
     torque_per_coefficient,

@@ -16,7 +16,7 @@ from alloc.plant.laws import slip_velocity
 from alloc.plant.model import Floats
 from alloc.records import named_record, numbers_of
 from mpc.arrays import inlined
-from mpc.model import no_steeper
+from mpc.condensing import no_steeper
 from mpc.settings import PeakBelief
 
 # Pairs of coefficient and slip of each axle of a unit, from torque and speeds alone.

@@ -13,13 +13,13 @@ from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.plant.model import Floats
 from alloc.rules.exact import exact_limits
 from mpc.belief import GroupBelief, with_predicted_curve
+from mpc.condensing import no_steeper
 from mpc.model import (
     LostShare,
     air_place,
     cars_of,
     curve_place,
     leading,
-    no_steeper,
     parameters,
     unit_of_axle,
 )

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as cs
 import numpy as np
 
-from alloc.compilation import equation
 from alloc.onboard.host import UnitContext, UnitSense
 from alloc.plant.adhesion import RationalCurve
 from alloc.plant.array_model import ArrayModel, Local
@@ -20,7 +19,7 @@ from alloc.plant.laws import slip_velocity, tangential_coefficient
 from alloc.plant.model import STABLE_STEP, Floats, Inputs, Ints, Model, build
 from alloc.plant.rail import Rail
 from alloc.plant.train import Car, Motors, TorqueLimit, Train
-from mpc.arrays import inlined
+from mpc.condensing import Stiffness
 
 # A model's functions without the parts that depend on its parameters alone: those are computed once per control period.
 #
@@ -167,65 +166,6 @@ def folded(functions: dict[str, cs.Function]) -> dict[str, cs.Function]:
         "prepare", [folding.parameters], [cs.cse(expressions)], [PARAMETERS], [FOLDED_CONSTANTS]
     )
     return {"prepare": prepare, **result}
-
-
-# How many Runge-Kutta steps a step of the horizon needs: as many as the believed curve is steep.
-#
-# The bound is the plant's (`alloc.plant.model.Model.stiffness`), whose greatest rate is that of a wheelset on the
-# steepest part of its adhesion curve.
-
-
-STEEPEST_SLOPE = 12.0
-"""Slope [s/m] of the steepest curve that is predicted with; steeper ones would need shorter steps for next to no slip."""
-
-
-class Stiffness(NamedTuple):
-    """What decides how short a Runge-Kutta step of a group must be."""
-
-    slope: float
-    """Rate of its wheelsets [1/s] per slope of the curve [s/m]."""
-    rest: float
-    """Fastest rate of all else [1/s]."""
-    axles: int
-    curve: int
-    """Place of the rational curve among the parameters; -1: the model has another curve."""
-    most: int
-    """Most substeps; for another curve, always."""
-
-
-@equation
-def steepest(peak, peak_slip, steepness):
-    """Bound of the slope [s/m] of the rational curve, for a steepness from 1 on: above 2, its slope at the origin.
-
-    Below, the curve turns on its way to the peak, and a straight line is a bound, see
-    `alloc.plant.adhesion.RationalCurve.steepest_slope`.
-    """
-    return peak / peak_slip * max(steepness, (steepness + 1.8) / 1.9)
-
-
-@equation
-def no_steeper(peak_slip, n, most):
-    """Peak slip [m/s] and steepness of a curve near the given one, with no slope above `STEEPEST_SLOPE`.
-
-    `most`: the greatest peak coefficient that the curve is scaled with. `steepest` solved for the steepness.
-    """
-    top = max(peak_slip, 1.5 * most / STEEPEST_SLOPE)
-    allowed = STEEPEST_SLOPE * top / most
-    return top, min(n, allowed, 1.9 * allowed - 1.8)
-
-
-@inlined
-def needed_substeps(stiffness, step, parameters):
-    """Substeps of a step of `step` [s] with the model's `parameters`."""
-    if stiffness.curve < 0:
-        return stiffness.most
-    peak = 0.0
-    for i in range(stiffness.axles):
-        peak = max(peak, parameters[i])
-    slope = steepest(peak, parameters[stiffness.curve], parameters[stiffness.curve + 1])
-    needed = step * max(stiffness.slope * slope, stiffness.rest) / STABLE_STEP
-    # what is no number surfaces in the trajectory; a number of steps it must not become
-    return max(1, int(np.ceil(needed))) if needed < stiffness.most else stiffness.most
 
 
 # The plant's right side on symbols in three steps: slips, coefficients, rates; so derivatives of a step are made once.
@@ -482,6 +422,7 @@ def stiffness_of(units: Units, step: float) -> Stiffness:
         axles=int(unit_of_axle(group).size),
         curve=curve_place(group).start if rational else -1,
         most=plant.substeps(step),
+        stable=STABLE_STEP,
     )
 
 

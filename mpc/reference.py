@@ -37,7 +37,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from mpc.model import UnitModel, needed_substeps, stiffness_of, unit_model
+from mpc.condensing import needed_substeps
+from mpc.model import UnitModel, stiffness_of, unit_model
 from mpc.period import Plan, Problem, cost_of, solve_compiled
 from mpc.settings import MpcError, Weights
 

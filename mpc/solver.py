@@ -19,16 +19,17 @@ from mpc.condensing import (
     Linearised,
     Nonzeros,
     Quadratic,
+    Stiffness,
     UnitTerms,
     condense,
     cost_up_to,
     linearise,
     linearised,
+    needed_substeps,
     quadratic,
     simulate,
     trajectory_cost,
 )
-from mpc.model import Stiffness, needed_substeps
 
 # What a control period of the real-time iteration reads and writes, as one record for compiled code.
 
@@ -144,7 +145,7 @@ def empty_period() -> Period:
     terms = Cost(
         np.zeros((0, 0)), AxleTerms(none, none), UnitTerms(*[none] * 5), CostWeights(*[0.0] * 5)
     )
-    rules = Rules(0.0, Stiffness(0.0, 0.0, 0, -1, 1), 0.0)
+    rules = Rules(0.0, Stiffness(0.0, 0.0, 0, -1, 1, 1.0), 0.0)
     return period(Addresses(0, 0, 0, 0), Nonzeros(empty, empty), terms, rules, 0, (0, 0))
 
 

@@ -29,7 +29,8 @@ from tests.test_sources import forget
 
 ROOT = Path(__file__).parents[1]
 MPC = [importlib.import_module(f"mpc.{m.name}") for m in pkgutil.iter_modules(mpc.__path__)]
-KERNELS = [alloc.loop, compiled, studies.readhesion_paper.lanes]
+SWEPT = [m for m in MPC if any(isinstance(part, Dispatcher) for part in vars(m).values())]
+KERNELS = [alloc.loop, compiled, studies.readhesion_paper.lanes, *SWEPT]
 
 
 def called(function, seen):
@@ -42,7 +43,7 @@ def called(function, seen):
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [function.__globals__.get(name) for name in code.co_names]
     modules = [value for value in values if isinstance(value, type(os))]
-    values += [getattr(module, name, None) for module in modules for name in code.co_names]
+    values += [vars(module).get(name) for module in modules for name in code.co_names]
     for value in (*cells, *values):
         if callable(value) and not isinstance(value, type):
             called(value, seen)

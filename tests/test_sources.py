@@ -92,6 +92,33 @@ def test_what_is_not_imported_does_not_count(package):
     assert code_hash("pack.top", "pack.other") != before
 
 
+def test_what_annotations_alone_name_counts_for_rows_and_not_for_kernels(package, tmp_path):
+    """A kernel's types are in its signature, and no number depends on an annotation."""
+    top = tmp_path / "pack" / "top.py"
+    for use, counts in (
+        ("def f(x: VALUE) -> VALUE:\n    y: VALUE = x\n    return y\n", False),
+        ("def f(x: 'VALUE'):\n    return x\n", False),
+        ("def f(x: VALUE):\n    return x * VALUE\n", True),
+        ("def f(x: VALUE = VALUE):\n    return x\n", True),
+        ("ALIAS = list[VALUE]\ndef f(x: ALIAS, y: VALUE):\n    return x\n", True),
+        ("__all__ = ['VALUE']\ndef f(x: VALUE):\n    return x\n", True),
+        ("def f(x):\n    return x\n", True),  # for others to import from here
+    ):
+        top.write_text(f"from pack.other import VALUE\n{use}")
+        forget()
+        assert ("pack.other" in closure("pack.top", later=False)) is counts, use
+        assert "pack.other" in closure("pack.top"), use
+        top.write_text(f"from .other import VALUE\n{use}")
+        forget()
+        assert "pack.other" in closure("pack.top"), use
+
+
+def test_the_solvers_kernels_survive_another_constant_of_the_plants_laws():
+    for module in ("mpc.solver", "mpc.condensing", "mpc.box_qp"):
+        assert "alloc.plant.laws" not in closure(module, later=False)
+        assert "alloc.plant.laws" in closure(module)
+
+
 def test_of_installed_packages_the_version_counts(package, monkeypatch):
     before = code_hash("pack.top")
     for library in sources.LIBRARIES:

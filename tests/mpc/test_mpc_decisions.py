@@ -13,9 +13,10 @@ from alloc.onboard.host import TorqueDecision
 from alloc.onboard.parameters import Telegrams
 from alloc.plant.adhesion import RationalCurve
 from mpc.belief import with_predicted_curve
+from mpc.condensing import STEEPEST_SLOPE
 from mpc.group import CarControllers, GroupController, GroupProblem, WheelsAndRail, even_split
 from mpc.hosted import MPC, MPC_CAR, MPC_TRAIN, MPC_TRAIN_IDEAL
-from mpc.model import STEEPEST_SLOPE, air_place, parameters, torque_per_coefficient
+from mpc.model import air_place, parameters, torque_per_coefficient
 from mpc.period import HorizonSolution, PredictiveController, cost_of
 from mpc.settings import GroupSettings, MpcSettings, PeakBelief
 from mpc.train import NO_SLIP_LIMIT, JointProblem, Report, TrainMpc

@@ -9,7 +9,7 @@ import pytest
 from alloc.plant.adhesion import POLACH_WET, PiecewiseCurve, RationalCurve, SlipRatioCurve
 from alloc.records import ByReference
 from mpc import slip_search as search_step
-from mpc.model import STEEPEST_SLOPE, no_steeper
+from mpc.condensing import STEEPEST_SLOPE, no_steeper
 from mpc.settings import MpcSettings, SlipSearch
 from tests.mpc.synthetic_axles import SyntheticUnit
 

@@ -8,7 +8,8 @@ import pytest
 from alloc.plant.adhesion import RationalCurve
 from alloc.records import ByReference
 from mpc.belief import with_predicted_curve
-from mpc.model import curve_place, needed_substeps, parameters, steepest, stiffness_of, substeps
+from mpc.condensing import needed_substeps, steepest
+from mpc.model import curve_place, parameters, stiffness_of, substeps
 from mpc.period import RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.solver import linearise_at

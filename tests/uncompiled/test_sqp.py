@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mpc import solver as sqp
-from mpc.condensing import AxleTerms, Cost, CostWeights, Nonzeros, UnitTerms
-from mpc.model import Stiffness
+from mpc.condensing import AxleTerms, Cost, CostWeights, Nonzeros, Stiffness, UnitTerms
 from mpc.period import HorizonProblem, RealTimeIteration
 from mpc.settings import MpcSettings
 from mpc.solver import ENDED, GOING, NO_SOLUTION, NOT_FINITE, Addresses, Rules, period
@@ -24,7 +23,7 @@ def _period(tolerance=0.01):
         CostWeights(1.0, 1.0, 1.0, 0.0, 1.0),
     )
     none = np.zeros(0, dtype=np.int64)
-    rules = Rules(0.01, Stiffness(100.0, 50.0, 1, 1, 9), tolerance)
+    rules = Rules(0.01, Stiffness(100.0, 50.0, 1, 1, 9, 2.0), tolerance)
     addresses = Addresses(1, 2, 3, 4)
     made = period(addresses, Nonzeros(none, none), terms, rules, 2, (3, 3))
     made.now.upper[:] = np.tile(UPPER, 2)
