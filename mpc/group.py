@@ -41,6 +41,8 @@ class WheelsAndRail(NamedTuple):
     """Motor torque that the weakest axle of each unit carries [N m], (units,)."""
     air: Floats
     """Torque of the air brake at each wheelset of a unit [N m], (units,)."""
+    drag: Floats
+    """Gradient equivalent to the drag of each unit, see `mpc.belief.Drag`, (units,)."""
 
 
 class GroupProblem:
@@ -81,6 +83,8 @@ class GroupProblem:
         speed, omega, torque = state
         carried = rail.carried
         self._parameters[: omega.size] = rail.peak
+        # forces between the units cancel in the mean
+        self._parameters[omega.size] = self.share @ rail.drag
         self._parameters[self._curve] = no_steeper(curve[0], curve[1], rail.peak.max())
         self._parameters[self._air] = rail.air
         target = self._tracked(target, rail)
@@ -179,7 +183,11 @@ class GroupController(PredictiveController):
         mean = float(group.share @ speed)
         omega = omega + (mean - speed[group.unit]) / group.radius
         rail = WheelsAndRail(
-            belief.peak, belief.slip_limit, belief.carried_torque(), belief.air_torque
+            belief.peak,
+            belief.slip_limit,
+            belief.carried_torque(),
+            belief.air_torque,
+            belief.drag,
         )
         problem = group.problem(
             (mean, omega, torque), rail, belief.curve, target, self._before, limit

@@ -12,6 +12,7 @@ import numpy as np
 
 from alloc.onboard.host import TorqueDecision, UnitContext, UnitSense
 from alloc.onboard.telegrams import AddedNumbers, Attachment
+from alloc.plant.laws import GRAVITY
 from alloc.plant.model import Floats
 from mpc.belief import mean_curve, with_predicted_curve
 from mpc.condensing import simulate
@@ -57,6 +58,8 @@ class Report(NamedTuple):
     """Torque that its weakest axle is believed to carry beside the air brake [N m]."""
     air: float
     """Torque of the air brake at each wheelset [N m]."""
+    drag: float
+    """Gradient equivalent to all drag on its share of the train, see `mpc.belief.Drag`."""
 
 
 class Order(NamedTuple):
@@ -139,7 +142,7 @@ class UnitForecast:
         nodes = np.zeros((commands.size + 1, report.omega.size + 2))
         nodes[0] = np.concatenate([[report.speed], report.omega, [report.torque]])
         if commands.size:
-            values = parameters(self._context, report.peak)
+            values = parameters(self._context, report.peak, report.drag)
             values[self._curve] = report.peak_slip, report.steepness
             values[self._air] = report.air
             simulate(
@@ -158,6 +161,11 @@ class JointProblem:
         self._forecasts = [UnitForecast(context) for context in contexts]
         self._group = GroupProblem(contexts, settings, settings.group.steps)
         self._radius = [context.radius for context in contexts]
+        self._pull = [
+            one.axles * one.axle_load / (one.mass * GRAVITY) / torque_per_coefficient(one)
+            for one in contexts
+        ]
+        """Rail force of each unit over its weight, per torque [1/(N m)]."""
         held = round(contexts[0].telegrams.period / settings.step)
         self._last = min(held, settings.horizon) - 1
         """Step of the horizon at which the next orders come into force."""
@@ -167,8 +175,10 @@ class JointProblem:
         """Drop the guess: the demand has changed its direction, or another unit leads."""
         self._cold = True
 
-    def supposed(self, j: int, leader: Report, target: float, works: bool) -> Report:
-        """What counts for unit `j` of which no report is used: it rolls with the `leader`.
+    def supposed(
+        self, j: int, leader: Report, target: float, works: bool, leads: int = 0
+    ) -> Report:
+        """What counts for unit `j` of which no report is used: it rolls with the `leader`, unit `leads`.
 
         One that `works` gives its `target` [N m], no more. Of one whose motors have failed nothing is to be had: the others
         give its target.
@@ -176,6 +186,7 @@ class JointProblem:
         one = self._contexts[j]
         peak = np.full(one.axles, self.settings.belief.initial)
         torque = target if works else 0.0
+        given = leader.torque + leader.air / self._contexts[leads].gear_ratio
         return Report(
             time=leader.time,
             speed=leader.speed,
@@ -189,6 +200,8 @@ class JointProblem:
             steepness=leader.steepness,
             carried=float(peak[0]) * torque_per_coefficient(one) if works else 0.0,
             air=0.0,
+            # so that it has the leader's acceleration with what its own rails give
+            drag=leader.drag + self._pull[j] * torque - self._pull[leads] * given,
         )
 
     def solve(
@@ -209,14 +222,14 @@ class JointProblem:
         slip = np.concatenate(
             [r * s[1:-1] - s[0] for r, s in zip(self._radius, states, strict=True)]
         )
-        target, carried, limit, air = np.array(
-            [(r.target, r.carried, r.limit, r.air) for r in reports]
+        target, carried, limit, air, drag = np.array(
+            [(r.target, r.carried, r.limit, r.air, r.drag) for r in reports]
         ).T
         peak = np.concatenate([r.peak for r in reports])
         curve = mean_curve([(r.peak_slip, r.steepness) for r in reports])
         state = (speed, (speed + slip) / self._group.radius, np.array([s[-1] for s in states]))
         free = np.full_like(peak, NO_SLIP_LIMIT)
-        rail = WheelsAndRail(peak, free, carried, air)
+        rail = WheelsAndRail(peak, free, carried, air, drag)
         problem = self._group.problem(state, rail, curve, target, before, limit)
         solver = self._group.solver
         if self._cold:
@@ -351,6 +364,7 @@ class TrainMpc:
                 steepness=steepness,
                 carried=float(belief.carried_torque()[k]),
                 air=float(belief.air_torque[k]),
+                drag=belief.observers[k].grade,
             )
             write_report(report, self.reports.told[j])
             told.append(report)
@@ -389,7 +403,7 @@ class TrainMpc:
         upright = [
             report._replace(target=abs(demand))
             if report is not None and works
-            else self.joint.supposed(j, own, abs(demand), works)
+            else self.joint.supposed(j, own, abs(demand), works, leader)
             for j, (report, demand, works) in enumerate(
                 zip(reports, wanted, in_service, strict=True)
             )

@@ -12,6 +12,7 @@ import mpc.train as train_controller
 from alloc.onboard.host import TorqueDecision
 from alloc.onboard.parameters import Telegrams
 from alloc.plant.adhesion import RationalCurve
+from alloc.plant.laws import GRAVITY
 from mpc.belief import with_predicted_curve
 from mpc.condensing import STEEPEST_SLOPE
 from mpc.group import CarControllers, GroupController, GroupProblem, WheelsAndRail, even_split
@@ -236,11 +237,12 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
         np.array([350.0, 900.0]),
     )
     air = np.array([40.0, 60.0])
-    rail, curve = WheelsAndRail(peak, slip_limit, carried, air), RationalCurve(0.08, 2.2)
+    drag = np.array([0.01, 0.02])
+    rail, curve = WheelsAndRail(peak, slip_limit, carried, air, drag), RationalCurve(0.08, 2.2)
     problem = group.problem((9.0, omega, torque), rail, curve.q[:2], target, before, limit)
     assert problem.state.tolist() == [9.0, 20.0, 21.0, 22.0, 100.0, 200.0]
     believed = [replace(one, curve=curve) for one in units]
-    expected = parameters(believed, peak)
+    expected = parameters(believed, peak, 0.015)
     expected[air_place(believed)] = air
     np.testing.assert_array_equal(problem.parameters, expected)
     np.testing.assert_array_equal(problem.slip_limit, slip_limit)
@@ -260,7 +262,7 @@ def test_a_groups_problem_says_what_is_believed(make_context, no_solver):
 def test_the_curve_of_a_group_with_load_transfer_is_where_its_model_has_it(make_context, no_solver):
     units = [make_context(axles=2, unloading=(0.1, -0.1)), make_context(axles=1, unloading=(0.2,))]
     one, two = np.ones(2), np.ones(3)
-    rail = WheelsAndRail(0.1 * two, 0.05 * two, one, 0.0 * one)
+    rail = WheelsAndRail(0.1 * two, 0.05 * two, one, 0.0 * one, 0.0 * one)
     problem = GroupProblem(units, SETTINGS).problem(
         (9.0, 20.0 * two, one), rail, np.array([0.09, 3.0]), one, one, one
     )
@@ -319,7 +321,7 @@ def _report(time=1.0, axles=2, **values):
     defaults = {
         "speed": 10.0, "omega": np.full(axles, 23.5), "torque": 150.0, "command": 160.0, "target": 500.0,
         "limit": 1000.0, "peak": np.full(axles, 0.1), "peak_slip": 0.1, "steepness": 2.0, "carried": 400.0,
-        "air": 0.0,
+        "air": 0.0, "drag": 0.02,
     }  # fmt: skip
     return Report(time, **(defaults | values))
 
@@ -400,6 +402,15 @@ def test_a_unit_of_which_no_report_is_used_rolls_with_the_leader(make_context, n
     assert supposed.peak.tolist() == [0.3, 0.3]
     assert (supposed.peak_slip, supposed.steepness) == (leader.peak_slip, leader.steepness)
     assert (supposed.carried > 300.0) if works else (supposed.carried == 0.0)
+    # what its rails do not give holds it back less: it is as fast as the leader, whose air brake acts too
+    again = joint.supposed(1, leader._replace(air=70.7), 300.0, works)
+    pull = [
+        one.axles * one.axle_load / (one.mass * GRAVITY) / torque_per_coefficient(one)
+        for one in joint._contexts
+    ]
+    for report, given in ((supposed, 150.0), (again, 160.0)):
+        gained = pull[1] * torque - report.drag, pull[0] * given - 0.02
+        assert gained[0] == pytest.approx(gained[1], rel=1e-12)
 
 
 @pytest.mark.parametrize(("step", "horizon", "last"), [(0.01, 20, 9), (0.02, 20, 4), (0.01, 5, 4)])
@@ -418,7 +429,7 @@ class Cars:
         self.senses, self.ok = [], True
         unit = [SimpleNamespace(belief=SimpleNamespace(
             parts=[np.arange(one.axles)], peak=np.full(one.axles, 0.1 + 0.01 * j), slip_limit=np.full(one.axles, 0.02),
-            observers=[SimpleNamespace(curve=(0.1 + j, 2.0))],
+            observers=[SimpleNamespace(curve=(0.1 + j, 2.0), grade=0.01 * j)],
             carried_torque=lambda j=j: np.array([400.0 + j]), air_torque=np.array([30.0 + j]),
         )) for j, one in enumerate(contexts)]  # fmt: skip
         self.controllers = unit
@@ -437,7 +448,7 @@ class Joint:
     def forget(self):
         self.forgotten += 1
 
-    def supposed(self, j, leader, target, works):
+    def supposed(self, j, leader, target, works, leads):
         return leader._replace(target=target, command=target if works else 0.0, limit=-float(j))
 
     def solve(self, reports, commands, leader):

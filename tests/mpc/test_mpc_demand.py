@@ -56,7 +56,9 @@ def test_a_group_tracks_its_total_as_far_as_its_units_together_may():
     problem = GroupProblem(group, MpcSettings())
     axles = problem.unit.size
     per = problem._scale / WEIGHTS.coefficient_scale
-    rail = WheelsAndRail(np.full(axles, 0.12), np.full(axles, 0.03), 0.12 * per, np.zeros(per.size))
+    rail = WheelsAndRail(
+        np.full(axles, 0.12), np.full(axles, 0.03), 0.12 * per, *np.zeros((2, per.size))
+    )
     state = 10.0, np.full(axles, 10.0 / 0.43), 0.1 * per
     little, much = 0.1 * per, 3.0 * per
 

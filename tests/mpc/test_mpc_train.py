@@ -171,7 +171,7 @@ CURVE = (0.08, 2.5)
 def _report(time, command=300.0, carried=800.0):
     peak = np.full(4, 0.15)
     omega = np.array([5.01, 5.02, 5.05, 5.1]) / 0.43
-    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, *CURVE, carried, 0.0)
+    return Report(time, 5.0, omega, 250.0, command, 500.0, 1e3, peak, *CURVE, carried, 0.0, 0.02)
 
 
 def test_the_forecast_over_the_delay_is_the_unit_model():
@@ -183,7 +183,7 @@ def test_the_forecast_over_the_delay_is_the_unit_model():
     forecast = UnitForecast(context)
     np.testing.assert_array_equal(forecast.state(report, commands[:0]), state)
     for command in commands:
-        state = np.asarray(step(state, command, parameters(context, report.peak))).ravel()
+        state = np.asarray(step(state, command, parameters(context, report.peak, 0.02))).ravel()
     np.testing.assert_allclose(forecast.state(report, commands), state, rtol=1e-11)
 
 
