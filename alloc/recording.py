@@ -25,6 +25,7 @@ from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.state import Counters, TrainMemory, UnitMemory
 from alloc.plant.array_model import ArrayModel
 from alloc.plant.model import Floats, Layout, Model
+from alloc.plant.rail import power_taken
 from alloc.plant.train import EFFORT_SPEED_STEP
 from alloc.sources import write_whole
 
@@ -212,8 +213,7 @@ def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
 def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Floats]:
     """Most that each motor can drive and brake with [N m], (instants, units), without slip at `speed` (instants, bodies)."""
     s, n, e = model.structure, model.layout, model.environment
-    mean, amplitude, period, phase = e.receptivity
-    taken = np.clip(mean + amplitude * np.sin(2.0 * np.pi * time / period + phase), 0.0, 1.0)
+    taken = power_taken(time, e.receptivity)
     works = e.failure_time > time[:, None]
     drive, brake = np.zeros((2, time.size, n.units))
     for j in range(n.units):

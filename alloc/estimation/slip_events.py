@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from alloc.display import displayed
 from alloc.errors import EstimationError
 from alloc.estimation.series import bridged_spans
+from alloc.plant.laws import faster_speed, slip_ratio
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ class SlipCriterion:
     def bound(self, speed: Floats, rim_speed: Floats, noise: float = 0.0) -> Floats:
         """Slip velocity [m/s] above which an axle slips; `noise` [m/s]: standard deviation of the measured one."""
         least = max(self.velocity, CERTAIN * noise)
-        return np.maximum(least, self.ratio * np.maximum(np.abs(speed), np.abs(rim_speed)))
+        return np.maximum(least, self.ratio * faster_speed(speed, rim_speed))
 
 
 SMALL = SlipCriterion(0.1, 0.02)
@@ -121,7 +122,7 @@ def find_slips(
                 near = inside_of(time, time[worst] - reach, time[worst] + reach)
                 if np.mean(sign * slip[near] - bound[near]) <= 0.0:
                     continue
-            reference = max(abs(speed[worst]), abs(rim_speed[worst]))
+            ratio = slip_ratio(slip[worst], speed[worst], rim_speed[worst], 0.0)
             onset, onset_time, used, lost = (float("nan"),) * 4
             if coefficient is not None and begin > 0:
                 last = np.searchsorted(time, time[begin + beyond[0]] + ONSET_TIME, "right")
@@ -138,7 +139,7 @@ def find_slips(
                 SlipEvent(
                     axle, float(time[begin]), float(time[end - 1]),
                     begin == 0 or end == time.size, float(slip[worst]),
-                    float(abs(slip[worst]) / reference), onset, onset_time, used, lost,
+                    float(abs(ratio)), onset, onset_time, used, lost,
                 )
             )  # fmt: skip
     return sorted(events, key=lambda event: event.start)

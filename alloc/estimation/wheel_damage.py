@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from alloc.errors import EstimationError
 from alloc.estimation.series import finite_series, mean_rate, positive_series
+from alloc.plant.laws import slip_velocity
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +92,7 @@ def wheel_damage(
         time, applied_force, angular_speed, inertia, radius
     )
     train = finite_series("speed", speed, time.shape, applied.shape)
-    slip = radius * omega - (train if train.ndim == 2 else train[:, None])
+    slip = slip_velocity(omega, radius, train if train.ndim == 2 else train[:, None])
     step = np.diff(time)[:, None]
     # product of two straight lines, integrated
     given = (

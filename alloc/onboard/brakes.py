@@ -24,7 +24,7 @@ from alloc.onboard.laws import (
     load_compensated,
     valve_action,
 )
-from alloc.plant.laws import GRAVITY
+from alloc.plant.laws import GRAVITY, slip_ratio
 from alloc.plant.model import Floats
 from alloc.records import numbers_of, quantity
 
@@ -179,7 +179,7 @@ def slide_memory(axles: int, groups: int) -> SlideMemory:
 
 
 LOWEST_SPEED = 1.0
-"""Speed [m/s] below which slip ratios are relative to this speed, since a ratio to zero is meaningless."""
+"""Smallest speed [m/s] that slip ratios are relative to."""
 
 STANDING_SPEED = 0.1
 """Rim speed [m/s] below which an axle counts as standing; sensors see no less."""
@@ -211,7 +211,7 @@ def _ask_axles(eq, p, m):
         rim = eq.axle_radius[i] * m.axle_omega[i]
         slip = max(reference - rim, 0.0)
         k.filtered[i], rate = differentiate(k.filtered[i], slip, p.fuzzy.pole, p.fuzzy.gain)
-        asked = _severity(p, slip / max(reference, LOWEST_SPEED), rate)
+        asked = _severity(p, slip_ratio(slip, reference, rim, LOWEST_SPEED), rate)
         stands = rim < STANDING_SPEED and reference > p.cut_out_speed
         if stands and not k.locked[i]:
             m.counter.locks[0] += 1

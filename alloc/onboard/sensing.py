@@ -15,6 +15,8 @@ from alloc.onboard.laws import (
 )
 from alloc.onboard.reference_speed import estimate_speed, is_relieved, sound
 from alloc.onboard.telegrams import DETECTED, ESTIMATE
+from alloc.plant.laws import limit_place, slip_velocity
+from alloc.plant.operations import look_up
 
 # Relative wheel radii, found while the train rolls.
 #
@@ -91,13 +93,6 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
 
 
 @inlined_jit
-def _limit_at(table, speed):
-    x = min(max(abs(speed) * 3.6, 0.0), table.size - 1.000001)
-    k = int(x)
-    return table[k] + (table[k + 1] - table[k]) * (x - k)
-
-
-@inlined_jit
 def _lose_signals(eq, dropout, m, time):
     """Which axles' speeds are known now, and of how many axles each unit knows them.
 
@@ -157,7 +152,7 @@ def _compare_with_reference(eq, m, sign):
     for j in range(m.worst_slip.size):
         m.worst_slip[j] = -np.inf
     for i in range(m.axle_omega.size):
-        slip = eq.axle_radius[i] * m.axle_omega[i] - m.reference[eq.axle_body[i]]
+        slip = slip_velocity(m.axle_omega[i], eq.axle_radius[i], m.reference[eq.axle_body[i]])
         j = eq.axle_unit[i]
         if j >= 0:
             m.worst_slip[j] = max(m.worst_slip[j], sign * slip)
@@ -236,8 +231,9 @@ def _detect(st, m, j, sign, time, commanded):
 @inlined_jit
 def _limits(eq, m, j, sign, blended):
     """Torque limits of unit `j` at its speed, and the coefficient that they allow."""
-    m.drive_limit[j] = _limit_at(eq.drive_table[j], m.speed[j])
-    m.brake_limit[j] = _limit_at(eq.brake_table[j], m.speed[j])
+    place = limit_place(m.speed[j], 3.6, eq.drive_table.shape[1] - 1.000001)
+    m.drive_limit[j] = look_up(eq.drive_table[j], place)
+    m.brake_limit[j] = look_up(eq.brake_table[j], place)
     bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]
     at_rail = bound * eq.gear[j] / (eq.axle_load[j] * eq.radius[j] * (1.0 + eq.own_inertia[j]))
     if blended:

@@ -27,7 +27,9 @@ from alloc.onboard.line_memory import (
     feedforward_force,
     regressor,
 )
+from alloc.plant.laws import limit_place
 from alloc.plant.model import Floats
+from alloc.plant.operations import look_up
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
 
 # Interface of a driver of `alloc.driving.drive`: a person, or a speed control.
@@ -253,9 +255,8 @@ class Traction:
     def limit(self, speed: float, braking: bool) -> Floats:
         """Largest torque of each unit's motors [N m] at `speed` [m/s], (units,)."""
         table = self.brake_limit if braking else self.drive_limit
-        x = min(max(abs(speed) / EFFORT_SPEED_STEP, 0.0), table.shape[1] - 1.000001)
-        k = int(x)
-        return table[:, k] + (table[:, k + 1] - table[:, k]) * (x - k)
+        place = limit_place(speed, 1.0 / EFFORT_SPEED_STEP, table.shape[1] - 1.000001)
+        return np.asarray(look_up(table.T, place))
 
     def torques(self, current: float, speed: float) -> tuple[Floats, float]:
         """Torques [N m] (units,) for `current` [A] at `speed` [m/s], and the current that these stand for [A].

@@ -17,6 +17,7 @@ from alloc.plant.laws import (
     friction_draft_gear,
     gradient_force,
     hyperbolic_speed_law,
+    limit_place,
     motor_torque_rate,
     slip_velocity,
     speed_decline,
@@ -34,7 +35,6 @@ from alloc.plant.operations import (
     look_up,
     maximum,
     minimum,
-    sine,
     spread,
     store,
     total,
@@ -44,6 +44,7 @@ from alloc.plant.rail import (
     leave_rail,
     patch_factor,
     peak_coefficient,
+    power_taken,
     read_rail,
     sanded_peak,
     scatter_knot,
@@ -251,18 +252,15 @@ def _coupled_bodies(w, y, slope):
 @inlined_jit
 def _motors(w, time, y, slope):
     """Torque limits from the units' rim speeds, and the rate of the motor torques."""
-    row, unit, receptivity = w.row, w.unit, w.rail.receptivity
-    share = receptivity[0]
-    if receptivity[1] != 0.0:
-        phase = 6.283185307179586 * time / receptivity[2] + receptivity[3]
-        share += receptivity[1] * sine(phase)
-    share = minimum(maximum(share, 0.0), 1.0)
+    row, unit = w.row, w.unit
+    share = power_taken(time, w.rail.receptivity)
     for j in range(0, unit.inverse_lag.size, WIDTH):
         speed = spread(0.0)
         for m in range(unit.members.shape[0]):
             speed = speed + load(unit.share[m], j) * gather(y, unit.members[m], j)
-        knot = minimum(absolute(speed) * (1.0 / EFFORT_SPEED_STEP), unit.table_end)
-        place = load(unit.table_start, j) + knot
+        place = load(unit.table_start, j) + limit_place(
+            speed, 1.0 / EFFORT_SPEED_STEP, unit.table_end
+        )
         slope_of_torque = motor_torque_rate(
             load(y, row.torque + j), load(w.scratch.command, j), look_up(unit.drive_table, place),
             share * look_up(unit.brake_table, place),

@@ -1,8 +1,8 @@
 """The physical laws of train and contact, each stated once, elementwise, for NumPy, Numba and CasADi alike.
 
 In: states and parameters in SI units. Out: forces [N], accelerations, coefficients. Laws have no branch on states and take
-every constant as an argument. `alloc.plant.engine` (compiled) and
-`array_model` (NumPy, CasADi) put them together.
+every constant as an argument. `alloc.plant.engine` (compiled) and `alloc.plant.array_model` (NumPy, CasADi) put them
+together, and say which axle belongs to which car.
 """
 
 import math
@@ -10,10 +10,7 @@ import math
 from alloc.compilation import equation
 from alloc.plant.operations import absolute, atan, exp, interpolate, maximum, minimum, sqrt, where
 
-# The train's physical laws, each stated once, elementwise, for NumPy, Numba and CasADi alike.
-#
-# Traction is positive, braking negative; SI units. The assembly (which axle belongs to which car) is in
-# `array_model` and `compiled`; neither states a law of its own.
+# Traction is positive, braking negative; SI units.
 
 
 GRAVITY = 9.80665
@@ -34,6 +31,18 @@ STANDSTILL_SPEED = 0.05
 def slip_velocity(angular_speed, radius, speed):
     """Slip velocity [m/s], positive driving: r omega - v, readhesion paper (9)."""
     return radius * angular_speed - speed
+
+
+@equation
+def faster_speed(speed, rim_speed):
+    """The larger of car and rim speed, a magnitude [m/s]: what slip is relative to."""
+    return maximum(absolute(speed), absolute(rim_speed))
+
+
+@equation
+def slip_ratio(slip, speed, rim_speed, least):
+    """Slip velocity over the larger of car and rim speed, or over `least` [m/s], since a ratio to zero is meaningless."""
+    return slip / maximum(faster_speed(speed, rim_speed), least)
 
 
 @equation
@@ -76,6 +85,15 @@ def motor_torque_rate(torque, command, drive_limit, brake_limit, health, inverse
     """
     target = health * minimum(maximum(command, -brake_limit), drive_limit)
     return (target - torque) * inverse_lag
+
+
+@equation
+def limit_place(speed, per_speed, last):
+    """Where a table of torque limits is read at `speed` [m/s], for `look_up`.
+
+    Its points are 1 / `per_speed` [m/s] apart. `last`: the greatest place, a little before the last point.
+    """
+    return minimum(absolute(speed) * per_speed, last)
 
 
 @equation
@@ -308,7 +326,7 @@ def reference_speed(speed, rim_speed):
 
     Above twice the floor it is that speed itself; below, a parabola leads to the floor without a kink.
     """
-    larger = maximum(absolute(speed), absolute(rim_speed))
+    larger = faster_speed(speed, rim_speed)
     slow = maximum(0.0, 1.0 - larger * (0.5 / CREEPAGE_SPEED_FLOOR))
     return larger + CREEPAGE_SPEED_FLOOR * slow * slow
 
@@ -498,7 +516,7 @@ HOLDING_BRAKE = 0.005
 @equation
 def stuck_share(speed, rim_speed, brake):
     """Share of a contact that sticks: 1 at rest, 0 above `STICK_SPEED`; `brake` is the brake force over `HOLDING_BRAKE`."""
-    pace = maximum(absolute(speed), absolute(rim_speed)) * (1.0 / STICK_SPEED)
+    pace = faster_speed(speed, rim_speed) * (1.0 / STICK_SPEED)
     rest = maximum(0.0, 1.0 - pace * pace)
     return rest * rest * minimum(brake, 1.0)
 

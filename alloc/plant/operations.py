@@ -246,8 +246,8 @@ def gather(typingctx, array, index, first):
 
 
 @_intrinsic
-def look_up(typingctx, table, x):
-    """`table` at `x` >= 0, in units of its spacing, by linear interpolation."""
+def looked_up(typingctx, table, x):
+    """As `look_up`."""
 
     def generate(context, builder, sig, args):
         base = context.make_array(sig.args[0])(context, builder, value=args[0]).data
@@ -432,6 +432,27 @@ atan = _written(np.arctan, "atan", _atan_polynomial)
 sine = _written(np.sin, "sin", _sine_polynomial)
 
 
+def look_up(table: Any, x: Any) -> Any:
+    """`table` (points,) at `x` >= 0 in units of its spacing, before the last point, by linear interpolation; no CasADi.
+
+    Where `x` is no number, nor is the result.
+    """
+    k = np.where(x >= 0.0, x, 0.0).astype(int)
+    return table[k] + (table[k + 1] - table[k]) * (x - k)
+
+
+@overload(look_up, jit_options=INLINED)
+def _look_up(table, x):
+    def of_number(table, x):
+        k = int(x if x >= 0.0 else 0.0)
+        return table[k] + (table[k + 1] - table[k]) * (x - k)
+
+    def of_vector(table, x):
+        return simd.looked_up(table, x)
+
+    return of_vector if isinstance(x, simd.Vector) else of_number
+
+
 def interpolate(table: Any, share: Any) -> Any:
     """Linear interpolation in `table` (n,), whose first entry is no value, at `share` 0 to 1 of its length; no CasADi."""
     if _casadi(share):
@@ -452,6 +473,6 @@ def _interpolate(table, share):
 
     def look_up_all(table, share):
         x = minimum(share * (table.size - 2), table.size - 2 - 1e-9)
-        return simd.look_up(table, 1.0 + x)
+        return simd.looked_up(table, 1.0 + x)
 
     return look_up_all if isinstance(share, simd.Vector) else look_up

@@ -16,8 +16,8 @@ from alloc.compilation import equation, inlined_jit
 from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve, PiecewiseCurve
-from alloc.plant.laws import conditioning_deposit, sand_laid
-from alloc.plant.operations import exp, floor, maximum, minimum
+from alloc.plant.laws import conditioning_deposit, sand_laid, slip_ratio
+from alloc.plant.operations import exp, floor, maximum, minimum, sine
 
 # The rail as it truly is: adhesion by speed, position, time, axle; and the line: gradients, tunnels, curves.
 
@@ -359,6 +359,16 @@ def patch_factor(weight_in_space, weight_in_time, factor):
 
 
 @equation
+def power_taken(time, receptivity):
+    """Share of the electric brake that the line takes up at `time` [s], see `Receptivity`; (4,) as its fields."""
+    mean, amplitude = receptivity[0], receptivity[1]
+    if amplitude == 0.0:
+        return minimum(maximum(mean, 0.0), 1.0)
+    wave = sine(2.0 * math.pi * time / receptivity[2] + receptivity[3])
+    return minimum(maximum(mean + amplitude * wave, 0.0), 1.0)
+
+
+@equation
 def scatter_knot(x, length):
     """Place in the scatter's ring of `NOISE_KNOTS` knots, `length` [m] apart, between which it is interpolated linearly.
 
@@ -428,7 +438,7 @@ def _clean(w, i, first, now):
     left = c.cleaning.left
     v = c.state[axle.speed_row[i]]
     rim = axle.radius[i] * c.state[w.row.omega + i]
-    ratio = (rim - v) / max(max(abs(v), abs(rim)), 1e-3)
+    ratio = slip_ratio(rim - v, v, rim, 1e-3)
     deposit = conditioning_deposit(ratio, w.rail.conditioning_slip)
     for k in range(first, now):
         left[k % left.size] = max(left[k % left.size], deposit)

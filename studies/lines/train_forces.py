@@ -6,9 +6,11 @@ from alloc.plant.laws import (
     curving_resistance,
     gradient_force,
     hyperbolic_speed_law,
+    limit_place,
     running_resistance,
 )
 from alloc.plant.model import Floats, Model
+from alloc.plant.operations import look_up
 from alloc.plant.train import EFFORT_SPEED_STEP
 
 
@@ -52,11 +54,9 @@ class TrainForces:
 
         (units,)
         """
-        place = min(max(speed, 0.0) / EFFORT_SPEED_STEP, self._speeds.size - 1.000001)
-        k = int(place)
         table = self._drive if share >= 0.0 else self._brake
-        limit = table[:, k] + (table[:, k + 1] - table[:, k]) * (place - k)
-        return np.asarray(share * limit)
+        place = limit_place(max(speed, 0.0), 1.0 / EFFORT_SPEED_STEP, self._speeds.size - 1.000001)
+        return np.asarray(share * look_up(table.T, place))
 
     def resistance(self, position: float, speed: float) -> float:
         """Running resistance and gradient force [N] at `position` [m] of the front and `speed` [m/s]."""

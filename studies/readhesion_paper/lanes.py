@@ -20,6 +20,7 @@ from alloc.onboard.laws import differentiate
 from alloc.onboard.parameters import Onboard
 from alloc.plant.laws import (
     car_drag,
+    limit_place,
     motor_torque_rate,
     slip_velocity,
     speed_decline,
@@ -132,10 +133,8 @@ def _rates(axle, lanes, time, x, v, omega, torque, command):
     inverse = 1.0 / axle.inertia
     _, turning = wheelset(axle.gear * torque, force, r, omega, spread(0.0), axle.inertia, inverse)
     drag = car_drag(v, a[0], a[1], a[2], 1.0, 0.0)
-    knot = minimum(
-        absolute(r * omega) * (1.0 / EFFORT_SPEED_STEP), axle.drive_table.size - 1.000001
-    )
-    bound = look_up(axle.drive_table, knot)
+    place = limit_place(r * omega, 1.0 / EFFORT_SPEED_STEP, axle.drive_table.size - 1.000001)
+    bound = look_up(axle.drive_table, place)
     rising = motor_torque_rate(torque, command, bound, bound, 1.0, axle.inverse_lag)
     return (force - drag) / axle.mass, turning, rising
 

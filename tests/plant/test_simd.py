@@ -184,6 +184,9 @@ def test_tables_are_read_by_linear_interpolation():
     expected = np.interp(x, np.arange(50.0), table)
     np.testing.assert_allclose(_reduced(x, table)[2], expected, rtol=1e-14, atol=1e-15)
     np.testing.assert_array_equal(_reduced(np.arange(48.0), table)[2], table[:48])
+    # NumPy, single numbers and eight at once read alike, and what is no number stays none
+    np.testing.assert_allclose(look_up(table, x), expected, rtol=1e-14, atol=1e-15)
+    assert np.isnan(look_up(table, np.array([math.nan, 1.0]))).tolist() == [True, False]
 
 
 def test_a_single_number_that_is_not_zero_is_seen():
