@@ -67,17 +67,15 @@ def _of_bodies(w, y, part, rows, i):
 @inlined_jit
 def _find_patches(w, time, y):
     """Patches that touch the train at `time`; returns their number."""
-    axle, patch, active = w.axle, w.rail.patch, w.scratch.active
+    axle, patch, touching = w.axle, w.rail.patch, w.scratch.touching
     front = y[axle.position_row[0]] + axle.offset[0]
     last = w.size.axles - 1
     rear = y[axle.position_row[last]] + axle.offset[last]
     count = 0
-    for p in range(patch.shape[0]):
-        start, end, edge = patch[p, 1], patch[p, 2], patch[p, 3]
-        weight = window(time, patch[p, 4], patch[p, 5], patch[p, 6])
-        if weight > 0.0 and front > start - edge and rear < end + edge:
-            active[count, 0], active[count, 1], active[count, 2] = patch[p, 0], start, end
-            active[count, 3], active[count, 4] = edge, weight
+    for p in range(patch.factor.size):
+        edge, weight = patch.edge[p], window(time, patch.begin[p], patch.until[p], patch.fade[p])
+        if weight > 0.0 and front > patch.start[p] - edge and rear < patch.end[p] + edge:
+            touching[count], w.scratch.acting[count] = p, weight
             count += 1
     return count
 
@@ -92,12 +90,13 @@ def _find_declines(w, y):
 @inlined_jit
 def _peaks(w, y, i, patches):
     """Peak coefficient of eight axles; the patches and the fall with the speed are known."""
-    axle = w.axle
+    axle, patch = w.axle, w.rail.patch
     x = _of_bodies(w, y, w.row.position, axle.position_row, i) + load(axle.offset, i)
     product = spread(1.0)
     for k in range(patches):
-        factor, start, end, edge, weight = w.scratch.active[k]
-        product = product * patch_factor(window(x, start, end, edge), weight, factor)
+        p = w.scratch.touching[k]
+        inside = window(x, patch.start[p], patch.end[p], patch.edge[p])
+        product = product * patch_factor(inside, w.scratch.acting[k], patch.factor[p])
     scatter = spread(0.0)
     if w.rail.noisy:
         scatter = look_up(w.rail.noise, scatter_knot(x, w.rail.noise_length))

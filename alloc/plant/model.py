@@ -15,7 +15,7 @@ from alloc.display import displayed
 from alloc.errors import PlantError
 from alloc.plant.adhesion import AdhesionCurve
 from alloc.plant.laws import LOCK_TIME, STANDSTILL_SPEED
-from alloc.plant.rail import Line, Rail, Receptivity, axle_values
+from alloc.plant.rail import Line, Patches, Rail, Receptivity, axle_values, patch_arrays
 from alloc.plant.train import Car, DraftGear, Train
 
 # From a train to the arrays that the plant computes with.
@@ -247,7 +247,7 @@ class Environment(NamedTuple):
     presliding: float
     law: Floats  # (3, axles)
     increment: Floats  # (axles,)
-    patch: Floats  # (patches, 7): factor, start, end, edge, begin, until, fade
+    patch: Patches
     noise: Floats  # (NOISE_KNOTS + 2,) a ring: its first knots again at the end
     noise_length: float
     noisy: bool
@@ -320,7 +320,7 @@ def environment_of(
         presliding=rail.presliding,
         law=rail.axle_laws(layout.axles),
         increment=axle_values(rail.increments, layout.axles, "rail increments"),
-        patch=np.array([astuple(patch) for patch in rail.patches]).reshape(-1, 7),
+        patch=patch_arrays(rail.patches),
         noise=np.append(noise, noise[:2]),
         noise_length=rail.scatter_length,
         noisy=rail.scatter > 0.0,

@@ -5,9 +5,10 @@ Nobody on board may import this module.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +82,24 @@ class Patch:
                 raise PlantError(
                     f"patch: {low} = {a!r} must lie before {high} = {b!r}, both finite"
                 )
+
+
+class Patches(NamedTuple):
+    """Patches as arrays, fields as those of `Patch`, (patches,)."""
+
+    factor: NDArray[np.float64]
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    edge: NDArray[np.float64]
+    begin: NDArray[np.float64]
+    until: NDArray[np.float64]
+    fade: NDArray[np.float64]
+
+
+def patch_arrays(patches: Sequence[Patch]) -> Patches:
+    """The patches as arrays."""
+    each = ([getattr(one, name) for one in patches] for name in Patches._fields)
+    return Patches(*(np.array(values, dtype=float) for values in each))
 
 
 GROWTH_SLOPE, GROWTH_OFFSET = 0.0083, -0.0066

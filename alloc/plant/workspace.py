@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from alloc.plant.laws import HOLDING_BRAKE
 from alloc.plant.model import NO_WEDGES, Floats, Ints, Layout, Model
 from alloc.plant.operations import WIDTH, padded
+from alloc.plant.rail import Patches
 from alloc.records import ByReference
 
 # Arrays in whole blocks of `WIDTH`, as vector code takes them.
@@ -166,7 +167,7 @@ class Rail(NamedTuple):
     curve: Floats
     presliding: float
     law_offset: float  # of the speed laws of all axles
-    patch: Floats
+    patch: Patches
     noise: Floats
     noise_length: float
     noisy: bool
@@ -202,7 +203,8 @@ class Scratch(NamedTuple):
     stage: Floats
     slope: Floats
     total: Floats
-    active: Floats  # (patches, 5) those that touch the train now: factor, start, end, edge, weight in time
+    touching: Ints  # (patches,) first the numbers of those that touch the train now
+    acting: Floats  # (patches,) their weight in time
     decline: Floats  # (bodies,) of the speed law
     peak: Floats  # (axles,)
     mu: Floats  # (axles,) tangential force coefficient
@@ -349,7 +351,8 @@ def _scratch(model: Model, row: Rows, step: float) -> Scratch:
         stage=np.zeros(row.end),
         slope=np.zeros(row.end),
         total=np.zeros(row.end),
-        active=np.zeros((e.patch.shape[0], 5)),
+        touching=np.zeros(e.patch.factor.size, dtype=np.int64),
+        acting=np.zeros(e.patch.factor.size),
         decline=np.zeros(bodies),
         peak=np.zeros(axles),
         mu=np.zeros(axles),

@@ -6,7 +6,7 @@ lane. The results equal those of separate runs.
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +28,16 @@ from alloc.plant.laws import (
     wheelset,
 )
 from alloc.plant.model import Model, build
-from alloc.plant.operations import WIDTH, absolute, load, look_up, minimum, spread, store
-from alloc.plant.rail import Rail, patch_factor, peak_coefficient, window
+from alloc.plant.operations import WIDTH, load, look_up, spread, store
+from alloc.plant.rail import (
+    Patch,
+    Patches,
+    Rail,
+    patch_arrays,
+    patch_factor,
+    peak_coefficient,
+    window,
+)
 from alloc.plant.train import EFFORT_SPEED_STEP, Train
 
 Floats = NDArray[np.float64]
@@ -80,7 +88,7 @@ class Lanes(NamedTuple):
     """What differs from lane to lane; the last dimension, of `WIDTH`."""
 
     law: Floats  # (3, lanes) speed law
-    patch: Floats  # (patches, 7, lanes)
+    patch: Patches  # (patches, lanes) each
     table: Floats  # (6, lanes) the settings of the torque table
 
 
@@ -111,11 +119,13 @@ class LaneRecord(NamedTuple):
 def _meet(axle, lanes, time, x, v, omega):
     """Peak coefficient, slip velocity [m/s] and coefficient of the axle, at rest anywhere before the train's front."""
     product = spread(1.0)
-    for p in range(lanes.patch.shape[0]):
-        patch = lanes.patch[p]
-        weight = window(x, load(patch[1], 0), load(patch[2], 0), load(patch[3], 0))
-        acting = window(time, load(patch[4], 0), load(patch[5], 0), load(patch[6], 0))
-        product = product * patch_factor(weight, acting, load(patch[0], 0))
+    patch = lanes.patch
+    for p in range(patch.factor.shape[0]):
+        weight = window(x, load(patch.start[p], 0), load(patch.end[p], 0), load(patch.edge[p], 0))
+        acting = window(
+            time, load(patch.begin[p], 0), load(patch.until[p], 0), load(patch.fade[p], 0)
+        )
+        product = product * patch_factor(weight, acting, load(patch.factor[p], 0))
     decline = speed_decline(v, load(lanes.law[1], 0))
     peak = peak_coefficient(
         decline, load(lanes.law[0], 0), load(lanes.law[2], 0), product, 0.0, 0.0, 0.0
@@ -211,12 +221,10 @@ def _refuse(train: Train, model: Model, rails: Sequence[Rail]) -> None:
 def _lanes(rails: Sequence[Rail], tables: Sequence[TorqueTable], period: float) -> Lanes:
     """What differs, of at most `WIDTH` lanes; the last one fills up."""
     some = [*range(len(rails)), *(len(rails) - 1,) * (WIDTH - len(rails))]
-    none = (1.0, -1e6, 1e6, 5.0, -1e6, 1e6, 1.0)
-    patch = np.empty((max(len(rail.patches) for rail in rails), 7, WIDTH))
-    patch[:] = np.array(none)[:, None]
-    for b, k in enumerate(some):
-        for p, item in enumerate(rails[k].patches):
-            patch[p, :, b] = astuple(item)
+    most = max(len(rail.patches) for rail in rails)
+    none = Patch(1.0, fade=1.0)
+    own = [patch_arrays([*rail.patches, *[none] * (most - len(rail.patches))]) for rail in rails]
+    patch = Patches(*(np.stack([own[k][field] for k in some], axis=1) for field in range(7)))
     return Lanes(
         np.stack([rails[k].axle_laws(1)[:, 0] for k in some], axis=1),
         patch,

@@ -10,7 +10,14 @@ from alloc.plant.array_model import ArrayModel, Local
 from alloc.plant.laws import speed_decline
 from alloc.plant.model import Inputs, Model
 from alloc.plant.operations import maximum, minimum, sine
-from alloc.plant.rail import patch_factor, peak_coefficient, sanded_peak, scatter_knot, window
+from alloc.plant.rail import (
+    Patches,
+    patch_factor,
+    peak_coefficient,
+    sanded_peak,
+    scatter_knot,
+    window,
+)
 from alloc.plant.train import EFFORT_SPEED_STEP
 
 
@@ -42,9 +49,9 @@ def environment_at(
     position = state[n.position][s.axle_body] + s.axle_offset
     speed = state[n.speed][s.axle_body]
     patches = np.ones_like(position)
-    for p in e.patch:
-        weight = window(position, p[1], p[2], p[3])
-        patches = patches * patch_factor(weight, window(time, p[4], p[5], p[6]), p[0])
+    for p in map(Patches._make, zip(*e.patch, strict=True)):
+        weight = window(position, p.start, p.end, p.edge)
+        patches = patches * patch_factor(weight, window(time, p.begin, p.until, p.fade), p.factor)
     scatter = _table(e.noise, scatter_knot(position, e.noise_length))
     conditioning = 0.0 if cleaning is None else e.conditioning * cleaning
     decline = speed_decline(speed, e.law[1])
