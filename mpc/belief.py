@@ -346,7 +346,6 @@ class GroupBelief:
         self.load = np.maximum(self._static - self._unloading * force, 0.5 * self._static)
 
     @property
-    @property
     def drag(self) -> Floats:
         """Gradient equivalent to all drag of each unit, in the direction of the demand, (units,)."""
         return np.array([observer.grade for observer in self.observers])
