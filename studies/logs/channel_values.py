@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.series import excerpt
-from alloc.plant.laws import GRAVITY
-from studies.logs.assignment import Assigned
-from studies.logs.known_train import MeasuredTrain
-from studies.logs.number_texts import numbers_of
+from studies.logs.recorder_files import numbers_of
 from studies.logs.remarks import NAMED, Remark, faulty
 from studies.logs.rim_speeds import pulse_step
 
@@ -140,49 +137,3 @@ def carried(name: str, force: Floats, load: float, source: str) -> tuple[Floats,
         )  # fmt: skip
     text = f"{rows.size} value{'s' if rows.size > 1 else ''} beyond the axle load left out"
     return np.where(bad, np.nan, force), [Remark("faulty", name, text, int(rows[0]) + 1)]
-
-
-def scale_of(
-    one: Assigned, values: Floats, wheels: Floats | None, train: MeasuredTrain
-) -> tuple[float, str, bool]:
-    """Factor to SI, unit, and whether it is a turning speed, of a column without a unit, by the size of its values.
-
-    `wheels` [m/s]: of another channel, at the same rows, where there is one.
-    """
-    size = float(np.nanquantile(np.abs(values), 0.99)) if np.isfinite(values).any() else 0.0
-    if one.quantity == "speed":
-        return (1.0 / 3.6, "km/h", False) if size > 50.0 or wheels is None else _speed(size, wheels)
-    if one.quantity == "axleN_speed":
-        radius = float(train.radius[min(one.number, train.radius.size) - 1])
-        choices = [
-            (1.0 / 3.6, "km/h", False, 1.0), (1.0, "m/s", False, 1.0), (1.0, "rad/s", True, radius),
-            (2.0 * np.pi / 60.0, "rpm", True, radius),
-        ]  # fmt: skip
-        if wheels is None:
-            return (2.0 * np.pi / 60.0, "rpm", True) if size > 350.0 else (1.0 / 3.6, "km/h", False)
-        other = float(np.nanquantile(np.abs(wheels), 0.99))
-        best = min(
-            choices, key=lambda c: abs(np.log(max(size * c[0] * c[3], 1e-9) / max(other, 1e-9)))
-        )
-        return best[:3]
-    load = (
-        float(train.axle_load.max())
-        if one.quantity.startswith("axle")
-        else float(train.car_mass.sum()) * GRAVITY
-    )
-    if one.quantity == "axleN_torque":
-        load *= float(train.radius.max())
-    if one.quantity in ("axleN_force", "axleN_torque", "couplerK_force"):
-        unit = "N m" if one.quantity == "axleN_torque" else "N"
-        return (1.0, unit, False) if size > 2e-3 * load else (1e3, "k" + unit, False)
-    if one.quantity == "gradient":
-        return (1e-3, "permille", False) if size > 0.1 else (1.0, "m/m", False)
-    if one.quantity.endswith("pressure"):
-        return (1e5, "bar", False) if size < 15.0 else (1e3, "kPa", False)
-    return 1.0, {"position": "m"}.get(one.quantity, "m/s2"), False
-
-
-def _speed(size: float, wheels: Floats) -> tuple[float, str, bool]:
-    other = float(np.nanquantile(np.abs(wheels), 0.99))
-    choices = ((1.0 / 3.6, "km/h", False), (1.0, "m/s", False))
-    return min(choices, key=lambda c: abs(np.log(max(size * c[0], 1e-9) / max(other, 1e-9))))

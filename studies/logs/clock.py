@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from studies.logs.channel_units import factor
-from studies.logs.number_texts import numbers_of
+from studies.logs.columns import factor
+from studies.logs.recorder_files import numbers_of
 from studies.logs.remarks import Remark, faulty
 
 Floats = NDArray[np.float64]

@@ -1,89 +1,134 @@
-"""Columns of a log: names with units, what they mean, and how to read them.
+"""Names and units of a log's columns.
 
 Axles and cars count from 1, the foremost; coupler k joins the cars k and k + 1. Traction is positive, braking negative,
-tension positive. Columns of other names are told by a mapping file (`studies.logs.mapping`), or guessed
-(`studies.logs.guessing`).
+tension positive. The mapping file (`studies.logs.mapping`) says what columns of other names are; its draft comes from
+`told_by_names`.
 """
 
-import math
 import re
-from typing import NamedTuple
+import unicodedata
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from studies.files.study_error import nearest
+from studies.files.study_error import StudyError, nearest
+from studies.logs.known_train import MeasuredTrain
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+SI = {
+    "time": "s", "speed": "m/s", "turning": "rad/s", "force": "N", "torque": "N*m", "acceleration": "m/s**2",
+    "slope": "1", "position": "m", "pressure": "Pa", "pulses": "1",
+}  # fmt: skip
+"""Unit of the analysis by kind of quantity."""
 
 
 class Quantity(NamedTuple):
-    """A measured quantity: ending of its column -> factor to SI, what it is, and whether a log must have it."""
+    """A measured quantity: unit by the ending of its column, what it is, its kind, and whether a log must have it."""
 
-    units: dict[str, float]
+    units: dict[str, str]
     description: str
+    kind: str
+    """A speed of an axle may be a turning speed too."""
     required: bool = False
-    kind: str = ""
-    """Kind of its unit, see `studies.logs.channel_units.SI`; a speed of an axle may be a turning speed too."""
 
 
+FORCE, PRESSURE = {"n": "N", "kn": "kN"}, {"kpa": "kPa", "bar": "bar"}
 QUANTITIES: dict[str, Quantity] = {
-    "time": Quantity({"s": 1.0}, "time since any origin, an epoch, or a time stamp", True, "time"),
+    "time": Quantity({"s": "s"}, "time since any origin, an epoch, or a time stamp", "time", True),
     "speed": Quantity(
-        {"kmh": 1.0 / 3.6, "ms": 1.0},
+        {"kmh": "km/h", "ms": "m/s"},
         "speed of the train over ground, not of a wheel; without it the speed is estimated from speed and torque or "
         "force of the axles, of all driven ones at least",
-        kind="speed",
-    ),
-    "gradient": Quantity({"permille": 1e-3}, "rise per run where the train is", kind="slope"),
-    "position": Quantity(
-        {"m": 1.0, "km": 1e3}, "station of the train's front on the line of --line", kind="position"
-    ),
-    "axleN_speed": Quantity(
-        {"kmh": 1.0 / 3.6, "ms": 1.0, "rads": 1.0, "rpm": 2.0 * math.pi / 60.0},
-        "circumferential or turning speed of the wheels of axle N; of one axle at least",
-        True,
         "speed",
     ),
+    "gradient": Quantity({"permille": "permille"}, "rise per run where the train is", "slope"),
+    "position": Quantity(
+        {"m": "m", "km": "km"}, "station of the train's front on the line of --line", "position"
+    ),
+    "axleN_speed": Quantity(
+        {"kmh": "km/h", "ms": "m/s", "rads": "rad/s", "rpm": "rpm"},
+        "circumferential or turning speed of the wheels of axle N; of one axle at least",
+        "speed",
+        True,
+    ),
     "axleN_pulses": Quantity(
-        {"1": 1.0},
+        {"1": "1"},
         "pulses of a wheel sensor counted so far, or since the row before; the mapping file has the pulses of a turn",
-        kind="pulses",
+        "pulses",
     ),
     "axleN_torque": Quantity(
-        {"nm": 1.0, "knm": 1e3},
+        {"nm": "N*m", "knm": "kN*m"},
         "torque of motor and brake together on the wheelset of axle N (motor torque times gear ratio)",
-        kind="torque",
+        "torque",
     ),
-    "axleN_force": Quantity(
-        {"n": 1.0, "kn": 1e3},
-        "the same as a force at the rim, in place of the torque",
-        kind="force",
-    ),
+    "axleN_force": Quantity(FORCE, "the same as a force at the rim, in place of the torque", "force"),
     "axleN_pressure": Quantity(
-        {"kpa": 1e3, "bar": 1e5},
+        PRESSURE,
         "pressure of the brake cylinder of axle N; with the mapping file's newton_per_kpa in place of a force",
-        kind="pressure",
+        "pressure",
     ),
     "couplerK_force": Quantity(
-        {"n": 1.0, "kn": 1e3},
-        "force between the cars K and K + 1; of all couplers or none",
-        kind="force",
+        FORCE, "force between the cars K and K + 1; of all couplers or none", "force"
     ),
     "carK_acceleration": Quantity(
-        {"ms2": 1.0, "kmhs": 1.0 / 3.6},
-        "acceleration of car K; of all cars or none",
-        kind="acceleration",
+        {"ms2": "m/s**2", "kmhs": "km/h/s"}, "acceleration of car K; of all cars or none", "acceleration"
     ),
     "carK_pressure": Quantity(
-        {"kpa": 1e3, "bar": 1e5},
-        "pressure of the brake cylinders of car K, for all its axles",
-        kind="pressure",
+        PRESSURE, "pressure of the brake cylinders of car K, for all its axles", "pressure"
     ),
-}
+}  # fmt: skip
 """Quantity by the stem of its column; N and K represent numbers. A turning speed uses the train's radius."""
+SHARED = {
+    "axleN_speed": "wheel", "axleN_pulses": "wheel",
+    "axleN_torque": "effort", "axleN_force": "effort", "axleN_pressure": "effort",
+}  # fmt: skip
+"""Quantities from which the speed of a wheel follows, or the force on it: an axle has one of each."""
+SPELT = {
+    "1/s": "turn/s", "s-1": "turn/s", "Hz": "turn/s", "1/min": "rpm", "U/min": "rpm", "u/min": "rpm", "r/min": "rpm",
+    "min-1": "rpm", "min^-1": "rpm", "kmh": "km/h", "ms": "m/s", "kmhs": "km/h/s", "ms2": "m/s**2", "g": "g_0",
+    "n": "N", "kn": "kN", "mn": "MN", "dan": "daN", "nm": "N*m", "knm": "kN*m", "kp": "kgf", "kg/cm**2": "kgf/cm**2",
+    "mpa": "MPa", "hpa": "hPa", "kpa": "kPa", "pa": "Pa", "pulses": "1", "imp": "1", "impulse": "1", "-": "1", "": "1",
+    "rads": "rad/s", "umin": "rpm", "promille": "permille", "millis": "ms", "hz": "turn/s",
+}  # fmt: skip
+"""What loggers write and the library does not know, or takes for something else."""
+SCALED = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)[*x·]?([^\d/*.^+-].*)")
+"""A number and a unit: the worth of a digit, such as 0.01 km/h."""
 
-TURNING = ("rads", "rpm")
-"""Endings of turning speeds."""
-WHEEL = ("axleN_speed", "axleN_pulses")
-"""Quantities from which the speed of a wheel follows: an axle has one of them."""
-EFFORT = ("axleN_torque", "axleN_force", "axleN_pressure")
-"""Quantities from which the force on an axle follows: an axle has one of them."""
+
+@lru_cache(maxsize=1)
+def registry() -> "UnitRegistry[Any]":
+    """The library's units."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=4096)
+def factor(unit: str, kind: str) -> float | None:
+    """What a value in `unit` is multiplied with to be in the unit of `SI[kind]`; None for a unit of something else."""
+    text = re.sub(r"[\s\[\](){}<>]", "", unit)
+    scaled = SCALED.fullmatch(text)
+    if scaled:
+        whole = factor(scaled[2], kind)
+        return None if whole is None else float(scaled[1]) * whole
+    text = re.sub(r"(?<=[a-zA-Z])([23])$", r"**\1", text)
+    if re.search(r"\d(\*\*|\^)", text) or len(text) > 30:
+        return None  # the library would compute powers of numbers
+    always = SPELT.get(text) if kind in ("turning", "pulses") else None
+    for spelt in (always, text, SPELT.get(text), SPELT.get(text.lower()), text.lower()):
+        try:
+            if spelt:
+                return float(registry().Quantity(1.0, spelt).to(SI[kind]).magnitude)
+        except Exception:
+            continue
+    return None
+
+
+def kinds_of(unit: str) -> set[str]:
+    """Kinds of quantities that a unit can be of."""
+    return {kind for kind in SI if unit and factor(unit, kind) is not None}
 
 
 class Column(NamedTuple):
@@ -94,6 +139,29 @@ class Column(NamedTuple):
     number: int
     """From 1; 0 for a quantity of the whole train."""
     unit: str
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """What a column is, and how its values become SI units."""
+
+    column: str
+    quantity: str
+    number: int = 0
+    """From 1; 0 for a quantity of the whole train."""
+    factor: float = 1.0
+    sign: int = 1
+    turning: bool = False
+    """Whether it is a turning speed [rad/s], which takes the wheel's radius."""
+    unit: str = ""
+    """As stated, for the time alone."""
+    pulses_per_turn: float | None = None
+    newton_per_pascal: float | None = None
+
+    @property
+    def place(self) -> tuple[str, int]:
+        """Quantity and number; two that exclude each other share one."""
+        return SHARED.get(self.quantity, self.quantity), self.number
 
 
 def column_names() -> dict[str, str]:
@@ -107,27 +175,207 @@ def column_names() -> dict[str, str]:
 
 def parse_column(name: str) -> Column | None:
     """Meaning of a column's name; None if it is none of `QUANTITIES`."""
-    for stem, quantity in QUANTITIES.items():
-        pattern = re.sub(r"(?<=[a-z])[NK](?=_)", r"([1-9]\\d*)", stem)
-        found = re.fullmatch(rf"{pattern}_({'|'.join(quantity.units)})", name)
-        if found:
-            *number, unit = found.groups()
-            return Column(name, stem, int(number[0]) if number else 0, unit)
-    return None
+    word, _, unit = name.rpartition("_")
+    found = _stem(word)
+    return Column(name, *found, unit) if found and unit in QUANTITIES[found[0]].units else None
 
 
-def column_of(stem: str, number: int, unit: str) -> str:
+def _stem(word: str) -> tuple[str, int] | None:
+    number = re.search(r"(?<=[a-z])[1-9]\d*(?=_)", word)
+    place = "" if number is None else word[: number.start()]
+    stem = word if number is None else f"{PLACES.get(place, '')}{word[number.end() :]}"
+    if stem not in QUANTITIES or ("_" in stem and number is None):
+        return None
+    return stem, int(number[0]) if number else 0
+
+
+def stem_of(word: str, owner: str) -> tuple[str, int]:
+    """Quantity and number of a word such as "axle3_speed"; raises `StudyError` for any other word."""
+    found = _stem(word)
+    if found is None:
+        known = ", ".join(column_of(stem, 1) for stem in QUANTITIES)
+        raise StudyError(f"{owner}: {word!r} is no quantity; give one of {known} (numbers from 1)")
+    return found
+
+
+def column_of(stem: str, number: int, unit: str = "") -> str:
     """Name of the column of a quantity, its number and its unit."""
-    return re.sub(r"(?<=[a-z])[NK](?=_)", str(number), stem) + f"_{unit}"
+    return re.sub(r"(?<=[a-z])[NK](?=_)", str(number), stem) + (f"_{unit}" if unit else "")
 
 
-def near_column(name: str) -> str | None:
-    """The name that a misspelt column resembles most; None if it resembles none."""
+def near_column(name: str) -> Column | None:
+    """The column that a misspelt name resembles most; None if it resembles none."""
     digits = re.search(r"\d+", name)
-    number = int(digits.group()) if digits else 1
-    known = [
-        column_of(stem, number, unit)
-        for stem, quantity in QUANTITIES.items()
-        for unit in quantity.units
-    ]
-    return nearest(name, known)
+    number = max(int(digits.group()), 1) if digits else 1
+    known = [column_of(stem, number, u) for stem, q in QUANTITIES.items() for u in q.units]
+    return parse_column(nearest(name, known) or "")
+
+
+# ------------------------------------------------------------------------ the table of names, and the code that reads it
+
+WORDS = {
+    "time": "time zeit timestamp timestamps datetime date utc epoch uhrzeit zeitstempel seconds temps clock t 時刻 時間",
+    "axle": "axle axis achse achs wheelset wheel whl radsatz essieu roue rs ws rad ax 輪軸 車軸 軸",
+    "car": "car wagen coach vehicle veh wagon wag wg fahrzeug voiture w 号車 車両",
+    "coupler": "coupler coupling kupplung drawbar cpl draft attelage 連結器",
+    "motor": "motor mot tm fahrmotor moteur 主電動機 電動機",
+    "train": "ground gps gnss radar doppler train zug 列車 対地 車速",
+    "speed": "speed vel velocity geschwindigkeit geschw vitesse drehzahl rpm omega rotation rot spd tempo kmh rads v n "
+             "速度 周速 車速 回転数 回転速度",
+    "force": "force kraft effort frc fx te f 力",
+    "torque": "torque drehmoment moment couple tq trq m トルク",
+    "acceleration": "acceleration accel acc beschleunigung a ax 加速度",
+    "slope": "gradient grade slope inclination neigung steigung pente rampe 勾配",
+    "position": "position pos distance dist chainage mileage station kilometer weg キロ程 位置",
+    "pressure": "pressure pression druck cylinder cyl bremszylinder bcp pc bc p 圧力 圧 シリンダ",
+    "pulses": "pulses pulse counts count cnt impulse impuls imp ticks encoder パルス",
+}  # fmt: skip
+"""Words by what they mean. Those of one letter, and `AMBIGUOUS`, count only if no longer one says anything."""
+AMBIGUOUS = {"rad", "ax", "bc"}
+OF_AXLES = ("speed", "turning", "force", "torque", "pulses")
+"""What a number alone makes one of an axle."""
+PLACES = {"axle": "axleN", "coupler": "couplerK", "car": "carK"}
+NEEDS = {"axleN_pulses": "pulses_per_turn", "axleN_pressure": "newton_per_kpa"}
+"""Quantities that are of no use without a number that only the mapping file has."""
+MEANINGS: dict[str, set[str]] = {}
+for _meant, _words in WORDS.items():
+    for _word in _words.split():
+        MEANINGS.setdefault(_word, set()).add(_meant)
+LONG = sorted((w for w in MEANINGS if len(w) > 4 or w > "z"), key=len, reverse=True)
+"""Words that are found within a longer one: Zuggeschwindigkeit."""
+TOKEN = re.compile("|".join(w for w in LONG if w > "z") + r"|[a-z]+|\d+")
+
+
+class Told(NamedTuple):
+    """What a column is by its name."""
+
+    stem: str
+    number: int
+    unit: str
+    """"" where neither file nor name states it."""
+    guessed: bool
+    needs: str = ""
+    """Key of the mapping file without which the column is of no use."""
+
+
+def unit_in(name: str) -> tuple[str, str]:
+    """A column's name without its unit, and the unit in brackets or at its end, "" if none."""
+    bracket = re.search(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$", name)
+    if bracket:
+        return name[: bracket.start()], bracket[1]
+    parts = re.split(r"[_\s.]+", name.strip())
+    for count in (2, 1):
+        unit = "/".join(parts[-count:])
+        if len(parts) > count and len(unit) > (count == 1) and not unit.isdigit() and kinds_of(unit):  # fmt: skip
+            return "_".join(parts[:-count]), unit
+    return name, ""
+
+
+def _tokens(name: str) -> list[str]:
+    """Words and numbers of a name."""
+    # BremsKraft are two words, kN is one
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[a-z]{2})(?=[A-Z])", "_", name)
+    letters = unicodedata.normalize("NFKC", plain.replace("ß", "ss").lower())
+    for umlaut, pair in (("ä", "ae"), ("ö", "oe"), ("ü", "ue")):
+        letters = letters.replace(umlaut, pair)
+    letters = "".join(c for c in unicodedata.normalize("NFD", letters) if c not in "\u0300\u0301\u0302")  # fmt: skip
+    letters = re.sub(r"(?<=号車)[^\d]*?(?=\d)|(?<=car)_(?=[a-h]\b)", "_", letters)
+    found = []
+    for token in TOKEN.findall(unicodedata.normalize("NFC", letters)):
+        inner = [] if token in MEANINGS else re.findall("|".join(LONG), token)
+        found += inner or [token]
+    # car A is car 1
+    return [str(ord(t) - 96) if len(t) == 1 and "a" <= t <= "h" and k and "car" in MEANINGS.get(found[k - 1], ())
+            and len(found[k - 1]) > 1 else t for k, t in enumerate(found)]  # fmt: skip
+
+
+def _meaning(tokens: list[str], unit: str) -> tuple[str, str]:
+    """Place and kind of quantity, "" where nothing tells it; words tell it, and the unit decides."""
+    sure, unsure = set[str](), set[str]()
+    for token in tokens:
+        short = token in AMBIGUOUS or (len(token) == 1 and token < "z")
+        (unsure if short else sure).update(MEANINGS.get(token, ()))
+    said = sure & set(SI) or unsure & set(SI)
+    places = sure & set(PLACES) or unsure & set(PLACES)
+    place = next((one for one in PLACES if one in places), "")
+    kinds = kinds_of(unit)
+    said |= {"turning"} if "speed" in said else set()
+    both = said & kinds
+    if both:
+        return place, min(both, key=lambda k: (k == "turning", k))
+    if kinds - {"pulses", "slope"}:
+        kinds -= {"pulses", "slope"}
+        return place, kinds.pop() if len(kinds) == 1 else ""
+    said -= {"turning"}
+    said -= {"time", "position"} if len(said) > 1 else set()
+    return place, said.pop() if len(said) == 1 else ""
+
+
+def _numbers_of(names: dict[str, list[str]], train: MeasuredTrain) -> dict[str, int]:
+    """Number of the axle, car or coupler in each name, by all names that differ in nothing but numbers.
+
+    Axles count through the train, within their car, or within the bogies of their cars; from 0 or from 1.
+    """
+    groups: dict[str, dict[str, list[int]]] = {}
+    for name, tokens in names.items():
+        if digits := [int(t) for t in tokens if t.isdigit()]:
+            groups.setdefault(" ".join("#" if t.isdigit() else t for t in tokens), {})[name] = digits  # fmt: skip
+    from_zero = any(len(g) > 1 and min(d[-1] for d in g.values()) == 0 for g in groups.values())
+    found = {}
+    for key, group in groups.items():
+        of_car = any("car" in MEANINGS.get(t, ()) for t in key.split())
+        for digits in group.values():
+            digits[:] = [n + from_zero for n in digits]
+        last = [digits[-1] for digits in group.values()]
+        through = len(set(last)) == len(last) and max(last) > 4
+        bogies = max((digits[1] for digits in group.values() if len(digits) > 2), default=1)
+        for name, digits in group.items():
+            car, own = digits[0], digits[-1]
+            if len(digits) > 1 and of_car and not through:
+                in_car = [d[-1] for d in group.values() if d[0] == car]
+                if len(digits) > 2 and len(set(in_car)) < len(in_car):
+                    own += (digits[1] - 1) * int((train.axle_car == car - 1).sum()) // bogies
+                own += int((train.axle_car < car - 1).sum())
+            found[name] = car - from_zero if "coupler" in key else own
+    return found
+
+
+def told_by_names(units: dict[str, str], train: MeasuredTrain) -> dict[str, Told]:
+    """What columns are, whose stated units are given by name; those that nothing tells are not in the result."""
+    found: dict[str, Told] = {}
+    speeds: list[tuple[int, int, str, Told]] = []
+    rest: dict[str, tuple[list[str], str]] = {}
+    for name, stated in units.items():
+        if own := parse_column(name):
+            unit = QUANTITIES[own.quantity].units[own.unit]
+            found[name] = Told(own.quantity, own.number, unit, False, NEEDS.get(own.quantity, ""))
+        else:
+            plain, unit = unit_in(name)
+            rest[name] = (_tokens(plain if unit else name), stated if kinds_of(stated) else unit)
+    taken = {Assigned("", told.stem, told.number).place for told in found.values()}
+    ruled = any(place[0] == "wheel" for place in taken)
+    numbers = _numbers_of({name: tokens for name, (tokens, _) in rest.items()}, train)
+    for name, (tokens, unit) in rest.items():
+        place, kind = _meaning(tokens, unit)
+        of_train = [k for k, word in enumerate(WORDS["train"].split()) if word in tokens]
+        if not place and not of_train and name in numbers and kind in OF_AXLES:
+            place = "axle"
+        what = {"turning": "speed", "slope": "gradient"}.get(kind, kind)
+        stem = f"{PLACES[place]}_{what}" if place else what
+        number = numbers.get(name, 0) if place else 0
+        # beside columns that follow the rules, only what they lack is guessed: time, wheels
+        if stem not in QUANTITIES or bool(place) != bool(number) or (ruled and not unit and stem != "time"):  # fmt: skip
+            continue
+        motor = kind in ("turning", "torque") and any("motor" in MEANINGS.get(t, ()) for t in tokens)  # fmt: skip
+        unit = unit if kind in kinds_of(unit) else ""
+        told = Told(stem, number, unit, True, "gear_ratio" if motor else NEEDS.get(stem, ""))
+        at = Assigned("", stem, number).place
+        if stem == "speed" and at not in taken:
+            speeds.append((min(of_train, default=99), len(speeds), name, told))
+        elif at not in taken:
+            found[name] = told
+            taken |= set() if told.needs else {at}
+    if speeds:
+        _, _, name, told = min(speeds)
+        found[name] = told
+    return found

@@ -11,12 +11,11 @@ from studies.files.limits import check_values
 from studies.files.study_error import StudyError
 from studies.files.writable import RUN
 from studies.logs.brake_report import BRAKING
-from studies.logs.csv_table import is_text
 from studies.logs.export import log_table
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, check_log, read_log
 from studies.logs.measured_run import Findings, analyse_run, train_acceleration
-from studies.logs.recorder_files import ENDINGS
+from studies.logs.recorder_files import ENDINGS, is_text
 
 RULE, CONTROLLER = "greedy", "cut-and-ramp"
 """Of a scenario that is simulated for a comparison."""

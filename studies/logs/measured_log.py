@@ -25,8 +25,7 @@ from studies.logs.momentum_check import check_balance, forwards_too
 from studies.logs.own_samples import Samples
 from studies.logs.period import conclude_period
 from studies.logs.radius_correction import make_up_for_radii
-from studies.logs.raw_channels import Recording, recording_of
-from studies.logs.recorder_files import read_recording
+from studies.logs.recorder_files import Recording, read_recording, recording_of
 from studies.logs.remarks import Remark, faulty
 from studies.logs.speed_shape import middle_speed
 from studies.logs.told_channels import Sources, open_sources

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from alloc.estimation.series import spans
 from alloc.plant.laws import GRAVITY
 from studies.logs.clock import PERIODS, Clock
-from studies.logs.raw_channels import RawChannel
+from studies.logs.recorder_files import RawChannel
 from studies.logs.remarks import Remark, faulty
 from studies.logs.speed_shape import STANDING
 from studies.logs.told_channels import FEWEST_ROWS, Sources

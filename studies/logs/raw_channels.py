@@ -1,59 +1,166 @@
-"""Content of a log file before interpretation: channels by name, with the units that it states."""
+"""The raw channels of a log: which column is what, the clock of its rows, and values on their own instants in SI units."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
+
+from studies.logs.channel_values import numbers
+from studies.logs.clock import Clock, read_clock
+from studies.logs.columns import QUANTITIES, SHARED, Assigned, near_column
+from studies.logs.known_train import MeasuredTrain
+from studies.logs.mapping import Mapping, assigned, draft
+from studies.logs.recorder_files import Recording
+from studies.logs.remarks import Faulty, Remark, faulty
 
 Floats = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class RawChannel:
-    """One channel of a file."""
-
-    name: str
-    unit: str
-    """As the file states it, "" where it does not."""
-    load: Callable[[], NDArray[Any]]
-    """Its values: numbers, time stamps or texts."""
-    clock: Floats | None = None
-    """Its own instants [s]; None: those of the rows."""
+FEWEST_ROWS = 10
 
 
-@dataclass
-class Recording:
-    """A file of a log; a channel that is taken is gone, so that a long log is not held twice."""
+@dataclass(eq=False)
+class RawChannels:
+    """The channels of a log, which are read one after another; remarks grow with them."""
 
-    source: str
-    channels: dict[str, RawChannel]
-    notes: list[str] = field(default_factory=list)
-    """What was done to read it."""
+    recording: Recording
+    train: MeasuredTrain
+    assigned: dict[tuple[str, int], Assigned]
+    """By place, see `Assigned.place`."""
+    clock: Clock | None
+    """Of the rows; None where every channel has its own."""
+    remarks: list[Remark] = field(default_factory=list)
 
     @property
-    def units(self) -> dict[str, str]:
-        """Unit by name, "" where the file states none."""
-        return {name: channel.unit for name, channel in self.channels.items()}
+    def source(self) -> str:
+        """Name of the log."""
+        return self.recording.source
 
-    def take(self, name: str) -> NDArray[Any]:
-        """The values of a channel, and forget them."""
-        return self.channels.pop(name).load()
+    def numbers_of(self, *places: str) -> list[int]:
+        """Numbers that columns of a place have, growing."""
+        return sorted(number for name, number in self.assigned if name in places)
+
+    def series(self, place: tuple[str, int]) -> tuple[Floats, Floats]:
+        """Instants [s] and values of a channel as the file has them, nan where it has none; for once only."""
+        one = self.assigned[place]
+        time = self.recording.channels[one.column].clock
+        values, found = numbers(self.recording.take(one.column), one.column, self.source)
+        self.remarks += found
+        if time is None:
+            assert self.clock is not None
+            time, values = self.clock.time, self.clock.of(values)
+        order = np.diff(time)
+        if order.size and order.min() <= 0.0:
+            known = np.isfinite(values)
+            time, values = time[known], values[known]
+            first = np.concatenate([[True], np.diff(time) > 0.0])
+            again = int((~first).sum())
+            text = f"{again} instant{'s' if again > 1 else ''} with two values: the first is used"
+            if again and not any(remark.text == text for remark in self.remarks):
+                self.remarks.append(Remark("time", one.column, text))
+            time, values = time[first], values[first]
+        return time, values
+
+    def scaled(self, place: tuple[str, int], values: Floats) -> Floats:
+        """Values of a channel in SI units; a turning speed becomes that of the rim."""
+        one = self.assigned[place]
+        scale = one.factor * one.sign
+        if one.turning:
+            scale *= float(self.train.radius[one.number - 1])
+        return values if scale == 1.0 else values * scale
 
 
-def recording_of(
-    table: pd.DataFrame, source: str, units: dict[str, str] | None = None
-) -> Recording:
-    """A table in memory as a recording."""
+def open_channels(
+    recording: Recording, train: MeasuredTrain, mapping: Mapping | None, owner: str
+) -> RawChannels:
+    """Find out what the columns of a recording are and read its clock; `owner` names the mapping file in messages.
 
-    def loader(position: int) -> Callable[[], NDArray[Any]]:
-        return lambda: table.iloc[:, position].to_numpy()
+    Without a mapping the log is read by its draft. Raises `Faulty` for what the train does not have, is there twice, or is
+    missing.
+    """
+    source = recording.source
+    remarks = [Remark("read", "", note) for note in recording.notes]
+    if mapping is None:
+        owner, partial, period = f"log {source!r}", False, None
+        found = draft(recording, train)
+        known, of_size = assigned(found.columns, recording, train, owner)
+        guessed = {name: found.told[name] for name in found.columns if found.told[name].guessed}
+        remarks += [Remark("guess", *line) for line in found._replace(told=guessed).said()]
+        for name, told in found.told.items():
+            if told.needs:
+                text = f"not used: a mapping file gives {told.needs}"
+                remarks.append(Remark("unknown", name, text))
+    else:
+        partial, period = mapping.wheels.partial, mapping.time.period_s
+        known, of_size = assigned(mapping.columns, recording, train, owner)
+        found = draft(recording, train, {one.column: one for one in known})
+        for column, text in found.said():
+            left = f"the mapping file does not name {text}; so it is not used"
+            remarks.append(Remark("unknown", column, left))
+    remarks += of_size
+    own_clocks = all(recording.channels[one.column].clock is not None for one in known)
+    if own_clocks:
+        known = [one for one in known if one.quantity != "time"]
+    by_place = _by_place(known, train, source)
+    unknown = [] if mapping else [n for n in recording.channels if n not in found.told]
+    remarks += _lacking(by_place, unknown, own_clocks, source)
+    all_told = [(one.quantity, one.number) for one in known]
+    all_told += [(told.stem, told.number) for told in found.told.values()]
+    axles = {number for stem, number in all_told if stem.startswith("axle")}
+    if axles == set(range(1, len(axles) + 1)) and len(axles) < train.radius.size and not partial:
+        raise Faulty(
+            f"log {source!r}: {len(axles)} axles, the train has {train.radius.size}; give the log's own train, or say in "
+            "a mapping file that the others were not measured: [wheels] partial = true"
+        )
+    clock = None
+    if not own_clocks:
+        time = by_place["time", 0]
+        raw = recording.take(time.column)
+        if raw.size < FEWEST_ROWS:
+            text = f"{raw.size} rows; give {FEWEST_ROWS} or more to be analysed"
+            raise faulty(source, time.column, None, text)
+        clock = read_clock(raw, time.column, time.unit, source, period)
+        remarks += clock.remarks
+    return RawChannels(recording, train, by_place, clock, remarks)
 
-    names = [str(name) for name in table.columns]
-    stated = units or {}
-    return Recording(
-        source,
-        {name: RawChannel(name, stated.get(name, ""), loader(k)) for k, name in enumerate(names)},
-    )
+
+def _by_place(
+    known: list[Assigned], train: MeasuredTrain, source: str
+) -> dict[tuple[str, int], Assigned]:
+    axles, cars = train.radius.size, train.car_mass.size
+    most = {"axleN": axles, "couplerK": cars - 1, "carK": cars}
+    found: dict[tuple[str, int], Assigned] = {}
+    for one in known:
+        kind = one.quantity.split("_")[0]
+        if kind in most and not 1 <= one.number <= most[kind]:
+            text = f"train {train.name!r} has {axles} axles and {cars} cars"
+            raise faulty(source, one.column, None, text)
+        if one.place in found:
+            text = f"is the same as {found[one.place].column!r}; give one"
+            raise faulty(source, one.column, None, text)
+        found[one.place] = one
+    return found
+
+
+def _lacking(
+    known: dict[tuple[str, int], Assigned], unknown: list[str], own_clocks: bool, source: str
+) -> list[Remark]:
+    """Remarks on columns that are not used; raises for what is missing, with the name that may be misspelt."""
+    near = {name: near_column(name) for name in unknown}
+    places = {place for place, _ in known} | ({"time"} if own_clocks else set())
+    for stem, quantity in QUANTITIES.items():
+        like = [name for name, column in near.items() if column and column.quantity == stem]
+        # a speed that is only misspelt shall not be estimated
+        if SHARED.get(stem, stem) in places or not (quantity.required or (stem == "speed" and like)):  # fmt: skip
+            continue
+        wanted = " or ".join(f"{stem}_{unit}" for unit in quantity.units)
+        hint = f"; is it {like[0]!r}?" if like else ""
+        if not like:
+            some = ", ".join(map(repr, unknown[:4])) + (", ..." if len(unknown) > 4 else "")
+            hint = f"; not understood: {some}" if some else ""
+            hint += "; say in a mapping file (--mapping, docs/logs.md) which column is what; --map drafts one"
+        raise faulty(source, wanted, None, f"is missing: {quantity.description}{hint}")
+    return [
+        Remark("unknown", name, "is not known and not used"
+               + (f"; did you mean {column.name!r}?" if column else ""))
+        for name, column in near.items()
+    ]  # fmt: skip

@@ -1,85 +1,25 @@
-"""What the columns of a recording are, and its channels in SI units, one after another."""
-
-from dataclasses import dataclass, field
+"""Own samples of a log's channels, as the stages that bring them to common instants take them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from alloc.estimation.series import spans
-from studies.logs.assignment import Assigned, by_name, check_assignment
-from studies.logs.channel_values import carried, forwards, numbers, scale_of
-from studies.logs.clock import Clock, read_clock
+from studies.logs.channel_values import carried, forwards
 from studies.logs.common_instants import longest
-from studies.logs.guessing import described, guess
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping
 from studies.logs.own_samples import Samples, own_samples, smoothed_steps
-from studies.logs.raw_channels import Recording
-from studies.logs.remarks import NAMED, Remark, faulty
+from studies.logs.raw_channels import FEWEST_ROWS, RawChannels, open_channels
+from studies.logs.recorder_files import Recording
+from studies.logs.remarks import NAMED, Remark
+
+__all__ = ["FEWEST_ROWS", "Sources", "open_sources"]
 
 Floats = NDArray[np.float64]
 
-FEWEST_ROWS = 10
 
-
-@dataclass(eq=False)
-class Sources:
-    """The channels of a log, which are read one after another; remarks grow with them."""
-
-    recording: Recording
-    train: MeasuredTrain
-    assigned: dict[tuple[str, int], Assigned]
-    """By place, see `Assigned.place`."""
-    clock: Clock | None
-    """Of the rows; None where every channel has its own."""
-    remarks: list[Remark] = field(default_factory=list)
-
-    @property
-    def source(self) -> str:
-        """Name of the log."""
-        return self.recording.source
-
-    def numbers_of(self, *places: str) -> list[int]:
-        """Numbers that columns of a place have, growing."""
-        return sorted(number for name, number in self.assigned if name in places)
-
-    def series(self, place: tuple[str, int]) -> tuple[Floats, Floats]:
-        """Instants [s] and values of a channel as the file has them, nan where it has none; for once only."""
-        one = self.assigned[place]
-        raw = self.recording.channels[one.column]
-        time = raw.clock
-        values, found = numbers(self.recording.take(one.column), one.column, self.source)
-        self.remarks += found
-        if time is None:
-            assert self.clock is not None
-            time, values = self.clock.time, self.clock.of(values)
-        order = np.diff(time)
-        if order.size and order.min() <= 0.0:
-            known = np.isfinite(values)
-            time, values = time[known], values[known]
-            first = np.concatenate([[True], np.diff(time) > 0.0])
-            again = int((~first).sum())
-            if again:
-                text = (
-                    f"{again} instant{'s' if again > 1 else ''} with two values: the first is used"
-                )
-                if not any(remark.text == text for remark in self.remarks):
-                    self.remarks.append(Remark("time", one.column, text))
-            time, values = time[first], values[first]
-        return time, values
-
-    def scaled(self, place: tuple[str, int], values: Floats, like: Floats | None = None) -> Floats:
-        """Values of a channel in SI units; a turning speed becomes that of the rim. `like` [m/s]: another speed."""
-        one = self.assigned[place]
-        scale, turning = one.factor, one.turning
-        if scale is None:
-            scale, unit, turning = scale_of(one, values, like, self.train)
-            text = f"no unit, read as {unit}"
-            self.remarks.append(Remark("guess", one.column, text))
-        scale *= one.sign
-        if turning:
-            scale *= float(self.train.radius[one.number - 1])
-        return values if scale == 1.0 else values * scale
+class Sources(RawChannels):
+    """The channels of a log, with their own samples."""
 
     def note_missing(self, name: str, time: Floats, values: Floats, samples: Samples) -> None:
         """Remark on what a channel lacks, and on how its samples are told; long stretches are named, short ones counted."""
@@ -126,7 +66,7 @@ class Sources:
         """Own samples of a speed [m/s] that counts forwards."""
         time, values = self.series(place)
         name = self.assigned[place].column
-        values = self.scaled(place, values, like)
+        values = self.scaled(place, values)
         values, found = forwards(name, values, self.source)
         self.remarks += found
         samples = own_samples(time, values, rounded=True)
@@ -166,81 +106,5 @@ class Sources:
 def open_sources(
     recording: Recording, train: MeasuredTrain, mapping: Mapping | None, owner: str
 ) -> Sources:
-    """Find out what the columns of a recording are and read its clock; `owner` names the mapping file in messages."""
-    source = recording.source
-    remarks = [Remark("read", "", note) for note in recording.notes]
-    period = None
-    if mapping is not None:
-        assigned = mapping.assigned(recording, owner)
-        unknown: list[str] = []
-        remarks += _left_out(recording, train, assigned)
-        period = mapping.time.period_s
-    else:
-        assigned, unknown, guessed = _told_by_names(recording, train)
-        remarks += guessed
-    own_clocks = all(recording.channels[one.column].clock is not None for one in assigned)
-    if own_clocks:
-        assigned = [one for one in assigned if one.quantity != "time"]
-    named = assigned + ([Assigned("", "time")] if own_clocks else [])
-    remarks += check_assignment(named, unknown, train, source)
-    assigned = [one for one in assigned if _usable(one, remarks)]
-    clock = None
-    if not own_clocks:
-        column = next(one for one in assigned if one.quantity == "time")
-        raw = recording.take(column.column)
-        if raw.size < FEWEST_ROWS:
-            raise faulty(
-                source,
-                column.column,
-                None,
-                f"{raw.size} rows; give {FEWEST_ROWS} or more to be analysed",
-            )
-        clock = read_clock(raw, column.column, column.unit, source, period)
-        remarks += clock.remarks
-    by_place = {one.place: one for one in assigned}
-    return Sources(recording, train, by_place, clock, remarks)
-
-
-def _usable(one: Assigned, remarks: list[Remark]) -> bool:
-    if one.quantity == "axleN_pressure" and one.newton_per_pascal is None:
-        text = "not used: a mapping file gives newton_per_kpa, the brake force at the rim of 1 kPa"
-        remarks.append(Remark("unknown", one.column, text))
-        return False
-    if one.quantity == "axleN_pulses" and one.pulses_per_turn is None:
-        text = "not used: a mapping file gives pulses_per_turn"
-        remarks.append(Remark("unknown", one.column, text))
-        return False
-    return True
-
-
-def _named_and_guessed(
-    recording: Recording, train: MeasuredTrain, mapped: list[Assigned]
-) -> tuple[dict[str, Assigned], dict[str, Assigned]]:
-    """What columns beside the `mapped` ones are by their names, and by guesses of the others."""
-    known, taken = {one.column for one in mapped}, {one.place for one in mapped}
-    rest = [name for name in recording.channels if name not in known]
-    named = {name: one for name in rest if (one := by_name(name)) and one.place not in taken}
-    taken |= {one.place for one in named.values()}
-    return named, guess([n for n in rest if n not in named], recording.units, taken, train)
-
-
-def _told_by_names(
-    recording: Recording, train: MeasuredTrain
-) -> tuple[list[Assigned], list[str], list[Remark]]:
-    """What columns are without a mapping file; those that stay unknown; what was guessed."""
-    named, guessed = _named_and_guessed(recording, train, [])
-    if any(one.place[0] == "wheel" for one in named.values()):
-        # beside columns that follow the rules, only what they lack is guessed: time, wheels
-        guessed = {n: g for n, g in guessed.items() if g.factor is not None or g.quantity == "time"}
-    remarks = [Remark("guess", *line) for line in described(guessed, recording.units)]
-    unknown = [name for name in recording.channels if name not in named and name not in guessed]
-    return [*named.values(), *guessed.values()], unknown, remarks
-
-
-def _left_out(recording: Recording, train: MeasuredTrain, mapped: list[Assigned]) -> list[Remark]:
-    """Remarks on columns that a mapping file does not name, although their names tell what they are."""
-    named, guessed = _named_and_guessed(recording, train, mapped)
-    return [
-        Remark("unknown", column, f"the mapping file does not name {text}; so it is not used")
-        for column, text in described(named | guessed, recording.units)
-    ]
+    """`open_channels`, for the stages."""
+    return Sources(**vars(open_channels(recording, train, mapping, owner)))

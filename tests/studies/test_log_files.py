@@ -9,7 +9,7 @@ import pytest
 
 from studies.files.study_error import StudyError
 from studies.log_accuracy import defects as spoil
-from studies.logs.channel_units import factor, kinds_of
+from studies.logs.columns import factor, kinds_of
 from studies.logs.gradients import GradientLine
 from studies.logs.mapping import Mapping, read_mapping
 from studies.logs.measured_log import check_log, read_log
@@ -152,7 +152,7 @@ def test_units_are_those_of_a_library():
     assert factor("[km/h]", "speed") == pytest.approx(1.0 / 3.6)
     assert factor("‰", "slope") == pytest.approx(1e-3)
     assert factor("kN", "torque") is None
-    assert kinds_of("bar") == ["pressure"]
+    assert kinds_of("bar") == {"pressure"}
 
 
 def test_mdf_is_read_with_the_clock_of_each_channel(tmp_path, damage):

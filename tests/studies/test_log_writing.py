@@ -8,14 +8,14 @@ import pytest
 
 from studies.files.study_error import StudyError
 from studies.logs.axle_series import _gained, _since_row_before
-from studies.logs.channel_units import factor
+from studies.logs.columns import factor
 from studies.logs.channel_values import numbers
-from studies.logs.guessing import guess
+from studies.logs.columns import told_by_names
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import read_log
-from studies.logs.number_texts import decimal_of, numbers_of
-from studies.logs.recorder_files import read_recording
-from studies.logs.text_encoding import encoding_of
+
+from studies.logs.recorder_files import decimal_of, encoding_of, numbers_of, read_recording
+
 from tests.studies.test_log_files import TABLE, TRAIN
 
 NUMBERS = np.random.default_rng(11).normal(0.0, 3000.0, 400)
@@ -119,7 +119,7 @@ def _names(train: MeasuredTrain, write) -> list[str]:
 def test_axles_are_found_however_they_are_counted(axles, write):
     train = train_of(*axles)
     names = _names(train, write)
-    found = guess(names, dict.fromkeys(names, ""), set(), train)
+    found = told_by_names(dict.fromkeys(names, ""), train)
     assert [found[name].number for name in names] == list(range(1, sum(axles) + 1))
 
 
@@ -128,7 +128,7 @@ def test_axles_count_within_the_bogies_of_a_car():
     names = _names(
         train, lambda i, c, k: f"Car {c + 1} Bogie {k // 2 + 1} Axle {k % 2 + 1} speed [km/h]"
     )
-    found = guess(names, dict.fromkeys(names, ""), set(), train)
+    found = told_by_names(dict.fromkeys(names, ""), train)
     assert [found[name].number for name in names] == list(range(1, 9))
 
 
