@@ -40,6 +40,8 @@ class Further:
     against: str | None = None
     """Compare with a simulated run of the same train: what `readhesion simulate` wrote by `--log` or `--out` (.nc), or a
     scenario."""
+    draft: Annotated[FilePath | None, Parameter("--map")] = None
+    """Write a draft of the mapping file here (.toml), and nothing else; guesses of names and units are marked."""
 
 
 SLIPS_ALONE = Further()
@@ -61,10 +63,10 @@ def analyse(
 ) -> int | None:
     """Find slips and slides in logs of a train, and what its wheels and brakes did.
 
-    A log is a table of text (any usual separator, decimal and compression), parquet, MDF 3 or 4, or TDMS. Columns with the
-    names that `readhesion list` shows (time_s, speed_kmh, axle1_speed_kmh, axle1_force_kn ...) need nothing else. A mapping
-    file says what other columns are (docs/logs.md). Without one their meaning is guessed, and the guess is printed. Axles
-    and cars count from the front; traction and tension are positive.
+    A log is a table of text (any usual separator, decimal and compression), parquet, MDF 3 or 4, TDMS, or MATLAB's .mat.
+    Columns with the names that `readhesion list` shows (time_s, speed_kmh, axle1_speed_kmh, axle1_force_kn ...) need nothing
+    else. A mapping file says what other columns are (docs/logs.md); --map writes a draft. Without one the log is read by
+    this draft, and what was guessed is printed. Axles and cars count from the front; traction and tension are positive.
 
     Every channel is brought from its own samples to common instants, with an error: the train's speed may be late, rare or
     held, wheels may count pulses. Without it the speed is estimated from speed and force of the axles, of all driven
@@ -115,8 +117,12 @@ def analyse(
             raise StudyError(f"{name} {value}: must be greater than 0")
     if not logs:
         raise StudyError("no log is given; name one file or several")
-    if figure is not None and len(logs) > 1:
-        raise StudyError("--figure is for a single log")
+    for option, path in (("--figure", figure), ("--map", further.draft)):
+        if path is not None and len(logs) > 1:
+            raise StudyError(f"{option} is for a single log")
+    if further.draft is not None:
+        _write_draft(logs[0], train, further.draft)
+        return None
     check_file(figure, FIGURE)
     check_file(events, (".csv",))
     if out is not None:
@@ -144,6 +150,20 @@ def analyse(
         write_events(reports, events)
     _show(reports, failed, as_json, len(logs))
     return ALL_FAILED if failed and not reports else None
+
+
+def _write_draft(log: Path, train: str, path: Path) -> None:
+    """Write the draft of a mapping file; raises `StudyError` where there is a file, which somebody may have corrected."""
+    from alloc.sources import write_whole
+    from studies.logs.mapping import draft_text
+    from studies.logs.measured_train import read_log_train
+    from studies.logs.recorder_files import read_recording
+
+    if path.exists():
+        raise StudyError(f"--map {str(path)!r}: is there already; name another, or delete it")
+    check_file(path, (".toml",))
+    text = draft_text(read_recording(log), read_log_train(train))
+    write_whole(path, partial(Path.write_text, data=text, encoding="utf-8"))
 
 
 @dataclass(frozen=True)

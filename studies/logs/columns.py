@@ -80,6 +80,11 @@ QUANTITIES: dict[str, Quantity] = {
     ),
 }  # fmt: skip
 """Quantity by the stem of its column; N and K represent numbers. A turning speed uses the train's radius."""
+PLACES = {"axle": "axleN", "coupler": "couplerK", "car": "carK"}
+OF_AXLES = ("speed", "turning", "force", "torque", "pulses")
+"""What a number alone makes one of an axle."""
+NEEDS = {"axleN_pulses": "pulses_per_turn", "axleN_pressure": "newton_per_kpa"}
+"""Quantities that are of no use without a number that only the mapping file has."""
 SHARED = {
     "axleN_speed": "wheel", "axleN_pulses": "wheel",
     "axleN_torque": "effort", "axleN_force": "effort", "axleN_pressure": "effort",
@@ -90,9 +95,13 @@ SPELT = {
     "min-1": "rpm", "min^-1": "rpm", "kmh": "km/h", "ms": "m/s", "kmhs": "km/h/s", "ms2": "m/s**2", "g": "g_0",
     "n": "N", "kn": "kN", "mn": "MN", "dan": "daN", "nm": "N*m", "knm": "kN*m", "kp": "kgf", "kg/cm**2": "kgf/cm**2",
     "mpa": "MPa", "hpa": "hPa", "kpa": "kPa", "pa": "Pa", "pulses": "1", "imp": "1", "impulse": "1", "-": "1", "": "1",
-    "rads": "rad/s", "umin": "rpm", "promille": "permille", "millis": "ms", "hz": "turn/s",
+    "rads": "rad/s", "umin": "rpm", "promille": "permille", "millis": "ms", "hz": "turn/s", "S": "s", "M": "m",
 }  # fmt: skip
 """What loggers write and the library does not know, or takes for something else."""
+IN_NAMES = {*SPELT, *re.findall(r"\S+", """
+    km/h m/s mph kph knots kts rad/s rpm 1/min u/min r/min kn dan mn lbf kgf nm knm m/s2 km/h/s permille percent km mm mi ft
+    s ms us ns sec msec min bar mbar psi kpa mpa hpa pa""")}  # fmt: skip
+"""Units that stand at the end of a name without brackets; the library would take many a word for one."""
 SCALED = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)[*x·]?([^\d/*.^+-].*)")
 """A number and a unit: the worth of a digit, such as 0.01 km/h."""
 
@@ -117,7 +126,8 @@ def factor(unit: str, kind: str) -> float | None:
     if re.search(r"\d(\*\*|\^)", text) or len(text) > 30:
         return None  # the library would compute powers of numbers
     always = SPELT.get(text) if kind in ("turning", "pulses") else None
-    for spelt in (always, text, SPELT.get(text), SPELT.get(text.lower()), text.lower()):
+    small = text.lower() if len(text) > 1 else text  # A is no year
+    for spelt in (always, text, SPELT.get(text), SPELT.get(small), small):
         try:
             if spelt:
                 return float(registry().Quantity(1.0, spelt).to(SI[kind]).magnitude)
@@ -129,6 +139,21 @@ def factor(unit: str, kind: str) -> float | None:
 def kinds_of(unit: str) -> set[str]:
     """Kinds of quantities that a unit can be of."""
     return {kind for kind in SI if unit and factor(unit, kind) is not None}
+
+
+def unit_in(name: str) -> tuple[str, str]:
+    """A column's name without its unit, and the unit in brackets or at its end, "" if none."""
+    bracket = re.search(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$", name)
+    if bracket and not bracket[1].isdigit():
+        return name[: bracket.start()], bracket[1]
+    # of a matrix, the number of the column stands behind the unit
+    words, number = re.findall(r"^(.*?)([_\s.]+\d+)?$", name.strip().replace("\n", " "))[0]
+    parts = re.split(r"[_\s.]+", words)
+    for count in (2, 1):
+        unit = "/".join(parts[-count:])
+        if len(parts) > count and len(unit) > (count == 1) and unit.lower() in IN_NAMES:
+            return "_".join(parts[:-count]) + number, unit
+    return name, ""
 
 
 class Column(NamedTuple):
@@ -219,12 +244,12 @@ WORDS = {
     "car": "car wagen coach vehicle veh wagon wag wg fahrzeug voiture w 号車 車両",
     "coupler": "coupler coupling kupplung drawbar cpl draft attelage 連結器",
     "motor": "motor mot tm fahrmotor moteur 主電動機 電動機",
-    "train": "ground gps gnss radar doppler train zug 列車 対地 車速",
+    "train": "ground gps gnss radar doppler train zug 対地 列車 車速 v",
     "speed": "speed vel velocity geschwindigkeit geschw vitesse drehzahl rpm omega rotation rot spd tempo kmh rads v n "
              "速度 周速 車速 回転数 回転速度",
     "force": "force kraft effort frc fx te f 力",
     "torque": "torque drehmoment moment couple tq trq m トルク",
-    "acceleration": "acceleration accel acc beschleunigung a ax 加速度",
+    "acceleration": "acceleration accel acc beschleunigung a 加速度",
     "slope": "gradient grade slope inclination neigung steigung pente rampe 勾配",
     "position": "position pos distance dist chainage mileage station kilometer weg キロ程 位置",
     "pressure": "pressure pression druck cylinder cyl bremszylinder bcp pc bc p 圧力 圧 シリンダ",
@@ -232,16 +257,9 @@ WORDS = {
 }  # fmt: skip
 """Words by what they mean. Those of one letter, and `AMBIGUOUS`, count only if no longer one says anything."""
 AMBIGUOUS = {"rad", "ax", "bc"}
-OF_AXLES = ("speed", "turning", "force", "torque", "pulses")
-"""What a number alone makes one of an axle."""
-PLACES = {"axle": "axleN", "coupler": "couplerK", "car": "carK"}
-NEEDS = {"axleN_pulses": "pulses_per_turn", "axleN_pressure": "newton_per_kpa"}
-"""Quantities that are of no use without a number that only the mapping file has."""
-MEANINGS: dict[str, set[str]] = {}
-for _meant, _words in WORDS.items():
-    for _word in _words.split():
-        MEANINGS.setdefault(_word, set()).add(_meant)
-LONG = sorted((w for w in MEANINGS if len(w) > 4 or w > "z"), key=len, reverse=True)
+EVERY = {word for words in WORDS.values() for word in words.split()}
+MEANINGS = {word: {m for m, words in WORDS.items() if word in words.split()} for word in EVERY}
+LONG = sorted((w for w in EVERY if len(w) > 4 or w > "z"), key=lambda w: (-len(w), w))
 """Words that are found within a longer one: Zuggeschwindigkeit."""
 TOKEN = re.compile("|".join(w for w in LONG if w > "z") + r"|[a-z]+|\d+")
 
@@ -258,63 +276,44 @@ class Told(NamedTuple):
     """Key of the mapping file without which the column is of no use."""
 
 
-def unit_in(name: str) -> tuple[str, str]:
-    """A column's name without its unit, and the unit in brackets or at its end, "" if none."""
-    bracket = re.search(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$", name)
-    if bracket:
-        return name[: bracket.start()], bracket[1]
-    parts = re.split(r"[_\s.]+", name.strip())
-    for count in (2, 1):
-        unit = "/".join(parts[-count:])
-        if len(parts) > count and len(unit) > (count == 1) and not unit.isdigit() and kinds_of(unit):  # fmt: skip
-            return "_".join(parts[:-count]), unit
-    return name, ""
-
-
 def _tokens(name: str) -> list[str]:
-    """Words and numbers of a name."""
+    """Words and numbers of a name; car A is car 1."""
     # BremsKraft are two words, kN is one
     plain = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[a-z]{2})(?=[A-Z])", "_", name)
     letters = unicodedata.normalize("NFKC", plain.replace("ß", "ss").lower())
-    for umlaut, pair in (("ä", "ae"), ("ö", "oe"), ("ü", "ue")):
-        letters = letters.replace(umlaut, pair)
-    letters = "".join(c for c in unicodedata.normalize("NFD", letters) if c not in "\u0300\u0301\u0302")  # fmt: skip
-    letters = re.sub(r"(?<=号車)[^\d]*?(?=\d)|(?<=car)_(?=[a-h]\b)", "_", letters)
-    found = []
+    letters = letters.translate({ord("ä"): "ae", ord("ö"): "oe", ord("ü"): "ue"})
+    letters = re.sub("[\u0300-\u0302]", "", unicodedata.normalize("NFD", letters))
+    found: list[str] = []
     for token in TOKEN.findall(unicodedata.normalize("NFC", letters)):
-        inner = [] if token in MEANINGS else re.findall("|".join(LONG), token)
-        found += inner or [token]
-    # car A is car 1
-    return [str(ord(t) - 96) if len(t) == 1 and "a" <= t <= "h" and k and "car" in MEANINGS.get(found[k - 1], ())
-            and len(found[k - 1]) > 1 else t for k, t in enumerate(found)]  # fmt: skip
+        before = found[-1] if found else ""
+        if token in set("abcdefgh") and len(before) > 1 and "car" in MEANINGS.get(before, ()):
+            token = str(ord(token) - 96)
+        found += ([] if token in EVERY else re.findall("|".join(LONG), token)) or [token]
+    return found
 
 
-def _meaning(tokens: list[str], unit: str) -> tuple[str, str]:
-    """Place and kind of quantity, "" where nothing tells it; words tell it, and the unit decides."""
-    sure, unsure = set[str](), set[str]()
-    for token in tokens:
-        short = token in AMBIGUOUS or (len(token) == 1 and token < "z")
-        (unsure if short else sure).update(MEANINGS.get(token, ()))
+def _meaning(tokens: list[str], unit: str) -> tuple[str, str, bool]:
+    """Place and kind of quantity, "" where nothing tells it, and whether a word does; the unit decides."""
+    short = {t for t in tokens if t in AMBIGUOUS or (len(t) == 1 and t < "z")}
+    sure = {m for t in tokens if t not in short for m in MEANINGS.get(t, ())}
+    unsure = {m for t in short for m in MEANINGS.get(t, ())}
     said = sure & set(SI) or unsure & set(SI)
     places = sure & set(PLACES) or unsure & set(PLACES)
     place = next((one for one in PLACES if one in places), "")
-    kinds = kinds_of(unit)
-    said |= {"turning"} if "speed" in said else set()
-    both = said & kinds
+    kinds, known = kinds_of(unit), bool(sure & set(SI))
+    both = (said | ({"turning"} if "speed" in said else set())) & kinds
     if both:
-        return place, min(both, key=lambda k: (k == "turning", k))
-    if kinds - {"pulses", "slope"}:
-        kinds -= {"pulses", "slope"}
-        return place, kinds.pop() if len(kinds) == 1 else ""
-    said -= {"turning"}
-    said -= {"time", "position"} if len(said) > 1 else set()
-    return place, said.pop() if len(said) == 1 else ""
+        return place, min(both, key=lambda k: (k == "turning", k)), known
+    if len(said) > 1:
+        said -= {"time", "position"}
+    said = kinds - {"pulses", "slope"} or said
+    return place, said.pop() if len(said) == 1 else "", known
 
 
 def _numbers_of(names: dict[str, list[str]], train: MeasuredTrain) -> dict[str, int]:
     """Number of the axle, car or coupler in each name, by all names that differ in nothing but numbers.
 
-    Axles count through the train, within their car, or within the bogies of their cars; from 0 or from 1.
+    Axles count through the train, within their car, or within bogies; from 0 or from 1.
     """
     groups: dict[str, dict[str, list[int]]] = {}
     for name, tokens in names.items():
@@ -324,26 +323,29 @@ def _numbers_of(names: dict[str, list[str]], train: MeasuredTrain) -> dict[str, 
     found = {}
     for key, group in groups.items():
         of_car = any("car" in MEANINGS.get(t, ()) for t in key.split())
-        for digits in group.values():
-            digits[:] = [n + from_zero for n in digits]
-        last = [digits[-1] for digits in group.values()]
-        through = len(set(last)) == len(last) and max(last) > 4
-        bogies = max((digits[1] for digits in group.values() if len(digits) > 2), default=1)
+        last = [digits[-1] + from_zero for digits in group.values()]
+        apart = len(set(last)) == len(last)
+        bogies = max((digits[1] + from_zero for digits in group.values() if len(digits) > 2), default=1)  # fmt: skip
         for name, digits in group.items():
-            car, own = digits[0], digits[-1]
-            if len(digits) > 1 and of_car and not through:
-                in_car = [d[-1] for d in group.values() if d[0] == car]
-                if len(digits) > 2 and len(set(in_car)) < len(in_car):
-                    own += (digits[1] - 1) * int((train.axle_car == car - 1).sum()) // bogies
+            car, *bogie, own = (
+                [n + from_zero for n in digits] if len(digits) > 1 else [0, digits[0] + from_zero]
+            )
+            if any("coupler" in MEANINGS.get(t, ()) for t in key.split()):
+                own = digits[0]
+            elif car and of_car and not (apart and max(last) > 4):
+                in_car = [d[-1] for d in group.values() if d[0] == digits[0]]
+                if bogie and len(set(in_car)) < len(in_car):
+                    own += (bogie[0] - 1) * int((train.axle_car == car - 1).sum()) // bogies
                 own += int((train.axle_car < car - 1).sum())
-            found[name] = car - from_zero if "coupler" in key else own
+            elif car and not apart:
+                own += (car - 1) * max(last)
+            found[name] = own
     return found
 
 
 def told_by_names(units: dict[str, str], train: MeasuredTrain) -> dict[str, Told]:
     """What columns are, whose stated units are given by name; those that nothing tells are not in the result."""
     found: dict[str, Told] = {}
-    speeds: list[tuple[int, int, str, Told]] = []
     rest: dict[str, tuple[list[str], str]] = {}
     for name, stated in units.items():
         if own := parse_column(name):
@@ -351,31 +353,29 @@ def told_by_names(units: dict[str, str], train: MeasuredTrain) -> dict[str, Told
             found[name] = Told(own.quantity, own.number, unit, False, NEEDS.get(own.quantity, ""))
         else:
             plain, unit = unit_in(name)
-            rest[name] = (_tokens(plain if unit else name), stated if kinds_of(stated) else unit)
+            rest[name] = (_tokens(plain), stated if kinds_of(stated) else unit)
     taken = {Assigned("", told.stem, told.number).place for told in found.values()}
-    ruled = any(place[0] == "wheel" for place in taken)
+    ruled = any(place == "wheel" for place, _ in taken)
     numbers = _numbers_of({name: tokens for name, (tokens, _) in rest.items()}, train)
-    for name, (tokens, unit) in rest.items():
-        place, kind = _meaning(tokens, unit)
-        of_train = [k for k, word in enumerate(WORDS["train"].split()) if word in tokens]
-        if not place and not of_train and name in numbers and kind in OF_AXLES:
+    guesses = []
+    for order, (name, (tokens, unit)) in enumerate(rest.items()):
+        place, kind, known = _meaning(tokens, unit)
+        rank = next((k for k, word in enumerate(WORDS["train"].split()) if word in tokens), 99)
+        if not place and (rank == 99 or "v" in tokens) and name in numbers and kind in OF_AXLES:
             place = "axle"
-        what = {"turning": "speed", "slope": "gradient"}.get(kind, kind)
-        stem = f"{PLACES[place]}_{what}" if place else what
-        number = numbers.get(name, 0) if place else 0
-        # beside columns that follow the rules, only what they lack is guessed: time, wheels
-        if stem not in QUANTITIES or bool(place) != bool(number) or (ruled and not unit and stem != "time"):  # fmt: skip
-            continue
-        motor = kind in ("turning", "torque") and any("motor" in MEANINGS.get(t, ()) for t in tokens)  # fmt: skip
+        of_wheel = kind == "turning" and place == "axle"
+        what = "speed" if of_wheel else "gradient" if kind == "slope" else kind
+        stem, number = (f"{PLACES[place]}_{what}", numbers.get(name, 0)) if place else (what, 0)
         unit = unit if kind in kinds_of(unit) else ""
-        told = Told(stem, number, unit, True, "gear_ratio" if motor else NEEDS.get(stem, ""))
-        at = Assigned("", stem, number).place
-        if stem == "speed" and at not in taken:
-            speeds.append((min(of_train, default=99), len(speeds), name, told))
-        elif at not in taken:
+        # beside columns that follow the rules, only what they lack is guessed: time, wheels
+        if stem in QUANTITIES and bool(place) == bool(number) and (unit or stem == "time" or not ruled):  # fmt: skip
+            motor = kind in ("turning", "torque") and any("motor" in MEANINGS.get(t, ()) for t in tokens)  # fmt: skip
+            needs = "gear_ratio" if motor else NEEDS.get(stem, "")
+            told = Told(stem, number, unit, True, needs)
+            guesses.append((rank if stem == "speed" else not known, order, name, told))
+    for _, _, name, told in sorted(guesses):
+        place_of = Assigned("", told.stem, told.number).place
+        if place_of not in taken:
             found[name] = told
-            taken |= set() if told.needs else {at}
-    if speeds:
-        _, _, name, told = min(speeds)
-        found[name] = told
-    return found
+            taken |= set() if told.needs else {place_of}
+    return {name: found[name] for name in units if name in found}

@@ -106,10 +106,13 @@ def open_channels(
     all_told = [(one.quantity, one.number) for one in known]
     all_told += [(told.stem, told.number) for told in found.told.values()]
     axles = {number for stem, number in all_told if stem.startswith("axle")}
-    if axles == set(range(1, len(axles) + 1)) and len(axles) < train.radius.size and not partial:
+    count, first_car = len(axles), int((train.axle_car == 0).sum())
+    # axles come in pairs: as many from the front, more than some of the first car, are another train
+    alone = axles == set(range(1, count + 1)) and count % 2 == 0 and count >= first_car
+    if alone and count < train.radius.size and not partial:
         raise Faulty(
-            f"log {source!r}: {len(axles)} axles, the train has {train.radius.size}; give the log's own train, or say in "
-            "a mapping file that the others were not measured: [wheels] partial = true"
+            f"log {source!r}: {count} axles, the train has {train.radius.size}; give the log's own train, or say in a "
+            "mapping file that the others were not measured: [wheels] partial = true"
         )
     clock = None
     if not own_clocks:
