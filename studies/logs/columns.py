@@ -73,7 +73,7 @@ QUANTITIES: dict[str, Quantity] = {
         FORCE, "force between the cars K and K + 1; of all couplers or none", "force"
     ),
     "carK_acceleration": Quantity(
-        {"ms2": "m/s**2", "kmhs": "km/h/s"}, "acceleration of car K; of all cars or none", "acceleration"
+        {"ms**2": "m/s**2", "kmhs": "km/h/s"}, "acceleration of car K; of all cars or none", "acceleration"
     ),
     "carK_pressure": Quantity(
         PRESSURE, "pressure of the brake cylinders of car K, for all its axles", "pressure"
@@ -92,7 +92,7 @@ SHARED = {
 """Quantities from which the speed of a wheel follows, or the force on it: an axle has one of each."""
 SPELT = {
     "1/s": "turn/s", "s-1": "turn/s", "Hz": "turn/s", "1/min": "rpm", "U/min": "rpm", "u/min": "rpm", "r/min": "rpm",
-    "min-1": "rpm", "min^-1": "rpm", "kmh": "km/h", "ms": "m/s", "kmhs": "km/h/s", "ms2": "m/s**2", "g": "g_0",
+    "min-1": "rpm", "min^-1": "rpm", "kmh": "km/h", "ms": "m/s", "kmhs": "km/h/s", "ms**2": "m/s**2", "g": "g_0",
     "n": "N", "kn": "kN", "mn": "MN", "dan": "daN", "nm": "N*m", "knm": "kN*m", "kp": "kgf", "kg/cm**2": "kgf/cm**2",
     "mpa": "MPa", "hpa": "hPa", "kpa": "kPa", "pa": "Pa", "pulses": "1", "imp": "1", "impulse": "1", "-": "1", "": "1",
     "rads": "rad/s", "umin": "rpm", "promille": "permille", "millis": "ms", "hz": "turn/s", "S": "s", "M": "m",
@@ -102,7 +102,7 @@ IN_NAMES = {*SPELT, *re.findall(r"\S+", """
     km/h m/s mph kph knots kts rad/s rpm 1/min u/min r/min kn dan mn lbf kgf nm knm m/s2 km/h/s permille percent km mm mi ft
     s ms us ns sec msec min bar mbar psi kpa mpa hpa pa""")}  # fmt: skip
 """Units that stand at the end of a name without brackets; the library would take many a word for one."""
-SCALED = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)[*x·]?([^\d/*.^+-].*)")
+SCALED = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)[*·]?([^\d/*.^+-].*)")
 """A number and a unit: the worth of a digit, such as 0.01 km/h."""
 
 
@@ -123,7 +123,7 @@ def factor(unit: str, kind: str) -> float | None:
         whole = factor(scaled[2], kind)
         return None if whole is None else float(scaled[1]) * whole
     text = re.sub(r"(?<=[a-zA-Z])([23])$", r"**\1", text)
-    if re.search(r"\d(\*\*|\^)", text) or len(text) > 30:
+    if re.search(r"\d(\*\*|\^)", text) or len(text) > 60:
         return None  # the library would compute powers of numbers
     always = SPELT.get(text) if kind in ("turning", "pulses") else None
     small = text.lower() if len(text) > 1 else text  # A is no year
@@ -325,7 +325,6 @@ def _numbers_of(names: dict[str, list[str]], train: MeasuredTrain) -> dict[str, 
         of_car = any("car" in MEANINGS.get(t, ()) for t in key.split())
         last = [digits[-1] + from_zero for digits in group.values()]
         apart = len(set(last)) == len(last)
-        bogies = max((digits[1] + from_zero for digits in group.values() if len(digits) > 2), default=1)  # fmt: skip
         for name, digits in group.items():
             car, *bogie, own = (
                 [n + from_zero for n in digits] if len(digits) > 1 else [0, digits[0] + from_zero]
@@ -335,7 +334,7 @@ def _numbers_of(names: dict[str, list[str]], train: MeasuredTrain) -> dict[str, 
             elif car and of_car and not (apart and max(last) > 4):
                 in_car = [d[-1] for d in group.values() if d[0] == digits[0]]
                 if bogie and len(set(in_car)) < len(in_car):
-                    own += (bogie[0] - 1) * int((train.axle_car == car - 1).sum()) // bogies
+                    own += (bogie[0] - 1) * (max(in_car) + from_zero)
                 own += int((train.axle_car < car - 1).sum())
             elif car and not apart:
                 own += (car - 1) * max(last)
@@ -366,6 +365,8 @@ def told_by_names(units: dict[str, str], train: MeasuredTrain) -> dict[str, Told
         of_wheel = kind == "turning" and place == "axle"
         what = "speed" if of_wheel else "gradient" if kind == "slope" else kind
         stem, number = (f"{PLACES[place]}_{what}", numbers.get(name, 0)) if place else (what, 0)
+        if kind == "time" and not known and name in numbers:
+            continue  # T_1 is no time
         unit = unit if kind in kinds_of(unit) else ""
         # beside columns that follow the rules, only what they lack is guessed: time, wheels
         if stem in QUANTITIES and bool(place) == bool(number) and (unit or stem == "time" or not ruled):  # fmt: skip

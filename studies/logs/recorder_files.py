@@ -514,18 +514,17 @@ def _mdf(path: Path, owner: str) -> Recording:
 
 def _tdms(path: Path, owner: str) -> Recording:
     library = _library("nptdms", "npTDMS", path)
-    with library.TdmsFile.open(path) as told:
-        check_values(owner, sum(len(one) for group in told.groups() for one in group.channels()))
     found = []
-    for group in library.TdmsFile.read(path).groups():
-        for one in group.channels():
-            values, told = np.asarray(one[:]), one.properties
-            if not values.size:
-                continue
+    with open(path, "rb") as stored:
+        groups = library.TdmsFile.open(stored).groups()
+        every = [(group.name, one) for group in groups for one in group.channels() if len(one)]
+        check_values(owner, sum(len(one) for _, one in every))
+        for group, one in every:
+            told = one.properties
             unit = str(told.get("unit_string") or told.get("unit") or "")
             own = float(told.get("wf_increment") or 0.0) > 0.0
-            clock = one.time_track() if own else None
-            found.append(_Channel(group.name, one.name, unit, values, clock, told.get("wf_start_time")))  # fmt: skip
+            clock, values = one.time_track() if own else None, np.asarray(one[:])
+            found.append(_Channel(group, one.name, unit, values, clock, told.get("wf_start_time")))
     return _grouped(path, found)
 
 
@@ -539,9 +538,11 @@ def _mat(path: Path, owner: str) -> Recording:
     if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520]):
         library = _library("h5py", "h5py", path, ".mat of version 7.3")
         with library.File(path) as stored:
-            sizes: list[int] = []
-            stored.visititems(lambda _, one: sizes.append(int(getattr(one, "size", 0) or 0)))
-            check_values(owner, sum(sizes))
+            stored_values: list[int] = []
+            stored.visititems(
+                lambda _, one: stored_values.append(int(getattr(one, "size", 0) or 0))
+            )
+            check_values(owner, sum(stored_values))
             tree = _of_hdf(stored, stored)
     else:
         from scipy.io import loadmat, whosmat
@@ -550,16 +551,17 @@ def _mat(path: Path, owner: str) -> Recording:
         check_values(owner, sum(_unfolded(path)) / 8)
         tree = loadmat(path, simplify_cells=True)
     found = [one for one in _of_structs("", tree) if one.values.dtype.kind in "iufbOU"]
-    if not found:
-        raise StudyError(f"{owner} has no arrays; tables and timeseries go in by struct() or table2array()")  # fmt: skip
-    length = Counter(one.values.size for one in found).most_common(1)[0][0]
-    clocks = {one.group: one for one in found if one.name.lower() in CLOCK_NAMES}
+    named = [one._replace(name=f"{one.group}.{one.name}".strip("."), group="") for one in found]
+    clocks = {one.group: one.values for one in found if one.name.lower() in CLOCK_NAMES}
     if len(clocks) > 1:
-        of = [(one, clocks.get(one.group)) for one in found if one not in clocks.values()]
-        found = [one._replace(clock=c.values) for one, c in of if c and c.values.size == one.values.size]  # fmt: skip
+        named = [new._replace(clock=clocks.get(one.group, [])) for one, new in zip(found, named, strict=True)
+                 if one.name.lower() not in CLOCK_NAMES]  # fmt: skip
+        used = [one for one in named if len(one.clock) == one.values.size]
     else:
-        found = [one for one in found if one.values.size == length]
-    return _grouped(path, [one._replace(name=f"{one.group}.{one.name}".strip("."), group="") for one in found])  # fmt: skip
+        rows = Counter(one.values.size for one in named).most_common(1)
+        used = [one for one in named if one.values.size == rows[0][0]]
+    left = [one.name for one in named if one.values.size not in {own.values.size for own in used}]
+    return _grouped(path, used, f"of another length, left out: {', '.join(left)}" if left else "")
 
 
 def _unfolded(path: Path) -> Iterator[int]:
@@ -578,7 +580,7 @@ def _of_hdf(node: Any, file: Any) -> Any:
     """What h5py reads as the nested mappings and arrays that SciPy gives; its matrices are transposed."""
     if hasattr(node, "keys"):
         return {key: _of_hdf(node[key], file) for key in node if not key.startswith("#")}
-    if node.attrs.get("MATLAB_empty"):
+    if node.attrs.get("MATLAB_empty") or "MATLAB_object_decode" in node.attrs:
         return np.zeros(0)
     values = np.asarray(node[()]).T
     if values.dtype == object:  # of references: cells, or structs in an array
@@ -604,18 +606,21 @@ def _of_structs(group: str, value: Any, name: str = "", unit: str = "") -> Itera
         else:
             for k, one in enumerate(texts, 1):
                 yield from _of_structs(group, one, f"{name} {k}".strip(), unit)
-    elif isinstance(value, np.ndarray) and value.squeeze().ndim == 1:
+    elif isinstance(value, np.ndarray) and value.size > 1 and value.squeeze().ndim == 1:
         yield _Channel(group, name, unit, value.squeeze())
-    elif isinstance(value, np.ndarray) and value.ndim == 2 and value.size:
+    elif isinstance(value, np.ndarray) and value.size > 1 and value.ndim == 2:
         rows = value if value.shape[0] >= value.shape[1] else value.T
         for k, own in enumerate(rows.T, 1):
             yield _Channel(group, f"{name} {k}".strip(), unit, own)
 
 
-def _grouped(path: Path, found: list[_Channel]) -> Recording:
+def _grouped(path: Path, found: list[_Channel], note: str = "") -> Recording:
     """Channels of groups, on one clock: a name of several groups gets that of its group before it."""
+    if not found:
+        hint = "; MATLAB's tables and timeseries go in by struct()" if path.suffix == ".mat" else ""
+        raise StudyError(f"log {str(path)!r} has no channels{hint}")
     starts = [np.datetime64(one.start) for one in found if one.start is not None]
-    apart, notes = len(set(starts)) > 1, []
+    apart, notes = len(set(starts)) > 1, [note] if note else []
     if apart and len(starts) < len(found):
         apart = False
         notes.append(

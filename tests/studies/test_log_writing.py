@@ -8,14 +8,11 @@ import pytest
 
 from studies.files.study_error import StudyError
 from studies.logs.axle_series import _gained, _since_row_before
-from studies.logs.columns import factor
 from studies.logs.channel_values import numbers
-from studies.logs.columns import told_by_names
+from studies.logs.columns import SI, factor, kinds_of, registry, told_by_names
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import read_log
-
 from studies.logs.recorder_files import decimal_of, encoding_of, numbers_of, read_recording
-
 from tests.studies.test_log_files import TABLE, TRAIN
 
 NUMBERS = np.random.default_rng(11).normal(0.0, 3000.0, 400)
@@ -32,32 +29,23 @@ WRITINGS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", WRITINGS)
-def test_every_writing_of_a_number_is_that_number(name):
-    decimal, write = WRITINGS[name]
-    texts = [write(value) for value in NUMBERS]
-    assert decimal_of([texts]) == decimal
-    found = numbers_of(np.array(texts, dtype=object), decimal)
-    assert (found.wrong, sum(found.words.values())) == (None, 0)
-    np.testing.assert_allclose(found.values, NUMBERS, atol=0.51)
-
-
-def test_three_decimals_are_no_groups():
+def test_every_writing_of_a_number_is_that_number_and_every_other_text_is_none():
+    for decimal, write in WRITINGS.values():
+        texts = [write(value) for value in NUMBERS]
+        assert decimal_of([texts]) == decimal
+        found = numbers_of(np.array(texts, dtype=object), decimal)
+        assert (found.wrong, sum(found.words.values())) == (None, 0)
+        np.testing.assert_allclose(found.values, NUMBERS, atol=0.51)
+    # three decimals are no groups
     assert decimal_of([["0,120", "12,345", "-1,000"]]) == ","
     assert decimal_of([["12,345", "13,456"], ["0,5", "1,5"]]) == ","
-
-
-@pytest.mark.parametrize("text", ["1:20", "12 5", "1.2.3", "0x1F", "1_000", "12,34,5"])
-def test_what_is_no_number_is_refused_and_not_left_out(text):
-    with pytest.raises(StudyError, match=r"row 2: .* is not a number"):
-        numbers(np.array(["1.0", text, "2.0"], dtype=object), "v", "log")
-
-
-@pytest.mark.parametrize("text", ["Bad", "1.#QNAN", "-1.#IND", "?", "#VALUE!", "axle1_speed"])
-def test_words_are_no_value_and_said(text):
-    values, said = numbers(np.array(["1.0", text, "2.0"], dtype=object), "v", "log")
-    np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
-    assert repr(text) in said[0].text
+    for text in ("1:20", "12 5", "1.2.3", "0x1F", "1_000", "12,34,5"):
+        with pytest.raises(StudyError, match=r"row 2: .* is not a number"):
+            numbers(np.array(["1.0", text, "2.0"], dtype=object), "v", "log")
+    for text in ("Bad", "1.#QNAN", "-1.#IND", "?", "#VALUE!", "axle1_speed"):
+        values, said = numbers(np.array(["1.0", text, "2.0"], dtype=object), "v", "log")
+        np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
+        assert repr(text) in said[0].text
 
 
 @pytest.mark.parametrize("none", [-9999.0, 9999.0, 6553.5, 1e30])
@@ -73,17 +61,14 @@ def test_a_number_far_from_all_others_stands_for_none(none):
     assert numbers(locked, "v", "log")[1] == []
 
 
-@pytest.mark.parametrize(
-    ("text", "encoding"),
-    [
+def test_an_encoding_is_told_by_its_bytes():
+    for text, encoding in (
         ("Zeit;v über Grund;Längskraft [kN]", "cp1252"), ("temps écoulé;n° essieu", "latin-1"),
         ("時刻[s],列車速度[km/h],軸1速度", "cp932"), ("時刻,列車速度", "utf-8"), ("ﾊﾟﾙｽ,時刻,速度", "cp932"),
         ("time;µ [-];speed", "cp1252"), ("time;v", "utf-16-le"), ("time;v", "utf-16-be"), ("time;v", "utf-16"),
-    ],
-)  # fmt: skip
-def test_an_encoding_is_told_by_its_bytes(text, encoding):
-    written = (text + "\n1;2;3\n" * 20).encode(encoding)
-    assert written.decode(encoding_of(written)).lstrip("\ufeff").startswith(text)
+    ):  # fmt: skip
+        written = (text + "\n1;2;3\n" * 20).encode(encoding)
+        assert written.decode(encoding_of(written)).lstrip("\ufeff").startswith(text)
 
 
 def train_of(*axles: int) -> MeasuredTrain:
@@ -96,45 +81,46 @@ def train_of(*axles: int) -> MeasuredTrain:
     )  # fmt: skip
 
 
-def _names(train: MeasuredTrain, write) -> list[str]:
-    found = []
-    for i, car in enumerate(train.axle_car.tolist()):
-        own = i - int((train.axle_car < car).sum())
-        found.append(write(i, car, own))
-    return found
+COUNTED = {
+    "through the train": "axle {n} speed [km/h]", "from 0": "nAxle{z} [1/min]", "short, in cars": "W{c}_RS{k}_v_kmh",
+    "cars by letters": "Car {l} Axle {k} speed [km/h]", "cars, and through": "Car {c} Axle {n} speed [km/h]",
+    "Japanese, in cars": "{c}号車 第{k}軸速度[km/h]", "bogies of a car": "Car {c} Bogie {b} Axle {s} speed [km/h]",
+    "bogies of the train": "Drehgestell {t} Radsatz {s} Geschwindigkeit", "alone": "v{n}", "array": "vWheel[{z}]",
+    "a field of structs": "log.axle {n}.speed", "of a matrix": "wheel_speed_kmh {n}", "with a unit behind": "v_RS_{n}_rpm",
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("axles", [(4, 4, 4), (4, 2, 4), (6, 4)])
-@pytest.mark.parametrize(
-    "write",
-    [
-        lambda i, car, own: f"axle {i + 1} speed [km/h]",
-        lambda i, car, own: f"nAxle{i} [1/min]",
-        lambda i, car, own: f"W{car + 1}_RS{own + 1}_v_kmh",
-        lambda i, car, own: f"Car {'ABC'[car]} Axle {own + 1} speed [km/h]",
-        lambda i, car, own: f"Car {car + 1} Axle {i + 1} speed [km/h]",
-        lambda i, car, own: f"{car + 1}号車 第{own + 1}軸速度[km/h]",
-    ],
-)
-def test_axles_are_found_however_they_are_counted(axles, write):
-    train = train_of(*axles)
-    names = _names(train, write)
-    found = told_by_names(dict.fromkeys(names, ""), train)
-    assert [found[name].number for name in names] == list(range(1, sum(axles) + 1))
+@pytest.mark.parametrize("way", COUNTED)
+def test_axles_are_found_however_they_are_counted_in_any_order(way):
+    for axles in (4, 4, 4), (4, 4), (4, 2, 4), (6, 4):
+        train, names, t = train_of(*axles), [], 0
+        for i, car in enumerate(train.axle_car.tolist()):
+            k = i - int((train.axle_car < car).sum())
+            t += k % 2 == 0
+            told = {"n": i + 1, "z": i, "c": car + 1, "l": "ABC"[car], "k": k + 1, "t": t}
+            names.append(COUNTED[way].format(**told, b=k // 2 + 1, s=k % 2 + 1))
+        shuffled = np.random.default_rng(len(axles)).permutation(names).tolist()
+        found = told_by_names(dict.fromkeys(["Zeit", *shuffled], ""), train)
+        assert found.pop("Zeit").stem == "time"
+        assert [found[name].number for name in names] == list(range(1, sum(axles) + 1))
+        assert {told.stem for told in found.values()} == {"axleN_speed"}
 
 
-def test_axles_count_within_the_bogies_of_a_car():
-    train = train_of(4, 4)
-    names = _names(
-        train, lambda i, c, k: f"Car {c + 1} Bogie {k // 2 + 1} Axle {k % 2 + 1} speed [km/h]"
-    )
-    found = told_by_names(dict.fromkeys(names, ""), train)
-    assert [found[name].number for name in names] == list(range(1, 9))
+MEANT = {
+    "motor 1 speed [rpm]": ("axleN_speed", "gear_ratio"), "TM1 torque [Nm]": ("axleN_torque", "gear_ratio"),
+    "Bremszylinderdruck Achse 1 [bar]": ("axleN_pressure", "newton_per_kpa"),
+    "Impulse RS 1": ("axleN_pulses", "pulses_per_turn"),
+    "Kupplungskraft 1 [kN]": ("couplerK_force", ""), "Druck Wagen 1 [bar]": ("carK_pressure", ""),
+    "a_car1": ("carK_acceleration", ""), "Neigung [‰]": ("gradient", ""), "キロ程[km]": ("position", ""),
+    "couple essieu n° 1 (N.m)": ("axleN_torque", ""), "T_Achslager_1": None, "current [A]": None, "yaw rate [deg/s]": None,
+    "brake notch": None, "line voltage [V]": None, "x [9**9**9]": None,
+}  # fmt: skip
 
 
-def test_a_motor_is_no_wheel():
-    names = ["motor 1 speed [rpm]", "motor 1 torque [Nm]"]
-    assert guess(names, dict.fromkeys(names, ""), set(), train_of(4)) == {}
+def test_a_name_means_one_thing_or_nothing():
+    for name, meant in MEANT.items():
+        told = told_by_names({name: ""}, train_of(4, 4)).get(name)
+        assert (told and (told.stem, told.needs)) == meant, name
 
 
 @pytest.mark.parametrize(
@@ -150,11 +136,54 @@ def test_a_counter_that_begins_anew_goes_on(turn, signed):
     assert _since_row_before(np.diff(total))
 
 
-def test_units_may_have_the_worth_of_a_digit():
-    assert factor("0.01 km/h", "speed") == pytest.approx(0.01 / 3.6)
-    assert factor("knots", "speed") == pytest.approx(1852.0 / 3600.0)
-    assert factor("kgf/cm2", "pressure") == pytest.approx(98066.5)
-    assert factor("1/min", "turning") == pytest.approx(2.0 * np.pi / 60.0)
+def test_every_unit_that_the_library_has_of_a_quantity_is_that_unit():
+    library, count = registry(), 0
+    for kind, si in SI.items():
+        if kind in ("turning", "pulses", "slope"):
+            continue
+        for unit in map(str, library.get_compatible_units(library.Unit(si).dimensionality)):
+            count += 1
+            # the library's own units of a quantity, with a prefix and with the worth of a digit
+            for text, scale in (
+                (unit, 1.0),
+                (f"[{unit}]", 1.0),
+                (f"kilo{unit}", 1e3),
+                (f"0.01 {unit}", 0.01),
+            ):
+                one = scale * library.Quantity(1.0, unit).to(si).magnitude
+                assert factor(text, kind) == pytest.approx(one, rel=1e-12), text
+                assert kind in kinds_of(text)
+    assert count > 80
+
+
+LOGGERS = {
+    "speed": "km/h kmh KM/H kph Km/h 0.277777777778; mph MPH mile/h 0.44704; kn kt knots 0.514444444444; m/s ms M/S 1",
+    "turning": "1/min U/min rpm RPM r/min min-1 min^-1 umin 0.104719755120; Hz 1/s s-1 6.28318530718; rad/s rads 1",
+    "force": "N n 1; kN KN kn 1e3; MN 1e6; mN 1e-3; daN dan 10; kgf kp 9.80665; lbf 4.4482216152605",
+    "torque": "Nm NM N*m N·m N.m 1; kNm kN.m KNM 1e3; ft*lbf 1.3558179483314",
+    "pressure": "bar Bar BAR 1e5; kPa KPA 1e3; MPa 1e6; mbar hPa 1e2; kgf/cm2 kgf/cm² kg/cm2 98066.5; psi PSI 6894.7572932",
+    "acceleration": "m/s2 m/s² m/s^2 m/s**2 m·s⁻² ms2 1; km/h/s 0.277777777778; g 9.80665",
+    "time": "s S sec 1; ms 1e-3; us µs μs 1e-6; h 3600",
+    "slope": "‰ permille mm/m 1e-3; % percent 0.01; m/m - 1", "position": "m M 1; km KM 1e3; ft 0.3048",
+    "pulses": "imp counts - 1",
+}  # fmt: skip
+"""By kind of quantity: units, and what they are worth."""
+
+
+def test_units_are_read_as_loggers_write_them():
+    for kind, written in LOGGERS.items():
+        for line in written.split(";"):
+            *texts, worth = line.split()
+            scale = eval(worth, {"pi": np.pi})
+            assert [factor(text, kind) for text in texts] == pytest.approx([scale] * len(texts), rel=1e-9), line  # fmt: skip
+    for text, kind in (
+        ("kN", "torque"),
+        ("bar", "force"),
+        ("A", "time"),
+        ("9**9**9", "slope"),
+        ("km", "speed"),
+    ):
+        assert factor(text, kind) is None
 
 
 def test_a_zip_has_one_table(tmp_path):
