@@ -48,6 +48,8 @@ RUN = {
     "export-controller wet-patch --unit 1 --out ./controller",
     "simulate wet-stop --log stop.csv",
     "analyse stop.csv --train stop.train.toml",
+    "analyse stop.csv --train stop.train.toml --map log.toml",
+    "analyse stop.csv --train stop.train.toml --mapping log.toml",
     "simulate my-event.toml --rule cooperative --figure my-event.png",
     "figures allocation-bars slip-event",
     "new-scenario my-patch --like wet-patch",
