@@ -164,9 +164,8 @@ def _write_draft(log: Path, train: str, path: Path) -> None:
     check_file(path, (".toml",))
     text = draft_text(read_recording(log), read_log_train(train))
     write_whole(path, partial(Path.write_text, data=text, encoding="utf-8"))
-    console().print(
-        f"{str(path)!r} is written; {text.count(" # guessed")} columns are guessed: check them"
-    )
+    guessed = sum("guessed from" in line for line in text.splitlines())
+    console().print(f"{str(path)!r} is written; {guessed} columns are guessed: check them")
 
 
 @dataclass(frozen=True)
