@@ -24,7 +24,9 @@ from alloc.event import Event
 from alloc.onboard.increment_learning import Increments, LearningSeries
 from alloc.onboard.state import Counters, TrainMemory, UnitMemory
 from alloc.plant.array_model import ArrayModel
+from alloc.plant.laws import limit_place
 from alloc.plant.model import Floats, Layout, Model
+from alloc.plant.operations import look_up
 from alloc.plant.rail import power_taken
 from alloc.plant.train import EFFORT_SPEED_STEP
 from alloc.sources import write_whole
@@ -213,14 +215,14 @@ def _mean_of_bodies(share: Floats, values: Floats) -> Floats:
 def _motor_limits(model: Model, time: Floats, speed: Floats) -> tuple[Floats, Floats]:
     """Most that each motor can drive and brake with [N m], (instants, units), without slip at `speed` (instants, bodies)."""
     s, n, e = model.structure, model.layout, model.environment
-    taken = power_taken(time, e.receptivity)
+    taken, last = power_taken(time, e.receptivity), s.drive_table.shape[1] - 1.000001
     works = e.failure_time > time[:, None]
     drive, brake = np.zeros((2, time.size, n.units))
     for j in range(n.units):
         own = speed[:, s.axle_body[s.axle_unit == j][0]]
-        knots = EFFORT_SPEED_STEP * np.arange(s.drive_table.shape[1])
-        drive[:, j] = np.interp(np.abs(own), knots, s.drive_table[j])
-        brake[:, j] = taken * np.interp(np.abs(own), knots, s.brake_table[j])
+        place = limit_place(own, 1.0 / EFFORT_SPEED_STEP, last)
+        drive[:, j] = look_up(s.drive_table[j], place)
+        brake[:, j] = taken * look_up(s.brake_table[j], place)
     return drive * works, brake * works
 
 
