@@ -11,7 +11,6 @@ mathematical library does, and they are those of Numba on a processor without FM
 """
 
 import json
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import pairwise
@@ -129,8 +128,7 @@ def _joined(context: UnitContext, settings: MpcSettings, machine: Any) -> Any:
     ]
     whole = None
     for text in texts:
-        # `contract` is the leave to round two operations as one
-        part = llvm.parse_assembly(re.sub(r"\bcontract ", "", text))
+        part = llvm.parse_assembly(text)
         part.triple, part.data_layout = machine.triple, str(machine.target_data)
         if whole is None:
             whole = part

@@ -1,10 +1,7 @@
 """An exported controller, linked to a program in C and asked beside the one that Numba compiles."""
 
-import os
-import pickle
 import shutil
 import subprocess
-import sys
 
 import numpy as np
 
@@ -98,18 +95,3 @@ def of_numba(cases):
         one = InNumba(context, settings)
         answers[name] = np.array([one.decide(sense).copy() for sense in senses], ANSWER)
     return answers
-
-
-def of_numba_without_fma(cases):
-    """The same by another process, whose Numba takes this machine for one that never rounds two operations as one."""
-    plain = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-    command = [sys.executable, "-m", __name__]
-    done = subprocess.run(
-        command, input=pickle.dumps(cases), capture_output=True, env=plain, timeout=900.0
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    return pickle.loads(done.stdout)
-
-
-if __name__ == "__main__":
-    sys.stdout.buffer.write(pickle.dumps(of_numba(pickle.load(sys.stdin.buffer))))
