@@ -29,7 +29,8 @@ from numba.extending import register_jitable
 from alloc.sources import cache_folder, cache_part, path_of, sealed, set_aside_damaged, syntax_hash
 
 # No `nnan`/`ninf`: a nan must surface. No `contract`: fused multiply-adds follow the borders of inlining, so merging two
-# functions would move last digits, and processors would differ. `nsz` lets LLVM turn the equations' selections into vector minimum and maximum.
+# functions would move last digits, and processors would differ.
+# `nsz` lets LLVM turn the equations' selections into vector minimum and maximum.
 FASTMATH = {"nsz"}
 
 

@@ -200,9 +200,9 @@ class Given(NamedTuple):
     commanded: Floats  # (ticks,) acceleration
     noise: Floats  # (ticks, or 1 without noise, axles) of the speed sensors [m/s at the rim]
     delay: Floats  # (telegrams, units) draws of the telegrams' jitter
-    fate: Floats  # (telegrams, units) and of their loss
+    lost: Floats  # (telegrams, units) and of their loss
     up_delay: Floats  # the same of the telegrams to the leader
-    up_fate: Floats
+    up_loss: Floats
 
 
 @jit
@@ -239,7 +239,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             )  # fmt: skip
             row = (tick // st.telegrams.ticks) % given.delay.shape[0]
             write_reports(eq, st, m, time, a)
-            hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_fate[row])
+            hear_reports(eq, st, m, time, tick, given.up_delay[row], given.up_loss[row])
             needed = prepare_allocation(eq, st, m, time, tick, a, failed)
             if needed and st.rule.caps == Caps.TRUE:
                 sign = 1.0 if a >= 0.0 else -1.0
@@ -256,7 +256,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
                     m.limit_wanted,
                     m.delivered,
                     m.truth,
-                    m.open_to,
+                    m.upper_bound,
                     m.train.expected[0],
                 )
                 m.train.level[0], m.train.case[0] = allocate_compiled(
@@ -265,7 +265,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
         braking = eq.blended and a < 0.0
         if progress.phase[0] == DISTRIBUTE:
             row = (tick // st.telegrams.ticks) % given.delay.shape[0]
-            distribute(eq, st, m, time, tick, given.delay[row], given.fate[row])
+            distribute(eq, st, m, time, tick, given.delay[row], given.lost[row])
             if braking:
                 set_brake_targets(eq, st, m)
             else:
@@ -281,7 +281,7 @@ def run_with_computers(plant, computers, timing, given, progress, record, stop):
             elif st.hosted:
                 return CONTROL
         for j in range(units):
-            applied = m.estimate.sounding.share[j] * m.unit.torque_command[j]
+            applied = m.estimate.relief.share[j] * m.unit.torque_command[j]
             foresee_torque(eq, m, j, applied)
             plant.inputs.torque_command[j] = applied
         brake_receiver(eq, st, m, tick, braking, plant.inputs.pressure_target, plant.inputs.valve)

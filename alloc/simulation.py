@@ -232,7 +232,7 @@ def inputs_hash(event: Event) -> str:
     # + 0.0: without noise there are zeros of either sign
     parts = (
         model.structure, model.environment, eq, given.noise + 0.0, telegrams.jitter * given.delay,
-        given.fate < telegrams.loss, telegrams.jitter * given.up_delay, given.up_fate < telegrams.loss,
+        given.lost < telegrams.loss, telegrams.jitter * given.up_delay, given.up_loss < telegrams.loss,
         event.command, event.initial_speed, event.initial_position,
     )  # fmt: skip
     digest = hashlib.sha256()

@@ -476,12 +476,12 @@ def condense(around, torques, terms, out):
     _add_products(_penalised(around, terms, last, out), out)
     for k in range(last, 0, -1):
         for j in range(states):
-            owed, moved = adjoint[k, j], sensitivity[k - 1, j]
-            if owed != 0.0:
+            costate, moved = adjoint[k, j], sensitivity[k - 1, j]
+            if costate != 0.0:
                 for i in range(units):
-                    gradient[(k - 1) * units + i] += owed * moved[states + i] * scale[i]
+                    gradient[(k - 1) * units + i] += costate * moved[states + i] * scale[i]
                 for i in range(states):
-                    adjoint[k - 1, i] += moved[i] * owed
+                    adjoint[k - 1, i] += moved[i] * costate
     for m in range(hessian.shape[0]):
         for n in range(m):
             hessian[m, n] = hessian[n, m]

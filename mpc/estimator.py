@@ -161,7 +161,7 @@ def mean_noise(axles):
 # those
 # near it tell the peak. Which of the two gives way is a matter of their variances; at the start r is the less known.
 # Pairs
-# beyond `RISING` of the peak say nothing of r. Until an elasticity was heard, it is k = r mu_p that pairs have told: a
+# beyond `RISING` of the peak say nothing of r. Until an elasticity was heard, it is k = r mu_p that pairs have certainty: a
 # peak
 # lower than it was believed to be at the start is then found at a smaller slip. So k is kept where the peaks move, and
 # d mu / d mu_p = f^2. Later r is kept, for rails change their peak more than their shape. Both values of a pair are in
@@ -307,16 +307,16 @@ def take_in_pairs(c, axles, curve, noise):
 
 
 @inlined
-def take_in_elasticity(curve, slip, elasticity, told):
-    """Move s_p towards the value that the `elasticity` at `slip` [m/s] gives, by its share of information `told`, 0 to 1."""
+def take_in_elasticity(curve, slip, elasticity, certainty):
+    """Move s_p towards the value that the `elasticity` at `slip` [m/s] gives, by its `certainty`, 0 to 1."""
     state, e = curve.state[0], max(elasticity, -0.5)
-    state.heard_for += curve.pace.period * told
+    state.heard_for += curve.pace.period * certainty
     left = 1.0 - e * (1.0 + e) * state.slope * slip
     x = max((e + math.sqrt(max(left, 0.0))) / (1.0 + e), LEAST_X)
     top = min(max(slip / x, PEAK_SLIPS[0]), PEAK_SLIPS[1])
-    state.top *= math.exp(curve.pace.shape * told * math.log(top / state.top))
+    state.top *= math.exp(curve.pace.shape * certainty * math.log(top / state.top))
     if left < 0.0:  # so steep a curve would have bent more
-        state.slope *= math.exp(curve.pace.shape * told * math.log(1.0 / (1.0 - left)))
+        state.slope *= math.exp(curve.pace.shape * certainty * math.log(1.0 / (1.0 - left)))
 
 
 @inlined

@@ -190,24 +190,24 @@ from mpc.arrays import TANGENT
 
 
 @sweep(TANGENT.signature)
-def tangent(jacobians, step, moved, torques):
+def tangent(jacobians, step, sensitivity, torques):
     half, third, sixth = 0.5 * step, step / 3.0, step / 6.0
-    for m in range(0, moved.shape[1], WIDTH):
+    for m in range(0, sensitivity.shape[1], WIDTH):
 """
 
 
 def tangent_source(row: Ints, column: Ints, states: int, units: int) -> str:
-    """Source of a function (jacobians, step, moved, torques) of the kind `mpc.arrays.TANGENT`.
+    """Source of a function (jacobians, step, sensitivity, torques) of the kind `mpc.arrays.TANGENT`.
 
     `jacobians` (4, nonzeros) are those of the slopes by (state, torques) at the step's four evaluations, with nonzeros at
-    `row`, `column`; where a place comes twice, values add up. `moved` (states, width) is the sensitivity of the state before
+    `row`, `column`; where a place comes twice, values add up. `sensitivity` (states, width) is that of the state before
     the step, and of that after it in the end; `torques` (units, width) that of the torques.
     """
     terms: list[list[str]] = [[] for _ in range(states)]
     for number, (i, j) in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
         terms[i].append(f"j[{number}] * {{x}}{j}" if j < states else f"j[{number}] * t{j - states}")
     lines = [f"t{k} = load(torques[{k}], m)" for k in range(units)]
-    lines += [f"a{i} = load(moved[{i}], m)" for i in range(states)]
+    lines += [f"a{i} = load(sensitivity[{i}], m)" for i in range(states)]
     point = "a"
     for stage, (onward, following) in enumerate(
         (("half", "b"), ("half", "d"), ("step", "e"), ("", ""))
@@ -220,7 +220,7 @@ def tangent_source(row: Ints, column: Ints, states: int, units: int) -> str:
             if following:
                 lines.append(f"{following}{i} = a{i} + {onward} * r")
         point = following
-    lines += [f"store(moved[{i}], m, c{i})" for i in range(states)]
+    lines += [f"store(sensitivity[{i}], m, c{i})" for i in range(states)]
     return _BEGIN + "".join(f"        {line}\n" for line in lines)
 
 

@@ -156,9 +156,9 @@ class GroupController(PredictiveController):
         """Torque command of each unit for the coming control period."""
         if all(sense.in_service for sense in senses):
             return self._answer(senses)
-        return self._answer(self._within_reach(senses))
+        return self._answer(self._is_feasible(senses))
 
-    def _within_reach(self, senses: Sequence[UnitSense]) -> list[UnitSense]:
+    def _is_feasible(self, senses: Sequence[UnitSense]) -> list[UnitSense]:
         """What the problem is to know: motors that have failed give nothing, and what is lost is for the others."""
         leader, works = leading(senses), [sense.in_service for sense in senses]
         demand = np.array([sense.target for sense in senses])

@@ -18,7 +18,7 @@ from mpc.settings import SlipSearch
 
 # How the search for the best slip moves: the size of its swing, its step, and what it makes of slip that runs away.
 #
-# *Swing.* Where e is told better than `GOAL`, the swing shrinks, down to `least_swing`, for it costs torque; else it
+# *Swing.* Where e is known better than `GOAL`, the swing shrinks, down to `least_swing`, for it costs torque; else it
 # grows
 # up to `swing`, or to `OVER_NOISE` times the noise of the slip.
 #
@@ -42,9 +42,9 @@ from mpc.settings import SlipSearch
 
 
 GOAL = 0.8
-"""How far an elasticity should be told."""
+"""How far an elasticity should be known."""
 SWING_RATE = 3.0
-"""Logarithmic speed of the swing [1/s], per `told` above or below the goal."""
+"""Logarithmic speed of the swing [1/s], per `certainty` above or below the goal."""
 OVER_NOISE = 1.5
 """Greatest swing, over the noise of the slip, where that is more than the usual one."""
 LARGEST_SWING = 0.3
@@ -58,7 +58,7 @@ WIDE = 14.0
 """Steepness from which on no step overshoots. The share is at least the square of the curve's over it: noise turns errors
 too, and a share once lost came back so slowly that slip climbed by a tenth in five seconds on wide peaks."""
 ROUNDING = 1e-12
-"""Product of two errors that stands for none: where nothing is told, an error is rounding."""
+"""Product of two errors that stands for none: where nothing is known, an error is rounding."""
 FAR_BELOW = 0.25
 """Elasticity from which on the peak is far, and slip may rise faster."""
 EAGER = 10.0
@@ -66,7 +66,7 @@ EAGER = 10.0
 EXPLORE = 0.7
 """Speed [1/s] at which the slip rises where noise hides what elasticity there is: a larger slip stands out of it."""
 HARDLY = 0.3
-"""How far an elasticity is told for slip not to rise on trial."""
+"""How far an elasticity is known for slip not to rise on trial."""
 BEYOND = 1.2
 """Slip over its limit, noise apart, that the torque did not hold."""
 AWAY_TIME = 1.0
@@ -122,7 +122,7 @@ def size_swing(search, rough):
     """Let the swing grow or shrink; `rough`: deviation of a reading of the slip, over the slip."""
     pace, state = search.pace, search.state[0]
     most = max(pace.swing, min(OVER_NOISE * rough, LARGEST_SWING))
-    swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.told))
+    swing = state.swing * math.exp(pace.swing_rate * (GOAL - state.certainty))
     state.swing = min(max(swing, pace.least_swing), most)
 
 
@@ -131,15 +131,17 @@ def step_slip(search, error, rough, lowest, steep):
     """Move the slip sought along the `error`, elasticity less the one wanted, on a curve of steepness `steep`."""
     pace, state = search.pace, search.state[0]
     if error * state.error < -ROUNDING:
-        state.step_share *= 1.0 - LOST * state.told
+        state.step_share *= 1.0 - LOST * state.certainty
     state.error = error
-    grown = state.step_share * (1.0 + RECOVERY * pace.period * state.told)
+    grown = state.step_share * (1.0 + RECOVERY * pace.period * state.certainty)
     least = max(LEAST_STEP_SHARE, steep / WIDE * steep / WIDE)
     state.step_share = min(max(grown, least), 1.0)
     rise = pace.fastest_rise * (1.0 + EAGER * max(state.elasticity - FAR_BELOW, 0.0))
-    rate = min(max(state.step_share * state.told * pace.gain * error, -pace.fastest_fall), rise)
+    rate = min(
+        max(state.step_share * state.certainty * pace.gain * error, -pace.fastest_fall), rise
+    )
     if OVER_NOISE * rough > pace.swing and state.away < SELDOM:
-        rate += EXPLORE * max(1.0 - state.told / HARDLY, 0.0)
+        rate += EXPLORE * max(1.0 - state.certainty / HARDLY, 0.0)
     state.slip = min(max(state.slip * math.exp(pace.period * rate), lowest), pace.highest)
 
 
@@ -169,14 +171,14 @@ def step_slip(search, error, rough, lowest, steep):
 #
 # The part of Z_mu across u that does not follow slip is no answer, so it tells the noise: D = FOLLOWS var(Z_s) +
 # var(Z_mu - e Z_s) / PRIOR^2 holds e at e_0 = p s, where nothing moves, as long as slip does not follow or adhesion
-# changes by itself; var(Z_s) is what the sensors' noise makes. A^2 / (A^2 + D) is how far e is told. A rail that
+# changes by itself; var(Z_s) is what the sensors' noise makes. A^2 / (A^2 + D) is how far e is known. A rail that
 # changes is no answer to the swing either. The axle asked is the one with the largest slip: it is at its limit.
 #
 # *Step.* `mpc.slip_search` says how large the swing is, and how the slip sought moves along the elasticity.
 #
-# *Start.* Before any elasticity is told, the slip sought is `USUAL_SHARE` of what `mpc.estimator` takes for the
+# *Start.* Before any elasticity is known, the slip sought is `USUAL_SHARE` of what `mpc.estimator` takes for the
 # peak's: the
-# rise of the torque has told the slope of the curve by then. Where the curve falls so steeply that slip runs away from
+# rise of the torque has shown the slope of the curve by then. Where the curve falls so steeply that slip runs away from
 # its
 # limit again and again, no swing is answered; but that it runs away tells that it is too large. Where slip stays
 # below the one sought and no swing is answered, what limits the torque is the peak believed; if that goes on, the
@@ -224,11 +226,11 @@ GOLDEN = 2.399963
 
 
 STATE = named_record(
-    "slip", "swing", "phase", "limited_for", "elasticity", "told", "noise", "error", "step_share",
+    "slip", "swing", "phase", "limited_for", "elasticity", "certainty", "noise", "error", "step_share",
     "beyond", "away", "below",
 )  # fmt: skip
-"""`slip` sought [m/s]; size and `phase` of the swing; time since the unit is limited [s]; `elasticity`; how far it is
-`told`, 0 to 1; variance of ln mu across the answer; `error` of the elasticity at the last step, and its `step_share`, 1: a
+"""`slip` sought [m/s]; size and `phase` of the swing; time since the unit is limited [s]; `elasticity`; its `certainty`,
+0 to 1; variance of ln mu across the answer; `error` of the elasticity at the last step, and its `step_share`, 1: a
 whole one; whether slip is `beyond` its limit, how often it ran `away` of late, and for how long it was `below` the slip
 sought though the peak believed was used up [s]."""
 
@@ -267,7 +269,7 @@ def search_of(context: UnitContext, settings: SlipSearch, pole: float) -> Search
         sine=math.cos(lag),
         # variance that noise of a reading makes in a demodulated value, over its own
         heard=0.25 * dt * settings.memory / (1.0 + (turning / pole) ** 2),
-        swing_rate=SWING_RATE * dt,  # logarithmic, per `told` above `GOAL`
+        swing_rate=SWING_RATE * dt,  # logarithmic, per `certainty` above `GOAL`
         kept_away=math.exp(-dt / AWAY_TIME),  # of the count of slips that ran away
     )
     state = np.zeros(1, STATE)
@@ -342,7 +344,7 @@ def _elasticity(search, i, wanted, rough, follows):
     answer = of_slip * of_slip
     doubt = FOLLOWS * pace.heard * rough * rough + state.noise / (PRIOR * PRIOR) + 1e-12
     state.elasticity = (of_slip * of_coefficient + doubt * wanted) / (answer + doubt)
-    state.told = answer / (answer + doubt)
+    state.certainty = answer / (answer + doubt)
     return of_coefficient / max(of_slip, 1e-9)
 
 
@@ -368,7 +370,7 @@ def search_slip(search, axles, curve, felt, noise, limited):
     slip = math.exp(search.mean_slip[i]) if i >= 0 else 0.0
     follows = slip > AT_LIMIT * state.slip
     # a peak believed can hold slip a little below its limit: then no swing is answered, and slip stays where it is
-    binds = slip > BINDS * state.slip or state.told > HARDLY
+    binds = slip > BINDS * state.slip or state.certainty > HARDLY
     doubt_peaks(search, axles, follows and binds)
     if i < 0:
         return
@@ -376,9 +378,9 @@ def search_slip(search, axles, curve, felt, noise, limited):
     heard = _elasticity(search, i, wanted, rough, follows)
     if runs_away(search, axles, noise):
         heard = state.elasticity = FALLING
-        state.told = 1.0
+        state.certainty = 1.0
     size_swing(search, rough)
     if state.limited_for > SETTLED and follows:
         if pace.seek:
             step_slip(search, state.elasticity - wanted, rough, lowest, steepness(curve))
-        take_in_elasticity(curve, slip, heard, state.told)
+        take_in_elasticity(curve, slip, heard, state.certainty)

@@ -302,8 +302,8 @@ class TrainMpc:
         self._lead(senses)
         if (round(time / self._period) + 1) % self._every:
             return decisions
-        told = self._report(senses, decisions)
-        status, steps = self._order(time, senses, told)
+        sent = self._report(senses, decisions)
+        status, steps = self._order(time, senses, sent)
         spent = steps * self.settings.step_time
         leader = decisions[self._leader]
         # an unsolved joint problem suspends the orders, but the leader's own command stands: only the status tells
@@ -345,7 +345,7 @@ class TrainMpc:
             for controller in self.cars.controllers
             for k, part in enumerate(controller.belief.parts)
         ]
-        told = []
+        sent = []
         for j, (sense, decision, (belief, k, part)) in enumerate(
             zip(senses, decisions, beliefs, strict=True)
         ):
@@ -366,17 +366,17 @@ class TrainMpc:
                 air=float(belief.air_torque[k]),
                 drag=belief.observers[k].grade,
             )
-            write_report(report, self.reports.told[j])
-            told.append(report)
-        return told
+            write_report(report, self.reports.message[j])
+            sent.append(report)
+        return sent
 
     def _order(
-        self, time: float, senses: Sequence[UnitSense], told: Sequence[Report]
+        self, time: float, senses: Sequence[UnitSense], sent: Sequence[Report]
     ) -> tuple[str, int]:
         """The leader: take in the reports, solve, tell the orders; status of the solution and its SQP steps."""
         self._remember(time, senses)
         leader, in_service = self._leader, [sense.in_service for sense in senses]
-        own = told[leader]
+        own = sent[leader]
         reports = [
             own if j == leader else self._heard(j, time) for j, _ in enumerate(self._contexts)
         ]
@@ -416,7 +416,7 @@ class TrainMpc:
             self._suspend()
             return f"joint: {solution.status}", solution.iterations
         for j, (torque, demand) in enumerate(zip(asked.tolist(), wanted, strict=True)):
-            self.orders.told[j] = Order(torque, demand)
+            self.orders.message[j] = Order(torque, demand)
             if j == leader:  # needs no telegram
                 self._sent[j] = [(time + self._period, torque)]
             else:
@@ -440,7 +440,7 @@ class TrainMpc:
         return report.target * now / float(then[self._leader])
 
     def _suspend(self) -> tuple[str, int]:
-        self.orders.told[:] = math.nan
+        self.orders.message[:] = math.nan
         self._sign = 0.0
         return "ok", 0
 

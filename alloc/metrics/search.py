@@ -329,7 +329,7 @@ def torque_fluctuation(run: xr.Dataset) -> float:
 
 # Indices of the readhesion paper, section 3.2, from time series of one driven axle: did a wheel readhere?
 #
-# Time series are (instants,) or (instants, lanes), a lane per run; SI units. Torque cycles run from one start of torque
+# Time series are (instants,) or (instants, runs), a run per run; SI units. Torque cycles run from one start of torque
 # rise to the next. Slip is micro below the slip velocity of the curve's maximum (stable) and macro from there on.
 
 
@@ -341,7 +341,7 @@ SAME_CYCLE = 0.05
 
 @dataclass(frozen=True)
 class Signals:
-    """Signals from which the indices are computed, recorded at equal intervals; (instants, lanes) each except `time`."""
+    """Signals from which the indices are computed, recorded at equal intervals; (instants, runs) each except `time`."""
 
     time: Floats
     """(instants,)"""
@@ -357,7 +357,7 @@ class Signals:
 
 
 def of_run(run: xr.Dataset) -> Signals:
-    """Signals of a recorded run of one unit with one axle, one lane; raises `ValueError` for any other train."""
+    """Signals of a recorded run of one unit with one axle, one run; raises `ValueError` for any other train."""
     if run.sizes["unit"] != 1 or run.sizes["axle"] != 1:
         raise ValueError(
             f"readhesion indices: the run has {run.sizes['unit']} units and {run.sizes['axle']} axles; "
@@ -385,7 +385,7 @@ def rise_starts(torque: Floats, plan: float) -> NDArray[np.int64]:
 
 
 def readhesion_possible(signals: Signals, drop: float = 6.0, instant: float = 14.0) -> Flags:
-    """Readhesion possibility of each lane, (lanes,): section 3.2.
+    """Readhesion possibility of each run, (runs,): section 3.2.
 
     The torque cycle that contains `instant` [s] must visit both micro and macro slip. In the paper's scenario the rail
     recovers at that instant. After that every controller returns to micro slip, and all of them would meet the criterion. So
@@ -396,21 +396,21 @@ def readhesion_possible(signals: Signals, drop: float = 6.0, instant: float = 14
     middle = int(np.searchsorted(signals.time, instant))
     macro = signals.slip >= signals.peak_slip
     possible = np.zeros(macro.shape[1], dtype=bool)
-    for lane in range(macro.shape[1]):
-        starts = rise_starts(signals.torque[:, lane], signals.plan)
+    for run in range(macro.shape[1]):
+        starts = rise_starts(signals.torque[:, run], signals.plan)
         k = int(np.searchsorted(starts, middle, side="right"))
-        if not macro[after, lane].any():
-            possible[lane] = True
+        if not macro[after, run].any():
+            possible[run] = True
         elif 0 < k < starts.size:
-            cycle = macro[starts[k - 1] : starts[k], lane]
-            possible[lane] = cycle.any() and not cycle.all()
+            cycle = macro[starts[k - 1] : starts[k], run]
+            possible[run] = cycle.any() and not cycle.all()
     return possible
 
 
 def used_coefficient(
     time: Floats, coefficient: Floats, begin: float = 6.0, end: float = 14.0
 ) -> Floats:
-    """Used coefficient mu_use, (lanes,) or a scalar array: mean of the tangential force coefficient over time, (10)."""
+    """Used coefficient mu_use, (runs,) or a scalar array: mean of the tangential force coefficient over time, (10)."""
     inside = (time >= begin) & (time <= end)
     if inside.sum() < 2:
         raise ValueError(f"used coefficient: the signals have no two instants in {begin}..{end} s")
@@ -444,20 +444,20 @@ class LimitCycle:
 
 def limit_cycle(
     signals: Signals,
-    lane: int,
+    run: int,
     cycles: int = 3,
     drop: float = 6.0,
     until: float = np.inf,
 ) -> LimitCycle:
-    """The last `cycles` complete torque cycles of a lane between `drop` and `until` [s]."""
-    starts = rise_starts(signals.torque[:, lane], signals.plan)
+    """The last `cycles` complete torque cycles of a run between `drop` and `until` [s]."""
+    starts = rise_starts(signals.torque[:, run], signals.plan)
     instants = signals.time[starts]
     starts = starts[(instants >= drop) & (instants <= until)]
     if starts.size < cycles + 1:
         return LimitCycle(np.nan, np.nan, np.nan, -1)
     pairs = list(pairwise(starts))
-    slip = np.array([np.ptp(signals.slip[a:b, lane]) for a, b in pairs])
-    torque = np.array([np.ptp(signals.torque[a:b, lane]) for a, b in pairs])
+    slip = np.array([np.ptp(signals.slip[a:b, run]) for a, b in pairs])
+    torque = np.array([np.ptp(signals.torque[a:b, run]) for a, b in pairs])
     last_slip, last_torque = slip[-cycles:].mean(), torque[-cycles:].mean()
     same = (np.abs(slip / last_slip - 1.0) <= SAME_CYCLE) & (
         np.abs(torque / last_torque - 1.0) <= SAME_CYCLE

@@ -228,7 +228,7 @@ SETTLING = 2.0
 Floats = NDArray[np.float64]
 
 
-class Room(NamedTuple):
+class TrainBounds(NamedTuple):
     """Forces [N] at the instants that count, (instants,) each."""
 
     plan: Floats
@@ -265,7 +265,7 @@ def _weakest(values: Floats, groups: NDArray[np.int64], count: int) -> Floats:
 
 
 @once_per_run
-def room(run: xr.Dataset) -> Room:
+def train_bounds(run: xr.Dataset) -> TrainBounds:
     """Plan, bounds and force at the instants that count.
 
     The bound is min(plan, sum over units of min(motor limit, axles x force available at the weakest axle)). Under blended
@@ -313,7 +313,7 @@ def room(run: xr.Dataset) -> Room:
     unused = np.clip(most - _of_units(force, unit, units), 0.0, np.maximum(most, 0.0))
     short = bound - np.clip(delivered, 0.0, bound)
     held_back = np.minimum((limited * unused).sum(axis=1), short)
-    return Room(plan, bound, np.minimum(plan, apart), delivered, held_back)
+    return TrainBounds(plan, bound, np.minimum(plan, apart), delivered, held_back)
 
 
 def _of_units(values: Floats, unit: NDArray[np.int64], units: int) -> Floats:
@@ -338,7 +338,7 @@ def bound_use(run: xr.Dataset) -> float:
     At each instant it counts within 0 and the bound: wheels that slow down give back for a moment what turned them, which
     says nothing of how the bound is used later.
     """
-    found = room(run)
+    found = train_bounds(run)
     return _share(np.clip(found.force, 0.0, found.bound), found.bound)
 
 
@@ -354,21 +354,21 @@ def held_back(run: xr.Dataset) -> float:
 
     1 - `bound_use` - `held_back` is what sharing leaves: units that could carry more and are not asked to.
     """
-    found = room(run)
+    found = train_bounds(run)
     return _share(found.held_back, found.bound)
 
 
 @metric("headroom", "1", "share of the plan that only sharing between units can reach", 0, SHARE)
 def headroom(run: xr.Dataset) -> float:
     """Bound of the train less the sum of what each unit can deliver of its own part of the plan, over the plan."""
-    found = room(run)
+    found = train_bounds(run)
     return _share(found.bound - found.apart, found.plan)
 
 
 @metric("over_delivery", "1", "effort beyond the plan, relative to it", -1, NEVER_NEGATIVE)
 def over_delivery(run: xr.Dataset) -> float:
     """Effort beyond the plan, instant by instant, over the plan; `bound_use` does not count it."""
-    found = room(run)
+    found = train_bounds(run)
     return _share(np.maximum(found.force - found.plan, 0.0), found.plan)
 
 

@@ -226,7 +226,7 @@ def _decide(eq, p, m, g):
     """Action of the valves of group `g` until the next decision."""
     k = m.slide
     action = valve_action(k.severity[g])
-    if m.estimate.sounding.group[0] == g and p.law != NONE:
+    if m.estimate.relief.group[0] == g and p.law != NONE:
         action = RELEASE
     if m.reference[eq.group.body[g]] < p.cut_out_speed:
         action = SUPPLY
@@ -380,7 +380,7 @@ def _share_of_motors(st, m, j, pattern, full):
     # what the line turns out to take the motors take over slowly, for cylinders empty slowly
     slow = full * st.period / st.brakes.blend_time
     # less than foreseen: the line does not take it, or motors have failed. Their lag, what the unit's own readhesion control
-    # takes away and a sounding are foreseen
+    # takes away and a relief are foreseen
     if min(-m.foreseen[j], pattern, m.brake_limit[j]) > electric + 2.0 * slow:
         m.taken[j] = electric
     m.taken[j] = max(m.taken[j], electric + slow)

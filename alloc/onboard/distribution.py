@@ -5,7 +5,7 @@ import numpy as np
 from alloc.compilation import inlined_jit
 from alloc.onboard.increment_learning import NO_LEARNING, learn_increments
 from alloc.onboard.laws import believed_shoe_force
-from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, exchange, tell
+from alloc.onboard.telegrams import caps_by_own_slips, caps_by_slips, count_slips, deliver, exchange
 from alloc.rules.rule import Caps, Trigger
 
 HELD = 1.0
@@ -57,7 +57,7 @@ def _caps_at_detection(st, m, time):
 
 
 @inlined_jit
-def _move_marks(st, m):
+def _update_demonstrated(st, m):
     """What each unit has shown to carry: its best while limited, a little less with time; slowly more once it is not.
 
     Without any slip there is room above: trying costs nothing.
@@ -66,14 +66,16 @@ def _move_marks(st, m):
     for j in range(m.cap.size):
         got = m.delivered[j]
         if m.limited[j]:
-            if np.isinf(m.shown[j]):
-                m.shown[j] = got
-            m.shown[j] = max(got, m.shown[j] + (got - m.shown[j]) * period / FORGET)
-            m.open_to[j] = max(m.shown[j], PROBE * got)
+            if np.isinf(m.demonstrated[j]):
+                m.demonstrated[j] = got
+            m.demonstrated[j] = max(
+                got, m.demonstrated[j] + (got - m.demonstrated[j]) * period / FORGET
+            )
+            m.upper_bound[j] = max(m.demonstrated[j], PROBE * got)
         else:
             slipped = m.report.slipped_at[j] >= m.report.limited_at[j] - st.hold_time
-            m.shown[j] = max(m.shown[j] + RISE * m.train.expected[0] * period, got)
-            m.open_to[j] = m.shown[j] if slipped else max(m.shown[j], PROBE * got)
+            m.demonstrated[j] = max(m.demonstrated[j] + RISE * m.train.expected[0] * period, got)
+            m.upper_bound[j] = m.demonstrated[j] if slipped else max(m.demonstrated[j], PROBE * got)
 
 
 @inlined_jit
@@ -103,10 +105,12 @@ def _caps_by_front(eq, st, m, time, blended):
     for j in range(m.cap.size):
         m.cap[j] = known
         if front >= 0:
-            m.cap[j] = max(m.shown[front] + m.learnt.increment[j] - m.learnt.increment[front], 0.0)
-        if m.since_limited[j] < HELD and np.isfinite(m.shown[j]):
+            m.cap[j] = max(
+                m.demonstrated[front] + m.learnt.increment[j] - m.learnt.increment[front], 0.0
+            )
+        if m.since_limited[j] < HELD and np.isfinite(m.demonstrated[j]):
             slips = time - m.report.slipped_at[j] <= st.hold_time
-            m.cap[j] = KEPT * m.shown[j] if slips else m.open_to[j]
+            m.cap[j] = KEPT * m.demonstrated[j] if slips else m.upper_bound[j]
             works = m.in_service[j] or blended
             if not (m.by_rail[j] and works):
                 # there is nothing to look for
@@ -114,7 +118,9 @@ def _caps_by_front(eq, st, m, time, blended):
                 m.cap[j] = min(carried, m.train.expected[0])
         elif not m.slipping[j]:
             # a cap at what it just delivers would keep every dip below the plan
-            m.cap[j] = max(m.cap[j], min(m.shown[j], max(m.train.expected[0], m.delivered[j])))
+            m.cap[j] = max(
+                m.cap[j], min(m.demonstrated[j], max(m.train.expected[0], m.delivered[j]))
+            )
 
 
 @inlined_jit
@@ -136,7 +142,7 @@ def _trailers_shortfall(eq, m, expected):
 def _keep_plan(m, expected):
     for j in range(m.cap.size):
         m.limit_wanted[j] = expected
-        m.shown[j] = m.open_to[j] = np.inf
+        m.demonstrated[j] = m.upper_bound[j] = np.inf
     m.train.case[0] = 0.0
     m.train.level[0] = np.nan
 
@@ -185,10 +191,10 @@ def _asked_on_limited(eq, st, m, time, tick, failed, blended):
     step = RAISE * expected * st.telegrams.ticks * st.period / st.rise_time
     for j in range(m.cap.size):
         m.most[j] = min(m.limit_max[j], max(m.limit_wanted[j], expected) + step)
-    _move_marks(st, m)
+    _update_demonstrated(st, m)
     if of_units:
         for j in range(m.cap.size):
-            m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.open_to[j]
+            m.cap[j] = max(m.delivered[j], LEAST) if m.limited[j] else m.upper_bound[j]
     else:
         _caps_by_front(eq, st, m, time, blended)
     return True
@@ -225,10 +231,10 @@ def prepare_allocation(eq, st, m, time, tick, commanded, failed):
 
 
 @inlined_jit
-def distribute(eq, st, m, time, tick, delay, fate):
+def distribute(eq, st, m, time, tick, delay, lost):
     """Send limits with the periodic telegrams; each unit takes what has arrived, or falls back to the plan.
 
-    `delay`, `fate` (units,): draws of the telegrams' jitter and loss. The oracle's limits arrive at once.
+    `delay`, `lost` (units,): draws of the telegrams' jitter and loss. The oracle's limits arrive at once.
     """
     units = eq.axles.size
     if units == 0:
@@ -237,12 +243,14 @@ def distribute(eq, st, m, time, tick, delay, fate):
     limited = m.train.case[0] != 0.0
     sending = tick % st.telegrams.ticks == 0
     for j in range(units):
-        m.told[j, 0] = m.limit_wanted[j] if limited else np.inf
+        m.message[j, 0] = m.limit_wanted[j] if limited else np.inf
     for j in range(units):
         if j == first or st.rule.caps == Caps.TRUE:
-            tell(m.orders, j, time, m.told)
+            deliver(m.orders, j, time, m.message)
             continue
-        if exchange(m.orders, j, time, m.told, sending, st.telegrams, m.counter, delay[j], fate[j]):
+        if exchange(
+            m.orders, j, time, m.message, sending, st.telegrams, m.counter, delay[j], lost[j]
+        ):
             m.unit.fallen_back[j] = 0.0
         if time - m.orders.heard[j] > st.telegrams.silence:
             if m.unit.fallen_back[j] == 0.0:

@@ -199,7 +199,7 @@ def take_datum(learning, k, j, datum, leader):
 
 @inlined_jit
 def _leader_knows(st, m, time):
-    """Whether the leader has a coefficient to compare with; while it is blind, sounded or failed it finds none."""
+    """Whether the leader has a coefficient to compare with; while it is blind, relieved or failed it finds none."""
     first = m.lead.unit[0]
     if st.learning.held:
         return time - m.lead.detected[0] <= st.hold_time
@@ -217,15 +217,15 @@ def learn_increments(st, m, time):
     first, knows = m.lead.unit[0], _leader_knows(st, m, time)
     reference = m.lead.estimate[0] if st.learning.held else m.unit.coefficient_estimate[first]
     for j in range(m.cap.size):
-        told = m.report.own if j == first else m.report.line.read
-        if not told[j, DETECTED] > m.learning.taken_at[j]:
+        reports = m.report.own if j == first else m.report.line.read
+        if not reports[j, DETECTED] > m.learning.taken_at[j]:
             continue
-        m.learning.taken_at[j] = told[j, DETECTED]
+        m.learning.taken_at[j] = reports[j, DETECTED]
         if j == first:
             continue
         m.lead.allocate[0] = True
-        if knows and time - told[j, DETECTED] <= st.hold_time:
-            datum = told[j, ESTIMATE] - reference + m.learnt.increment[first]
+        if knows and time - reports[j, DETECTED] <= st.hold_time:
+            datum = reports[j, ESTIMATE] - reference + m.learnt.increment[first]
             m.learning.series.increment_data[j] += 1.0
             m.learning.series.increment_datum[j] = datum
             take_datum(st.learning, m.learnt, j, datum, first)

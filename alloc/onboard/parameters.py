@@ -24,7 +24,7 @@ COMPARED = 1e-4
 
 
 @dataclass(frozen=True)
-class Sounding:
+class TorqueRelief:
     """When and how force is taken from a few wheels, so that they roll and show the speed.
 
     Source: assumed; tuned on drawn events of traction and braking.
@@ -37,15 +37,15 @@ class Sounding:
     ease: ClassVar[float] = 2.4
     """Factor of both deviations while a unit is within adhesion."""
     share: float = quantity(0.4, "1")
-    """Share of its torque that a sounded unit keeps, 0 to 1."""
+    """Share of its torque that a relieved unit keeps, 0 to 1."""
     time: float = quantity(0.06, "s")
     """Time for which its torque is cut at least [s]."""
     longest: float = quantity(0.2, "s")
-    """The same at most, where no wheel has settled and told the speed, at least `time` [s]."""
+    """The same at most, where no wheel has settled and shown the speed, at least `time` [s]."""
     return_time: float = quantity(0.06, "s")
     """Time in which its torque returns [s]."""
     pause: float = quantity(0.3, "s")
-    """Shortest time from one sounding to the next [s]."""
+    """Shortest time from one torque relief to the next [s]."""
     air_doubt: float = quantity(0.06, "1")
     """Deviation over the speed above which a bogie is released."""
     air_known: ClassVar[float] = 0.03
@@ -55,12 +55,12 @@ class Sounding:
 
     def __post_init__(self) -> None:
         numbers = sorted({one.name for one in fields(self)} - {"share"})
-        OnboardError.check("sounding", self, numbers, ("share",))
-        OnboardError.check_finite("sounding", self, numbers)
+        OnboardError.check("relief", self, numbers, ("share",))
+        OnboardError.check_finite("relief", self, numbers)
         if self.share > 1.0:
-            raise OnboardError(f"sounding: share = {self.share!r} must lie in [0, 1]")
-        OnboardError.check_order("sounding", self, "air_known", "air_doubt")
-        OnboardError.check_order("sounding", self, "time", "longest", equal=True)
+            raise OnboardError(f"relief: share = {self.share!r} must lie in [0, 1]")
+        OnboardError.check_order("relief", self, "air_known", "air_doubt")
+        OnboardError.check_order("relief", self, "time", "longest", equal=True)
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ class ReferenceSpeed:
     """Number of samples over which the creep of a wheel is the same."""
     light_repeat: ClassVar[float] = 16.0
     """The same of a wheel with little force."""
-    sounded_repeat: ClassVar[float] = 0.3
-    """The same while a unit is sounded."""
+    relieved_repeat: ClassVar[float] = 0.3
+    """The same while a unit is relieved."""
     ease_time: ClassVar[float] = 0.3
     """An axle whose force nobody limits is at ease after this time [s]."""
     light: ClassVar[float] = 0.85
@@ -122,7 +122,7 @@ class ReferenceSpeed:
     rolls; 0: they never do."""
     radii_compared: bool = True
     """Whether the train has rolled before the run, so that only the error that all radii have in common is left."""
-    sounding: Sounding = field(default_factory=Sounding)
+    relief: TorqueRelief = field(default_factory=TorqueRelief)
     """When force is taken from a few wheels to learn the speed."""
 
     def __post_init__(self) -> None:

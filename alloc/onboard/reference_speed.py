@@ -1,4 +1,4 @@
-"""Sounding: force is taken from a few wheels for a moment, so that they roll and tell the train's speed.
+"""Torque relief: force is taken from a few wheels for a moment, so that they roll and tell the train's speed.
 
 Where every axle may slide the estimate's deviation grows. Motors answer at once: one unit after the other is cut until its
 wheels tell the speed, for 0.2 s at most. Cylinders do not: a bogie is released until the speed is known again.
@@ -36,7 +36,7 @@ LEAST_SPEED = 8.0
 """Speed [m/s] below which the deviations of air brakes do not shrink any further."""
 
 SEEN = 1.5
-"""Rim acceleration [m/s2] of a sliding wheel that is seen when it is sounded."""
+"""Rim acceleration [m/s2] of a sliding wheel that is seen when it is relieved."""
 
 SETTLED = 0.5
 """Share of that acceleration below which it has settled."""
@@ -47,13 +47,13 @@ FALLING = 3.0
 
 @inlined_jit
 def is_relieved(m, j):
-    """Whether unit `j` is sounded or just getting its torque back: what its wheels do then is not of its own control."""
-    return m.estimate.sounding.share[j] < 1.0
+    """Whether unit `j` is relieved or just getting its torque back: what its wheels do then is not of its own control."""
+    return m.estimate.relief.share[j] < 1.0
 
 
 @inlined_jit
 def has_settled(s, k, before, applied, turning, rate):
-    """Whether a wheel whose unit is sounded has settled.
+    """Whether a wheel whose unit is relieved has settled.
 
     `before`: force [N] that the rail gave before, `applied`: force now [N], `turning` mass [kg], `rate`: its acceleration
     [m/s2].
@@ -75,15 +75,15 @@ def _acting_unit(eq, m, k, kept):
 
 
 @inlined_jit
-def _sound_unit(eq, st, m, deviation, anyone):
-    """Begin, carry on or end the sounding of a unit; returns whether motors act."""
-    s, k = st.reference.sounding, m.estimate.sounding
+def _relieve_unit(eq, st, m, deviation, anyone):
+    """Begin, carry on or end the relief of a unit; returns whether motors act."""
+    s, k = st.reference.relief, m.estimate.relief
     k.clock[0] += st.period
     for j in range(k.share.size):
         k.share[j] = min(k.share[j] + st.period / s.return_time, 1.0)
     limit = max(s.doubt, s.doubt_ratio * abs(m.reference[0])) * (s.ease if anyone else 1.0)
     if k.unit[0] >= 0:
-        if k.clock[0] > (s.time if k.told[0] else s.longest):
+        if k.clock[0] > (s.time if k.measured[0] else s.longest):
             k.unit[0], k.clock[0] = -1, 0.0
         else:
             k.share[k.unit[0]] = s.share
@@ -91,15 +91,15 @@ def _sound_unit(eq, st, m, deviation, anyone):
     j = _acting_unit(eq, m, k, s.share)
     if j >= 0 and k.clock[0] > s.pause and deviation > limit:
         k.unit[0] = k.last[0] = j
-        k.clock[0], k.told[0] = 0.0, 0
+        k.clock[0], k.measured[0] = 0.0, 0
         k.share[j] = s.share
     return j >= 0
 
 
 @inlined_jit
-def _sound_group(eq, st, m, deviation):
+def _release_group(eq, st, m, deviation):
     """Begin, carry on or end the release of a brake group."""
-    s, k, e = st.reference.sounding, m.estimate.sounding, m.estimate
+    s, k, e = st.reference.relief, m.estimate.relief, m.estimate
     v = max(m.reference[0], LEAST_SPEED)
     fastest, slowest = 0.0, 1e9
     for i in range(e.rim.size):
@@ -120,17 +120,17 @@ def _sound_group(eq, st, m, deviation):
 
 
 @inlined_jit
-def sound(eq, st, m, anyone):
+def relieve(eq, st, m, anyone):
     """Relieve a unit or a brake group where the estimate has grown vague; `anyone`: whether an axle has told the speed."""
-    deviation, k = m.train.reference_deviation[0], m.estimate.sounding
+    deviation, k = m.train.reference_deviation[0], m.estimate.relief
     by_motors = False
     if eq.axles.size > 0:
-        by_motors = _sound_unit(eq, st, m, deviation, anyone)
+        by_motors = _relieve_unit(eq, st, m, deviation, anyone)
     braked = False
     for g in range(m.estimate.pressure.size):
         braked = braked or m.estimate.full[g] > 0.0
     if braked and not by_motors:
-        _sound_group(eq, st, m, deviation)
+        _release_group(eq, st, m, deviation)
     else:
         k.group[0] = -1
 
@@ -189,7 +189,7 @@ OBSERVER_POLE = 12.0
 
 
 RATE_POLE = 50.0
-"""The same [1/s] of the filter behind which a sounded wheel is seen to settle, fast against a sounding."""
+"""The same [1/s] of the filter behind which a relieved wheel is seen to settle, fast against a relief."""
 
 NOISE_MARGIN = 2.5
 """Deviations of a noisy acceleration within which a wheel counts as at rest against the train."""
@@ -218,7 +218,7 @@ class ReferencePace(NamedTuple):
     bound_share: float  # as `BOUND_SHARE`
     repeat: float  # number of samples, as those of `ReferenceSpeed`
     light_repeat: float
-    sounded_repeat: float
+    relieved_repeat: float
 
 
 @equation
@@ -234,18 +234,18 @@ def reference_pace(o, period):
         min(BOUND_SHARE / usual, 2.0 * SLOWEST_SHARE),
         o.repeat * usual,
         o.light_repeat * usual,
-        o.sounded_repeat * usual,
+        o.relieved_repeat * usual,
     )
 
 
-class SoundingMemory(NamedTuple):
+class ReliefMemory(NamedTuple):
     """Which wheels are relieved for the sake of the estimate."""
 
-    unit: Ints  # (1,) that is sounded, -1: none
+    unit: Ints  # (1,) that is relieved, -1: none
     group: Ints  # (1,) brake group that is released, -1: none
-    last: Ints  # (1,) unit that was sounded last
-    told: Ints  # (1,) whether one of its wheels has told the speed
-    clock: Floats  # (1,) time since a sounding of a unit began or ended [s]
+    last: Ints  # (1,) unit that was relieved last
+    measured: Ints  # (1,) whether one of its wheels has shown the speed
+    clock: Floats  # (1,) time since a relief of a unit began or ended [s]
     share: Floats  # (units,) of the torque command that is left to each
 
 
@@ -272,17 +272,17 @@ class ReferenceMemory(NamedTuple):
     shoe_decel: Floats  # (1,) greatest specific force of the shoes in this application [m/s2]
     rim: Floats  # (axles,) rim speed at the last period
     rim_rate: Floats  # (axles,) its acceleration behind a fast filter [m/s2]
-    rail: Floats  # (axles,) rail force; of a sounded unit's axles that before [N]
+    rail: Floats  # (axles,) rail force; of a relieved unit's axles that before [N]
     smooth_rim: Floats  # (axles,) behind a filter
     applied: Floats  # (axles,) force that motor and shoe apply, in the direction of the demand [N]
     smooth_applied: Floats  # (axles,) behind the same filter
     carried: Floats  # (axles,) greatest force lately [N]
     ease: Floats  # (axles,) time for which nobody has limited its force [s]
-    telling: Floats  # (axles,) time for which it has been light and rolled [s]
+    rolling_time: Floats  # (axles,) time for which it has been light and rolled [s]
     ahead: Floats  # (axles,) mean over 0.1 s of what it runs ahead, in the direction of the demand [m/s]
     full: Floats  # (groups,) pressure that is asked for
     pressure: Floats  # (groups,) that is there
-    sounding: SoundingMemory
+    relief: ReliefMemory
     radii: RadiusMemory
 
 
@@ -305,7 +305,7 @@ def reference_settings(onboard: "Onboard") -> Any:
 
 def reference_memory(bodies: int, axles: int, units: int, groups: int) -> ReferenceMemory:
     """Memory of a train whose computers have not sensed yet."""
-    nobody, untold = np.full((3, 1), -1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    nobody, not_measured = np.full((3, 1), -1, dtype=np.int64), np.zeros(1, dtype=np.int64)
 
     def zeros(size: int, *names: str) -> dict[str, Any]:
         return {name: np.zeros(size) for name in names}
@@ -314,8 +314,8 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
         ready=np.zeros(1, dtype=np.int64), state=np.zeros(4), covariance=np.zeros((4, 4)),
         **zeros(bodies, "place", "force", "change", "share"), **zeros(1, "smooth_speed", "shoe_decel"),
         **zeros(axles, "rim", "rim_rate", "rail", "smooth_rim", "applied", "smooth_applied", "carried", "ease"),
-        **zeros(axles, "telling", "ahead"), **zeros(groups, "full", "pressure"),
-        sounding=SoundingMemory(nobody[0], nobody[1], nobody[2], untold, np.zeros(1), np.ones(units)),
+        **zeros(axles, "rolling_time", "ahead"), **zeros(groups, "full", "pressure"),
+        relief=ReliefMemory(nobody[0], nobody[1], nobody[2], not_measured, np.zeros(1), np.ones(units)),
         radii=RadiusMemory(np.zeros(1), factor=np.ones(axles), known=np.zeros(axles), ahead=np.zeros(axles)),
     )  # fmt: skip
 
@@ -334,11 +334,11 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
 # Measurements:
 #
 #     free axle                        y_i = v + n,                n ~ noise^2
-#     at ease, light, or sounded       y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
+#     at ease, light, or relieved       y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
 #     any                              s (y_i - v) >= 0: an axle that violates it in the mean of 0.1 s measures v
 #
 # An axle is at ease while nobody limits its force and it does not run away. It is light while its force is a small
-# share of what it carried lately and it no longer returns from a slide. `sounding` says when a sounded axle has
+# share of what it carried lately and it no longer returns from a slide. `relief` says when a relieved axle has
 # settled. Other axles may slide and give no upper bound. No matrix is inverted: axles are taken one by one.
 
 
@@ -459,7 +459,7 @@ def _predict(st, k, acting, of_shoes):
 
 
 @inlined_jit
-def _follow_rims(eq, st, k, sign, i, sounded):
+def _follow_rims(eq, st, k, sign, i, relieved):
     """Rail force and acceleration of axle `i` against the train's [m/s2], both behind one filter."""
     o, gain, y = st.reference, st.pace.observer_gain, k.rim[i]
     rate = OBSERVER_POLE * (y - k.smooth_rim[i])
@@ -471,7 +471,7 @@ def _follow_rims(eq, st, k, sign, i, sounded):
     kept = st.pace.slid_kept if slides else st.pace.carried_kept
     standing = sign < 0.0 and y < STANDING
     k.carried[i] = max(k.carried[i] * kept, 0.0 if standing else rail)
-    if not sounded:
+    if not relieved:
         k.rail[i] = rail
     return relative, standing
 
@@ -509,11 +509,11 @@ def _measure(eq, st, m, k, sign):
         if not m.axle_seen[i]:
             continue
         j = eq.axle_unit[i]
-        sounded = j >= 0 and k.sounding.unit[0] == j
-        relative, standing = _follow_rims(eq, st, k, sign, i, sounded)
+        relieved = j >= 0 and k.relief.unit[0] == j
+        relative, standing = _follow_rims(eq, st, k, sign, i, relieved)
         ease = _at_ease(eq, st, m, k, i)
         y, applied = k.rim[i], max(k.applied[i], 0.0)
-        # of its body, with what the axles before it have told
+        # of its body, with what the axles before it have shown
         body = m.reference[eq.axle_body[i]] + f[SPEED] - before
         mu, creep = _adhesion(eq, o, k, i, sign)
         innovation = y - body - f[SLIP] * mu
@@ -524,22 +524,22 @@ def _measure(eq, st, m, k, sign):
         would = 0.0 if j >= 0 else o.light * k.carried[i] - eq.chain.turning[i] * o.returning
         light = applied < max(would, LEAST_COEFFICIENT * eq.chain.load[i])
         light = light and relative < o.returning
-        k.telling[i] = k.telling[i] + st.period if light and settled else 0.0
+        k.rolling_time[i] = k.rolling_time[i] + st.period if light and settled else 0.0
         # brakes may press all wheels into one slow slide, which looks like a steeper climb; motors do not for long
         doubt = -2.0 if eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0 else 2.0
         if j < 0 and applied == 0.0 and settled:
             free, together = free + 1.0, together + y - body
-        elif sounded:
+        elif relieved:
             turning = eq.chain.turning[i]
-            if has_settled(o.sounding, k.sounding, k.rail[i], applied, turning, k.rim_rate[i]):
-                k.sounding.told[0] = 1
+            if has_settled(o.relief, k.relief, k.rail[i], applied, turning, k.rim_rate[i]):
+                k.relief.measured[0] = 1
                 # while adhesion falls a sliding wheel may pass for settled: what is odd, and slips, is not believed
                 believe(
                     o,
                     k,
                     mu,
                     innovation,
-                    white + pace.sounded_repeat * creep**2,
+                    white + pace.relieved_repeat * creep**2,
                     sign * innovation < 0.0,
                 )
         elif light:
@@ -579,8 +579,8 @@ def _take_light(eq, st, m, k, sign, i, moved):
     innovation = k.rim[i] - m.reference[eq.axle_body[i]] - moved - f[SLIP] * mu
     variance = 2.0 * o.noise**2 + st.pace.light_repeat * creep**2
     braked_by_air = eq.axle_group[i] >= 0 and k.pressure[eq.axle_group[i]] > 0.0
-    if k.telling[i] > (0.5 * o.persist if braked_by_air else 0.1):
-        trusted = k.telling[i] > o.persist or not braked_by_air
+    if k.rolling_time[i] > (0.5 * o.persist if braked_by_air else 0.1):
+        trusted = k.rolling_time[i] > o.persist or not braked_by_air
         believe(o, k, mu, innovation, variance, trusted)
 
 

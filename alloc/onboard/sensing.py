@@ -13,7 +13,7 @@ from alloc.onboard.laws import (
     slip_signal,
     tangential_coefficient_estimate,
 )
-from alloc.onboard.reference_speed import estimate_speed, is_relieved, sound
+from alloc.onboard.reference_speed import estimate_speed, is_relieved, relieve
 from alloc.onboard.telegrams import DETECTED, ESTIMATE
 from alloc.plant.laws import limit_place, slip_velocity
 from alloc.plant.operations import look_up
@@ -77,9 +77,9 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
     for i in range(n):
         if m.axle_seen[i] and abs(k.ahead[i]) < most:
             v = m.reference[eq.axle_body[i]]
-            told = 0.5 * v * v / o.noise**2
-            k.known[i] += told
-            gain = told / (k.known[i] + 1.0 / o.radius_prior**2)
+            information = 0.5 * v * v / o.noise**2
+            k.known[i] += information
+            gain = information / (k.known[i] + 1.0 / o.radius_prior**2)
             change = 1.0 - gain * (k.ahead[i] - together / count)
             k.factor[i] *= change
             m.estimate.rim[i] *= change
@@ -256,7 +256,7 @@ def sense(eq, st, m, time, commanded, omega, torque, pressure, noise):
         _lose_signals(eq, st.sensors.dropout, m, time)
     _read_speeds(eq, st, m, omega, noise)
     if not st.reference.given:
-        sound(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
+        relieve(eq, st, m, estimate_speed(eq, st, m, sign, torque, pressure))
     compare_radii(eq, st, m, commanded, torque, pressure)
     _compare_with_reference(eq, m, sign)
     _read_air_forces(eq, st, m, pressure, blended)

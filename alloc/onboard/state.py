@@ -43,9 +43,9 @@ from alloc.onboard.telegrams import (
     NUMBERS,
     AddedNumbers,
     Attachment,
-    Mail,
+    Channel,
     ReportMemory,
-    mail,
+    channel,
     report_memory,
 )
 from alloc.plant.model import Floats
@@ -241,8 +241,8 @@ class Memory(NamedTuple):
     limit_wanted: Floats  # what the foremost unit wants
     delivered: Floats  # by each unit, as the leader has heard
     truth: Floats  # filled for the oracle only
-    shown: Floats  # coefficient that each unit has shown to be able to deliver
-    open_to: Floats  # coefficient up to which each unit may be asked for more than the plan
+    demonstrated: Floats  # coefficient that each unit has shown to be able to deliver
+    upper_bound: Floats  # coefficient up to which each unit may be asked for more than the plan
     most: Floats  # up to which a limit may rise now
     limited: NDArray[np.bool_]  # whether the unit is limited, as the leader has heard
     by_rail: NDArray[np.bool_]  # whether it was the rail that limited it the last time
@@ -250,9 +250,9 @@ class Memory(NamedTuple):
     since_limited: Floats  # time since it was limited the last time, as the leader knows it [s]
     pressure: Floats  # (groups,) of the brake cylinders as read [Pa]
     air_most: Floats  # (groups,) force per axle that the oracle allows a trailer's brake [N]
-    told: Floats  # (units, 1 and what a controller adds) limit that the leader would send now; inf: none, the plan stands
+    message: Floats  # (units, 1 and what a controller adds) limit that the leader would send now; inf: none, the plan stands
     received: Floats  # last limit received; inf: none
-    orders: Mail  # limits to the units
+    orders: Channel  # limits to the units
     report: ReportMemory
     learnt: Increments
     learning: LearningMemory
@@ -274,7 +274,7 @@ def attachments(m: Memory) -> tuple[Attachment, Attachment]:
     line = m.report.line
     return (
         Attachment(m.report.own[:, NUMBERS:], line.read[:, NUMBERS:], line.heard),
-        Attachment(m.told[:, 1:], m.orders.read[:, 1:], m.orders.heard),
+        Attachment(m.message[:, 1:], m.orders.read[:, 1:], m.orders.heard),
     )
 
 
@@ -294,7 +294,7 @@ def memory(
     lead.detected[:] = lead.slipped[:] = -np.inf
     learnt, learning = learning_memory(eq.learnt)
     nothing = np.tile([np.inf, *[np.nan] * added.order], (n, 1))
-    orders = mail(n, 1 + added.order, np.inf)
+    orders = channel(n, 1 + added.order, np.inf)
     orders.read[:] = nothing
     empty = Memory(*(np.zeros(n) for _ in Memory._fields))  # type: ignore[arg-type]
     return empty._replace(
@@ -325,11 +325,11 @@ def memory(
         limited=np.zeros(n, dtype=np.bool_),
         by_rail=np.zeros(n, dtype=np.bool_),
         slipping=np.zeros(n, dtype=np.bool_),
-        shown=np.full(n, np.inf),
-        open_to=np.full(n, np.inf),
+        demonstrated=np.full(n, np.inf),
+        upper_bound=np.full(n, np.inf),
         pressure=np.zeros(eq.group.unit.size),
         air_most=np.full(eq.group.unit.size, np.inf),
-        told=nothing,
+        message=nothing,
         received=np.full(n, np.inf),
         orders=orders,
         report=report_memory(n, speed, expected, added.report),

@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 """Tolerance [s] for comparing instants, which are multiples of a period."""
 
 
-class Mail(NamedTuple):
+class Channel(NamedTuple):
     """Lines of telegrams, one per unit, with `fields` numbers in each."""
 
     arrival: Floats  # (units, SLOTS) [s]; inf: empty
@@ -36,9 +36,9 @@ class Mail(NamedTuple):
     read: Floats  # (units, fields) what the newest said
 
 
-def mail(units: int, fields: int, nothing: float) -> Mail:
+def channel(units: int, fields: int, nothing: float) -> Channel:
     """Lines without any telegram yet; a receiver reads `nothing`."""
-    return Mail(
+    return Channel(
         arrival=np.full((units, SLOTS), np.inf),
         sent=np.zeros((units, SLOTS)),
         content=np.zeros((units, SLOTS, fields)),
@@ -49,23 +49,23 @@ def mail(units: int, fields: int, nothing: float) -> Mail:
 
 
 @inlined_jit
-def post(line, j, time, delay, told):
-    """Send `told[j]` (units, fields) on line `j` at `time`; it arrives after `delay` [s]."""
+def send(line, j, time, delay, message):
+    """Send `message[j]` (units, fields) on line `j` at `time`; it arrives after `delay` [s]."""
     for k in range(SLOTS):
         if np.isinf(line.arrival[j, k]):
             line.arrival[j, k] = time + delay
             line.sent[j, k] = time
-            for f in range(told.shape[1]):
-                line.content[j, k, f] = told[j, f]
+            for f in range(message.shape[1]):
+                line.content[j, k, f] = message[j, f]
             break
 
 
 @inlined_jit
-def tell(line, j, time, told):
+def deliver(line, j, time, message):
     """Deliver at once on line `j`, whose sender and receiver are one computer."""
     line.newest[j] = line.heard[j] = time
-    for f in range(told.shape[1]):
-        line.read[j, f] = told[j, f]
+    for f in range(message.shape[1]):
+        line.read[j, f] = message[j, f]
 
 
 @inlined_jit
@@ -86,17 +86,17 @@ def collect(line, j, time):
 
 
 @inlined_jit
-def exchange(line, j, time, told, sending, telegrams, counter, delay, fate):
+def exchange(line, j, time, message, sending, telegrams, counter, delay, lost):
     """Send on line `j` when it is due, unless the telegram is lost, and read what has arrived; returns whether any has.
 
-    `delay`, `fate`: draws from 0 to 1 of the telegram's jitter and loss.
+    `delay`, `lost`: draws from 0 to 1 of the telegram's jitter and loss.
     """
     if sending:
         counter.telegrams_sent[0] += 1
-        if fate < telegrams.loss:
+        if lost < telegrams.loss:
             counter.telegrams_lost[0] += 1
         else:
-            post(line, j, time, telegrams.latency + telegrams.jitter * delay, told)
+            send(line, j, time, telegrams.latency + telegrams.jitter * delay, message)
     return collect(line, j, time)
 
 
@@ -110,7 +110,7 @@ def exchange(line, j, time, told, sending, telegrams, counter, delay, fate):
 class Attachment(NamedTuple):
     """Numbers added to the telegrams of one direction, a row per unit. The leader reaches itself without a telegram."""
 
-    told: Floats
+    message: Floats
     """Numbers of the next telegram, (units, numbers); they are sent until they are changed."""
     read: Floats
     """What the newest telegram that has arrived said, (units, numbers); nan before the first."""
@@ -160,7 +160,7 @@ class ReportMemory(NamedTuple):
     """What the units send, and what the foremost one has received."""
 
     own: Floats  # (units, 5 and what a controller adds) what each would say now
-    line: Mail  # to the foremost unit
+    line: Channel  # to the foremost unit
     acceleration: Floats  # (1,) of the train behind the same filter [m/s2]
     speed: Floats  # (1,) reference speed a period ago [m/s]
     slipped_at: Floats  # (units,) when a unit slipped for the last time, as heard [s]
@@ -171,7 +171,7 @@ class ReportMemory(NamedTuple):
 def report_memory(units: int, speed: float, expected: float, added: int = 0) -> ReportMemory:
     """Memory at the start of a run: every unit delivers the plan. `added`: numbers that a controller adds, nan at first."""
     own = np.tile([expected, np.nan, -np.inf, 0.0, -np.inf, *[np.nan] * added], (units, 1))
-    line = mail(units, own.shape[1], 0.0)
+    line = channel(units, own.shape[1], 0.0)
     line.read[:] = own
     return ReportMemory(own, line, np.zeros(1), np.full(1, speed), *np.full((3, units), -np.inf))
 
@@ -194,7 +194,7 @@ def _limited_by(eq, m, j, expected, braking):
 
 @inlined_jit
 def write_reports(eq, st, m, time, commanded):
-    """Fill the present report of each unit; a sounded unit repeats its last report.
+    """Fill the present report of each unit; a relieved unit repeats its last report.
 
     A limit includes the torque that accelerates the wheelsets, in proportion to the limit, although the train accelerates
     them all alike. So a limit at the delivered torque would deliver less, and marks would fall without end. The report
@@ -223,15 +223,15 @@ def write_reports(eq, st, m, time, commanded):
 
 
 @inlined_jit
-def hear_reports(eq, st, m, time, tick, delay, fate):
-    """Send and receive reports with the periodic telegrams; `delay`, `fate` (units,): draws of their jitter and loss."""
+def hear_reports(eq, st, m, time, tick, delay, lost):
+    """Send and receive reports with the periodic telegrams; `delay`, `lost` (units,): draws of their jitter and loss."""
     own, line, first = m.report.own, m.report.line, m.lead.unit[0]
     sending = tick % st.telegrams.ticks == 0
     for j in range(eq.axles.size):
         if j == first:
-            tell(line, j, time, own)
+            deliver(line, j, time, own)
         else:
-            exchange(line, j, time, own, sending, st.telegrams, m.counter, delay[j], fate[j])
+            exchange(line, j, time, own, sending, st.telegrams, m.counter, delay[j], lost[j])
         limited_by = line.read[j, LIMITED]
         m.limited[j] = limited_by != BY_NOTHING
         m.report.slipped_at[j] = line.read[j, SLIPPED]
@@ -265,10 +265,10 @@ def count_slips(st, m, time):
 @inlined_jit
 def caps_by_own_slips(st, m, time):
     """Set the cap of each unit that slipped within the hold time to its own slip's coefficient, without an increment."""
-    told = m.report.line.read
+    message = m.report.line.read
     for j in range(m.cap.size):
-        if time - told[j, DETECTED] <= st.hold_time:
-            m.cap[j] = told[j, ESTIMATE]
+        if time - message[j, DETECTED] <= st.hold_time:
+            m.cap[j] = message[j, ESTIMATE]
 
 
 @inlined_jit

@@ -385,12 +385,12 @@ RULES.register("oracle", ORACLE)
 
 @jit
 def cooperative_law(units, expected, limit_out):
-    """The exact level over all caps; every unit gets the plan at least, and beyond the plan at most `open_to`."""
+    """The exact level over all caps; every unit gets the plan at least, and beyond the plan at most `upper_bound`."""
     level, reached = exact_limits(units.cap, expected, units.mass, units.limit_max, limit_out)
     # out of reach every unit does what it can, the best one too
     most = level if reached else np.inf
     for j in range(limit_out.size):
-        limit_out[j] = min(max(min(most, units.open_to[j]), units.plan), units.limit_max[j])
+        limit_out[j] = min(max(min(most, units.upper_bound[j]), units.plan), units.limit_max[j])
     return level, reached
 
 

@@ -87,7 +87,7 @@ class Units(NamedTuple):
     previous: Floats
     delivered: Floats
     truth: Floats
-    open_to: Floats
+    upper_bound: Floats
     """Coefficient up to which each unit may be asked for more than the plan; inf: it was never limited."""
     plan: float
     """What the driver asks of every unit; the rule may be called with more, to make up for others."""

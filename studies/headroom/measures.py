@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from alloc.metrics.use import room
+from alloc.metrics.use import train_bounds
 
 
 def measure(run: xr.Dataset) -> dict[str, float]:
     """plan_use: effort, instant by instant the plan at most, over the plan; `headroom` has the same scale."""
-    found = room(run)
+    found = train_bounds(run)
     return {"plan_use": float(np.minimum(found.force, found.plan).sum() / found.plan.sum())}

@@ -5,7 +5,7 @@ commands, so here every axle is a unit and a brake group of its own, and
 
     demand      has the sign of the sum of all forces where that exceeds 2 per mille of the weight, else it stays
     limited     is an axle with less than 95 % of its greatest force, forgotten within 5 s in traction and 60 s in braking
-    sounded     is, where no axle rolls freely, of those that pull with half of it at most the one that runs ahead least
+    relieved     is, where no axle rolls freely, of those that pull with half of it at most the one that runs ahead least
     shoes       are all that brakes: a log does not say whether a motor does, and shoes are trusted less
     at rest     is a train whose wheels stand: with the estimate for 2 s, without any force for 0.5 s
 
@@ -45,7 +45,7 @@ DEMAND = 2e-3
 UNLIMITED = 0.95
 """Share of its greatest force lately above which an axle counts as not limited."""
 RELIEVED = 0.5
-"""Share of its greatest force lately below which a driven axle counts as sounded."""
+"""Share of its greatest force lately below which a driven axle counts as relieved."""
 LATEST_RELIEF = 0.02
 """Time [s] for which a force counts as low, at most, where the log first has it so."""
 MEMORY, BRAKE_MEMORY = 5.0, 60.0
@@ -245,8 +245,8 @@ def _read(eq, m, series, t):
         begun = min(0.5 * series.step[t], LATEST_RELIEF)
         since = m.relieved[i] + series.step[t] if m.relieved[i] > 0.0 else begun
         m.relieved[i] = since if size < RELIEVED * m.most[i] else 0.0
-        sounded = eq.axle_unit[i] >= 0 and m.axle_seen[i] and m.relieved[i] > 0.0
-        if sounded and (chosen < 0 or k.ahead[i] < k.ahead[chosen]):
+        relieved = eq.axle_unit[i] >= 0 and m.axle_seen[i] and m.relieved[i] > 0.0
+        if relieved and (chosen < 0 or k.ahead[i] < k.ahead[chosen]):
             chosen = i
         free = free or (m.axle_seen[i] and not eq.driven[i] and series.force[t, i] == 0.0)
         if sign < 0.0 and rim < STANDING and m.reference[0] > STANDING:
@@ -256,9 +256,9 @@ def _read(eq, m, series, t):
         m.carried[i] = k.carried[i]
     m.unsure[0] = LOCKED_WALK * locked / eq.chain.train_mass
     m.unsure[0] += 0.0 if pulling else UNTOLD_WALK * untold / weight
-    k.sounding.unit[0] = -1 if free else chosen
+    k.relief.unit[0] = -1 if free else chosen
     if chosen >= 0:
-        k.sounding.clock[0] = m.relieved[chosen]
+        k.relief.clock[0] = m.relieved[chosen]
     return sign
 
 

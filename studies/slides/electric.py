@@ -69,7 +69,7 @@ def electric_train(cars: int, group: InverterGroup, shoe_force_share: float) -> 
 def electric_event(undisclosed: Undisclosed, group: InverterGroup = "1C4M") -> Event:
     """A full electric brake application from 100 km/h; to be run under the rule `alone`.
 
-    The units believe in the rail's true curve. No axle runs free, so their reference speed rests on sounding.
+    The units believe in the rail's true curve. No axle runs free, so their reference speed rests on relief.
     """
     train = electric_train(3, group, undisclosed.shoe_force_share)
     rail = undisclosed.rail()

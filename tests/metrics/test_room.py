@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from alloc.metrics import METRICS
-from alloc.metrics.use import SETTLING, room, settled
+from alloc.metrics.use import SETTLING, settled, train_bounds
 
 LOAD = 1e5
 EXPECTED = 0.10
@@ -61,7 +61,7 @@ def made(
 
 def found(run):
     """Room in loads of an axle at the last instant, plan first, and the three metrics."""
-    forces = [float(values[-1]) / LOAD for values in room(run)[:4]]
+    forces = [float(values[-1]) / LOAD for values in train_bounds(run)[:4]]
     return forces, [
         METRICS[name].function(run) for name in ("bound_use", "headroom", "over_delivery")
     ]
@@ -194,7 +194,7 @@ def test_shares_of_the_bound_stay_within_it_whatever_wheels_and_motors_do():
             METRICS[name].function(run) for name in ("bound_use", "held_back", "headroom")
         )
         assert 0.0 <= room_left <= 1.0
-        if room(run).bound.any():
+        if train_bounds(run).bound.any():
             assert min(use, held) >= 0.0
             assert use + held <= 1.0 + 1e-12
         else:

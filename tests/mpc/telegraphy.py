@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alloc.compilation import jit
-from alloc.onboard.telegrams import Attachment, exchange, mail, tell
+from alloc.onboard.telegrams import Attachment, channel, deliver, exchange
 from alloc.records import ByReference, numbers_of
 from mpc.model import leading
 
@@ -19,12 +19,12 @@ class Count(NamedTuple):
 
 
 @jit
-def _carry(line, leader, time, told, sending, telegrams, counter, fate):
-    for j in range(told.shape[0]):
+def _carry(line, leader, time, message, sending, telegrams, counter, lost):
+    for j in range(message.shape[0]):
         if j == leader:
-            tell(line, j, time, told)
+            deliver(line, j, time, message)
         else:
-            exchange(line, j, time, told, sending, telegrams, counter, 0.0, fate[j])
+            exchange(line, j, time, message, sending, telegrams, counter, 0.0, lost[j])
 
 
 class Telegraphy:
@@ -36,12 +36,14 @@ class Telegraphy:
         self.counter = Count(np.zeros(1, np.int64), np.zeros(1, np.int64))
         self._lines = [
             SimpleNamespace(
-                mail=mail(units, size, np.nan), told=np.full((units, size), np.nan), size=size
+                channel=channel(units, size, np.nan),
+                message=np.full((units, size), np.nan),
+                size=size,
             )
             for size in controller.added
         ]
         self.reports, self.orders = (
-            Attachment(line.told, line.mail.read, line.mail.heard) for line in self._lines
+            Attachment(line.message, line.channel.read, line.channel.heard) for line in self._lines
         )
         controller.connect(self.reports, self.orders)
 
@@ -52,7 +54,7 @@ class Telegraphy:
         settings = ByReference(numbers_of(t, loss=0.5, ticks=ticks))
         for line in self._lines:
             _carry(
-                line.mail, leading(senses), time, line.told, round(time / PERIOD) % ticks == 0, settings,
+                line.channel, leading(senses), time, line.message, round(time / PERIOD) % ticks == 0, settings,
                 self.counter, np.where(self.lost, 0.0, 1.0),
             )  # fmt: skip
         return self.controller.decide(senses)

@@ -48,7 +48,7 @@ ONBOARD = {
     "reference": {
         "source": "estimate", "sensor": 0.005, "creep": 0.01, "creep_speed": 5.0, "repeat": 100.0,
         "radius_deviation": 0.01, "radii_compared": True,
-        "sounding": {
+        "relief": {
             "doubt": 0.05, "doubt_ratio": 0.004, "share": 0.4, "time": 0.06, "longest": 0.2, "return_time": 0.06,
             "pause": 0.3, "air_doubt": 0.06,
         },

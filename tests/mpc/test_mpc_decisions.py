@@ -547,7 +547,7 @@ def test_demands_of_different_directions_suspend_the_orders(train, make_sense, o
     targets = _drive(train, make_sense, 12, (500.0, other), start=13)
     assert len(train.joint.calls) == 3  # the last with a report from before
     assert targets[-1].tolist() == [500.0, other]
-    assert np.isnan(train.orders.told).all()
+    assert np.isnan(train.orders.message).all()
 
 
 def test_no_demand_means_no_joint_problem(train, make_sense):
@@ -583,7 +583,7 @@ def test_silence_suspends_the_orders(train, make_sense):
     # the last report arrived at 10 and is silent from 21 on: at 23 the leader suspends its own; the last order at 10 too
     assert targets[10:12].tolist() == [[300.0, 450.0]] * 2
     assert targets[12:].tolist() == [[500.0, 450.0]] * 8
-    assert np.isnan(train.orders.told).all()
+    assert np.isnan(train.orders.message).all()
 
 
 def test_who_is_silent_is_left_to_the_driver_and_the_others_share(
@@ -663,7 +663,7 @@ def test_the_only_unit_whose_motors_work_leads_and_is_asked_for_what_the_others_
     # where none works nobody is asked
     for tick in range(45, 56):
         train.telegraphy.decide([s._replace(time=tick * 0.01, in_service=False) for s in senses])
-    assert np.isnan(train.orders.told).all()
+    assert np.isnan(train.orders.message).all()
 
 
 def test_a_forecast_is_no_longer_than_telegrams_without_loss_are_old(train, make_sense):

@@ -247,7 +247,7 @@ def test_without_an_answer_to_the_swing_elasticity_is_as_wanted():
     unit = SyntheticUnit(POLACH_WET)
     for _ in range(300):
         unit.period(0.09)
-    assert unit.search.told < 0.02
+    assert unit.search.certainty < 0.02
     assert unit.search.elasticity == pytest.approx(PRICE * unit.search.slip, abs=2e-3)
 
 

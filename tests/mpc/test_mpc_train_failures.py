@@ -35,8 +35,8 @@ class Noting(TrainMpc):
         heard = np.array([self.reports.heard, self.orders.heard])
         answers = super().decide(senses)
         if self.spoilt is not None and not senses[self.spoilt].in_service:
-            self.reports.told[self.spoilt, 1:] = -7.0
-        told = self.orders.told.copy()
+            self.reports.message[self.spoilt, 1:] = -7.0
+        told = self.orders.message.copy()
         self.notes.append((senses, self._leader, *read, told, heard))
         return answers
 

@@ -1,4 +1,4 @@
-"""The estimated reference speed in runs: how far it is from the truth, what it says of itself, and what soundings are for.
+"""The estimated reference speed in runs: how far it is from the truth, what it says of itself, and what reliefs are for.
 
 Its periods one by one are tested in `tests/uncompiled/test_reference_filter.py`.
 """
@@ -13,7 +13,14 @@ from alloc.errors import OnboardError
 from alloc.metrics import evaluate
 from alloc.metrics.search import shortage, unit_shares
 from alloc.onboard.equipment import equipment
-from alloc.onboard.parameters import COMPARED, Belief, Onboard, ReferenceSpeed, Sensors, Sounding
+from alloc.onboard.parameters import (
+    COMPARED,
+    Belief,
+    Onboard,
+    ReferenceSpeed,
+    Sensors,
+    TorqueRelief,
+)
 from alloc.plant.adhesion import SlipRatioCurve
 from alloc.plant.model import build
 from alloc.plant.rail import Patch, Rail
@@ -30,7 +37,7 @@ SEED = 50
 SOURCES = {
     "estimate": ReferenceSpeed(),
     "truth": ReferenceSpeed(source="truth"),
-    "no soundings": ReferenceSpeed(sounding=Sounding(doubt=1e9, air_doubt=1e9)),
+    "no reliefs": ReferenceSpeed(relief=TorqueRelief(doubt=1e9, air_doubt=1e9)),
 }
 
 
@@ -92,7 +99,7 @@ def test_a_locomotive_without_free_axle_uses_nearly_all_adhesion(k):
 
 @pytest.mark.parametrize("k", [2, 5])
 def test_without_soundings_a_locomotives_error_grows(k):
-    assert rms(error(ladder(k, "no soundings"))) > 2.0 * rms(error(ladder(k)))
+    assert rms(error(ladder(k, "no reliefs"))) > 2.0 * rms(error(ladder(k)))
 
 
 @pytest.mark.parametrize(("curve", "level"), [("polach", 0.03), ("slip-ratio", 0.05)])
@@ -107,7 +114,7 @@ def test_air_brakes_lose_little_by_not_knowing_the_speed(curve, level):
 @pytest.mark.parametrize("grip", [0.85, 1.15])
 def test_without_soundings_wrong_shoe_friction_locks_wheels_or_wastes_adhesion(grip):
     run, found = stop("slip-ratio", 0.05, "estimate", grip, rolling=0.0)
-    blind, lost = stop("slip-ratio", 0.05, "no soundings", grip, rolling=0.0)
+    blind, lost = stop("slip-ratio", 0.05, "no reliefs", grip, rolling=0.0)
     assert found["locked_axle_s"] == 0.0
     locks = lost["longest_lock_s"] > 1.0
     assert locks or lost["adhesion_used"] < found["adhesion_used"] - 0.04
@@ -166,7 +173,7 @@ def test_unequal_wheels_reach_the_computers_and_not_the_plant():
 
 NUMBERS = [
     (kind, item.name)
-    for kind in (ReferenceSpeed, Sounding)
+    for kind in (ReferenceSpeed, TorqueRelief)
     for item in fields(kind)
     if isinstance(item.default, float)
 ]
@@ -188,13 +195,13 @@ def test_impossible_settings_are_refused_by_name(kind, name, value):
             "source = 'forces' must be one of estimate, truth",
         ),
         (lambda: ReferenceSpeed(sensor=0.0), "sensor = 0.0"),
-        (lambda: Sounding(time=0.0), "time = 0.0"),
+        (lambda: TorqueRelief(time=0.0), "time = 0.0"),
         (
-            lambda: Sounding(time=0.1, longest=0.05),
+            lambda: TorqueRelief(time=0.1, longest=0.05),
             "time = 0.1 must not exceed longest = 0.05",
         ),
         (
-            lambda: Sounding(air_doubt=0.03),
+            lambda: TorqueRelief(air_doubt=0.03),
             "air_known = 0.03 must be below air_doubt",
         ),
         (lambda: Sensors(radius_error=-0.01), "radius_error = -0.01"),

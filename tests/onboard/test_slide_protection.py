@@ -1,4 +1,4 @@
-"""The cars' slide protection, decision by decision: worst axle of a bogie, soundings, safeguards."""
+"""The cars' slide protection, decision by decision: worst axle of a bogie, reliefs, safeguards."""
 
 from dataclasses import replace
 
@@ -88,18 +88,18 @@ def test_a_slide_is_measured_from_the_trains_speed_though_every_axle_slides():
 @pytest.mark.parametrize("law", ["none", "threshold", "fuzzy"])
 def test_the_bogie_that_the_reference_speed_asks_for_is_released_alone(law, bogie):
     cars = Cars(replace(FUZZY, law=law))
-    cars.memory.estimate.sounding.group[0] = bogie
+    cars.memory.estimate.relief.group[0] = bogie
     expected = [SUPPLY] * 4
     if law != "none":  # without slide protection nobody may release brakes
         expected[bogie] = RELEASE
     assert cars.decide() == expected
-    cars.memory.estimate.sounding.group[0] = -1
+    cars.memory.estimate.relief.group[0] = -1
     assert cars.decide() == [SUPPLY] * 4
 
 
 def test_a_sounded_bogie_brakes_again_below_the_cut_out_speed():
     cars = Cars(FUZZY)
-    cars.memory.estimate.sounding.group[0] = 1
+    cars.memory.estimate.relief.group[0] = 1
     assert cars.decide(speed=1.3) == [SUPPLY] * 4
 
 

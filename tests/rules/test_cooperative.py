@@ -37,12 +37,12 @@ def test_its_law_gives_the_plan_at_least_and_within_reach_no_more_than_exact_nee
     assert np.all(limit <= most + 1e-15)
 
 
-def limits(cap, open_to, most=1.0, plan=PLAN, needed=None):
-    """Limits and level of units of equal mass, limited at `cap` and open to `open_to`, that together need `needed`."""
-    cap, open_to = np.asarray(cap, dtype=float), np.asarray(open_to, dtype=float)
+def limits(cap, upper_bound, most=1.0, plan=PLAN, needed=None):
+    """Limits and level of units of equal mass, limited at `cap` and open to `upper_bound`, that together need `needed`."""
+    cap, upper_bound = np.asarray(cap, dtype=float), np.asarray(upper_bound, dtype=float)
     same = np.ones(cap.size)
     out = np.empty(cap.size)
-    units = Units(cap, same, most * same, out, cap, cap, open_to, plan)
+    units = Units(cap, same, most * same, out, cap, cap, upper_bound, plan)
     level, reached = cooperative_law(units, plan if needed is None else needed, out)
     return out, level, reached
 

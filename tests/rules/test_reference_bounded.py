@@ -243,5 +243,5 @@ def test_fields_of_a_law_are_those_of_the_problem():
         [0.1, 0.2], [1.0, 1.0], [np.inf] * 2, [0.15] * 2, [0.1, 0.15], [0.1, 0.2], [np.inf] * 2, 0.15
     ]  # fmt: skip
     assert Units._fields == (
-        "cap", "mass", "limit_max", "previous", "delivered", "truth", "open_to", "plan"
+        "cap", "mass", "limit_max", "previous", "delivered", "truth", "upper_bound", "plan"
     )  # fmt: skip

@@ -234,7 +234,7 @@ def share_of_air(run):
 @pytest.mark.parametrize("controller", ["cut-and-ramp", "perturb-observe"])
 @pytest.mark.parametrize("level", [0.30, 0.03], ids=["dry", "wet"])
 def test_a_line_that_takes_everything_needs_no_air(level, controller):
-    """Neither the motors' lag, nor soundings, nor what readhesion control takes away may count as lacking."""
+    """Neither the motors' lag, nor reliefs, nor what readhesion control takes away may count as lacking."""
     run = simulate(stop(level), "alone", controller)
     slides = run["slip_velocity"].values[:, run["axle_unit"].values >= 0].min() < -0.1
     assert slides == (level == 0.03)

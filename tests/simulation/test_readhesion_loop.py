@@ -8,7 +8,7 @@ import pytest
 from alloc.metrics.search import utilisation_short
 from alloc.onboard.controllers.collection import BUILT_IN
 from alloc.onboard.controllers.creep import CreepControl
-from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sounding
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, TorqueRelief
 from alloc.plant.adhesion import POLACH_WET
 from alloc.plant.model import build
 from alloc.plant.rail import Rail
@@ -107,7 +107,7 @@ def test_braking_is_driving_mirrored(train, controller):
     bare = replace(train, cars=cars, resistance=(0.0, 0.0, 0.0), load_transfer=False)
     model = build(bare, Rail(0.09))
     # nor do the reference speed's doubts grow with the speed
-    reference = ReferenceSpeed(creep_speed=1e3, sounding=Sounding(doubt_ratio=1e-9))
+    reference = ReferenceSpeed(creep_speed=1e3, relief=TorqueRelief(doubt_ratio=1e-9))
     onboard = Onboard(braking=Braking(blended=False), reference=reference)
     runs = [
         simulate(

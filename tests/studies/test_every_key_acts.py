@@ -132,7 +132,7 @@ NOT_SHOWN = {
     "onboard.mpc.deadline_s": "acts where the computer is too slow, so by the clock",
     "onboard.mpc.group.steps": "acts in mpc-car and mpc-train",
     **{
-        f"onboard.reference.sounding.{one}": "acts in stops longer than these"
+        f"onboard.reference.relief.{one}": "acts in stops longer than these"
         for one in ("longest_s", "air_doubt")
     },
 }

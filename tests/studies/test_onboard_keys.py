@@ -6,7 +6,7 @@ import pytest
 
 from alloc.onboard.brakes import SENSITIVITIES, Fuzzy, SlideProtection, Threshold
 from alloc.onboard.increment_learning import IncrementLearning
-from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, Sounding
+from alloc.onboard.parameters import Braking, Onboard, ReferenceSpeed, Sensors, TorqueRelief
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.scenario.onboard_keys import OnboardKeys
@@ -64,7 +64,7 @@ radius_error = 0.002
 source = "truth"
 sensor_kmh = 0.036
 creep_speed_kmh = 7.2
-[onboard.reference.sounding]
+[onboard.reference.relief]
 doubt_kmh = 0.36
 time_s = 0.1
 [onboard.braking]
@@ -106,7 +106,7 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
         sensorless_pole=20.0, radius_error=0.002, seed=found.sensors.seed
     )
     assert found.reference == ReferenceSpeed(
-        "truth", sensor=0.01, creep_speed=2.0, sounding=Sounding(doubt=0.1, time=0.1)
+        "truth", sensor=0.01, creep_speed=2.0, relief=TorqueRelief(doubt=0.1, time=0.1)
     )
     assert found.trigger == "slip"
     assert found.learning == IncrementLearning("gaussian", "held", 4, 2, 3.0, 0.02, 0.005, 1e-6)
@@ -143,8 +143,8 @@ unit_deviation = [0.002, 0.003, 0.003, 0.003]
         ('[onboard.reference]\nbound = "forces"\n', "bound"),
         ("[onboard.reference]\nsensor_kmh = 0.0\n", "onboard.reference.sensor_kmh = 0.0"),
         (
-            "[onboard.reference.sounding]\ntime_s = -0.1\n",
-            "onboard.reference.sounding.time_s = -0.1",
+            "[onboard.reference.relief]\ntime_s = -0.1\n",
+            "onboard.reference.relief.time_s = -0.1",
         ),
         ("[onboard.sensors]\nradius_error = -0.1\n", "radius_error = -0.1"),
         ('[onboard.learning]\nkind = "mean"\n', "onboard.learning.kind.*'running-mean'"),

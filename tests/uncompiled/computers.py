@@ -64,7 +64,7 @@ class Computers:
         self.limited_at, self.by_rail = np.full(n, -np.inf), np.zeros(n, bool)
         self.slipped_at = np.full(n, -np.inf)
         self.gained, self.before = 0.0, speed
-        self.marks, self.open_to = np.full(n, np.inf), np.full(n, np.inf)
+        self.marks, self.upper_bound = np.full(n, np.inf), np.full(n, np.inf)
         self.counts = dict.fromkeys(
             ("detections", "unit_detections", "telegrams_sent", "telegrams_lost", "fallbacks", "blinded"), 0
         )  # fmt: skip
@@ -193,7 +193,7 @@ class Computers:
             line.receive(time)
 
     def report(self, time, tick, commanded, delay, fate, factor, relieved, sliding):
-        """`factor`: of the targets; `relieved`: units that are sounded; `sliding`: whose slide protection acts."""
+        """`factor`: of the targets; `relieved`: units that are relieved; `sliding`: whose slide protection acts."""
         eq, gain = self.eq, self.st.period / (0.2 + self.st.period)
         self.relieved = relieved
         self.gained += gain * ((self.reference[0] - self.before) / self.st.period - self.gained)
@@ -259,7 +259,7 @@ class Computers:
             asked = on_telegram or failed or changed
         if self.expected == 0.0 or not active:
             self.limit_wanted[:], self.case = self.expected, 0.0
-            self.marks[:] = self.open_to[:] = np.inf
+            self.marks[:] = self.upper_bound[:] = np.inf
             return False
         if asked and st.rule.trigger < Trigger.SLIP:
             self._find_caps(recent, time)
@@ -316,7 +316,7 @@ class Computers:
         risen = self.marks + 0.01 * self.expected * period
         self.marks = np.maximum(got, np.where(self.limited, fallen, risen))
         tried = self.limited | ~held
-        self.open_to = np.where(tried, np.maximum(self.marks, 1.06 * got), self.marks)
+        self.upper_bound = np.where(tried, np.maximum(self.marks, 1.06 * got), self.marks)
         itself = recent & ~self.by_rail
         bound = np.where(itself, np.minimum(self.limit_max, got), self.limit_max)
         spare = bound > self.expected
@@ -330,7 +330,7 @@ class Computers:
         least = np.minimum(self.marks, np.maximum(self.expected, got))
         free = np.where(self.slips, by_front, np.maximum(by_front, least))
         slipped = time - self.slipped_at <= st.hold_time
-        held = np.where(slipped, 0.995 * self.marks, self.open_to)
+        held = np.where(slipped, 0.995 * self.marks, self.upper_bound)
         works = self.in_service | self.blended
         kept = np.minimum(np.where(works, got, held), self.expected)
         held = np.where(self.by_rail & works, held, kept)

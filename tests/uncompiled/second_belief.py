@@ -184,7 +184,7 @@ class Unit:
         lag = math.atan(turning / settings.belief.pole) + turning * slip_search.ANSWER_LAG
         self.answer = 1j * cmath.exp(1j * lag)
         self.noise = (slip_search.FIRST_ERROR * 0.5 * self.s.memory * self.s.swing) ** 2
-        self.elasticity = self.told = self.air = 0.0
+        self.elasticity = self.certainty = self.air = 0.0
         self.step_share, self.error, self.away, self.beyond = 1.0, 0.0, 0.0, False
         self.below = 0.0
         self.seen = set()
@@ -234,7 +234,7 @@ class Unit:
         a = max(heard, key=lambda one: one.mean[0]) if heard else None
         slip = math.exp(a.mean[0]) if heard else 0.0
         follows = slip > slip_search.AT_LIMIT * self.slip
-        told = self.told > search_step.HARDLY
+        told = self.certainty > search_step.HARDLY
         self.doubt_peaks(follows and (told or slip > slip_search.BINDS * self.slip))
         if not heard:
             self.seen.add("nothing heard")
@@ -255,14 +255,14 @@ class Unit:
         passed = abs(1.0 / (1.0 + 1j * turning / a.b.pole)) ** 2 * PERIOD * s.memory / 4.0
         doubt = slip_search.FOLLOWS * passed * (noise / slip) ** 2
         doubt += self.noise / slip_search.PRIOR**2 + 1e-12
-        self.told = along**2 / (along**2 + doubt)
+        self.certainty = along**2 / (along**2 + doubt)
         alone = coefficient.real / max(along, 1e-9)
-        self.elasticity = self.told * alone + (1.0 - self.told) * wanted
+        self.elasticity = self.certainty * alone + (1.0 - self.certainty) * wanted
         if self.runs_away(noise):
-            alone, self.elasticity, self.told = search_step.FALLING, search_step.FALLING, 1.0
+            alone, self.elasticity, self.certainty = search_step.FALLING, search_step.FALLING, 1.0
             self.seen.add("runs away")
         swing = self.swing * math.exp(
-            search_step.SWING_RATE * PERIOD * (search_step.GOAL - self.told)
+            search_step.SWING_RATE * PERIOD * (search_step.GOAL - self.certainty)
         )
         most = max(s.swing, min(search_step.LARGEST_SWING, search_step.OVER_NOISE * noise / slip))
         self.swing = min(max(swing, s.least_swing), most)
@@ -270,7 +270,7 @@ class Unit:
             if s.seek:
                 self.move(self.elasticity - wanted, noise / slip, lowest)
                 self.seen.add("moved")
-            if self.curve.hear(slip, alone, self.told):
+            if self.curve.hear(slip, alone, self.certainty):
                 self.seen.add("too steep")
 
     def runs_away(self, noise):
@@ -285,19 +285,19 @@ class Unit:
     def move(self, error, rough, lowest):
         s = self.s
         if error * self.error < -search_step.ROUNDING:
-            self.step_share *= 1.0 - search_step.LOST * self.told
+            self.step_share *= 1.0 - search_step.LOST * self.certainty
             self.seen.add("turned")
         self.error = error
-        self.step_share *= 1.0 + search_step.RECOVERY * PERIOD * self.told
+        self.step_share *= 1.0 + search_step.RECOVERY * PERIOD * self.certainty
         least = max(search_step.LEAST_STEP_SHARE, min((self.curve.n / search_step.WIDE) ** 2, 1.0))
         self.step_share = float(np.clip(self.step_share, least, 1.0))
         far = max(self.elasticity - search_step.FAR_BELOW, 0.0)
-        step = self.step_share * self.told * s.gain * error
+        step = self.step_share * self.certainty * s.gain * error
         rate = float(
             np.clip(step, -s.fastest_fall, s.fastest_rise * (1.0 + search_step.EAGER * far))
         )
         if search_step.OVER_NOISE * rough > s.swing and self.away < search_step.SELDOM:
-            rate += search_step.EXPLORE * max(1.0 - self.told / search_step.HARDLY, 0.0)
+            rate += search_step.EXPLORE * max(1.0 - self.certainty / search_step.HARDLY, 0.0)
             self.seen.add("on trial")
         self.slip = min(max(self.slip * math.exp(PERIOD * rate), lowest), s.highest)
 

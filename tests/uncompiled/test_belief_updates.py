@@ -74,7 +74,7 @@ def test_belief_is_its_second_transcription(make_context, kind, name):
         other.update(speed, omega, torque, wanted, estimate, load)
         state, axles = belief.record.search.state[0], belief.record.axles
         for key in (
-            "slip", "swing", "limited_for", "elasticity", "told", "noise", "error", "step_share", "away",
+            "slip", "swing", "limited_for", "elasticity", "certainty", "noise", "error", "step_share", "away",
             "below",
         ):  # fmt: skip
             expected = pytest.approx(getattr(other, key), rel=1e-5, abs=1e-7)

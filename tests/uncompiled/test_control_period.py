@@ -136,24 +136,24 @@ def test_periods_equal_their_second_transcription(case, trigger, seed):
             rng.random(n) < 0.7, 1.0, rng.uniform(0.9, 1.0, n)
         )
         relieved, slides = rng.random(n) < 0.1, rng.random(groups) < 0.03
-        m.estimate.sounding.share[:] = 1.0 - 0.5 * relieved
+        m.estimate.relief.share[:] = 1.0 - 0.5 * relieved
         m.slide.action[:] = np.where(slides, 2, SUPPLY)
         sliding = np.isin(np.arange(n), eq.group.unit[slides])
         write_reports(eq, st, m, time, commanded)
         hear_reports(eq, st, m, time, tick, delay, fate)
         twin.report(time, tick, commanded, delay, fate, factor, relieved, sliding)
-        m.estimate.sounding.share[:] = 1.0
+        m.estimate.relief.share[:] = 1.0
         compare(m, twin, {"delivered": m.delivered, "limited": m.limited, "slips": m.slipping,
                           "limited_at": m.report.limited_at, "slipped_at": m.report.slipped_at,
                           "by_rail": m.by_rail})  # fmt: skip
-        # the leader knows whether it is sounded when it compares
-        m.estimate.sounding.share[:] = 1.0 - 0.5 * relieved
+        # the leader knows whether it is relieved when it compares
+        m.estimate.relief.share[:] = 1.0 - 0.5 * relieved
         needed = prepare_allocation(eq, st, m, time, tick, commanded, failed)
-        m.estimate.sounding.share[:] = 1.0
+        m.estimate.relief.share[:] = 1.0
         assert needed == twin.prepare(time, tick, commanded, failed)
         asked += needed
         compare(m, twin, {"cap": m.cap, "first": m.lead.unit[0], "estimate": m.lead.estimate[0],
-                          "marks": m.shown, "open_to": m.open_to, "increment": m.learnt.increment,
+                          "marks": m.demonstrated, "upper_bound": m.upper_bound, "increment": m.learnt.increment,
                           "spread": m.learnt.deviation, "heard_of": m.learning.taken_at})  # fmt: skip
         agree("number of data", m.learning.series.increment_data.sum(), len(twin.data))
         if needed and trigger == "limited":

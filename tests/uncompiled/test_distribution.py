@@ -28,9 +28,9 @@ def train_memory(first=0, estimate=0.10, units=3):
         train=SimpleNamespace(expected=np.zeros(1), case=np.ones(1), level=np.ones(1)),
         in_service=np.arange(units) >= first,
         limit_max=np.full(units, np.inf),
-        shown=np.full(units, np.inf),
+        demonstrated=np.full(units, np.inf),
         learnt=SimpleNamespace(increment=np.array([0.01, 0.03, 0.06])[:units]),
-        open_to=np.full(units, np.inf),
+        upper_bound=np.full(units, np.inf),
         by_rail=np.ones(units, bool),
         limited=np.zeros(units, bool),
         slipping=np.zeros(units, bool),
@@ -191,24 +191,28 @@ def test_a_mark_is_the_best_while_limited_and_moves_slowly(slipping, caps):
     """A telegram lasts 0.1 s: a fiftieth of the way down, with 5 s; up 1 % of the plan per second."""
     memory = told([1], delivered=(0.16, 0.15, 0.16), slipping=slipping)
     prepare(memory, rules(caps=caps), tick=20)
-    assert memory.shown.tolist() == [np.inf, 0.15, np.inf]
+    assert memory.demonstrated.tolist() == [np.inf, 0.15, np.inf]
     # its controller must limit the torque, not its limit: there is room to look for the peak
-    assert memory.open_to == pytest.approx([np.inf, PROBE * 0.15, np.inf], rel=1e-12)
+    assert memory.upper_bound == pytest.approx([np.inf, PROBE * 0.15, np.inf], rel=1e-12)
     memory.delivered[1] = 0.10
     prepare(memory, rules(caps=caps), tick=30)
-    assert memory.open_to[1] == memory.shown[1] == pytest.approx(0.15 - 0.05 / 50, rel=1e-12)
+    assert (
+        memory.upper_bound[1]
+        == memory.demonstrated[1]
+        == pytest.approx(0.15 - 0.05 / 50, rel=1e-12)
+    )
     memory.delivered[1] = 0.155
     prepare(memory, rules(caps=caps), tick=40)
-    assert memory.shown[1] == pytest.approx(0.155, rel=1e-12)
+    assert memory.demonstrated[1] == pytest.approx(0.155, rel=1e-12)
     memory.limited[1], memory.delivered[1] = False, 0.152
     prepare(memory, rules(caps=caps), tick=50)
-    assert memory.shown[1] == pytest.approx(0.155 + 0.001 * 0.16, rel=1e-12)
+    assert memory.demonstrated[1] == pytest.approx(0.155 + 0.001 * 0.16, rel=1e-12)
     # held at its mark it would reach its target, and stop to search
-    open_to = memory.shown[1] if slipping else PROBE * 0.152
-    assert memory.open_to[1] == pytest.approx(open_to, rel=1e-12)
+    upper_bound = memory.demonstrated[1] if slipping else PROBE * 0.152
+    assert memory.upper_bound[1] == pytest.approx(upper_bound, rel=1e-12)
     assert not prepare(memory, rules(caps=caps), time=9.0, tick=60)
     assert (
-        np.isinf(memory.shown).all() & np.isinf(memory.open_to).all()
+        np.isinf(memory.demonstrated).all() & np.isinf(memory.upper_bound).all()
     )  # the rail of then is not that of now
 
 
@@ -234,7 +238,7 @@ def test_a_unit_that_limits_itself_says_nothing_of_the_rail_either():
     prepare(memory, rules(), tick=20)
     enough = 0.16 + (0.16 - 0.08) / (0.8 + 1.2)
     assert memory.cap == pytest.approx([0.08, enough, enough], rel=1e-12)
-    memory.shown[0] = 0.16  # what it did while it saw its axles does not count
+    memory.demonstrated[0] = 0.16  # what it did while it saw its axles does not count
     prepare(memory, rules(), tick=20)
     assert memory.cap == pytest.approx([0.08, enough, enough], rel=1e-12)
     memory.delivered[0] = 0.17  # it has all that it may have

@@ -210,7 +210,7 @@ def test_true_increments_are_a_fixed_point(learning, first):
 def test_a_unit_tells_only_of_slips_under_its_own_control(hide):
     train = Train(MEAN)
     m, eq = train.m, train.eq
-    m.estimate.sounding.share[2] = 0.99 if hide == "relieved" else 1.0
+    m.estimate.relief.share[2] = 0.99 if hide == "relieved" else 1.0
     m.in_service[2] = hide != "failed"
     if hide == "blind":
         m.unit.axles_seen[2] = 0.0
@@ -231,7 +231,7 @@ def test_a_leader_that_finds_no_coefficient_takes_no_datum():
         train = Train(MEAN)
         train.m.unit.coefficient_estimate[0] = 0.0
         if hide == "relieved":
-            train.m.estimate.sounding.share[0] = 0.99
+            train.m.estimate.relief.share[0] = 0.99
         elif hide == "blind":
             train.m.unit.axles_seen[0] = 0.0
         elif hide == "failed":  # which the train will know only later
@@ -241,7 +241,7 @@ def test_a_leader_that_finds_no_coefficient_takes_no_datum():
         train.slip(2, 0.15)
         train.pass_time(0.2)
         assert train.data == [], hide
-        train.m.estimate.sounding.share[0], train.m.unit.axles_seen[0] = 1.0, 4.0
+        train.m.estimate.relief.share[0], train.m.unit.axles_seen[0] = 1.0, 4.0
         train.m.torque[0] = train.m.unit.torque_command[0] = 500.0
         train.pass_time(0.2)
         assert train.data == [], hide
@@ -303,4 +303,4 @@ def test_learnt_increments_count_at_once():
     by_report.slip(0, 0.10)
     by_report.slip(2, 0.15)
     by_report.pass_time(3.0)
-    assert by_report.m.cap[2] == pytest.approx(by_report.m.shown[0] + 0.05, rel=1e-12)
+    assert by_report.m.cap[2] == pytest.approx(by_report.m.demonstrated[0] + 0.05, rel=1e-12)

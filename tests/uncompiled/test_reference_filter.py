@@ -1,4 +1,4 @@
-"""The reference speed's filter and its soundings, period by period, as plain Python."""
+"""The reference speed's filter and its reliefs, period by period, as plain Python."""
 
 import itertools
 from dataclasses import replace
@@ -10,14 +10,14 @@ import pytest
 from alloc.balance import coupler_spring_energy
 from alloc.onboard import reference_speed as kalman_filter
 from alloc.onboard.equipment import equipment
-from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors, Sounding
+from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors, TorqueRelief
 from alloc.onboard.reference_speed import (
     BOUND_SHARE,
     SEEN,
     estimate_speed,
     has_settled,
     reference_pace,
-    sound,
+    relieve,
     take_reading,
 )
 from alloc.onboard.sensing import sense
@@ -185,7 +185,7 @@ def test_a_light_wheels_odd_reading_is_not_believed_at_once(lead):
         train.estimate(SPEED, 2e5)
         before = train.filter.state.copy(), train.filter.covariance.copy()
         train.filter.rim[0] = train.m.reference[0] + lead
-        train.filter.telling[0] = told
+        train.filter.rolling_time[0] = told
         kalman_filter._take_light(train.eq, train.st, train.m, train.filter, -1.0, 0, 0.0)
         if believed:
             moved = train.filter.state[0] - before[0][0]
@@ -203,7 +203,7 @@ def test_a_light_wheels_likely_reading_is_taken_before(told, taken):
         train.estimate(train.m.reference[0], 2e5)
     before, variance = train.filter.state[0], train.filter.covariance[0, 0]
     train.filter.rim[0] = train.m.reference[0] - np.sqrt(variance)
-    train.filter.telling[0] = told * ReferenceSpeed().persist
+    train.filter.rolling_time[0] = told * ReferenceSpeed().persist
     kalman_filter._take_light(train.eq, train.st, train.m, train.filter, -1.0, 0, 0.0)
     assert (train.filter.state[0] < before) == taken
     assert (train.filter.covariance[0, 0] < variance) == taken
@@ -224,7 +224,7 @@ def test_a_wagons_axles_are_not_read():
         rim = train.eq.axle_radius * train.m.axle_omega
         # what needs a speed of theirs gets the estimate
         np.testing.assert_allclose(rim[~sensed], SPEED, atol=0.5)
-        for kept in (train.filter.ease, train.filter.carried, train.filter.telling):
+        for kept in (train.filter.ease, train.filter.carried, train.filter.rolling_time):
             assert not kept[~sensed].any()  # nor does their agreement make anybody surer
         found.append(train.filter.state.copy())
     np.testing.assert_array_equal(found[1], found[0])
@@ -236,26 +236,26 @@ def test_a_wagons_axles_are_not_read():
     assert other.filter.state[0] != found[0][0]
 
 
-def soundings(train, deviation, ticks, anyone=False, told=True):
+def reliefs(train, deviation, ticks, anyone=False, told=True):
     """Torque shares (ticks, units) under a given deviation [m/s]; `told`: whether a wheel tells the speed at once."""
     shares = []
     for _ in range(ticks):
-        train.filter.sounding.told[0] = told
+        train.filter.relief.measured[0] = told
         train.m.train.reference_deviation[0] = deviation
-        sound(train.eq, train.st, train.m, anyone)
-        shares.append(train.filter.sounding.share.copy())
+        relieve(train.eq, train.st, train.m, anyone)
+        shares.append(train.filter.relief.share.copy())
     return np.array(shares)
 
 
-SHORT = Sounding(time=0.1, longest=0.2, return_time=0.05, pause=0.2, share=0.3)
+SHORT = TorqueRelief(time=0.1, longest=0.2, return_time=0.05, pause=0.2, share=0.3)
 
 
 @pytest.mark.parametrize("told", [True, False])
 def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other(told):
-    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    train = Computers(uneven_train(), reference=ReferenceSpeed(relief=SHORT))
     train.m.torque[:] = 500.0
     lasting = SHORT.time if told else SHORT.longest
-    share = soundings(train, 5.0, 300, told=told)
+    share = reliefs(train, 5.0, 300, told=told)
     cut = share == SHORT.share
     assert (cut.sum(axis=1) <= 1).all()
     assert ((share < 1.0).sum(axis=1) <= 1).all()
@@ -271,31 +271,31 @@ def test_a_sounding_lasts_as_said_and_takes_one_unit_after_the_other(told):
 
 def test_who_knows_the_speed_and_who_does_not_pull_is_not_sounded():
     limit = max(SHORT.doubt, SHORT.doubt_ratio * SPEED)
-    for deviation, torque, anyone, sounded in (
+    for deviation, torque, anyone, relieved in (
         (0.99 * limit, 500.0, False, False), (1.01 * limit, 500.0, False, True), (5.0, 0.0, False, False),
         (0.99 * SHORT.ease * limit, 500.0, True, False), (1.01 * SHORT.ease * limit, 500.0, True, True),
     ):  # fmt: skip
-        train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+        train = Computers(uneven_train(), reference=ReferenceSpeed(relief=SHORT))
         train.m.torque[:] = torque
-        assert (soundings(train, deviation, 40, anyone).min() < 1.0) == sounded
+        assert (reliefs(train, deviation, 40, anyone).min() < 1.0) == relieved
 
 
 def test_only_a_unit_whose_sliding_wheels_would_be_seen_to_return_is_sounded():
-    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    train = Computers(uneven_train(), reference=ReferenceSpeed(relief=SHORT))
     eq, (*_, last) = train.eq, range(4)
     # torque whose relief accelerates a wheel that slides by just what is seen
     relief = SEEN * eq.own_inertia[last] / GRAVITY / (1.0 - SHORT.share)
     just = relief * eq.axle_load[last] * eq.radius[last] / eq.gear[last]
-    for torque, sounded in ((0.99 * just, False), (1.01 * just, True)):
+    for torque, relieved in ((0.99 * just, False), (1.01 * just, True)):
         train.m.torque[:] = 0.0
         train.m.torque[last] = torque
-        share = soundings(train, 5.0, 100)
-        assert (share.min(axis=0) < 1.0).tolist() == [False, False, False, sounded]
+        share = reliefs(train, 5.0, 100)
+        assert (share.min(axis=0) < 1.0).tolist() == [False, False, False, relieved]
 
 
 def test_a_wheel_that_slides_under_its_air_brake_tells_nothing():
     """The rail gives 5 kN to a sliding wheel; it returns by what the cut leaves, and has settled at no time."""
-    memory, rail, turning = Computers(uneven_train()).filter.sounding, 5e3, 500.0
+    memory, rail, turning = Computers(uneven_train()).filter.relief, 5e3, 500.0
     memory.clock[0] = SHORT.time + PERIOD
 
     def settled(applied, rate, before=rail):
@@ -315,31 +315,31 @@ def test_a_wheel_that_slides_under_its_air_brake_tells_nothing():
 
 
 def test_a_unit_without_speed_signals_is_not_sounded():
-    train = Computers(uneven_train(), reference=ReferenceSpeed(sounding=SHORT))
+    train = Computers(uneven_train(), reference=ReferenceSpeed(relief=SHORT))
     train.m.torque[:] = 500.0
     train.m.unit.axles_seen[2] = 0.0
-    share = soundings(train, 5.0, 200)
+    share = reliefs(train, 5.0, 200)
     assert (share.min(axis=0) < 1.0).tolist() == [True, True, False, True]
 
 
 def test_one_bogie_is_released_from_doubt_until_the_speed_is_known():
     train = Computers(slide_train(2))
-    s, group = train.st.reference.sounding, train.filter.sounding.group
+    s, group = train.st.reference.relief, train.filter.relief.group
     train.filter.full[:] = 3e5
     train.filter.pressure[:] = 2e5, 2e5, 1e5, 2e5
     train.filter.rim[:] = 0.9 * SPEED  # all slide
     for deviation, released in (
         (0.99 * s.air_doubt, -1), (1.01 * s.air_doubt, 2), (1.01 * s.air_known, 2), (0.99 * s.air_known, -1)
     ):  # fmt: skip
-        soundings(train, deviation * SPEED, 3)
+        reliefs(train, deviation * SPEED, 3)
         assert group[0] == released
     train.filter.rim[0] = SPEED  # one of them rolls: there is time
-    soundings(train, 0.99 * s.patience * s.air_doubt * SPEED, 3)
+    reliefs(train, 0.99 * s.patience * s.air_doubt * SPEED, 3)
     assert group[0] == -1
-    soundings(train, 1.01 * s.patience * s.air_doubt * SPEED, 1)
+    reliefs(train, 1.01 * s.patience * s.air_doubt * SPEED, 1)
     assert group[0] == 2
     train.filter.full[:] = 0.0  # the brakes are released
-    soundings(train, 5.0, 1)
+    reliefs(train, 5.0, 1)
     assert group[0] == -1
 
 
@@ -361,7 +361,7 @@ def test_what_depends_on_the_period_is_the_same_over_a_second():
         lambda pace: pace.slid_kept,
     ):
         assert kept(slow) == pytest.approx(kept(usual) ** 4)
-    for name in ("repeat", "light_repeat", "sounded_repeat"):
+    for name in ("repeat", "light_repeat", "relieved_repeat"):
         assert getattr(slow, name) == pytest.approx(getattr(usual, name) / 4.0)
     long = reference_pace(given, 0.5)
     assert max(long.mean_share, long.bound_share) <= 0.5  # beyond 1 they would overshoot

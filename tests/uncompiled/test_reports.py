@@ -106,7 +106,7 @@ def test_a_unit_whose_slide_protection_acts_is_limited_under_blended_brakes(trai
 
 
 def test_a_unit_that_is_sounded_says_what_it_said_before(train):
-    train.m.estimate.sounding.share[1] = 0.99
+    train.m.estimate.relief.share[1] = 0.99
     train.m.unit.torque_factor[:] = 0.2
     train.m.unit.coefficient_estimate[:] = 0.01
     train.m.unit.slipping[:] = 1.0

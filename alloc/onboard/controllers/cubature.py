@@ -82,15 +82,15 @@ def prediction(model: Any) -> Any:
 def correct(state, covariance, root, a, measured, variance):
     """Correct by a measurement of element `a` with the error variance `variance`; returns the innovation."""
     n = state.size
-    told = measured - state[a]
+    innovation = measured - state[a]
     total = covariance[a, a] + variance
     for b in range(n):
         root[0, b] = covariance[b, a]
     for b in range(n):
-        state[b] += root[0, b] / total * told
+        state[b] += root[0, b] / total * innovation
         for c in range(n):
             covariance[b, c] -= root[0, b] * root[0, c] / total
-    return told
+    return innovation
 
 
 # Extremum seeking on the estimate of a cubature Kalman filter, after Applied Sciences 15(19), 10524 (2025).
@@ -147,9 +147,9 @@ predict = prediction(wheel_on_curve)
 
 
 @called
-def adapted(variance, told, expected, share, least):
+def adapted(variance, innovation, expected, share, least):
     """Next variance of a measurement: the part of the innovations that the variance of the state does not explain."""
-    return max(variance + share * (told * told - expected - variance), least)
+    return max(variance + share * (innovation * innovation - expected - variance), least)
 
 
 @called
@@ -171,8 +171,8 @@ def estimate_slip(eq, st, m, p, k, j, commanded):
     )
     predict(state, covariance, root, k.points[j], walk, (torque, response, st.period, p.scale))
     own = covariance[RIM, RIM]
-    told = correct(state, covariance, root, RIM, rim, k.rim_variance[j])
-    k.rim_variance[j] = adapted(k.rim_variance[j], told, own, p.adapt, p.noise**2)
+    innovation = correct(state, covariance, root, RIM, rim, k.rim_variance[j])
+    k.rim_variance[j] = adapted(k.rim_variance[j], innovation, own, p.adapt, p.noise**2)
     correct(state, covariance, root, TRAIN, speed, p.train_noise**2)
     state[HEIGHT] = between(state[HEIGHT], 0.0, HIGHEST)
     k.slip[j] = sign * (state[RIM] - state[TRAIN])
