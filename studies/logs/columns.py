@@ -73,7 +73,7 @@ QUANTITIES: dict[str, Quantity] = {
         FORCE, "force between the cars K and K + 1; of all couplers or none", "force"
     ),
     "carK_acceleration": Quantity(
-        {"ms**2": "m/s**2", "kmhs": "km/h/s"}, "acceleration of car K; of all cars or none", "acceleration"
+        {"ms2": "m/s**2", "kmhs": "km/h/s"}, "acceleration of car K; of all cars or none", "acceleration"
     ),
     "carK_pressure": Quantity(
         PRESSURE, "pressure of the brake cylinders of car K, for all its axles", "pressure"

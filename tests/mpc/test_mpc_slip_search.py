@@ -227,7 +227,7 @@ def test_no_slip_is_sought_that_noise_hides():
 
 def test_nothing_moves_while_the_rail_does_not_limit():
     unit = SyntheticUnit(PiecewiseCurve())
-    heard = "elasticity", "told", "swing", "noise"
+    heard = "elasticity", "certainty", "swing", "noise"
     before = [float(unit.search[name]) for name in heard]
     for _ in range(300):
         unit.period(0.04 * unit.swing, wanted=0.0)

@@ -240,8 +240,8 @@ def test_a_run_begins_rolling_in_the_plan_with_nothing_heard():
         "reference": [9.0] * 5, "mean_speed": [9.0] * 4, "speed": [9.0] * 4,
         "differentiator": [9.0] * 4, "observer": [np.nan] * 4, "limit_max": [np.inf] * 4, "in_service": [True] * 4,
         "cap": [0.07] * 4, "limit_wanted": [0.07] * 4, "delivered": [0.07] * 4, "received": [np.inf] * 4,
-        "rise": [0.0] * 4, "axle_seen": [True] * 20, "shown": [np.inf] * 4, "limited": [False] * 4,
-        "slipping": [False] * 4, "air_most": [np.inf] * 8, "told": [[np.inf]] * 4,
+        "rise": [0.0] * 4, "axle_seen": [True] * 20, "demonstrated": [np.inf] * 4, "limited": [False] * 4,
+        "slipping": [False] * 4, "air_most": [np.inf] * 8, "message": [[np.inf]] * 4,
     }  # fmt: skip
     for name, value in start.items():
         np.testing.assert_array_equal(getattr(m, name), value, err_msg=name)
