@@ -106,7 +106,8 @@ def _car(name: str, keys: Mapping[str, Any], distance: float) -> Car:
         empty_mass=mass,
         wheel_inertia=(given.pop("wheel_inertia"),) * axles,
         driven=driven,
-        motors=motors and _motors(motors, given["wheel_radius"], sum(driven), mass / axles),
+        # `Car` refuses one without axles
+        motors=motors and _motors(motors, given["wheel_radius"], sum(driven), mass / max(axles, 1)),
         air_brake=brake and _air_brake(brake, distance),
         sanders=tuple(Sander(**si(one)) for one in given.pop("sanders", ())),
         **given,
