@@ -329,7 +329,7 @@ def torque_fluctuation(run: xr.Dataset) -> float:
 
 # Indices of the readhesion paper, section 3.2, from time series of one driven axle: did a wheel readhere?
 #
-# Time series are (instants,) or (instants, runs), a run per run; SI units. Torque cycles run from one start of torque
+# Time series are (instants,) or (instants, runs), a column per run; SI units. Torque cycles run from one start of torque
 # rise to the next. Slip is micro below the slip velocity of the curve's maximum (stable) and macro from there on.
 
 

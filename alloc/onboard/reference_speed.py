@@ -334,7 +334,7 @@ def reference_memory(bodies: int, axles: int, units: int, groups: int) -> Refere
 # Measurements:
 #
 #     free axle                        y_i = v + n,                n ~ noise^2
-#     at ease, light, or relieved       y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
+#     at ease, light, or relieved      y_i = v + c mu_i + n,       n ~ noise^2 + repeat (e v mu_i / mu_carried)^2
 #     any                              s (y_i - v) >= 0: an axle that violates it in the mean of 0.1 s measures v
 #
 # An axle is at ease while nobody limits its force and it does not run away. It is light while its force is a small

@@ -94,9 +94,7 @@ class Settings(NamedTuple):
     sensors: Any  # `noisy`; `pole` of the speed estimate without sensors, 0: sensors; `dropout`: `DropoutSettings`
     reference: Any  # see `reference_settings`
     pace: ReferencePace
-    brakes: (
-        Any  # with `by_pressure`: whether the air brake's force is that of the cylinders' pressure
-    )
+    brakes: Any  # with `by_pressure`: whether the air brake's force is that of the pressure
     sanding: Any
     learning: Any  # with `learner`, its identifier, and `held`, whether a datum counts against the leader's last slip
 
