@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from alloc.errors import EstimationError
 from alloc.onboard.parameters import Onboard, ReferenceSpeed, Sensors
-from alloc.onboard.reference_speed import SPEED, reference_settings
+from alloc.onboard.reference_speed import SPEED
+from alloc.onboard.state import reference_settings
 from alloc.records import ByReference
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.logged_computers import (

@@ -84,7 +84,7 @@ class LoggedSettings(NamedTuple):
     """What the filter reads of `alloc.onboard.state.Settings`."""
 
     period: float
-    reference: Any  # see `alloc.onboard.reference_speed.reference_settings`
+    reference: Any  # see `alloc.onboard.state.reference_settings`
     pace: ReferencePace
 
 
