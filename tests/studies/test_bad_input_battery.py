@@ -7,7 +7,6 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -577,7 +576,10 @@ PLUGINS = [
         "weird.py": "from studies.scenario.loading import SCENARIOS\nSCENARIOS.register('own', {})"}),
 ]  # fmt: skip
 
-BATTERY = COMMAND_LINES + SCENARIO_FILES + TRAINS + LINES + LOGS + PLUGINS
+BATTERY = {
+    "command lines": COMMAND_LINES, "scenarios": SCENARIO_FILES, "trains": TRAINS, "lines": LINES, "logs": LOGS,
+    "plug-ins": PLUGINS,
+}  # fmt: skip
 GOOD = {
     "short.toml": SHORT,
     "other/short.toml": SHORT.replace("duration_s = 2.0", "duration_s = 3.0"),
@@ -586,6 +588,14 @@ GOOD = {
     "car.toml": CAR,
     "log.csv": LOG,
 }
+
+
+def keep_registries(patched) -> None:
+    """A plug-in may register something before it is refused."""
+    for registry in REGISTRIES:
+        list(registry)
+        patched.setattr(registry, "_parts", dict(registry._parts))
+        patched.setattr(registry, "_origins", dict(registry._origins))
 
 
 @pytest.fixture
@@ -598,10 +608,7 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setattr(ClosedLoop, "run", no_run)
     for module in ("studies.core.runner", "studies.core.study", "paper_figs.source"):
         monkeypatch.setattr(f"{module}.run_cells", no_run)
-    for registry in REGISTRIES:  # a plug-in may register something before it is refused
-        list(registry)
-        monkeypatch.setattr(registry, "_parts", dict(registry._parts))
-        monkeypatch.setattr(registry, "_origins", dict(registry._origins))
+    keep_registries(monkeypatch)
     monkeypatch.setenv(VARIABLE, "")
     monkeypatch.chdir(tmp_path)
     for folder in ("folder", "folder.nc", "folder.csv", "taken.train.toml", "other"):
@@ -626,24 +633,36 @@ def tree(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def test_the_battery_meets_every_command_and_is_large():
-    told = " ".join(case.line for case in BATTERY)
+    told = " ".join(case.line for cases in BATTERY.values() for case in cases)
     commands = [name for name in app if not name.startswith("-")]
     assert len(commands) >= 7
     assert all(name in told for name in commands)
-    assert len(BATTERY) >= 150
+    assert sum(map(len, BATTERY.values())) >= 400
 
 
-@pytest.mark.parametrize("case", BATTERY, ids=lambda case: f"{case.line[:50]} {case.words[:40]}")
-def test_bad_input_is_one_line_and_exit_code_2_and_nothing_is_written(place, call, case):
-    write(place, case.files)
-    before = tree(place)
-    code, out, err = call(*shlex.split(case.line))
-    assert (code, out) == (2, "")
-    assert err.startswith("readhesion: ")
-    assert err.count("\n") == 1, err
-    assert case.words in err
-    assert len(err) < 2000
-    assert tree(place) == before
+@pytest.mark.parametrize("kind", BATTERY)
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_is_written(
+    place, call, kind, monkeypatch
+):
+    wrong = []
+    for case in BATTERY[kind]:
+        write(place, case.files)
+        before = tree(place)
+        with monkeypatch.context() as patched:
+            keep_registries(patched)
+            code, out, err = call(*shlex.split(case.line))
+        one_line = err.startswith("readhesion: ") and err.count("\n") == 1 and len(err) < 2000
+        if (code, out) != (2, "") or not one_line or case.words not in err or tree(place) != before:
+            wrong.append(
+                f"{case.line} must say {case.words!r}; exit code {code}: {out}{err[:2000]}"
+            )
+        for name in case.files:
+            (place / name).unlink()
+        write(place, {name: GOOD[name] for name in set(case.files) & set(GOOD)})
+        assert tree(place).keys() == before.keys() - {
+            str(place / n) for n in set(case.files) - set(GOOD)
+        }
+    assert not wrong, "\n".join(wrong)
 
 
 def keys_of(kind: type[BaseModel], base: dict[str, Any], place: tuple = ()) -> list:
@@ -674,6 +693,9 @@ KEYS = [key[:3] for key in ALL_KEYS if re.search("float|int", str(key[3]))]
 """Those that hold numbers."""
 
 
+NO_NUMBERS = (math.nan, math.inf, -math.inf, 1e300, "0.1", "wet", {}, True, [[]], [math.nan])
+
+
 def content_with(place, base, name, value) -> dict[str, Any]:
     """The content of a scenario file in which one key has `value`."""
     content: Any = dict(base) | {name: value}
@@ -695,17 +717,18 @@ def content_with(place, base, name, value) -> dict[str, Any]:
     return top | content | {"rail": rail}
 
 
-@pytest.mark.parametrize("key", KEYS, ids=lambda key: ".".join([t for t, _ in key[0]] + [key[2]]))
-def test_no_number_key_takes_what_is_no_number_or_ends_in_a_traceback(key):
-    place, base, name = key
-    for value in (math.nan, math.inf, -math.inf, 1e300, "0.1", "wet", {}, True, [[]], [math.nan]):
-        with pytest.raises(StudyError) as refused:
-            parse(Scenario, content_with(place, base, name, value), "own.toml").event()
-        assert name in str(refused.value)
-        assert "\n" not in str(refused.value)
-    for value in (0, -1, 0.0, -1.0, [], [0.0], [-1.0], 1e-300, 1, 1e6):
-        with suppress(StudyError):
-            parse(Scenario, content_with(place, base, name, value), "own.toml").event()
+def test_no_number_key_takes_what_is_no_number_or_ends_in_a_traceback():
+    for place, base, name in KEYS:
+        for value in (*NO_NUMBERS, 0, -1, 0.0, -1.0, [], [0.0], [-1.0], 1e-300, 1, 1e6):
+            message = "nothing is said"
+            try:
+                parse(Scenario, content_with(place, base, name, value), "own.toml").event()
+            except StudyError as error:
+                message = str(error)
+            if any(value is one for one in NO_NUMBERS):
+                case = f"{place} {name} = {value}: {message}"
+                assert name in message, case
+                assert "\n" not in message, case
 
 
 def test_files_with_blanks_and_byte_order_marks_work(place, monkeypatch):
@@ -745,9 +768,8 @@ def process(*arguments: str, **environment: str) -> subprocess.Popen:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("arguments", [["list"], ["list", "--json"]])
-def test_a_reader_who_leaves_early_ends_the_command_quietly(arguments):
-    with process(*arguments) as running:
+def test_a_reader_who_leaves_early_ends_the_command_quietly():
+    with process("list") as running:
         assert running.stdout is not None
         running.stdout.close()  # as `| head` does, before anything is written
         assert running.stderr is not None
@@ -755,7 +777,7 @@ def test_a_reader_who_leaves_early_ends_the_command_quietly(arguments):
         assert running.wait(timeout=600) == 141
 
 
-@pytest.mark.parametrize("arguments", [["list"], ["sweep", "--help"], ["--help"]])
+@pytest.mark.parametrize("arguments", [["list"], ["sweep", "--help"]])
 def test_a_terminal_of_plain_letters_gets_plain_letters(arguments):
     running = process(*arguments, PYTHONIOENCODING="ascii", LC_ALL="C", PYTHONUTF8="0")
     out, err = running.communicate(timeout=600)

@@ -53,7 +53,7 @@ def small(short_file, tmp_path):
     )  # fmt: skip
 
 
-def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tmp_path):
+def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, short_file, tmp_path):
     code, out, _ = call("compare", *small)
     assert code == 0
     assert "two slippery seconds" in out
@@ -62,22 +62,23 @@ def test_a_comparison_prints_a_table_and_writes_rows_and_figures(call, small, tm
     table = Store(tmp_path / "out").read()
     assert sorted(table["rule"]) == ["alone"] * 5 + ["exact"] * 5
     assert set(METRICS) <= set(table.columns)
+    told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
+    assert "Status: complete" in told
+    assert f"--scenario {shlex.quote(str(short_file))}" in told
     for name in ("rule-comparison", "utilisation-damage"):
         stem = tmp_path / "out" / "figures" / name
         assert stem.with_suffix(".png").read_bytes().startswith(PNG)
         assert stem.with_suffix(".pdf").read_bytes().startswith(PDF)
 
 
-def test_the_figures_name_the_command_as_it_was_given(call, small, short_file, tmp_path):
-    """Of fewer seeds they are drafts; what they name runs as it stands, with the path and not with the event's name."""
+def test_figures_of_fewer_seeds_are_drafts_and_name_the_command_as_it_was_given(
+    call, small, tmp_path
+):
+    """What they name runs as it stands, with the path and not with the event's name."""
     call("compare", *small, "--seeds", 2)
     told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
     given = [str(word) for word in small if word not in ("--jobs", 1)]
     assert f"in full: {shlex.join(['readhesion', 'compare', *given])}\n" in told
-    call("compare", *small)
-    told = (tmp_path / "out" / "figures" / "rule-comparison.txt").read_text()
-    assert "Status: complete" in told
-    assert f"--scenario {shlex.quote(str(short_file))}" in told
 
 
 def test_a_command_is_told_with_its_plug_ins_and_can_be_typed_again(monkeypatch, tmp_path):
@@ -296,15 +297,6 @@ def process(*arguments: object, **options) -> subprocess.Popen:
         [*command, *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
     )  # fmt: skip
-
-
-def test_as_a_process_bad_input_ends_with_code_2():
-    running = process("simulate", "wet-start", "--rule", "exat")
-    out, err = running.communicate(timeout=60)
-    assert (running.returncode, out) == (2, "")
-    assert (
-        err == f"readhesion: unknown rule 'exat'; did you mean 'exact'? known: {', '.join(RULES)}\n"
-    )
 
 
 def test_a_file_that_cannot_be_finished_leaves_the_one_that_was_there(
