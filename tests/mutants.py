@@ -58,7 +58,7 @@ USABLE = ROOT / "build/mutants.json"
 TEST_SECONDS, BEGIN_SECONDS, MUTANT_SECONDS = 3.0, 0.7, 60.0
 """Processor time that a test may take, that a file takes to begin with, and that the files of one fault may take."""
 FIGURE_SECONDS = 150.0
-"""What tests of figures may take, and faults in figures more than others: the first test draws all figures."""
+"""What a test of figures may take, and faults in figures more than others: many figures are drawn."""
 LIBRARIES = [
     "numba",
     "casadi",

@@ -160,26 +160,26 @@ def test_torque_has_two_seconds_to_rise_whenever_the_driver_asks_for_more():
     assert np.flatnonzero(settled(made(command=command))).tolist() == [4, 5, 6, 7, 8]
 
 
-@pytest.mark.parametrize("seed", range(50))
-def test_bounds_stand_in_their_order(seed):
+def test_bounds_stand_in_their_order():
     """Apart <= bound <= plan; forces that the rail and the motors allow use at most all of it."""
-    rng = np.random.default_rng(seed)
-    adhesion, motor = rng.uniform(0.02, 0.25, 6), rng.uniform(0.02, 0.25, 2)
-    braking, blended = rng.random(2) < 0.5
-    weakest = np.repeat(adhesion.reshape(3, 2).min(axis=1), 2)
-    most = weakest.copy()
-    most[4:] = np.minimum(most[4:], EXPECTED)
-    if not (braking and blended):
-        most[:4] = np.minimum(most[:4], np.repeat(motor, 2))
-    run = made(adhesion, most * rng.uniform(0.3, 1.0), braking, blended, motor)
-    forces, (use, headroom, over) = found(run)
-    plan, bound, apart, force = forces
-    assert 0.0 <= apart <= bound * (1 + 1e-12)
-    assert bound <= plan
-    assert 0.0 <= headroom <= 1.0
-    assert use <= 1.0 + 1e-12
-    assert use + METRICS["held_back"].function(run) <= 1.0 + 1e-12
-    assert over == pytest.approx(max(force / plan - 1.0, 0.0), rel=1e-9, abs=1e-15)
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        adhesion, motor = rng.uniform(0.02, 0.25, 6), rng.uniform(0.02, 0.25, 2)
+        braking, blended = rng.random(2) < 0.5
+        weakest = np.repeat(adhesion.reshape(3, 2).min(axis=1), 2)
+        most = weakest.copy()
+        most[4:] = np.minimum(most[4:], EXPECTED)
+        if not (braking and blended):
+            most[:4] = np.minimum(most[:4], np.repeat(motor, 2))
+        run = made(adhesion, most * rng.uniform(0.3, 1.0), braking, blended, motor)
+        forces, (use, headroom, over) = found(run)
+        plan, bound, apart, force = forces
+        assert 0.0 <= apart <= bound * (1 + 1e-12), seed
+        assert bound <= plan, seed
+        assert 0.0 <= headroom <= 1.0, seed
+        assert use <= 1.0 + 1e-12, seed
+        assert use + METRICS["held_back"].function(run) <= 1.0 + 1e-12, seed
+        assert over == pytest.approx(max(force / plan - 1.0, 0.0), rel=1e-9, abs=1e-15), seed
 
 
 def test_shares_of_the_bound_stay_within_it_whatever_wheels_and_motors_do():

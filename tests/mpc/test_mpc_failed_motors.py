@@ -1,5 +1,7 @@
 """Motors that have failed: what is lost, who makes up for it, who leads, and what the unit itself commands."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -24,32 +26,33 @@ def _effort(units, torque):
     return sum(t / torque_per_coefficient(u) * u.mass for u, t in zip(units, torque, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(20))
-@pytest.mark.parametrize("rise", [0.3, 1.0])
-def test_alone_the_demand_with_what_is_lost_is_the_plan(make_context, seed, rise):
-    lost, _, plan, works, leader = _train_with_failures(make_context, seed)
-    demand = np.where(works, rise * plan, 0.0)
-    found = lost.wanted(demand, works.tolist(), leader, plan[leader])
-    np.testing.assert_array_equal(found[works], demand[works])
-    np.testing.assert_allclose(found, rise * plan)
-    mirrored = lost.wanted(-demand, works.tolist(), leader, plan[leader])
-    np.testing.assert_array_equal(mirrored, -found)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_what_a_rule_has_laid_on_the_others_is_not_lost(make_context, seed):
-    lost, units, plan, works, leader = _train_with_failures(make_context, seed)
-    left = []
-    for more in (0.0, 0.02, 0.1, 50.0):
-        demand = np.where(works, plan * (1.0 + more), 0.0)
+def test_alone_the_demand_with_what_is_lost_is_the_plan(make_context):
+    for seed, rise in product(range(20), (0.3, 1.0)):
+        lost, _, plan, works, leader = _train_with_failures(make_context, seed)
+        demand = np.where(works, rise * plan, 0.0)
         found = lost.wanted(demand, works.tolist(), leader, plan[leader])
         np.testing.assert_array_equal(found[works], demand[works])
-        assert np.all((found >= 0.0) & (found <= np.maximum(plan, demand) * (1.0 + 1e-12)))
-        whole = max(_effort(units, plan), _effort(units, demand))
-        assert _effort(units, found) == pytest.approx(whole)
-        left.append(found[~works].sum())
-    assert left == sorted(left, reverse=True)
-    assert left[-1] == 0.0
+        np.testing.assert_allclose(found, rise * plan)
+        mirrored = lost.wanted(-demand, works.tolist(), leader, plan[leader])
+        np.testing.assert_array_equal(mirrored, -found)
+
+
+def test_what_a_rule_has_laid_on_the_others_is_not_lost(make_context):
+    for seed in range(20):
+        lost, units, plan, works, leader = _train_with_failures(make_context, seed)
+        left = []
+        for more in (0.0, 0.02, 0.1, 50.0):
+            demand = np.where(works, plan * (1.0 + more), 0.0)
+            found = lost.wanted(demand, works.tolist(), leader, plan[leader])
+            np.testing.assert_array_equal(found[works], demand[works])
+            assert np.all((found >= 0.0) & (found <= np.maximum(plan, demand) * (1.0 + 1e-12))), (
+                seed
+            )
+            whole = max(_effort(units, plan), _effort(units, demand))
+            assert _effort(units, found) == pytest.approx(whole), seed
+            left.append(found[~works].sum())
+        assert left == sorted(left, reverse=True), seed
+        assert left[-1] == 0.0, seed
 
 
 def test_nothing_is_lost_where_air_brakes_give_it_or_nobody_can_make_up(make_context):

@@ -45,17 +45,18 @@ def forgotten():
     reference.posed.cache_clear()
 
 
-@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_loops_solver_run_to_convergence_finds_the_optimum(kind, solver):
-    assert missed(kind, range(3), solver) == []
+def test_the_loops_solver_run_to_convergence_finds_the_optimum(kind):
+    assert missed(kind, range(3), "fatrop") == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_does_so_in_nearly_every_of_200_periods(kind):
-    # where a step crosses the peak of the curve, 12 halvings may not be enough, and it stops short of the optimum
-    assert len(missed(kind, range(200), "ipopt")) <= 4
+def test_it_does_so_in_nearly_every_period(kind):
+    # where a step crosses the peak of the curve, 12 halvings may not be enough, and it stops short of the optimum:
+    # in at most 4 of 200 periods of each kind; drawn are as many as are soon solved
+    found = missed(kind, range(24 if kind.startswith("unit") else 6), "ipopt")
+    assert len(found) <= 1
+    assert not set(found) & set(range(3))
 
 
 @pytest.mark.parametrize("solver", ["compiled", *OPTIONS])

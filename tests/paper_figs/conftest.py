@@ -25,7 +25,14 @@ def line_run():
     return small_figures.line_run()
 
 
+class Drawn(dict):
+    """Figures by name, each drawn when it is first asked for."""
+
+    def __missing__(self, name):
+        self[name] = small_figures.DRAWN[name]()
+        return self[name]
+
+
 @pytest.fixture(scope="session")
 def drawn():
-    """Every figure by name."""
-    return {name: draw() for name, draw in small_figures.DRAWN.items()}
+    return Drawn()

@@ -1,7 +1,7 @@
 """Figures that need no run, of made-up tables, against stored pictures: marks, lines and colours, without letters.
 
 Letters are left out because they differ between versions of FreeType; other tests read the text. Tables are made up, so a
-picture changes where the drawing changes and not where a run does. `python -m pytest tests/paper_figs/test_pictures.py
+picture changes where the drawing changes and not where a run does. `python -m pytest tests/paper_figs/test_every_figure.py
 --mpl-generate-path tests/paper_figs/pictures` stores them anew: look at each before you keep it.
 """
 
@@ -54,12 +54,15 @@ TABLES = {
 """Figures that have a picture, and what makes their tables."""
 
 
-def picture(name, *tables) -> Figure:
-    """A figure without letters, of its own tables or of those given."""
-    drawn = FIGURES[name](*(tables or (make() for make in TABLES[name])))
-    with mpl.rc_context(fname=STYLE_FILE):
-        for text in drawn.findobj(Text):
-            text.set_visible(False)
+def from_tables(name: str) -> Figure:
+    """A figure of its made-up tables."""
+    return FIGURES[name](*(make() for make in TABLES[name]))
+
+
+def without_letters(drawn: Figure) -> Figure:
+    """The same figure, whose text is no longer seen."""
+    for text in drawn.findobj(Text):
+        text.set_visible(False)
     return drawn
 
 
@@ -67,6 +70,6 @@ def pixels(drawn: Figure) -> np.ndarray:
     """The figure as it would be stored, (height, width, 3)."""
     file = io.BytesIO()
     with mpl.rc_context(fname=STYLE_FILE):
-        drawn.savefig(file, dpi=DPI)
+        without_letters(drawn).savefig(file, dpi=DPI)
     file.seek(0)
     return (255 * mpl.image.imread(file)[..., :3]).astype(np.uint8)

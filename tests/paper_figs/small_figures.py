@@ -2,50 +2,30 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from tempfile import TemporaryDirectory
 
 from matplotlib.figure import Figure
 
-from alloc.estimation.increments import SYNTHETIC_TABLE, read_slide_counts
 from alloc.onboard.parameters import Detector
 from alloc.plant.train import Coupler
-from paper_figs.adhesion import adhesion_curve, adhesion_drop, planned_curves
-from paper_figs.allocation import SHOWN, allocation_bars
-from paper_figs.blended import blended
 from paper_figs.brake_force import (
     FAULT,
     brake_all_cars,
-    brake_cut_out,
     brake_emergency,
     brake_locomotive_only,
     faulty_car,
-)
-from paper_figs.claims import (
-    claim_a,
-    claim_b,
-    claim_c,
-    claim_d,
-    claim_e,
-    claim_verdicts,
-    claim_verdicts_search,
 )
 from paper_figs.comparison import (
     rule_comparison,
     rule_comparison_ride,
     utilisation_damage,
 )
-from paper_figs.differences import differences
 from paper_figs.events import blended_braking, sharing_wanders, slip_detection, slip_event
-from paper_figs.headroom import headroom
-from paper_figs.increments import axle_shifts, learning, unit_increments
-from paper_figs.ladder import curves, ladder
 from paper_figs.line_position import late_passages, line_position
 from paper_figs.lines import real_line
 from paper_figs.logs import measured_log
-from paper_figs.mismatch import mismatch
 from paper_figs.moving import MovingFigure
-from paper_figs.open_rails import open_rails
 from paper_figs.passages import gradient_change, tunnel_mouth
 from paper_figs.readhesion_paper import (
     CASES,
@@ -55,21 +35,13 @@ from paper_figs.readhesion_paper import (
     readhesion_factor,
     readhesion_slip,
     readhesion_torque,
-    torque_table,
 )
-from paper_figs.readhesion_sweeps import calibration, limit_cycle, margin_sweep, width_sweep
+from paper_figs.readhesion_sweeps import limit_cycle
 from paper_figs.replay import slip_replay
 from paper_figs.resistance import air_resistance, resistance_weights
-from paper_figs.sanders import sanders
-from paper_figs.slide_runs import member_runs, slide_adhesion, slide_control
-from paper_figs.slides import (
-    slide_electric,
-    slide_pareto,
-    slide_tables,
-)
+from paper_figs.slide_runs import member_runs, slide_control
 from paper_figs.source import Source
 from paper_figs.trajectories import readhesion_trajectory
-from paper_figs.wsp_acceptance import wsp_acceptance
 from studies.brake_force.faulty_car import allocated_stops
 from studies.brake_force.running_tests import run_test
 from studies.comparison.grid import Grid
@@ -88,24 +60,14 @@ from studies.resistance.learners import convergence
 from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
+from tests.paper_figs.pictures import TABLES, from_tables
 from tests.simulation.slides import TRAIN, braked, readhering
-from tests.studies.acceptance_tables import acceptance_table
-from tests.studies.blended_tables import blended_table
 from tests.studies.brake_tables import brake_table
 from tests.studies.example_line import EXAMPLE_PATH, example_stock
-from tests.studies.headroom_tables import headroom_table
-from tests.studies.ladder_tables import curve_table, ladder_table
-from tests.studies.learning_tables import falling, synthetic
-from tests.studies.mismatch_tables import mismatch_table
 from tests.studies.position_tables import position_table
-from tests.studies.readhesion_tables import calibration_table, sweep_table
-from tests.studies.sander_tables import sander_table
 from tests.studies.short_route import short_route
-from tests.studies.slide_tables import slide_table
-from tests.studies.sweep_tables import claim_table, difference_table
 
 OTHER = replace(DEMONSTRATION, front_adhesion=0.1)
-CLAIMS = {"a": claim_a, "b": claim_b, "c": claim_c, "d": claim_d, "e": claim_e}
 RULES = ("alone", "greedy", "exact")
 
 
@@ -187,48 +149,28 @@ def few_instants(moving: MovingFigure) -> MovingFigure:
 
 
 DRAWN: dict[str, Callable[[], Figure]] = {
-    "adhesion-curve": adhesion_curve,
-    "allocation-bars": lambda: allocation_bars(SHOWN),
+    **{name: partial(from_tables, name) for name in TABLES},
     "slip-event": lambda: slip_event(*runs()),
     "slip-replay": lambda: few_instants(slip_replay(a_train(), runs()[1])),
     "rule-comparison": lambda: rule_comparison(source().table),
     "rule-comparison-ride": lambda: rule_comparison_ride(source().table),
     "utilisation-damage": lambda: utilisation_damage(source().table),
-    **{f"claim-{claim}": lambda draw=draw: draw(claim_table(60)) for claim, draw in CLAIMS.items()},
-    "claim-verdicts": lambda: claim_verdicts(claim_table(60)),
-    "claim-verdicts-search": lambda: claim_verdicts_search(claim_table(60)),
-    "differences": lambda: differences(difference_table()),
     "blended-braking": lambda: blended_braking(stop()),
     "sharing-wanders": lambda: sharing_wanders(*runs()),
     "slip-detection": lambda: slip_detection(runs()[0], Detector()),
-    "planned-curves": planned_curves,
-    "open-rails": open_rails,
-    "axle-shifts": lambda: axle_shifts(read_slide_counts(SYNTHETIC_TABLE)),
-    "unit-increments": unit_increments,
-    "learning": lambda: learning(synthetic(falling, trains=2)),
-    "headroom": lambda: headroom(headroom_table()),
-    "ladder": lambda: ladder(ladder_table()),
-    "curves": lambda: curves(curve_table()),
-    "mismatch": lambda: mismatch(mismatch_table()),
-    "torque-table": torque_table,
-    "adhesion-drop": adhesion_drop,
     "readhesion-slip": lambda: readhesion_slip(*cases()),
     "readhesion-torque": lambda: readhesion_torque(*cases()),
     "readhesion-factor": lambda: readhesion_factor(*cases()),
     "readhesion-trajectory": lambda: readhesion_trajectory(*cases()),
-    "margin-sweep": lambda: margin_sweep(sweep_table()),
-    "width-sweep": lambda: width_sweep(sweep_table()),
     "half-slip": lambda: half_slip(*half_slips()),
     "limit-cycle": lambda: limit_cycle(
         {one.unit: compare_cycles((0.1, 0.3), (0.13, 0.15), 1, one) for one in (CALIBRATED, RIVAL)},
         (0.3, 0.5),
     ),
-    "calibration": lambda: calibration(calibration_table()),
     "real-line": lambda: real_line(line_run()),
     "measured-log": lambda: measured_log(*logged()),
     "brake-locomotive-only": lambda: brake_locomotive_only(run_test("locomotive", 0)),
     "brake-all-cars": lambda: brake_all_cars(run_test("all", 0)),
-    "brake-cut-out": lambda: brake_cut_out(brake_table()),
     "brake-emergency": lambda: brake_emergency(run_test("emergency", 0)),
     "faulty-car": lambda: faulty_car(
         allocated_stops(FAULT, 0),
@@ -241,15 +183,8 @@ DRAWN: dict[str, Callable[[], Figure]] = {
         short_route(), late_passages(short_route()), position_table()
     ),
     "resistance-weights": lambda: resistance_weights(convergence(short_route(), 1)),
-    "slide-adhesion": lambda: slide_adhesion((DEMONSTRATION, OTHER)),
     "slide-control": lambda: slide_control(
         brake(brake_event(DEMONSTRATION)), member_runs((DEMONSTRATION, OTHER))
     ),
-    "slide-tables": lambda: slide_tables(slide_table()),
-    "slide-pareto": lambda: slide_pareto(slide_table()),
-    "slide-electric": lambda: slide_electric(slide_table()),
-    "wsp-acceptance": lambda: wsp_acceptance(acceptance_table()),
-    "blended": lambda: blended(blended_table()),
-    "sanders": lambda: sanders(sander_table()),
 }
 """Every figure by name, and what draws it from small runs."""

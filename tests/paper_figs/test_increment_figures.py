@@ -20,18 +20,15 @@ from paper_figs.increments import (
 )
 from paper_figs.registry import FIGURES
 from paper_figs.source import Source
-from studies.core.job import Job, simulate_job
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.learning.series import TOLERANCE
-from studies.scenario.loading import load_scenario
 from tests.studies.learning_tables import falling, synthetic
 
 
-@pytest.fixture(scope="module")
-def run():
-    scenario = load_scenario("very-low-adhesion").changed(duration_s=3.0)
-    return simulate_job(Job(scenario, "alone", "cut-and-ramp", 0))
+@pytest.fixture
+def run(runs):
+    return runs[0]
 
 
 def test_detection_shows_the_recorded_acceleration_between_the_thresholds(run):

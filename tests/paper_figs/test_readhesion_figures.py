@@ -5,7 +5,6 @@ import pytest
 
 from paper_figs.readhesion_paper import (
     CASES,
-    SETS,
     case_runs,
     on_coefficient_scale,
     readhesion_slip,
@@ -19,17 +18,16 @@ from paper_figs.trajectories import readhesion_trajectory
 from studies.core.store import Store
 from studies.core.study import Study
 from studies.readhesion_paper.calibration import RANGES, best, members
-from studies.readhesion_paper.paper import DROP, RECOVERY, run_cases
+from studies.readhesion_paper.paper import DROP, RECOVERY
 from studies.readhesion_paper.study import MOST_MEMBERS
+from tests.paper_figs import small_figures
 from tests.studies.readhesion_tables import calibration_table, limit_of, sweep_table
 
 
 @pytest.fixture(scope="module")
 def both():
     """Runs of the set of each unit."""
-    return [
-        run_cases(one, tuple(CASES.values()), recovers=True, step=5e-4) for one in SETS.values()
-    ]
+    return small_figures.cases()
 
 
 @pytest.fixture(scope="module")

@@ -61,15 +61,6 @@ def test_caption_and_data_stand_beside_and_the_hash_is_theirs(few, tmp_path):
     assert all(part in words for part in (digest, told["Source"], told["Status"], told["Software"]))
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_the_numbers_drawn_are_written(drawn, name):
-    table = csv_of(drawn[name])
-    assert len(table) >= 8
-    assert table["panel"].nunique() >= 1
-    shown = table.drop(columns=["panel", "kind"]).notna().any(axis="columns")
-    assert shown.all()
-
-
 def test_marks_are_written_with_their_ends_and_their_names():
     figure, axes = new_panels(COLUMN, 2.0)
     axes.errorbar([1.5], [0.0], xerr=[[0.5], [0.25]], **rule_look("greedy"))

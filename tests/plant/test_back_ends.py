@@ -1,6 +1,7 @@
 """NumPy, Numba and CasADi evaluate the same equations: 1e-12 relative on random states."""
 
 from dataclasses import replace
+from itertools import product
 
 import casadi
 import numpy as np
@@ -87,7 +88,7 @@ def _random(model: Model, seed: int) -> tuple[np.ndarray, Inputs, Rails]:
     return state, inputs, {"cleaning": rng.random(n.axles), "sand": sand}
 
 
-def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
+def _assert_agree(actual: np.ndarray, expected: np.ndarray, n, case: str = "") -> None:
     # a rate is a difference of larger terms: the scale is the largest of its kind
     first = 0
     for size in (
@@ -95,22 +96,24 @@ def _assert_agree(actual: np.ndarray, expected: np.ndarray, n) -> None:
     ):  # fmt: skip
         part = slice(first, first + size)
         scale = np.abs(expected[part]).max(initial=0.0)
-        np.testing.assert_allclose(actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale)
+        np.testing.assert_allclose(
+            actual[part], expected[part], rtol=1e-12, atol=1e-12 * scale, err_msg=case
+        )
         first += size
 
 
-@pytest.mark.parametrize("law", SPEED_LAWS)
-@pytest.mark.parametrize("curve", CURVES)
 @pytest.mark.parametrize("name", SETS)
-def test_numpy_and_numba_agree(name, curve, law):
-    model = _model(name, curve, law)
-    arrays = ArrayModel.of(model)
-    for seed in range(9):
-        state, inputs, left = _random(model, seed)
-        local = environment_at(model, TIME, state, arrays=arrays, **left)
-        slope, peak = compiled_rate(model, state, inputs, TIME, **left)
-        np.testing.assert_allclose(peak, local.peak, rtol=1e-12)
-        _assert_agree(slope, arrays.derivative(state, inputs, local), model.layout)
+def test_numpy_and_numba_agree(name):
+    for curve, law in product(CURVES, SPEED_LAWS):
+        model = _model(name, curve, law)
+        arrays = ArrayModel.of(model)
+        for seed in range(9):
+            state, inputs, left = _random(model, seed)
+            local = environment_at(model, TIME, state, arrays=arrays, **left)
+            slope, peak = compiled_rate(model, state, inputs, TIME, **left)
+            case = f"{curve}, {law}, {seed}"
+            np.testing.assert_allclose(peak, local.peak, rtol=1e-12, err_msg=case)
+            _assert_agree(slope, arrays.derivative(state, inputs, local), model.layout, case)
 
 
 def _casadi_function(model: Model) -> casadi.Function:
@@ -133,16 +136,17 @@ def _casadi_function(model: Model) -> casadi.Function:
     return casadi.Function("derivative", [state, *arguments], [slope])
 
 
-@pytest.mark.parametrize("curve", CURVES)
 @pytest.mark.parametrize("name", SETS)
-def test_numpy_and_casadi_agree(name, curve):
-    model = _model(name, curve, "none")
-    arrays, function = ArrayModel.of(model), _casadi_function(model)
-    for seed in range(9):
-        state, inputs, left = _random(model, seed)
-        local = environment_at(model, TIME, state, arrays=arrays, **left)
-        symbolic = np.asarray(function(state, *inputs, *local)).ravel()
-        _assert_agree(symbolic, arrays.derivative(state, inputs, local), model.layout)
+def test_numpy_and_casadi_agree(name):
+    for curve in CURVES:
+        model = _model(name, curve, "none")
+        arrays, function = ArrayModel.of(model), _casadi_function(model)
+        for seed in range(9):
+            state, inputs, left = _random(model, seed)
+            local = environment_at(model, TIME, state, arrays=arrays, **left)
+            symbolic = np.asarray(function(state, *inputs, *local)).ravel()
+            expected = arrays.derivative(state, inputs, local)
+            _assert_agree(symbolic, expected, model.layout, f"{curve}, {seed}")
 
 
 def test_casadi_numbers_are_accepted_as_they_are():

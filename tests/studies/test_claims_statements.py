@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -36,6 +37,12 @@ def verdicts(change=lambda row: row, events=120):
     return {s.name: s for s in CLAIMS.statements(claim_table(events, change))}
 
 
+@cache
+def good():
+    """Statements of a table on which all holds."""
+    return verdicts()
+
+
 def only(rule, condition=lambda row: True, **values):
     """A change of the rows of one rule where `condition` holds."""
     return lambda row: row | values if row["rule"] == rule and condition(row) else row
@@ -52,7 +59,7 @@ BROKEN = {
 
 
 def test_a_table_on_which_all_holds_says_so():
-    found = verdicts()
+    found = good()
     assert list(found) == list("abcde")
     assert {s.verdict for s in found.values()} == {HOLDS}
     assert all(s.conditions == () for s in found.values())
@@ -92,7 +99,7 @@ def test_claim_a_looks_at_events_in_reach_that_alone_does_not_master():
     alone = verdicts(only("alone", held_effort=1.0))["a"]
     out_of_reach = verdicts(lambda row: row | {"reach_low": 0.9})["a"]
     assert alone.verdict == out_of_reach.verdict == TOO_FEW
-    assert verdicts()["a"].numbers["effort over plan, greedy (at most 1)"].count == 60
+    assert good()["a"].numbers["effort over plan, greedy (at most 1)"].count == 60
 
 
 def test_few_events_say_nothing():
@@ -109,7 +116,7 @@ def test_an_event_that_failed_under_one_rule_is_left_out_for_all():
 
 
 def test_statements_are_plain_values():
-    content = verdicts()["d"].content()
+    content = good()["d"].content()
     assert content["verdict"] in VERDICTS
     text = content["numbers"]["jerk rms [m/s3], greedy less sharing"]
     assert set(text) == {"value", "low", "high", "count"}
@@ -117,7 +124,7 @@ def test_statements_are_plain_values():
 
 
 def test_json_has_what_decides_each_claim():
-    for statement in verdicts().values():
+    for statement in good().values():
         content = statement.content()
         test = content["test"]
         assert {"threshold", "direction", "p", "p_holm", "level"} <= set(test)
@@ -132,7 +139,7 @@ def test_json_has_what_decides_each_claim():
 def test_the_claims_are_one_family():
     noise = np.random.default_rng(2)
     found = verdicts(lambda row: row | {"unit_use_low": 0.9 + 0.01 * noise.normal()})
-    levels = sorted(s.test.level for s in verdicts().values())
+    levels = sorted(s.test.level for s in good().values())
     np.testing.assert_allclose(levels, [1.0 - 0.05 / m for m in (1, 2, 3, 4, 5)])
     assert found["b"].verdict == UNDECIDED
     assert not found["b"].fragile

@@ -1,5 +1,6 @@
 """Every switch and every choice of a scenario acts: each of its values gives a run of its own, in some world."""
 
+import json
 from contextlib import suppress
 from itertools import combinations
 from typing import Any, Literal, get_args, get_origin
@@ -9,7 +10,7 @@ import pytest
 from studies.files.study_error import StudyError
 from tests.studies import test_every_key_acts as numbers
 from tests.studies.test_bad_input_battery import ALL_KEYS
-from tests.studies.test_every_key_acts import content, differs, run, shown
+from tests.studies.test_every_key_acts import content, run, shown
 
 
 def choices_in(annotation: Any) -> tuple[Any, ...]:
@@ -56,8 +57,9 @@ def values_apart(key: tuple) -> set[tuple[Any, Any]]:
             whole = numbers.merged(world, BESIDE.get(shown(key), {}))
             given = {name: value} | (GIVEN if value == "given" else {})
             with suppress(StudyError):
-                made[value] = run(content(whole, (place, base, name), given), "greedy", controller)
-        pairs |= {pair for pair in combinations(made, 2) if differs(made[pair[0]], made[pair[1]])}
+                text = json.dumps(content(whole, (place, base, name), given))
+                made[value] = run(text, "greedy", controller)
+        pairs |= {pair for pair in combinations(made, 2) if made[pair[0]] != made[pair[1]]}
     return pairs
 
 

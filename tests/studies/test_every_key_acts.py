@@ -1,7 +1,10 @@
 """Every number of a scenario acts: some value of its key changes the run, in a world that has what the key is about."""
 
 import copy
+import json
 from collections.abc import Iterator, Mapping
+from functools import cache
+from hashlib import sha256
 from itertools import zip_longest
 from typing import Any
 
@@ -117,7 +120,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "belief.increments.values": ([0.01] * 32, [0.02] * 32),
     "belief.unit_increments": ([0.0, 0.01, 0.02, 0.03], [0.0, 0.0, 0.0, 0.05]),
     "belief.unit_deviation": ([0.01] * 4, [0.05] * 4),
-    "draft_gear.viscosity_ns_per_m": (300.0, 1e6),
+    "draft_gear.viscosity_ns_per_m": (300.0, 3e4),
     "onboard.telegrams.silence_s": (0.05, 2.0),
     "onboard.mpc.search.noise_margin": (8.0,),
     "onboard.mpc.search.lowest_kmh": (0.05, 0.28),
@@ -179,18 +182,16 @@ def changes(key: tuple) -> Iterator[Any]:
                 yield int(value)
 
 
-def run(whole: dict[str, Any], rule: str, controller: str) -> dict[str, np.ndarray]:
-    event = parse(Scenario, whole, "own.toml").event(seed=1)
-    made = simulate(event, rule, controller)
-    return {name: one.values for name, one in made.data_vars.items() if name not in TIMED}
-
-
-def differs(a: Mapping[str, np.ndarray], b: Mapping[str, np.ndarray]) -> bool:
-    return a.keys() != b.keys() or any(
-        a[name].shape != b[name].shape
-        or not np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f")
-        for name in a
-    )
+@cache
+def run(whole: str, rule: str, controller: str) -> str:
+    """Digest of all that a run of this scenario (as JSON) records; many keys ask for the same run."""
+    made = simulate(parse(Scenario, json.loads(whole), "own.toml").event(seed=1), rule, controller)
+    digest = sha256()
+    for name, one in made.data_vars.items():
+        if name not in TIMED:
+            values = np.ascontiguousarray(one.values + 0.0 if one.dtype.kind == "f" else one.values)
+            digest.update(f"{name} {values.shape} {values.dtype}".encode() + values.tobytes())
+    return digest.hexdigest()
 
 
 def acts(key: tuple) -> bool:
@@ -199,14 +200,15 @@ def acts(key: tuple) -> bool:
     tables = [table for table, _ in place]
     controller = next((CONTROLLERS[t] for t in tables if t in CONTROLLERS), "perturb-observe")
     rule = next((RULE_OF[t] for t in (name, *tables) if t in RULE_OF), "cooperative")
-    for world in WORLDS:
+    stops_first = any(word in shown(key) for word in ("braking", "sand", "relief"))
+    for world in WORLDS[::-1] if stops_first else WORLDS:
         first, tries = None, 0
         for given in ({}, *({name: value} for value in changes(key))):
             try:
-                made = run(content(world, key, given), rule, controller)
+                made = run(json.dumps(content(world, key, given)), rule, controller)
             except StudyError:
                 continue
-            if first is not None and differs(first, made):
+            if first is not None and first != made:
                 return True
             first, tries = first or made, tries + 1
             if tries > MOST_TRIES:

@@ -11,34 +11,36 @@ from studies.scenario.loading import load_scenario
 from tests.studies.conftest import SHORT
 
 
-def test_the_files_are_those_of_the_unit_and_the_processor_that_are_named(call, tmp_path):
-    event = load_scenario("uneven-load").event()
-    contexts = unit_contexts(
-        event.model, equipment(event.model, event.onboard), event.onboard, "mpc"
-    )
-    for unit, target in ((1, "x86-64"), (4, "aarch64")):
-        named = () if unit == 1 else ("--target", target)
-        code, out, err = call(
-            "export-controller", "uneven-load", "--unit", unit, "--out", tmp_path, *named
-        )
-        assert (code, err) == (0, "")
-        context = contexts[unit - 1]
-        made = export_unit(context, context.settings, target, f"unit {unit} of uneven-load")
-        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made.contents
-        assert f"{made.memory} bytes" in " ".join(out.split())
-        about = json.loads(made.contents["made-from.json"])
-        assert about["unit"]["axle_load"] == context.axle_load
+def contexts_of(scenario):
+    event = load_scenario(scenario).event()
+    return unit_contexts(event.model, equipment(event.model, event.onboard), event.onboard, "mpc")
 
 
-def test_settings_of_the_scenario_count(call, tmp_path):
-    (tmp_path / "own.toml").write_text(f"{SHORT}\n[onboard.mpc]\nhorizon = 7\n")
-    memory = {}
-    for name in (tmp_path / "own.toml", "wet-patch"):
-        code, _, err = call("export-controller", name, "--unit", 1, "--out", tmp_path / "c")
+def memory_in(files):
+    return int(re.search(r"MEMORY (\d+)", files["controller.h"].decode()).group(1))
+
+
+def test_unit_processor_and_settings_of_the_scenario_count(call, tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text(f"{SHORT}\n[onboard.mpc]\nhorizon = 7\n")
+
+    def exported(*arguments):
+        out = tmp_path / f"unit {arguments[2]}"
+        code, printed, err = call("export-controller", *arguments, "--out", out)
         assert (code, err) == (0, "")
-        horizon = json.loads((tmp_path / "c" / "made-from.json").read_text())["settings"]["horizon"]
-        memory[horizon] = re.search(r"MEMORY (\d+)", (tmp_path / "c" / "controller.h").read_text())
-    assert int(memory[7].group(1)) < 0.5 * int(memory[20].group(1))
+        files = {path.name: path.read_bytes() for path in out.iterdir()}
+        return files, " ".join(printed.split()), json.loads(files["made-from.json"])
+
+    files, printed, _ = exported("uneven-load", "--unit", 1)
+    context = contexts_of("uneven-load")[0]
+    made = export_unit(context, context.settings, "x86-64", "unit 1 of uneven-load")
+    assert files == made.contents
+    assert f"{made.memory} bytes" in printed
+    short, _, about = exported(own, "--unit", 4, "--target", "aarch64")
+    assert about["unit"]["axle_load"] == contexts_of(own)[3].axle_load
+    assert about["settings"]["horizon"] == 7
+    assert "aarch64" in short["made-from.json"].decode()
+    assert memory_in(short) < 0.5 * memory_in(files)
 
 
 def test_a_processor_that_cannot_be_had_is_one_line(call, tmp_path):

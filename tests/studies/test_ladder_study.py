@@ -33,8 +33,18 @@ def swept(tmp_path_factory):
     return folder, LADDER_STUDY.run(folder, 2, duration=SHORT)
 
 
+def statements(table):
+    return {one.name: one for one in ladder_statements(complete(table))}
+
+
 def verdict(table, name):
-    return next(s for s in ladder_statements(complete(table)) if s.name == name)
+    return statements(table)[name]
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Statements of the table as it is."""
+    return statements(ladder_table())
 
 
 def test_the_ladder_and_the_published_ones_are_all_controllers_of_a_single_unit():
@@ -115,12 +125,11 @@ def test_steps_of_slip_towards_the_peak_are_right_and_away_from_it_wrong():
         assert np.isnan(found["wrong_steps_changing"])
 
 
-def test_yardsticks_are_held_by_who_uses_more():
-    table = ladder_table()
-    assert verdict(table, "90%: perturb-observe").verdict == HOLDS
-    assert verdict(table, "95%: mpc").verdict == HOLDS
-    assert verdict(table, "95%: pi-creep").verdict == FAILS
-    assert verdict(table, "90%: table").verdict == FAILS
+def test_yardsticks_are_held_by_who_uses_more(found):
+    assert found["90%: perturb-observe"].verdict == HOLDS
+    assert found["95%: mpc"].verdict == HOLDS
+    assert found["95%: pi-creep"].verdict == FAILS
+    assert found["90%: table"].verdict == FAILS
 
 
 def test_a_yardstick_missed_by_one_train_holds_with_that_condition():
@@ -133,36 +142,32 @@ def test_a_yardstick_missed_by_one_train_holds_with_that_condition():
     assert any("locomotive" in text for text in found.conditions)
 
 
-@pytest.mark.parametrize("name", LADDER[1:])
-def test_every_rung_is_above_the_one_below(name):
-    found = verdict(ladder_table(), f"rung: {name}")
-    assert found.verdict == HOLDS
-    reverse = verdict(
-        ladder_table(
-            change=lambda row: row | {"utilisation_short": 1.0 - row["utilisation_short"]}
-        ),
-        f"rung: {name}",
+def test_every_rung_is_above_the_one_below(found):
+    reverse = statements(
+        ladder_table(change=lambda row: row | {"utilisation_short": 1.0 - row["utilisation_short"]})
     )
-    assert reverse.verdict == FAILS
+    rungs = [f"rung: {name}" for name in LADDER[1:]]
+    assert [found[name].verdict for name in rungs] == [HOLDS] * len(rungs)
+    assert [reverse[name].verdict for name in rungs] == [FAILS] * len(rungs)
 
 
 @pytest.mark.parametrize("name", SEARCHING)
-@pytest.mark.parametrize(
-    ("claim", "metric", "value", "without"),
-    [
-        ("slow", "search_time", 2.0, UNDECIDED),
-        ("restless", "torque_fluctuation", 0.08, FAILS),  # its threshold is not 0
-        ("misled", "wrong_steps_changing", 0.8, UNDECIDED),
-    ],
-)
-def test_a_weakness_is_found_where_it_is(name, claim, metric, value, without):
-    assert verdict(ladder_table(), f"{claim}: {name}").verdict == without
-    weak = ladder_table(
-        change=lambda row: row | ({metric: value} if row["controller"] == name else {})
+def test_a_weakness_is_found_where_it_is(found, name):
+    claims = {
+        "slow": ("search_time", 2.0, UNDECIDED),
+        "restless": ("torque_fluctuation", 0.08, FAILS),  # its threshold is not 0
+        "misled": ("wrong_steps_changing", 0.8, UNDECIDED),
+    }
+    given = {metric: value for metric, value, _ in claims.values()}
+    weak = statements(
+        ladder_table(change=lambda row: row | (given if row["controller"] == name else {}))
     )
-    found = verdict(weak, f"{claim}: {name}")
-    assert found.verdict == HOLDS
-    assert all(interval.count > 0 for interval in found.numbers.values())
+    for claim, (*_, without) in claims.items():
+        assert found[f"{claim}: {name}"].verdict == without, claim
+        assert weak[f"{claim}: {name}"].verdict == HOLDS, claim
+        assert all(one.count > 0 for one in weak[f"{claim}: {name}"].numbers.values())
+        others = [f"{claim}: {other}" for other in SEARCHING if other != name]
+        assert all(weak[other].verdict == without for other in others), claim
 
 
 def test_few_events_give_no_verdict_and_failed_ones_are_left_out():

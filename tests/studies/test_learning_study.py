@@ -116,9 +116,9 @@ def test_whole_trains_are_held(tmp_path, monkeypatch):
 
 
 def test_few_series_give_no_verdict(swept):
-    _, table = swept
-    assert {statement.verdict for statement in LEARNING.statements(table)} <= {*VERDICTS}
-    assert named(table)["learnt-patent"].verdict == TOO_FEW
+    found = named(swept[1])
+    assert {statement.verdict for statement in found.values()} <= {*VERDICTS}
+    assert found["learnt-patent"].verdict == TOO_FEW
 
 
 def test_learnt_from_the_station_on_that_stays_within_the_tolerance():
@@ -141,16 +141,7 @@ def test_learning_that_works_holds_and_learning_that_does_not_fails():
     assert len(worse["closer-patent"].conditions) == len(PARTS)
 
 
-def test_biased_data_are_named():
-    found = named(synthetic(falling, excess=3 * TOLERANCE))["unbiased"]
-    assert found.verdict == CONDITIONS
-    assert [text.split(":")[0] for text in found.conditions] == [
-        "not with received reference, even rail",
-        "not with received reference, scattered rail",
-    ]
-
-
-def test_gain_and_price_are_paired_differences():
+def test_gain_and_price_are_paired_differences_and_biased_data_are_named():
     arms = {"running mean": 0.02, "Gaussian, robust": -0.03}
     found = named(synthetic(falling, effort=arms, slip={"Gaussian, robust": -4.0}))
     assert found["gain-effort"].verdict == HOLDS
@@ -159,5 +150,10 @@ def test_gain_and_price_are_paired_differences():
     robust = found["robust"]
     assert robust.verdict == CONDITIONS  # slip is saved, but three points of effort are lost
     assert any("effort: more than 1% lost" in text for text in robust.conditions)
-    cheap = named(synthetic(falling, slip={"Gaussian, robust": -4.0}))["robust"]
-    assert cheap.verdict == HOLDS
+    cheap = named(synthetic(falling, slip={"Gaussian, robust": -4.0}, excess=3 * TOLERANCE))
+    assert cheap["robust"].verdict == HOLDS
+    assert (found["unbiased"].verdict, cheap["unbiased"].verdict) == (HOLDS, CONDITIONS)
+    assert [text.split(":")[0] for text in cheap["unbiased"].conditions] == [
+        "not with received reference, even rail",
+        "not with received reference, scattered rail",
+    ]

@@ -27,27 +27,20 @@ LIMITS = {"low", "high"}
 OUTSIDE = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT / "core")
 
 
-@pytest.mark.parametrize("path", OUTSIDE, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_study_chooses_a_verdict(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            assert not CHOSEN & {alias.name for alias in node.names}
-        elif isinstance(node, ast.Name | ast.Attribute):
-            assert (node.id if isinstance(node, ast.Name) else node.attr) not in CHOSEN
-        elif isinstance(node, ast.Constant):
-            assert node.value not in VERDICTS
-
-
-@pytest.mark.parametrize(
-    "path",
-    [path for path in OUTSIDE if path.stem == "statements"],
-    ids=lambda path: path.parent.name,
-)
-def test_no_study_compares_an_interval_with_a_threshold(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Compare):
-            compared = {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
-            assert not LIMITS & compared, f"{path}:{node.lineno}"
+def test_no_study_chooses_a_verdict_or_compares_an_interval_with_a_threshold():
+    for path in OUTSIDE:
+        for node in ast.walk(ast.parse(path.read_text())):
+            place = f"{path}:{getattr(node, 'lineno', 0)}"
+            if isinstance(node, ast.ImportFrom):
+                assert not CHOSEN & {alias.name for alias in node.names}, place
+            elif isinstance(node, ast.Name | ast.Attribute):
+                name = node.id if isinstance(node, ast.Name) else node.attr
+                assert name not in CHOSEN, place
+            elif isinstance(node, ast.Constant):
+                assert node.value not in VERDICTS, place
+            elif isinstance(node, ast.Compare) and path.stem == "statements":
+                compared = {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+                assert not LIMITS & compared, place
 
 
 @pytest.mark.parametrize(

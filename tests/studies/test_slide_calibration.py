@@ -9,7 +9,7 @@ import pytest
 from studies.core.collection import find_study
 from studies.core.statement import CONDITIONS, FAILS, HOLDS
 from studies.files.study_error import StudyError
-from studies.slides import ensemble, ensemble_study, members
+from studies.slides import calibration, ensemble, ensemble_study, members
 from studies.slides.calibration import (
     JITTER,
     draw,
@@ -80,18 +80,19 @@ def numbers(undisclosed):
     return found
 
 
-@pytest.fixture
-def stub(monkeypatch):
+@pytest.fixture(scope="module")
+def stub():
     """No run is made."""
 
     def up_to(undisclosed, most=np.inf, leave_out=None):
         value = misfit(undisclosed, numbers(undisclosed), leave_out)
         return value, numbers(undisclosed) if value <= most else None
 
-    monkeypatch.setattr(ensemble, "misfit_up_to", up_to)
-    for module in (ensemble, "studies.slides.calibration"):
-        name = module if isinstance(module, str) else module.__name__
-        monkeypatch.setattr(f"{name}.outcomes", numbers)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(ensemble, "misfit_up_to", up_to)
+        for module in (ensemble, calibration):
+            patched.setattr(module, "outcomes", numbers)
+        yield
 
 
 @pytest.mark.parametrize("leave_out", [None, HOLD_OUT])
@@ -111,12 +112,8 @@ def test_a_search_that_may_run_few_sets_says_what_it_has(stub):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("ensemble")
-
-
-@pytest.fixture
-def table(stub, folder):
+def table(stub, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ensemble")
     return SLIDE_CALIBRATION.run(folder, 2, 4, effort=Effort(generations=3))
 
 

@@ -1,6 +1,7 @@
 """Thresholds of claims are frozen: a change is recorded here, and seen in the report of every seed drawn before it."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
@@ -55,14 +56,11 @@ def test_every_threshold_is_named_once_and_reasoned():
     assert set(POPULATIONS) < set(THRESHOLDS)
 
 
-@pytest.mark.parametrize("name", "abcde")
-def test_each_verdict_is_decided_by_its_row(name):
+def test_each_verdict_is_decided_by_its_row():
     found = {s.name: s for s in CLAIMS.statements(claim_table())}
-    row = THRESHOLDS[name]
-    for arm in ARMS:
-        test = found[statement_name(name, arm)].test
-        assert test.threshold == row.value
-        assert test.direction == row.direction
+    for name, arm in product("abcde", ARMS):
+        test, row = found[statement_name(name, arm)].test, THRESHOLDS[name]
+        assert (test.threshold, test.direction) == (row.value, row.direction), (name, arm)
 
 
 def test_a_row_says_which_events_bear_and_which_side_is_claimed():

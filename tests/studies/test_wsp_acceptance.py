@@ -345,25 +345,5 @@ def test_lists_may_be_given_with_commas_with_spaces_and_again(call, tmp_path):
         assert all(isinstance(row[name], float) for name in names)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("wsp-acceptance", "--adhesion", "x"), "--adhesion x"),
-        (("wsp-acceptance", "--adhesion", "-0.1"), "above 0"),
-        (("wsp-acceptance", "--curve", "polac"), "did you mean 'polach'"),
-        (("wsp-acceptance", "--train", "one-axle"), "no air brake"),
-        (("wsp-acceptance", "--train", "nope"), "unknown train"),
-        (("curves", "--adhesion", "0.1"), "no option of the sweep 'curves'"),
-    ],
-)
-def test_bad_options_are_one_line_and_leave_nothing(call, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.chdir(tmp_path)
-    code, out, err = call("sweep", *arguments)
-    assert (code, out) == (2, "")
-    assert len(err.strip().splitlines()) == 1
-    assert words in err
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_study_is_in_the_collection_under_its_name():
     assert WSP_ACCEPTANCE.name == "wsp-acceptance"
