@@ -37,18 +37,20 @@ class Defect(NamedTuple):
 
     spoil: Callable[[Logged, Generator], Spoiled]
     named_by: frozenset[str]
+    refusable: bool = False
+    """Whether no Q is a proper answer: a mistaken unit, and worn wheels that never roll freely."""
 
 
 def _of_table(
-    named_by: str, draw: Callable[[pd.DataFrame, Generator], tuple[pd.DataFrame, str]]
-) -> Defect:
+    named_by: str, draw: Callable[[pd.DataFrame, Generator], tuple[pd.DataFrame, str]], refusable: bool = False
+) -> Defect:  # fmt: skip
     """A defect of the measured values alone, named by remarks of these kinds."""
 
     def spoil_log(log: Logged, g: Generator) -> Spoiled:
         table, drawn = draw(log.table, g)
         return Spoiled(table, log.train, drawn)
 
-    return Defect(spoil_log, frozenset(named_by.split()))
+    return Defect(spoil_log, frozenset(named_by.split()), refusable)
 
 
 Drawn = tuple[pd.DataFrame, str]
@@ -240,18 +242,18 @@ DEFECTS: dict[str, Defect] = {
     "no train speed": _of_table("estimate", _without_speed),
     "speeds noisy": _of_table("sampling", _noise),
     "speeds rounded": _of_table("sampling", _rounded),
-    "speeds in mile/h called km/h": _of_table("balance", partial(_wrong_unit, 1.0 / 1.609344, spoil.speeds_of)),
+    "speeds in mile/h called km/h": _of_table("balance", partial(_wrong_unit, 1.0 / 1.609344, spoil.speeds_of), True),
     "pulses counted": Defect(_counts, frozenset({"sampling"})),
     "values of an axle missing": _of_table("gap sampling missing", _values_missing),
     "a wheel's sensor stuck": _of_table("stuck", _stuck_wheel),
     "wheels 0 at low speed": _of_table("stuck", _zero_when_slow),
     "one radius wrong": Defect(_one_radius, frozenset({"radius"})),
-    "wheels worn": Defect(_worn, frozenset({"radius", "balance"})),
+    "wheels worn": Defect(_worn, frozenset({"radius", "balance"}), refusable=True),
     "half of the axles late": _of_table("delay", _late_axles),
     "forces rare": _of_table("sampling", _rare_forces),
     "forces late or early": _of_table("delay", _late_forces),
     "forces at the rail": Defect(_at_the_rail, frozenset({"guess"})),
-    "forces in lbf called kN": _of_table("balance", partial(_wrong_unit, 224.809, spoil.forces_of)),
+    "forces in lbf called kN": _of_table("balance", partial(_wrong_unit, 224.809, spoil.forces_of), True),
     "one force reversed": _of_table("sign balance", _one_sign),
     "all forces reversed": _of_table("sign balance", _all_signs),
     "outliers": _of_table("faulty", _outliers),

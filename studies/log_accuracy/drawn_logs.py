@@ -22,7 +22,7 @@ from studies.logs.export import log_table, rounded
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.measured_log import MeasuredLog, read_log
 from studies.logs.measured_run import Findings, analyse_run
-from studies.logs.open_questions import delay_remarks
+from studies.logs.open_questions import fit_remarks, withheld
 from studies.scenario.loading import shipped_scenario
 from studies.wsp_acceptance.events import CURVES, stop_of
 
@@ -113,25 +113,38 @@ def _judged(
             log = read_log(path, train)
             found = analyse_run(log.run, log.train)
         except StudyError as error:
-            text = str(error).replace(folder, "")
-            return {"drawn": drawn, "refused": True, "said": text} | dict.fromkeys(_NUMBERS, np.nan)
-    return {"drawn": drawn, "refused": False} | _figures(log, found, defect, damage, slips)
+            return _refused(drawn, defect, str(error).replace(folder, ""))
+    if reason := withheld(log, found):
+        return _refused(drawn, defect, f"no Q: {reason}")
+    return {"drawn": drawn, "refused": False, "proper": 0.0} | _figures(
+        log, found, defect, damage, slips
+    )
 
 
-_NUMBERS = ("damage", "error", "stated", "slips", "right", "covered", "named", "remarked", "silent")
+def _refused(drawn: str, defect: Defect | None, said: str) -> dict[str, Any]:
+    """Of a log that is refused, or whose Q is withheld: neither right nor silent, proper where the defect is such."""
+    proper = float(defect is not None and defect.refusable)
+    found = {"drawn": drawn, "refused": True, "proper": proper, "said": said}
+    return (
+        found
+        | dict.fromkeys(("right", "slips_right", "silent"), 0.0)
+        | dict.fromkeys(_NUMBERS, np.nan)
+    )
+
+
+_NUMBERS = ("damage", "error", "stated", "slips", "covered", "named", "remarked")
 
 
 def _figures(
     log: MeasuredLog, found: Findings, defect: Defect | None, damage: float, slips: float
 ) -> dict[str, Any]:
-    remarks = [*log.remarks, *delay_remarks(log, found)]
+    remarks = [*log.remarks, *fit_remarks(log, found)]
     kinds = {remark.kind for remark in remarks}
     q = 1e-3 * found.total_damage
     stated = np.nan if found.errors is None else 1e-3 * found.errors.total
     apart, many = abs(q - damage), len(found.events)
     right = apart <= max(TOLERANCE * damage, LITTLE)
-    if slips == slips:
-        right &= abs(many - slips) <= max(SLIPS, SHARE_OF_SLIPS * slips)
+    counted = np.isnan(slips) or abs(many - slips) <= max(SLIPS, SHARE_OF_SLIPS * slips)
     covered = bool(apart <= 2.0 * stated)
     named = defect is not None and bool(kinds & defect.named_by)
     remarked = any(remark.kind in FAULTS and LOCKED not in remark.text for remark in remarks)
@@ -141,6 +154,7 @@ def _figures(
         "stated": stated,
         "slips": float(many),
         "right": float(right),
+        "slips_right": float(counted),
         "covered": float(covered),
         "named": float(named),
         "remarked": float(remarked),
