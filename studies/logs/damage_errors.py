@@ -2,7 +2,8 @@
 
 Q = sum_i integral of F_t,i (R omega_i - v) dt. An error of the train's speed acts on all axles at once, and persists: that
 of the delay all the time, the rest for `CORRELATED` seconds. Noise of a wheel or of a force averages out within a window.
-What happens between two instants is unknown: every second of them alone would give another Q, and that much is stated.
+What happens between two instants is unknown: every second of them alone would give another Q, and that much is stated. Of
+what is filled in, a share is uncertain.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,11 @@ CORRELATED = 5.0
 WINDOW = 0.2
 """Time [s] for which noise of a wheel or of a force persists."""
 PERMILLE = 1e-3
+LEAST = 4e-3
+"""Error of Q, as a share, that every log has: by rounding, by forces between instants, by the load that pitch moves."""
+
+FILLED = 0.3
+"""Error of what is filled in, as a share: 0.1 for gaps of half a second in simulated runs, 0.5 for two seconds."""
 
 
 class SlipNoise(NamedTuple):
@@ -58,6 +64,8 @@ class DamageErrors:
     """Due to noise of wheels and forces."""
     by_sampling: float
     """Due to what happens between two instants."""
+    by_filled: float
+    """Due to what is filled in."""
     of_radius: float
     """Change of Q if all wheels were larger by 1 per mille; it is not in `total`."""
     per_second: float
@@ -72,11 +80,13 @@ def damage_errors(
     axle_load: Floats,
     by_half: float = 0.0,
     of_car: float = 0.0,
+    damage: float = 0.0,
+    filled: float = 0.0,
 ) -> DamageErrors | None:
     """Errors of Q of a `run`, from the `coefficient` of its axles (instants, axles) and their load [N] (axles,).
 
-    `by_half` [J]: Q less that by every second instant. `of_car`: standard deviation of the speed of the cars against their
-    train [m/s], which lasts throughout.
+    `by_half` [J]: Q less that by every second instant. `damage`, `filled` [J]: Q, and the part of it that is filled in.
+    `of_car`: standard deviation of the speed of the cars against their train [m/s], which lasts throughout.
     """
     time = run.time
     step = np.diff(time, append=time[-1])
@@ -99,22 +109,24 @@ def damage_errors(
     speed = np.nan_to_num(run.speed)
     rate = np.gradient(speed, time) if time.size > 1 else np.zeros(1)
     by_delay = of_delay = 0.0
-    per_second = float(step @ (total * rate))
-    deviation = np.zeros(time.size) if run.speed_deviation is None else np.nan_to_num(run.speed_deviation)  # fmt: skip
+    weight = step * total
+    per_second = float(weight @ rate)
     if run.speed_delay is not None:
-        # how late a speed is was found for one that is taken as it stands too, but then it is no error of it
-        unsure = run.speed_delay.deviation if run.speed_source == "followed" else 0.0
-        by_delay = abs(per_second) * unsure
-        deviation = np.sqrt(np.maximum(deviation**2 - (rate * unsure) ** 2, 0.0))
         late = np.interp(time - run.speed_delay.value, time, speed)
-        of_delay = float(step @ (total * (speed - late)))
-    blocks = np.floor((time - time[0]) / CORRELATED).astype(np.int64)
-    each = np.bincount(blocks, weights=step * np.abs(total) * deviation)
-    slack = of_car * float(step @ np.abs(total))
-    by_speed = float(np.hypot(np.sqrt(np.sum(each**2)), slack))
+        of_delay = float(weight @ (speed - late))
+    if run.unsure is not None:
+        by_speed, by_delay = run.unsure.of(weight)
+    else:
+        deviation = np.zeros(time.size) if run.speed_deviation is None else np.nan_to_num(run.speed_deviation)  # fmt: skip
+        blocks = np.floor((time - time[0]) / CORRELATED).astype(np.int64)
+        each = np.bincount(blocks, weights=step * np.abs(total) * deviation)
+        by_speed = float(np.sqrt(np.sum(each**2)))
+    by_speed = float(np.hypot(by_speed, of_car * float(step @ np.abs(total))))
     by_sensors = float(np.sqrt(sensors))
     radius = PERMILLE * float(step @ (total * speed))
-    all_of = float(np.sqrt(by_speed**2 + by_delay**2 + sensors + by_half**2))
+    floor, by_filled = LEAST * abs(damage), FILLED * abs(filled)
+    squares = by_speed**2 + by_delay**2 + sensors + by_half**2 + floor**2 + by_filled**2
     return DamageErrors(
-        all_of, by_speed, by_delay, by_sensors, abs(by_half), radius, per_second, of_delay
-    )
+        float(np.sqrt(squares)), by_speed, by_delay, by_sensors, abs(by_half), by_filled, radius,
+        per_second, of_delay,
+    )  # fmt: skip

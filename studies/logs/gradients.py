@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.logs.common_instants import Instants
-
 Floats = NDArray[np.float64]
 
 
@@ -24,7 +22,7 @@ class GradientLine:
     backwards: bool = False
     """Whether the train runs against the line's stations."""
 
-    def along(self, position: Floats | None, instants: Instants, speed: Floats) -> Floats:
+    def along(self, position: Floats | None, time: Floats, speed: Floats) -> Floats:
         """Rise per run where the train is, (instants,), in its own direction.
 
         `position` [m] of the log; None: the start, and `speed` [m/s] integrated.
@@ -32,11 +30,11 @@ class GradientLine:
         if position is None:
             way = np.zeros(speed.size)
             v = np.nan_to_num(speed)
-            way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(instants.time))
+            way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))
             first = self.start if self.start is not None else float(self.station[0])
             position = first + (-way if self.backwards else way)
         known = np.isfinite(position)
-        place = np.interp(instants.time, instants.time[known], position[known])
+        place = np.interp(time, time[known], position[known])
         section = np.clip(
             np.searchsorted(self.station, place, "right") - 1, 0, self.station.size - 1
         )

@@ -1,7 +1,6 @@
 """A log of a real train: read, brought to common instants and SI units, and checked; defects are reported."""
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,33 +9,22 @@ from numpy.typing import NDArray
 
 from alloc.display import displayed
 from alloc.estimation.series import usual_period
+from alloc.plant.laws import GRAVITY
 from studies.logs import checks
-from studies.logs.axle_series import applied_forces, at_instants, typical, wheel_speeds
-from studies.logs.common_instants import Instants, common_instants, longest, resample
-from studies.logs.dead_zone import filled_dead_zone
-from studies.logs.estimated_speed import estimated_speed
-from studies.logs.forces_as_read import as_read
+from studies.logs.aligned_log import Log, open_log, parts_of
+from studies.logs.channels import Channels, open_channels
+from studies.logs.estimator import estimate
 from studies.logs.gradients import GradientLine
 from studies.logs.known_train import MeasuredTrain
-from studies.logs.late_recorders import bring_together
 from studies.logs.mapping import Mapping
-from studies.logs.measured_run import MeasuredRun, SpeedSource
-from studies.logs.momentum_check import check_balance, forwards_too
-from studies.logs.own_samples import Samples
+from studies.logs.measured_run import Delay, MeasuredRun, SpeedSource
+from studies.logs.motion_fit import Fit
+from studies.logs.own_samples import BRIDGED, WORDS, Samples, at, of_counter, own_samples, smoothed
 from studies.logs.period import conclude_period
-from studies.logs.radius_correction import make_up_for_radii
 from studies.logs.recorder_files import Recording, read_recording, recording_of
 from studies.logs.remarks import Remark, faulty
-from studies.logs.speed_shape import middle_speed
-from studies.logs.told_channels import Sources, open_sources
-from studies.logs.train_readings import TrainReadings
-from studies.logs.train_speed import LATE, LATE_OF_MEANS, MeasuredSpeed, measured_speed
 
 Floats = NDArray[np.float64]
-
-
-SLOW = 1.5
-"""Ratio of periods, of forces over wheels, above which forces count as slower."""
 
 
 @displayed
@@ -60,6 +48,8 @@ class MeasuredLog:
     """Station of the train's front [m], (instants,); None: not measured."""
     grade: Floats | None = None
     """Rise per run at the train, (instants,); None: unknown."""
+    fit: Fit | None = None
+    """What the log was found to be."""
 
 
 def read_log(
@@ -98,109 +88,135 @@ def measured(
     """The same for the content of a file."""
     if mapping is not None:
         train = mapping.train(train, owner)
-    sources = open_sources(recording, train, mapping, owner)
-    if sources.clock is not None and not sources.clock.known:
-        conclude_period(sources)
-    remarks = sources.remarks
-    fixes = sources.speed(("speed", 0)) if ("speed", 0) in sources.assigned else None
-    wheels = wheel_speeds(sources, fixes)
-    if not wheels:
-        raise faulty(recording.source, "axleN_speed", None, "no wheel has a speed")
-    instants = common_instants(wheel.time for wheel in wheels.values())
-    if instants.time.size < checks.FEWEST_ROWS:
-        text = f"{instants.time.size} instants of wheels; give {checks.FEWEST_ROWS} or more to be analysed"
-        raise faulty(recording.source, "axleN_speed", None, text)
-    remarks += checks.check_instants(instants)
-    axles = train.radius.size
-    rim = np.full((instants.time.size, axles), np.nan, order="F")
-    rim_deviation, spans = np.full(axles, np.nan), np.zeros(axles)
-    for number in sorted(wheels):
-        wheel = wheels.pop(number)
-        series = at_instants(wheel, instants)
-        rim[:, number - 1], rim_deviation[number - 1] = series.value, typical(series)
-        spans[number - 1] = wheel.span
-    force, force_deviation, slowest = applied_forces(sources, instants)
-    names = {n: sources.assigned["wheel", n].column for n in sources.numbers_of("wheel")}
-    remarks += _lacking(train, names, sources)
-    if fixes is not None:
-        of_train = sources.assigned["speed", 0].column
-        fixes = checks.without_outliers(fixes, of_train, remarks)
-        fixes = checks.without_stuck(fixes, instants, rim, of_train, remarks)
-        guess = _guess(fixes, instants)
-        for number, name in names.items():
-            own = rim[:, number - 1]
-            checks.check_ratio(name, own, of_train, guess, recording.source)
-    as_measured = middle_speed(rim) if fixes is None else guess
-    backwards = any(remark.kind == "sign" for remark in remarks)
-    force, turned = forwards_too(instants, as_measured, rim, force, train, backwards)
-    remarks += turned
-    unknown, dead = filled_dead_zone(names, as_measured, rim)
-    remarks += dead
-    remarks += checks.cut_out_stuck(names, instants.time, as_measured, rim, force, train)
-    position = _other(sources, ("position", 0), instants)
-    grade = _other(sources, ("gradient", 0), instants)
-    if grade is None and line is not None:
-        grade = line.along(position, instants, as_measured)
-    # an error that lasts for a span counts as white noise that is as much larger
-    lasts = np.sqrt(np.maximum(spans / usual_period(instants.time), 1.0))
-    smoothed = (rim_deviation * lasts)[spans > 0.0]
-    noise = float(np.nanmedian(smoothed)) if smoothed.size else 0.0
-    exact = noise == 0.0 and slowest < SLOW * usual_period(instants.time)
+    channels = open_channels(recording, train, mapping, owner)
+    if channels.clock is not None and not channels.clock.known:
+        conclude_period(channels)
+    remarks = channels.remarks
     told = None if mapping is None else mapping.at_contact
-    least_delay = LATE if exact else LATE_OF_MEANS
-    worst = float(np.nanmax(rim_deviation))
-    readings = TrainReadings(
-        *instants, rim, force, train, grade, worst, float(spans.max()), slowest
-    )
-    readings, together, unsure = bring_together(readings, fixes)
-    rim, force = readings.rim, readings.force
-    remarks += together
-    speed, extra = _speed(sources, fixes, readings, noise, least_delay, told)
-    remarks += extra
-    if unsure and speed.delay is not None:
-        wider = math.hypot(speed.delay.deviation, unsure)
-        speed = replace(speed, delay=speed.delay._replace(deviation=wider))
-    force, read = as_read(readings, speed, told)
-    remarks += read
-    if fixes is not None:
-        of_train = sources.assigned["speed", 0].column
-        remarks += make_up_for_radii(
-            names, instants, speed, rim, force, train, of_train, rim_deviation
+    rates = _all_of(channels, "carK_acceleration", train.car_mass.size)
+    names, log = _opened(channels, rates)
+    times = log.time, parts_of(log.time)
+    position, grade = (_other(channels, (name, 0), log.time) for name in ("position", "gradient"))
+    if grade is None and line is not None:
+        grade = line.along(position, log.time, log.guess())
+    if grade is not None:
+        log.uphill = GRAVITY * np.nan_to_num(grade)
+    remarks += checks.check_instants(log.time[~log.lost])
+    remarks += _lacking(train, names, channels)
+    found = estimate(log, names, recording.source, told)
+    log = found.log
+    remarks += log.remarks
+    if found.fit.contact and told is None:
+        text = (
+            "the forces are those between wheel and rail, by the train's momentum; taken so (a mapping file may say "
+            'at = "rim" under [forces])'
         )
-    if unknown is not None:
-        rim[unknown] = np.nan
-    remarks += check_balance(instants, speed.speed, rim, force, train, grade)
-    coupler = _all_of(sources, "couplerK_force", train.car_mass.size - 1, instants)
-    acceleration = _all_of(sources, "carK_acceleration", train.car_mass.size, instants)
-    pressure = _all_of(sources, "carK_pressure", train.car_mass.size, instants)
+        remarks.append(Remark("guess", "axleN_force", text))
+    coupler = _all_of(channels, "couplerK_force", train.car_mass.size - 1)
+    pressure = _all_of(channels, "carK_pressure", train.car_mass.size)
     source: SpeedSource = (
-        "estimated" if fixes is None else "followed" if speed.followed else "measured"
+        "estimated" if log.fixes is None else "followed" if found.followed else "measured"
     )
     run = MeasuredRun(
-        instants.time, instants.part, speed.speed, rim, force, coupler, acceleration, speed.deviation,
-        rim_deviation, force_deviation, spans, source, speed.delay,
+        *times, found.speed, log.rim, log.force, _stacked(coupler, log.time),
+        _stacked(rates, log.time), found.unsure.deviation(log.time), log.noise,
+        rim_span=log.span, speed_source=source, speed_delay=None if found.delay is None else Delay(*found.delay),
+        over_train=log.own, filled=log.filled, unsure=found.unsure,
     )  # fmt: skip
-    clock = sources.clock
+    clock = channels.clock
     return MeasuredLog(
         source=recording.source,
         run=run,
         train=train,
         remarks=tuple(remarks),
-        period=usual_period(instants.time),
+        period=usual_period(log.time),
         origin="" if clock is None else clock.origin,
         rows=0 if clock is None else clock.time.size,
-        pressure=pressure,
+        pressure=_stacked(pressure, log.time),
         position=position,
         grade=grade,
+        fit=found.fit,
     )
 
 
-def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> list[Remark]:
+def _opened(channels: Channels, rates: list[Samples]) -> tuple[dict[int, str], Log]:
+    """Names of the wheels' columns by axle from 0, -1 for the speed, and all channels at common instants.
+
+    `rates`: accelerations of all cars, or none.
+    """
+    train, remarks = channels.train, channels.remarks
+    speed = channels.speed(("speed", 0)) if ("speed", 0) in channels.assigned else None
+    names = {n - 1: channels.assigned["wheel", n].column for n in channels.numbers_of("wheel")}
+    wheels = {}
+    for i, name in names.items():
+        if channels.assigned["wheel", i + 1].quantity == "axleN_pulses":
+            wheels[i] = _pulses(channels, i + 1)
+        else:
+            wheels[i] = channels.speed(("wheel", i + 1))
+        _note_left_out(wheels[i], name, remarks)
+    if 0.2 < np.mean([w.kind == "counted" for w in wheels.values()]) < 1.0:
+        wheels = {i: own_samples(w.time, w.value, speed=True, counts=True) if w.kind == "sampled" else w
+                  for i, w in wheels.items()}  # fmt: skip
+    wheels = {i: smoothed(w) for i, w in wheels.items() if w.time.size > 1}
+    if not wheels:
+        raise faulty(channels.source, "axleN_speed", None, "no wheel has a speed")
+    for i, w in wheels.items():
+        if w.span > 0.0 and w.kind != "quantised":
+            remarks.append(Remark("sampling", names[i], WORDS[w.kind].format(span=w.span)))
+    if max(w.time.size for w in wheels.values()) < checks.FEWEST_ROWS:
+        text = f"fewer than {checks.FEWEST_ROWS} instants of wheels; give more to be analysed"
+        raise faulty(channels.source, "axleN_speed", None, text)
+    if speed is not None and speed.time.size > 1:
+        of_train = channels.assigned["speed", 0].column
+        _note_left_out(speed, of_train, remarks)
+        for i, w in wheels.items():
+            guess = np.interp(w.time, speed.time, speed.value)
+            checks.check_ratio(names[i], w.value, of_train, guess, channels.source)
+    forces = {n - 1: channels.force(n) for n in channels.numbers_of("effort")}
+    for i, samples in forces.items():
+        name = channels.assigned["effort", i + 1].column
+        remarks += checks.check_constant(name, samples.value, samples.time)
+    for car in channels.numbers_of("carK_pressure"):
+        one = channels.assigned["carK_pressure", car]
+        if one.newton_per_pascal is None:
+            continue
+        time, values = channels.series(("carK_pressure", car))
+        values = -channels.scaled(("carK_pressure", car), values) * one.newton_per_pascal
+        del channels.assigned["carK_pressure", car]
+        for i in np.flatnonzero(train.axle_car == car - 1).tolist():
+            forces.setdefault(i, own_samples(time, values))
+    forces = {i: one for i, one in forces.items() if one.time.size > 1}
+    log = open_log(speed, wheels, forces, train, rates)
+    return names | ({-1: channels.assigned["speed", 0].column} if speed is not None else {}), log
+
+
+def _pulses(channels: Channels, number: int) -> Samples:
+    """Speed of a wheel from a column of pulses, counted so far or since the row before."""
+    one = channels.assigned["wheel", number]
+    time, count = channels.series(("wheel", number))
+    known = np.isfinite(count)
+    radius = float(channels.train.radius[number - 1])
+    metres = 2.0 * np.pi * radius / float(one.pulses_per_turn or 1.0)
+    samples, bridged = of_counter(time[known], count[known] * one.sign, metres)
+    if bridged:
+        text = f"counter set back {bridged} time{'s' if bridged > 1 else ''}: bridged by the speed around"
+        channels.remarks.append(Remark("sampling", one.column, text))
+    return samples
+
+
+def _note_left_out(samples: Samples, name: str, remarks: list[Remark]) -> None:
+    if samples.left_out.size:
+        row = int(samples.left_out[0]) + 1
+        text = f"{samples.left_out.size} values to which no speed jumps left out, the first in row {row}"
+        remarks.append(Remark("faulty", name, text, row))
+
+
+def _lacking(train: MeasuredTrain, names: dict[int, str], channels: Channels) -> list[Remark]:
     """Remarks on axles without a speed or without a force."""
     remarks = []
-    efforts = set(sources.numbers_of("effort"))
+    efforts = set(channels.numbers_of("effort"))
     for number in range(1, train.radius.size + 1):
-        if number not in names:
+        if number - 1 not in names:
             text = f"axle {number} is not analysed: no speed"
             remarks.append(Remark("missing", f"axle{number}_speed", text))
         elif number not in efforts:
@@ -209,53 +225,26 @@ def _lacking(train: MeasuredTrain, names: dict[int, str], sources: Sources) -> l
     return remarks
 
 
-def _guess(fixes: Samples, instants: Instants) -> Floats:
-    """The train's speed as it stands, on straight lines between its samples; nan where they are far apart."""
-    if fixes.time.size < 2:
-        return np.full(instants.time.size, np.nan)
-    guess = np.interp(instants.time, fixes.time, fixes.value)
-    reach = max(longest(fixes.period), 3.0)
-    after = np.clip(np.searchsorted(fixes.time, instants.time), 1, fixes.time.size - 1)
-    guess[np.abs(fixes.time[after] - fixes.time[after - 1]) > reach] = np.nan
-    return guess
-
-
-def _speed(
-    sources: Sources,
-    fixes: Samples | None,
-    readings: TrainReadings,
-    noise: float,
-    least_delay: float,
-    told: bool | None,
-) -> tuple[MeasuredSpeed, list[Remark]]:
-    """The train's speed: measured, followed between measurements, or estimated; raises `Faulty` where nothing tells it."""
-    source = sources.recording.source
-    if fixes is None:
-        ground, remarks = estimated_speed(readings, source, noise)
-        return MeasuredSpeed(ground.speed, ground.deviation, None, False, ""), remarks
-    name = sources.assigned["speed", 0].column
-    found = measured_speed(readings, fixes, least_delay, told)
-    if not np.isfinite(found.speed[:, None] * readings.rim).any():
-        raise faulty(source, name, None, "at no instant are train and a wheel known")
-    return found, []
-
-
-def _other(sources: Sources, place: tuple[str, int], instants: Instants) -> Floats | None:
+def _other(channels: Channels, place: tuple[str, int], time: Floats) -> Floats | None:
     """A channel of the whole train at the common instants; None if there is none."""
-    if place not in sources.assigned:
+    if place not in channels.assigned:
         return None
-    return resample(sources.plain(place), instants.time).value
+    return at(time, channels.plain(place), BRIDGED)
 
 
-def _all_of(sources: Sources, stem: str, count: int, instants: Instants) -> Floats | None:
-    """The channels of a quantity that only all together are of use, (instants, count); None, with a remark, otherwise."""
-    found = sources.numbers_of(stem)
+def _all_of(channels: Channels, stem: str, count: int) -> list[Samples]:
+    """The channels of a quantity that only all together are of use; none, with a remark, where one lacks."""
+    found = channels.numbers_of(stem)
     if not found:
-        return None
+        return []
     if len(found) < count:
         lacking = next(k for k in range(1, count + 1) if k not in found)
         text = f"{len(found)} of {count} are there, number {lacking} is not: none is used"
-        sources.remarks.append(Remark("missing", stem, text))
-        return None
-    series = [resample(sources.plain((stem, k)), instants.time).value for k in found]
-    return np.stack(series, axis=1)
+        channels.remarks.append(Remark("missing", stem, text))
+        return []
+    return [channels.plain((stem, k)) for k in found]
+
+
+def _stacked(channels: list[Samples], time: Floats) -> Floats | None:
+    """Channels at instants, (instants, channels); None for none."""
+    return np.stack([at(time, one, BRIDGED) for one in channels], axis=1) if channels else None

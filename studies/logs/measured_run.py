@@ -1,6 +1,6 @@
 """A measured run of a train: slips and slides, coefficients, wheel damage, adhesion used, brake force per car.
 
-Every axle is analysed part by part between gaps, and nothing is interpolated over one; `studies.logs.common_instants`
+Every axle is analysed part by part between gaps, and nothing is interpolated over one; `studies.logs.aligned_log`
 brings channels to common instants before. What sensors, sampling and delays leave open is stated as standard deviations.
 
 Errors against the plant, for logs of simulated runs (a wet patch under traction with cut and ramp; a braked slide that
@@ -21,7 +21,7 @@ noise of 0.02 m/s2. By the train's acceleration it is right to 320 N (rms), and 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,10 +34,12 @@ from alloc.estimation.series import mean_rate, spans, usual_period
 from alloc.estimation.slip_events import CERTAIN, SMALL, SlipCriterion, SlipEvent, apart, find_slips
 from alloc.estimation.wheel_damage import tangential_force, wheel_damage
 from alloc.plant.train import Train
-from studies.logs.car_speeds import UNKNOWN, UNSURE, speeds_against_train
+from studies.logs.car_speeds import UNKNOWN, UNSURE
 from studies.logs.damage_errors import DamageErrors, damage_errors, slip_noise
 from studies.logs.known_train import MeasuredTrain
-from studies.logs.speed_fixes import Delay
+
+if TYPE_CHECKING:
+    from studies.logs.estimator import Unsure
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +50,15 @@ SpeedSource = Literal["measured", "followed", "estimated"]
 
 SHORTEST_PART = 3
 """A part of a log must have more instants than this."""
+
+
+class Delay(NamedTuple):
+    """How late a speed was measured."""
+
+    value: float
+    """[s]"""
+    deviation: float
+    """Its standard deviation [s]."""
 
 
 @displayed
@@ -80,6 +91,12 @@ class MeasuredRun:
     speed_source: SpeedSource = "measured"
     speed_delay: Delay | None = None
     """Delay of the speed, which has been corrected; None: it cannot be determined."""
+    over_train: Floats | None = None
+    """Speed of each axle's car less the train's [m/s], (instants, axles); None: a rigid train, or not known."""
+    filled: NDArray[np.bool_] | None = None
+    """Where wheels were unknown and are filled in, (instants, axles); None: nowhere."""
+    unsure: "Unsure | None" = None
+    """Errors of the speed; None: those of `speed_deviation`, which last for some seconds."""
 
 
 @displayed
@@ -108,6 +125,8 @@ class Findings:
     """Slip velocity below which a small slip cannot be distinguished from noise [m/s], (axles,)."""
     errors: DamageErrors | None = None
     """Uncertainty of the wheel damage; None where no errors are known."""
+    filled_damage: float = 0.0
+    """Wheel damage where wheels were unknown and are filled in [J]."""
     over_car: Floats | None = None
     """Speed of each axle's car [m/s], (instants, axles), which the wheels slip against; None: it is the train's."""
 
@@ -172,7 +191,8 @@ def analyse_run(
     events: list[SlipEvent] = []
     small: list[SlipEvent] = []
     noise = slip_noise(run)
-    over_car = _speed_of_cars(run, train)
+    over_car = None if run.over_train is None else run.speed[:, None] + run.over_train
+    filled = 0.0
     of_car = 0.0 if train.coupler is None else UNKNOWN if over_car is None else UNSURE
     by_half = 0.0
     for i in range(axles):
@@ -195,6 +215,7 @@ def analyse_run(
             covered[i] += run.time[inside][-1] - run.time[inside][0]
         if covered[i] > 0.0:
             damage[:, i] = np.cumsum(gained)
+            filled += 0.0 if run.filled is None else float(gained[run.filled[:, i]].sum())
         has_force = np.isfinite(coefficient[:, i])
         # where the forces are missing the slips are still there
         for kind in (has_force, turning & ~has_force):
@@ -207,6 +228,7 @@ def analyse_run(
                 )  # fmt: skip
                 span = 0.0 if run.rim_span is None else float(run.rim_span[i])
                 found = find_slips(*series, criterion, noise.rim[i], span)
+                found = [_without_onset(event, run) for event in found]
                 events += found
                 small += apart(find_slips(*series, SMALL, noise.slip[i], span), found)
         slipping[i] = sum(e.end - e.start for e in events if e.axle == i)
@@ -221,9 +243,21 @@ def analyse_run(
         window=window,
         small_events=tuple(sorted(small, key=lambda event: (event.start, event.axle))),
         least_slip=np.maximum(SMALL.velocity, CERTAIN * noise.slip),
-        errors=damage_errors(run, coefficient, train.axle_load, by_half, of_car),
+        errors=damage_errors(
+            run, coefficient, train.axle_load, by_half, of_car, float(np.nansum(damage[-1])), filled
+        ),
+        filled_damage=filled,
         over_car=over_car,
     )
+
+
+def _without_onset(event: SlipEvent, run: MeasuredRun) -> SlipEvent:
+    """A slip that began where its wheel was unknown has no onset."""
+    k = int(np.searchsorted(run.time, event.start))
+    if run.filled is None or not run.filled[max(k - 1, 0) : k + 1, event.axle].any():
+        return event
+    nan = float("nan")
+    return event._replace(cut=True, onset_coefficient=nan, onset_time=nan, utilisation=nan)
 
 
 def _by_every_second(
@@ -234,14 +268,6 @@ def _by_every_second(
     return float(
         wheel_damage(time[some], force[some], omega[some], speed[some], inertia, radius)[-1, 0]
     )
-
-
-def _speed_of_cars(run: MeasuredRun, train: MeasuredTrain) -> Floats | None:
-    """Speed of each axle's car (instants, axles), by the accelerations of all cars; None where they are not measured."""
-    if run.car_acceleration is None or run.speed_source == "estimated":
-        return None
-    own = speeds_against_train(run.time, run.part, run.car_acceleration, train.car_mass)
-    return run.speed[:, None] + np.nan_to_num(own)[:, train.axle_car]
 
 
 def _car_forces(run: MeasuredRun, train: MeasuredTrain, window: float) -> Floats | None:

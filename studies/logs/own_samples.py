@@ -1,8 +1,9 @@
-"""The samples that a channel of a log really has: rows may repeat a value, or be interpolated between two of them.
+"""The samples that a channel of a log really has: held or interpolated between, rounded, counted in pulses, or noisy.
 
-A logger writes all channels at one rate. A slower channel is then empty in between, held at its last value, or interpolated.
-These filled-in values are no measurements: if they were used as such, a speed held for a second would show slips of up to
-its change in that second.
+A logger writes all channels at one rate. What it fills in between the samples of a slower one is no measurement: a speed
+held for a second would show slips of up to its change in that second. A count of pulses over the time of a row steps by
+one pulse, at 80 pulses a turn and 20 ms by 1.7 m/s; the sum of counts is right to one pulse at all times, so the speed is
+the slope of the way over `SPAN`. A rounded speed is known as it changes, in the middle of two values.
 """
 
 import math
@@ -10,40 +11,39 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
-from alloc.estimation.series import excerpt, usual_period
+from alloc.estimation.series import excerpt, spans, usual_period
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+Kind = Literal["sampled", "held", "interpolated", "quantised", "counted"]
 
-Kind = Literal["sampled", "held", "interpolated", "quantised"]
-
-FEWEST = 4
-"""Smallest number of own samples in which a pattern can be detected."""
+WORDS = {
+    "held": "held in between", "interpolated": "interpolated in between", "quantised": "rounded",
+    "counted": "pulses: the slope of the way over {span:.2g} s", "sampled": "noise: mean over {span:.2g} s",
+}  # fmt: skip
+"""How each kind is told."""
+BRIDGED = 0.12
+"""Time [s] over which straight lines are drawn: a slip grows within some tenths of a second."""
+FEWEST = 5
+"""Changes of a value from which on a pattern can be detected."""
 REPEATED = 0.4
 """Share of rows that repeat the one before, above which a channel may be held."""
-REGULAR = 0.9
-"""Share of the distances between own samples that must be multiples of one of them."""
-STRAIGHT = 0.02
-"""Noise [m/s, of forces N] above which straight lines cannot be detected."""
-COARSE = 0.02
-"""Step of a rounded speed [m/s] above which rounding matters."""
-STAYS = 1.0
-"""Time [s] after a change from which on a rounded speed of 0 counts as standstill."""
-LEAST_PART = 10
-"""Rows between two own samples from which on all distances are hardly multiples of them by chance."""
-LEAST_KNOTS = 4
-"""Rows between two own samples of an interpolated channel, at least."""
-LEAST_TICKS = 6
-"""Distances between changes of a rounded channel that show whether it is held as well."""
+COARSE = 0.05
+"""Step [m/s] from which on multiples of one step may be pulses; a rounded speed is one from 0.02 on."""
+APART = 0.05
+"""Distance [m/s] from straight lines that hardly any row of an interpolated speed has."""
+SPAN = 0.2
+"""Time [s] over which pulses and noise are smoothed: a slip grows within some tenths of a second."""
+NOISY, FINE = 0.03, 0.04
+"""Noise of a wheel [m/s] above which it is smoothed, and longest period [s] for which that helps."""
+ALIASED = 0.36
+"""Standard deviation of a speed by pulses, in pulses over the span: pulses and rows may be in step."""
 SEEN = 0.15
-"""Time [s] between knots above which straight lines differ from a smooth motion; below it they do no harm."""
-MOSTLY = 0.9
-"""Share of the rows that have a value, above which the others do not break a straight line."""
-SINGLE = 1e-6
-"""Change over the largest value that the rounding of single precision may make."""
-MEDIAN_DEVIATION = 1.4826
-"""Standard deviation over the median of the magnitude, of normally distributed numbers."""
+"""Time [s] between knots above which straight lines differ from a smooth motion."""
+AWAY, MOST_AWAY = 0.8, 0.2
+"""Jump there and back [m/s] of a value that is none, and share of such values above which none is left out."""
 
 
 class Samples(NamedTuple):
@@ -56,223 +56,250 @@ class Samples(NamedTuple):
     period: float
     """Median time between two of them [s]; nan for fewer than two."""
     noise: float
-    """Standard deviation of a value: of what is white in it, and of its rounding."""
+    """Standard deviation of a value: of what is white in it."""
+    span: float = 0.0
+    """Time [s] over which each is a mean, or by which the instant of a rounded one is uncertain."""
+    steps: tuple[Floats, Floats, float] | None = None
+    """Of a rounded one: instants and values of its rows, and its step."""
+    left_out: Numbers = np.zeros(0, dtype=np.int64)
+    """Rows with single values from which it would have to jump back."""
 
 
-def own_samples(time: Floats, values: Floats, rounded: bool = False) -> Samples:
-    """Find the own samples of a channel, (rows,) each; nan where a row has no value.
+def own_samples(time: Floats, values: Floats, speed: bool = False, counts: bool = False) -> Samples:
+    """The own samples of a channel, (rows,) each, nan where a row has no value.
 
-    `rounded`: whether a channel that changes by one step now and then is a smooth one that is rounded; a force may jump.
+    `speed`: whether it is one, which may be rounded or counted; `counts`: whether others like it are counted.
     """
     finite = np.isfinite(values)
-    t, v = (time, values) if finite.all() else (time[finite], values[finite])
-    if v.size < FEWEST:
-        return Samples(t, v, "sampled", usual_period(t) if t.size > 1 else math.nan, 0.0)
-    repeats = _repeats(v)
-    if rounded and repeats and _quantised(v):
-        noise = quantum_of(v) / math.sqrt(12.0)
-        t, v = _crossings(t, v)
-        return Samples(t, v, "quantised", usual_period(t), noise)
-    noise = noise_of(v)
-    kind: Kind = "held"
-    found = _held(v) if repeats else None
-    if found is None and noise <= STRAIGHT:
-        kind, found = "interpolated", _interpolated(time, values, finite)
-        if found is not None and usual_period(t[found]) < SEEN:
-            found = None
-    if found is None:
-        return Samples(t, v, "sampled", usual_period(t), noise)
-    t, v = t[found], v[found]
-    return Samples(t, v, kind, usual_period(t), noise_of(v))
+    t, y = (time, values) if finite.all() else (time[finite], values[finite])
+    noise, left_out = noise_of(y), np.zeros(0, dtype=np.int64)
+    if speed and y.size > FEWEST:
+        quantum, whole, turns = _pattern(y)
+        if (
+            whole
+            and quantum > COARSE
+            and (counts or turns > 0.6 or (turns > 0.3 and quantum > 0.3))
+        ):
+            return _counted(t, y)
+        keep = _without_spikes(y, noise)
+        if not keep.all():
+            left_out = np.flatnonzero(finite)[~keep]
+            t, y = t[keep], y[keep]
+    period = usual_period(t) if t.size > 1 else math.nan
+    plain = Samples(t, y, "sampled", period, noise, left_out=left_out)
+    moved = np.flatnonzero(np.diff(y))
+    if moved.size < FEWEST:
+        return plain
+    quantum, whole, turns = _pattern(y) if speed else (0.0, False, 0.0)
+    repeats = 1.0 - moved.size / (y.size - 1)
+    if whole and repeats > 0.5 * REPEATED and turns < 0.2 and quantum > 0.02:
+        return _rounded(t, y, moved, quantum)._replace(left_out=left_out)
+    if repeats > REPEATED and (rows := _spacing(moved + 1)):
+        gap = np.diff(moved, prepend=-1)
+        before = np.round(moved + 1 - rows).astype(int)[gap > 1.5 * rows]
+        keep = np.unique(np.clip(np.concatenate([[0], before, moved + 1]), 0, y.size - 1))
+        return Samples(t[keep], y[keep], "held", usual_period(t[keep]), noise_of(y[keep]))
+    knots = _knots_of(time, values, finite, left_out, y) if speed and noise < 0.02 else None
+    if knots is not None and usual_period(t[knots]) > SEEN:
+        return Samples(
+            t[knots], y[knots], "interpolated", usual_period(t[knots]), noise_of(y[knots])
+        )
+    return plain
 
 
-def smoothed_steps(time: Floats, values: Floats, crossings: Samples) -> Samples:
-    """A rounded speed (rows,) at all rows: straight lines between the instants at which it changes.
+def smoothed(samples: Samples) -> Samples:
+    """A wheel whose noise would make slips: its means over `SPAN` at most."""
+    if samples.kind != "sampled" or samples.noise < NOISY or not samples.period <= FINE:
+        return samples
+    wanted = min(1.2 * (samples.noise / NOISY) ** 2, SPAN / samples.period)
+    rows = max(5, 2 * round(0.5 * wanted) + 1)
+    if samples.value.size <= rows:
+        return samples
+    value = savgol_filter(samples.value, rows, 1)
+    noise = samples.noise / math.sqrt(rows)
+    return samples._replace(value=value, noise=noise, span=rows * samples.period)
 
-    As it becomes 0 the line goes on until it is 0, and the wheel stands, unless it passes to the other direction.
+
+def at(time: Floats, samples: Samples, fill: float = math.inf) -> Floats:
+    """A channel at instants [s], straight lines between its samples; nan between two that are further apart than `fill` [s].
+
+    A rounded one stays within its steps, and where it says 0 for long it is 0.
     """
-    changes = crossings.value != 0.0
-    t, v = crossings.time[changes], crossings.value[changes]
-    slope = np.diff(v) / np.diff(t)
-    steep = np.where(slope == 0.0, 1.0, slope)
-    stops, starts = t.copy(), t.copy()
-    stops[1:] -= np.where(slope * v[1:] < 0.0, v[1:] / steep, 0.0)
-    starts[:-1] -= np.where(slope * v[:-1] > 0.0, v[:-1] / steep, 0.0)
-    stands = values[np.clip(np.searchsorted(time, t), 0, time.size - 1)] == 0.0
-    between = stands[:-1] & (v[:-1] * v[1:] > 0.0) & (stops[:-1] <= starts[1:])
-    first, last = starts[:1][values[:1] == 0.0], stops[-1:][stands[-1:]]
-    zeros = np.concatenate([first, stops[:-1][between], starts[1:][between], last])
-    at, said = np.concatenate([t, zeros]), np.concatenate([v, np.zeros(zeros.size)])
-    order = np.argsort(at, kind="stable")
-    value = np.interp(time, at[order], said[order])
-    return Samples(time, value, "sampled", usual_period(time), crossings.noise)
+    if samples.time.size < 2:
+        return np.full(time.size, np.nan)
+    value = np.interp(time, samples.time, samples.value)
+    if samples.steps is not None:
+        rows, y, quantum = samples.steps
+        y = y[np.clip(np.searchsorted(rows, time + 1e-6, "right") - 1, 0, y.size - 1)]
+        value = np.clip(value, y - 0.5 * quantum, y + 0.5 * quantum)
+        for begin, end in spans(np.abs(y) < 1e-6):
+            if time[end - 1] - time[begin] > 0.5:
+                value[begin:end] = 0.0
+    reach = max(fill, 1.5 * samples.period)
+    for k in np.flatnonzero(np.diff(samples.time) > reach):
+        value[(time > samples.time[k]) & (time < samples.time[k + 1])] = np.nan
+    value[(time < samples.time[0] - reach) | (time > samples.time[-1] + reach)] = np.nan
+    return np.asarray(value)
 
 
 def noise_of(values: Floats) -> float:
-    """Standard deviation of the white noise in a series, by its second differences, and of its rounding."""
-    if values.size < FEWEST:
+    """Standard deviation of the white noise in a series, by its second differences."""
+    if values.size < 4:
         return 0.0
-    values = excerpt(values)
-    bend = float(MEDIAN_DEVIATION * np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
-    return math.hypot(bend, quantum_of(values) / math.sqrt(12.0))
+    bend = np.abs(np.diff(excerpt(values), 2))
+    return float(1.4826 * np.median(bend)) / math.sqrt(6.0)
 
 
-def quantum_of(values: Floats) -> float:
-    """Smallest change between two values, where most of them are nothing or a multiple of it; else 0."""
-    change = np.abs(np.diff(values))
-    moving = change[change > 1e-9]
-    if moving.size == 0:
+def pulse_step(values: Floats) -> float:
+    """Speed [m/s] of one pulse in a row, of a speed that is a count of pulses; 0 for any other."""
+    if np.count_nonzero(np.diff(values)) < FEWEST:
         return 0.0
-    least = float(moving.min())
-    share = moving / least
-    return least if np.mean(np.abs(share - np.round(share)) < 0.05) > REGULAR else 0.0
+    quantum, whole, turns = _pattern(values)
+    return quantum if whole and quantum > COARSE and turns > 0.6 else 0.0
 
 
-def _spacing(index: Numbers) -> float | None:
-    """Number of rows, 2 or more, of which the distances between `index` are multiples; None if there is none."""
-    distance = np.diff(index)
-    if distance.size < FEWEST - 1:
-        return None
-    usual = int(np.bincount(distance).argmax())
-    # where an evenly changing value hides most samples, twice or three times the spacing is the usual distance
-    parts = [part for part in (distance.min(), usual // 2, usual // 3) if part >= LEAST_PART]
-    found = (_multiples_of(distance, float(one)) for one in (usual, *parts))
-    return next((spacing for spacing in found if spacing is not None), None)
+def of_counter(time: Floats, count: Floats, metres: float) -> tuple[Samples, int]:
+    """A wheel by pulses of so many `metres`, and how often its counter was set back: a sum, or the count of each row."""
+    change = np.diff(count)
+    back = -change[change < 0.0]
+    bridged = 0
+    if back.size >= 0.1 * change.size and not (
+        np.ptp(count) > 10.0 and np.median(back) > 0.5 * np.ptp(count)
+    ):
+        way = np.cumsum(np.abs(count))
+    else:
+        change, bridged = _gained(time, count)
+        way = np.concatenate([[0.0], np.cumsum(change)])
+    return _of_way(time, way * metres, metres), bridged
 
 
-def _multiples_of(distance: Numbers, usual: float) -> float | None:
-    """The same if it is about `usual`."""
-    near = distance[np.abs(distance - usual) <= max(0.3 * usual, float(usual > 1))]
-    spacing = float(near.mean()) if near.size else usual
-    if spacing < 1.5:
-        return None
-    times = np.round(distance / spacing)
-    # a period that is no multiple of the rows' comes up to a row early or late
-    apart = max(min(0.95, 0.35 * spacing), 0.1 * spacing)
-    fits = (times >= 1.0) & (np.abs(distance - times * spacing) <= apart)
-    return spacing if fits.mean() > REGULAR else None
+def _gained(time: Floats, count: Floats) -> tuple[Floats, int]:
+    """Pulses from row to row of a counter, and how often it was set back.
 
-
-def _between(index: Numbers, spacing: float) -> Numbers:
-    """`index` with the rows in between at which a value was sampled that did not change."""
-    count = np.maximum(np.round(np.diff(index) / spacing).astype(np.int64), 1)
-    if count.max(initial=1) == 1:
-        return index
-    first = np.cumsum(count) - count
-    number = np.arange(int(count.sum())) - np.repeat(first, count)
-    share = number / np.repeat(count, count)
-    between = np.repeat(index[:-1], count) + share * np.repeat(np.diff(index), count)
-    return np.append(np.round(between).astype(np.int64), index[-1])
-
-
-def _ends(index: Numbers, spacing: float, count: int) -> Numbers:
-    """`index` continued to the first and the last row at the same spacing."""
-    before = np.arange(index[0] - spacing, -0.5, -spacing)[::-1]
-    after = np.arange(index[-1] + spacing, count - 0.5, spacing)
-    return np.concatenate([np.round(before), index, np.round(after)]).astype(np.int64)
-
-
-def _repeats(values: Floats) -> bool:
-    """Whether so many rows repeat the one before that a channel may be held or rounded."""
-    some = excerpt(values)
-    return bool(np.mean(some[1:] == some[:-1]) >= 0.5 * REPEATED)
-
-
-def _held(values: Floats) -> Numbers | None:
-    """Rows at which a held channel was sampled; None if it is not held."""
-    change = np.flatnonzero(np.diff(values)) + 1
-    if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
-        return None
-    spacing = _spacing(change)
-    if spacing is None:
-        # a logger that resampled a held channel leaves a value in between at each step
-        follows = np.diff(change) == 1
-        if np.any(follows[1:] & follows[:-1]):
-            return None
-        change = change[np.concatenate([~follows, [True]])]
-        spacing = _spacing(change)
-    if spacing is None or spacing < 2.0:
-        return None
-    return _ends(_between(change, spacing), spacing, values.size)
-
-
-def _quantised(values: Floats) -> bool:
-    """Whether a channel repeats values because it is rounded: it goes on by one step, not at even times."""
-    change = np.flatnonzero(np.diff(values)) + 1
-    if change.size < FEWEST or 1.0 - change.size / values.size < REPEATED:
-        return False
-    step = values[change] - values[change - 1]
-    least, apart = np.abs(step).min(), np.diff(change)
-    one = np.mean(np.abs(step) < 1.5 * least) > 0.95
-    onwards = np.mean(step[1:] * step[:-1] > 0.0) > REGULAR
-    return bool(one and onwards and least > COARSE and np.std(apart) > 0.02 * apart.mean())
-
-
-def _crossings(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """As a rounded value changes, the true one is in the middle; in between it is not known, but at rest it is none.
-
-    A value that is held as well has become another one since it was sampled before.
+    One of so many bits or digits goes on from where it began; one that was set back gained what it gains around.
     """
-    change = np.flatnonzero(np.diff(values))
-    before = np.maximum(change + 1 - _ticks(change), 0)
-    at, middle = (
-        0.5 * (time[before] + time[change + 1]),
-        0.5 * (values[change] + values[change + 1]),
+    change, step = np.diff(count), np.diff(time)
+    forwards, size, bridged = change >= 0.0, float(np.ptp(count)) + 1.0, 0
+    turns = (2.0 ** np.ceil(np.log2(size)), 10.0 ** np.ceil(np.log10(size)))
+    for k in np.flatnonzero(~forwards):
+        near = slice(max(k - 10, 0), k + 11)
+        known = forwards[near]
+        spent = float(step[near][known].sum())
+        usual = float(change[near][known].sum()) / spent * step[k] if spent > 0.0 else 0.0
+        gained = min((change[k] + turn for turn in turns), key=lambda g: abs(g - usual))
+        fits = abs(gained - usual) <= max(3.0, 0.5 * usual)
+        change[k] = gained if fits else usual
+        bridged += not fits
+    return change, bridged
+
+
+def _pattern(y: Floats) -> tuple[float, bool, float]:
+    """Smallest step of a channel, whether all are multiples of it, and the share of steps that go back on the one before."""
+    step = np.diff(excerpt(y))
+    step = step[step != 0.0]
+    if step.size < FEWEST:
+        return 0.0, False, 0.0
+    size = np.abs(step)
+    quantum = float(np.quantile(size, 0.02))
+    whole = (
+        quantum > 0.02 and np.mean(np.abs(size / quantum - np.round(size / quantum)) < 0.05) > 0.95
     )
-    stays = np.arange(time[0], time[-1], STAYS)
-    after = np.searchsorted(at, stays)
-    before = np.where(after > 0, at[np.maximum(after - 1, 0)], -np.inf)
-    behind = np.where(after < at.size, at[np.minimum(after, at.size - 1)], np.inf)
-    stays = stays[(stays - before > STAYS) & (behind - stays > STAYS)]
-    stays = stays[values[np.clip(np.searchsorted(time, stays), 0, time.size - 1)] == 0.0]
-    said = np.zeros(stays.size)
-    order = np.argsort(np.concatenate([at, stays]), kind="stable")
-    return np.concatenate([at, stays])[order], np.concatenate([middle, said])[order]
+    return quantum, bool(whole), float(np.mean(step[1:] * step[:-1] < 0.0))
 
 
-def _ticks(change: Numbers) -> int:
-    """Number of rows of which the distances between changes are multiples: those between two samples; 1 if there is none."""
-    distance = np.diff(change)
-    if distance.size < LEAST_TICKS:
-        return 1
-    for rows in range(int(distance.min()), LEAST_KNOTS, -1):
-        times = np.round(distance / rows).astype(np.int64)
-        # a speed that changes evenly has changes at even distances, too: but not at different multiples of one
-        fits = np.abs(distance - rows * times) <= 0.05 * rows
-        if fits.mean() > REGULAR and np.bincount(times).max() < MOSTLY * times.size:
+def _without_spikes(y: Floats, noise: float) -> NDArray[np.bool_]:
+    """Which values a speed does not jump to and back from; all of them where very many are."""
+    far = np.zeros(y.size, dtype=np.bool_)
+    middle = np.median(np.stack([y[:-2], y[1:-1], y[2:]]), axis=0)
+    far[1:-1] = np.abs(y[1:-1] - middle) > AWAY + 8.0 * noise
+    for end, near in ((0, (1, 2)), (-1, (-2, -3))):
+        far[end] = all(abs(y[end] - y[k]) > 1.5 * AWAY for k in near)
+    return ~far if far.mean() < MOST_AWAY else np.ones(y.size, dtype=np.bool_)
+
+
+def _rounded(t: Floats, y: Floats, moved: Numbers, quantum: float) -> Samples:
+    """A rounded speed: its samples are in the middle of two values, as one becomes the other."""
+    held = max(_ticks(np.diff(moved)), 1) * usual_period(t)
+    one = moved[np.abs(np.diff(y)[moved]) < 1.5 * quantum]
+    time, value = t[one + 1] - 0.5 * held, 0.5 * (y[one] + y[one + 1])
+    period = usual_period(time) if time.size > 1 else math.nan
+    return Samples(time, value, "quantised", period, 2e-3, held / math.sqrt(12.0), (t, y, quantum))
+
+
+def _spacing(index: Numbers) -> float:
+    """Rows of which the distances of `index` are multiples; 0 if there is none."""
+    gap = np.diff(index)
+    for p in (
+        (np.median(gap), np.median(gap) / 2, np.median(gap) / 3, gap.min()) if gap.size > 2 else ()
+    ):
+        near = gap[np.abs(gap - p) <= max(1.0, 0.2 * p)]
+        p = near.mean() if near.size else p
+        n = np.maximum(np.round(gap / p), 1)
+        if p >= 1.7 and np.mean(np.abs(gap - n * p) <= max(0.95, 0.1 * p)) > 0.9:
+            return float(p)
+    return 0.0
+
+
+def _ticks(gap: Numbers) -> int:
+    """Rows between samples of a speed that is held and rounded: changes are different multiples of them apart; else 0."""
+    for rows in range(int(gap.min()), 4, -1) if gap.size > FEWEST else ():
+        times = np.round(gap / rows).astype(int)
+        fits = np.abs(gap - rows * times) <= 0.05 * rows
+        if np.mean(fits) > 0.9 and np.bincount(times).max() < 0.9 * times.size:
             return rows
-    return 1
+    return 0
 
 
-def _interpolated(time: Floats, values: Floats, finite: NDArray[np.bool_]) -> Numbers | None:
-    """At which of the `finite` values an interpolated channel was sampled, its knots; None if it is not interpolated."""
-    if not MOSTLY < finite.mean() < 1.0:
-        return _knots(values[finite])
-    # a line on which a value is missing goes on
-    found = _knots(np.interp(time, time[finite], values[finite]))
-    return None if found is None else (np.cumsum(finite) - 1)[found[finite[found]]]
+def _knots(y: Floats) -> Numbers | None:
+    """Rows between which all others lie on straight lines, of a rounded or an exact channel; None where that is not so."""
+    bend, size = np.abs(np.diff(y, 2)), 1e-6 * float(np.abs(y).max())
+    for fine in (7e-4 + size, size):
+        top = np.flatnonzero(bend > max(fine, 6.0 * float(np.median(bend)))) + 1
+        if not 4 <= top.size <= 0.3 * y.size:
+            continue
+        top = top[np.concatenate([[True], np.diff(top) > 1])]
+        rows = _spacing(top)
+        if rows < 4:
+            continue
+        both = np.concatenate([np.arange(top[0], -0.5, -rows), np.arange(top[0], y.size, rows)])
+        index = np.unique(np.minimum(np.round(both), y.size - 1).astype(np.int64))
+        line = np.interp(np.arange(y.size), index, y[index])
+        apart = np.abs(line - y)  # a wheel that slips now and then lies on lines in between
+        if np.mean(apart < 1.4e-3 + 2.0 * size) > 0.9 and np.quantile(apart, 0.995) < APART:
+            return index
+    return None
 
 
-def _knots(values: Floats) -> Numbers | None:
-    bend = np.abs(np.diff(values, 2))
-    single = SINGLE * float(np.abs(values).max())
-    moving = bend[bend > max(1e-9, single)]
-    if moving.size < FEWEST:
-        return None
-    # few rows bend at all where nothing is rounded
-    rounding = float(moving.min()) if moving.size > REPEATED * bend.size else 0.0
-    bound = max(6.0 * float(np.median(bend)), 3.0 * rounding, single, 1e-9)
-    knot = np.flatnonzero(bend > bound) + 1
-    if knot.size < FEWEST or knot.size > 0.5 * values.size:
-        return None
-    # a knot between two rows bends at both
-    knot = knot[np.concatenate([[True], np.diff(knot) > 1])]
-    spacing = _spacing(knot)
-    if spacing is None or spacing < LEAST_KNOTS:
-        return None
-    index = _ends(_between(knot, spacing), spacing, values.size)
-    line = np.interp(np.arange(values.size), index, values[index])
-    inside = slice(index[0], index[-1] + 1)
-    reach = 4.0 * rounding + single + 2.0 * bound / spacing
-    off = np.abs(values - line)[inside]
-    return index if np.mean(off <= reach) > REGULAR else None
+def _knots_of(
+    time: Floats, values: Floats, finite: NDArray[np.bool_], left_out: Numbers, y: Floats
+) -> Numbers | None:
+    """The same of a channel of which some rows are missing: a line goes on over them."""
+    if y.size == values.size or y.size < 0.9 * values.size:
+        return _knots(y)
+    used = finite.copy()
+    used[left_out] = False
+    found = _knots(np.interp(time, time[used], y))
+    return None if found is None else (np.cumsum(used) - 1)[found[used[found]]]
+
+
+def _counted(t: Floats, y: Floats) -> Samples:
+    """A speed of pulses counted in the time since the row before; a row that is missing was counted at the mean rate."""
+    dt = usual_period(t)
+    step = np.diff(t, prepend=t[0] - dt)
+    mean = 0.5 * (y + np.concatenate([y[:1], y[:-1]]))
+    way = np.cumsum(y * dt + np.where(step > 1.5 * dt, mean * (step - dt), 0.0))
+    size = np.abs(np.diff(y))
+    return _of_way(t, way, float(np.quantile(size[size > 0.0], 0.02)) * dt)
+
+
+def _of_way(time: Floats, way: Floats, pulse: float) -> Samples:
+    """Speed from the way [m] of a wheel at instants [s] in whole pulses [m]: its slope."""
+    dt = usual_period(time)
+    rows = max(5, 2 * round(0.5 * SPAN / dt) + 1)
+    even = np.arange(time[0], time[-1] + 0.5 * dt, dt)
+    if even.size <= rows:
+        return Samples(time, np.gradient(way, time), "counted", dt, ALIASED * pulse / SPAN, SPAN)
+    slope = savgol_filter(np.interp(even, time, way), rows, 2, deriv=1, delta=dt)
+    speed = np.interp(time, even, slope)
+    speed[np.abs(speed) < 1e-6] = 0.0
+    return Samples(time, speed, "counted", dt, ALIASED * pulse / SPAN, SPAN)

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from alloc.estimation.series import spans
 from alloc.plant.laws import GRAVITY
+from studies.logs.channels import FEWEST_ROWS, Channels
 from studies.logs.clock import PERIODS, Clock
 from studies.logs.recorder_files import RawChannel
 from studies.logs.remarks import Remark, faulty
-from studies.logs.speed_shape import STANDING
-from studies.logs.told_channels import FEWEST_ROWS, Sources
 
 Floats = NDArray[np.float64]
 
+STANDING = 0.05
+"""Speed [m/s] below which a train stands."""
 LEAST_CHANGE = 1.0
 """Change of speed [m/s] that a log must have."""
 STEEPEST = 0.05
@@ -25,33 +26,33 @@ AS_GOOD = 1.5
 """Ratio of residuals below which two periods explain a log as well: the one with the smaller gradient counts."""
 
 
-def conclude_period(sources: Sources) -> None:
-    """Give the clock of `sources` its period; raises `Faulty` where nothing determines it."""
-    clock = sources.clock
+def conclude_period(channels: Channels) -> None:
+    """Give the clock of `channels` its period; raises `Faulty` where nothing determines it."""
+    clock = channels.clock
     assert clock is not None
-    column = sources.assigned["time", 0].column
-    _keep(sources)
-    period = _best(sources)
+    column = channels.assigned["time", 0].column
+    _keep(channels)
+    period = _best(channels)
     if period is None:
         raise faulty(
-            sources.source, column, None,
+            channels.source, column, None,
             "has too few different time stamps to tell the period of the rows; give period_s in a mapping file",
         )  # fmt: skip
     text = f"rows every {period:g} s, concluded from forces and speed; a mapping file may give period_s"
-    sources.remarks.append(Remark("time", column, text))
-    sources.clock = Clock(clock.time * period, clock.rows, clock.origin, clock.remarks)
+    channels.remarks.append(Remark("time", column, text))
+    channels.clock = Clock(clock.time * period, clock.rows, clock.origin, clock.remarks)
 
 
-def _best(sources: Sources) -> float | None:
+def _best(channels: Channels) -> float | None:
     """The period with which the train gains the momentum that its forces give it; None where nothing tells it."""
-    train = sources.train
-    wheels = {n: _values(sources, ("wheel", n)) for n in sources.numbers_of("wheel")
-              if sources.assigned["wheel", n].quantity == "axleN_speed"}  # fmt: skip
-    efforts = sources.numbers_of("effort")
-    if not efforts or not (wheels or ("speed", 0) in sources.assigned):
+    train = channels.train
+    wheels = {n: _values(channels, ("wheel", n)) for n in channels.numbers_of("wheel")
+              if channels.assigned["wheel", n].quantity == "axleN_speed"}  # fmt: skip
+    efforts = channels.numbers_of("effort")
+    if not efforts or not (wheels or ("speed", 0) in channels.assigned):
         return None
-    if ("speed", 0) in sources.assigned:
-        speed = np.abs(_values(sources, ("speed", 0)))
+    if ("speed", 0) in channels.assigned:
+        speed = np.abs(_values(channels, ("speed", 0)))
     else:
         speed = np.asarray(np.median(np.abs(list(wheels.values())), axis=0))
     mass, rotating = float(train.car_mass.sum()), train.inertia / train.radius**2
@@ -62,8 +63,8 @@ def _best(sources: Sources) -> float | None:
         momentum = momentum + rotating[n - 1] * own
         locked |= (own < STANDING) & (speed > LEAST_CHANGE)
     for n in efforts:
-        values = _values(sources, ("effort", n))
-        torque = sources.assigned["effort", n].quantity == "axleN_torque"
+        values = _values(channels, ("effort", n))
+        torque = channels.assigned["effort", n].quantity == "axleN_torque"
         total += values / train.radius[n - 1] if torque else values
     if np.ptp(speed) < LEAST_CHANGE:
         return None
@@ -97,23 +98,26 @@ def _between_locked(used: NDArray[np.bool_], *series: Floats) -> tuple[Floats, .
     return tuple(np.concatenate(piece) if piece else np.zeros(0) for piece in pieces)
 
 
-def _keep(sources: Sources) -> None:
+def _keep(channels: Channels) -> None:
     """Keep what is read twice: channels that are taken are gone."""
-    channels = sources.recording.channels
-    for one in sources.assigned.values():
-        if one.column in channels:
-            raw = channels[one.column]
+    held = channels.recording.channels
+    for one in channels.assigned.values():
+        if one.column in held:
+            raw = held[one.column]
             values = raw.load()
-            channels[one.column] = RawChannel(raw.name, raw.unit, lambda v=values: v, raw.clock)  # type: ignore[misc]
+            held[one.column] = RawChannel(raw.name, raw.unit, lambda v=values: v, raw.clock)  # type: ignore[misc]
 
 
-def _values(sources: Sources, place: tuple[str, int]) -> Floats:
+def _values(channels: Channels, place: tuple[str, int]) -> Floats:
     """A channel on all rows [SI], straight lines over what is missing; nothing is remarked on."""
-    before, raw = list(sources.remarks), sources.recording.channels[sources.assigned[place].column]
-    time, values = sources.series(place)
-    values = sources.scaled(place, values)
-    sources.recording.channels[raw.name] = raw
-    sources.remarks[:] = before
+    before, raw = (
+        list(channels.remarks),
+        channels.recording.channels[channels.assigned[place].column],
+    )
+    time, values = channels.series(place)
+    values = channels.scaled(place, values)
+    channels.recording.channels[raw.name] = raw
+    channels.remarks[:] = before
     known = np.isfinite(values)
-    assert sources.clock is not None
-    return np.interp(sources.clock.time, time[known], values[known])
+    assert channels.clock is not None
+    return np.interp(channels.clock.time, time[known], values[known])

@@ -11,6 +11,7 @@ MOST = 10
 NAMED = 4
 """Columns that a line names."""
 KINDS = {
+    "withheld": "no Q",
     "guess": "guessed, for want of a mapping file",
     "read": "as read",
     "time": "time",

@@ -9,13 +9,14 @@ from alloc.estimation.slip_events import SMALL, SlipCriterion, SlipEvent
 from studies.logs.brake_report import BRAKING
 from studies.logs.measured_log import MeasuredLog
 from studies.logs.measured_run import Findings, train_acceleration
-from studies.logs.open_questions import MOVED, delay_remarks, moved_by_delay
+from studies.logs.open_questions import MOVED, delay_flagged, fit_remarks, moved_by_delay, withheld
 from studies.logs.remarks import grouped
 
 
 def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict[str, Any]:
     """Everything found, for JSON: SI units but where a key says otherwise, None for what is not known."""
-    remarks = [*log.remarks, *delay_remarks(log, found)]
+    remarks = [*log.remarks, *fit_remarks(log, found)]
+    untold = bool(withheld(log, found))
     return {
         "log": log.source,
         "train": log.train.name,
@@ -49,10 +50,13 @@ def content(log: MeasuredLog, found: Findings, criterion: SlipCriterion) -> dict
             }
             for group in grouped(remarks)
         ],
-        "damage_kj": _number(1e-3 * found.total_damage) if found.covered.any() else None,
+        "damage_kj": None
+        if untold or not found.covered.any()
+        else _number(1e-3 * found.total_damage),
+        "filled_kj": 1e-3 * found.filled_damage,
         "damage_error_kj": _damage_error(found),
         "utilisation": _number(found.utilisation),
-        "axles": [_axle(log, found, i) for i in range(log.train.radius.size)],
+        "axles": [_axle(log, found, i, untold) for i in range(log.train.radius.size)],
         "events": [_event(log, event) for event in found.events],
         "small_events": [_event(log, event) for event in found.small_events],
         "cars": _cars(log, found),
@@ -90,7 +94,7 @@ def _delay(log: MeasuredLog, found: Findings) -> dict[str, Any] | None:
         "deviation_s": delay.deviation,
         "made_up_for": log.run.speed_source == "followed",
         "moves_damage": moved,
-        "flagged": bool(delay_remarks(log, found)),
+        "flagged": delay_flagged(log, found),
         "threshold": MOVED,
     }
 
@@ -106,6 +110,7 @@ def _damage_error(found: Findings) -> dict[str, float] | None:
         "by_delay": 1e-3 * e.by_delay,
         "by_sensors": 1e-3 * e.by_sensors,
         "by_sampling": 1e-3 * e.by_sampling,
+        "by_filled": 1e-3 * e.by_filled,
         "per_permille_of_radius": 1e-3 * e.of_radius,
     }
 
@@ -128,7 +133,7 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _axle(log: MeasuredLog, found: Findings, axle: int) -> dict[str, Any]:
+def _axle(log: MeasuredLog, found: Findings, axle: int, untold: bool) -> dict[str, Any]:
     own = [event for event in found.events if event.axle == axle]
     onsets = np.array([event.onset_coefficient for event in own])
     onsets = onsets[np.isfinite(onsets)]
@@ -144,7 +149,7 @@ def _axle(log: MeasuredLog, found: Findings, axle: int) -> dict[str, Any]:
         "largest_slip_ms": max((event.largest_slip for event in own), key=abs, default=None),
         "onset_coefficient": float(onsets.mean()) if onsets.size else None,
         "largest_coefficient": float(np.nanmax(used)) if np.isfinite(used).any() else None,
-        "damage_kj": _number(1e-3 * found.axle_damage[axle]),
+        "damage_kj": None if untold else _number(1e-3 * found.axle_damage[axle]),
     }
 
 

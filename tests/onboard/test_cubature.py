@@ -137,3 +137,41 @@ def test_a_cycle_moves_the_centre_by_the_gain_times_the_slope():
     for _ in range(51):
         slip = seek(k, 0, p, 0.1 + 0.3 * (slip - 0.2), 0.01)
     assert k.centre[0] - 0.2 == pytest.approx(0.02 * 0.3, rel=0.05)
+
+
+def bent(points, i, inputs):
+    """A model that is not linear, one period on."""
+    a, b, c = points[i].copy()
+    points[i] = a + 0.1 * b + inputs[0], 0.9 * b + 0.2 * np.sin(c), c + 0.05 * a * b
+
+
+def test_cubature_points_carry_a_bent_model_as_those_of_a_library():
+    filterpy = pytest.importorskip("filterpy.kalman")
+
+    def moved(x, dt):
+        points = np.array(x, dtype=float).reshape(1, 3).copy()
+        bent(points, 0, np.array([0.1]))
+        return points[0]
+
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        root = rng.normal(size=(3, 3))
+        state, covariance = rng.normal(size=3), 0.05 * root @ root.T + 0.1 * np.eye(3)
+        walk, work = np.array([0.01, 0.02, 0.03]), np.empty((3, 3))
+        known = filterpy.CubatureKalmanFilter(3, 1, 1.0, hx=lambda x: x[:1], fx=moved)
+        known.x, known.P, known.Q = state.copy(), covariance.copy(), np.diag(walk)
+        known.predict()
+        prediction(bent)(state, covariance, work, np.empty((6, 3)), walk, np.array([0.1]))
+        np.testing.assert_allclose(state, np.ravel(known.x), atol=1e-12)
+        np.testing.assert_allclose(covariance, known.P, atol=1e-12)
+        # its correction draws no new points, which only a bent measurement needs: the linear one is the same
+        linear = filterpy.KalmanFilter(3, 1)
+        linear.x, linear.P, linear.H = (
+            state[:, np.newaxis].copy(),
+            covariance.copy(),
+            np.eye(3)[[1]],
+        )
+        linear.update(0.7, R=0.05)
+        correct(state, covariance, work, 1, 0.7, 0.05)
+        np.testing.assert_allclose(state, linear.x[:, 0], atol=1e-12)
+        np.testing.assert_allclose(covariance, linear.P, atol=1e-12)

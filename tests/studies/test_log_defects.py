@@ -1,135 +1,172 @@
-"""A log with a logger's defect tells what the same log without it tells: Q within 2 %, and the slides but for two."""
+"""What recorders do to a log is made up for and said: Q is right within 2 %, and the number of slips but for two."""
 
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from alloc.estimation.slip_events import SMALL
-from alloc.plant.sets import find_set
-from studies.core.job import Job, simulate_job
-from studies.files.study_error import StudyError
 from studies.log_accuracy import defects as spoil
-from studies.logs.export import log_table, rounded
-from studies.logs.known_train import MeasuredTrain
+from studies.logs.channel_values import forwards
 from studies.logs.mapping import Mapping
-from studies.logs.measured_log import MeasuredLog, check_log
-from studies.logs.measured_run import Findings, analyse_run
-from studies.logs.open_questions import delay_remarks
-from studies.scenario.loading import load_scenario
-from tests.simulation.slides import CLEANED_RAIL, TRAIN, braked, driven, readhering
+from studies.logs.open_questions import fit_remarks
+from tests.studies.logged_runs import Logged, at_contact, clean, logged, misread, said
 
-SHARE, SLIPS = 0.02, 2
+Change = Callable[[Logged], pd.DataFrame]
 
 
-class Clean(NamedTuple):
-    table: pd.DataFrame
-    train: MeasuredTrain
-    damage: float
-    slips: int
-
-    def found(self, table: pd.DataFrame) -> tuple[MeasuredLog, Findings]:
-        log = check_log(table, self.train, "log")
-        return log, analyse_run(log.run, log.train)
+def turned(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    return table.assign(**{name: -table[name] for name in names})
 
 
-def clean(run, train) -> Clean:
-    measured, table = MeasuredTrain.of(train), rounded(log_table(run, train))
-    log = check_log(table, measured, "clean")
-    found = analyse_run(log.run, measured)
-    assert log.remarks == ()
-    return Clean(table, measured, found.total_damage, len(found.events))
+def put(table: pd.DataFrame, *places: tuple[int, int, float]) -> pd.DataFrame:
+    """Other values in rows of axles' speeds."""
+    table = table.copy()
+    for row, axle, value in places:
+        table.loc[table.index[row], f"axle{axle}_speed_kmh"] = value
+    return table
 
 
-@pytest.fixture(scope="module")
-def logs() -> dict[str, Clean]:
-    """Three cars whose wheels slide and readhere, eight cars that stop on wet rail, and eight whose wheels run away."""
-    scenario = load_scenario("wet-stop")
-    stop = simulate_job(Job(scenario, "greedy", "cut-and-ramp", 0))
-    return {
-        "braked": clean(braked(readhering, rail=CLEANED_RAIL), TRAIN),
-        "stop": clean(stop, scenario.event(0).model.train),
-        "driven": clean(driven(), find_set("commuter-8car")),
-    }
+def free(one: Logged) -> list[int]:
+    return [
+        i for i in spoil.axles_of(one.table) if one.table[f"axle{i}_force_kn"].abs().max() < 0.1
+    ]
 
 
-DEFECTS = [
-    "late by a period",
-    "lost",
-    *spoil.defects(np.ones(1)), "epoch", "backwards", "repeated", "late and noisy", "held, counted"
-]  # fmt: skip
+def dropped(table: pd.DataFrame) -> pd.DataFrame:
+    """A receiver that says 0 where it has no fix, and jumps now and then."""
+    time, speed = table["time_s"], table["speed_kmh"].copy()
+    speed[(time > 8.0) & (time < 11.5)] = 0.0
+    speed[(time > 20.0) & (time < 20.4)] = 0.0
+    speed[::211] += 20.0
+    return table.assign(speed_kmh=speed)
 
 
-def spoilt(clean: Clean, defect: str) -> pd.DataFrame:
-    others = {
-        "late by a period": lambda t: spoil.speed_late(t, 0.01),
-        "lost": lambda t: t.assign(speed_kmh=t["speed_kmh"].where(abs(t["time_s"] - 3.0) > 1.5)),
-        "epoch": spoil.single_epoch,
-        "backwards": spoil.reversed_signs,
-        "repeated": spoil.repeated_row,
-        "late and noisy": lambda t: spoil.speed_late(spoil.noisy(t, 0.02)),
-        "held, counted": lambda t: spoil.counted(spoil.speed_held(t), clean.train.radius, 0.02),
-    }
-    return (spoil.defects(clean.train.radius) | others)[defect](clean.table)
+def forces(late: float) -> Change:
+    return lambda c: spoil.shifted(c.table, spoil.forces_of(c.table), late)
 
 
-@pytest.mark.parametrize("name", ["braked", "stop", "driven"])
-@pytest.mark.parametrize("defect", DEFECTS)
-def test_damage_and_slides_are_those_of_the_clean_log(logs, name, defect):
-    log, found = logs[name].found(spoilt(logs[name], defect))
-    assert found.total_damage == pytest.approx(logs[name].damage, rel=SHARE)
-    more = SLIPS if name != "braked" else 3  # 5 of its slides are within 0.1 % of the bound
-    assert abs(len(found.events) - logs[name].slips) <= more
-    assert np.isfinite([found.errors.total, log.run.rim_deviation.max()]).all()
+def counts(period: float) -> Change:
+    return lambda c: spoil.counted(c.table, c.train.radius, period)
 
 
-@pytest.mark.parametrize(
-    "defect", [spoil.speed_held, spoil.speed_interpolated, spoil.speed_with_gaps]
-)
-@pytest.mark.parametrize(("late", "period"), [(0.5, 1.0), (0.23, 0.5), (1.1, 1.0), (0.0, 1.0)])
-def test_the_delay_of_a_rare_speed_is_found(logs, defect, late, period):
-    log, found = logs["braked"].found(defect(logs["braked"].table, late, period))
-    delay = log.run.speed_delay
-    assert delay.value == pytest.approx(late, abs=max(0.003, 4.0 * delay.deviation))
-    assert found.total_damage == pytest.approx(logs["braked"].damage, rel=SHARE)
-    # 0.5 s at 0.75 m/s2 is more than Q allows, and no delay moves nothing
-    assert bool(delay_remarks(log, found)) == (late > 0.0)
+def plain(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Change:
+    return lambda c: change(c.table)
 
 
-def test_the_stated_error_of_damage_covers_what_noise_does(logs):
-    beyond = 0
-    for seed in range(8):
-        table = spoil.speed_held(spoil.noisy(logs["braked"].table, 0.1, seed))
-        _, found = logs["braked"].found(table)
-        beyond += abs(found.total_damage - logs["braked"].damage) > 2.0 * found.errors.total
-    assert beyond <= 2
+STOP, LATE = "wet-stop 0", "s late: made up for"
+DEFECTS: dict[str, tuple[Change, str, str, dict[str, float]]] = {
+    # the speed's channel
+    "late": (plain(spoil.speed_late), "driven, wet-stop 0", LATE, {}),
+    "late by a period": (plain(lambda t: spoil.speed_late(t, 0.01)), STOP, "", {}),
+    "noisy, late": (plain(lambda t: spoil.speed_late(spoil.noisy(t, 0.02))), STOP, LATE, {"share": 0.03}),
+    "held": (plain(spoil.speed_held), "driven, wet-stop 0", LATE, {}),
+    "interpolated": (plain(spoil.speed_interpolated), "driven", LATE, {}),
+    "gaps": (plain(spoil.speed_with_gaps), STOP, LATE, {}),
+    "lost": (plain(lambda t: t.assign(speed_kmh=t["speed_kmh"].where(abs(t["time_s"] - 3.0) > 1.5))), "driven", "", {}),
+    "dropouts": (plain(dropped), "braked", "stuck while the wheels", {}),
+    "scale": (plain(lambda t: t.assign(speed_kmh=1.01 * t["speed_kmh"])), STOP, "the train's speed is +1.0", {}),
+    # forces
+    "slow forces": (plain(spoil.forces_at), "braked", "", {}),
+    "slow forces, held": (plain(lambda t: spoil.forces_at(t, held=True)), "driven", "", {}),
+    "interleaved": (plain(spoil.interleaved), STOP, "", {}),
+    "forces late": (forces(0.3), "braked", "s later than the wheels", {}),
+    "forces a little late": (forces(0.15), "driven", "all forces are recorded 0.15", {}),
+    "forces early": (forces(-0.2), "braked", "s earlier than the wheels", {}),
+    "one force reversed": (plain(lambda t: turned(t, ["axle2_force_kn"])), STOP, "its wheel says so: turned", {}),
+    "all forces reversed": (plain(lambda t: turned(t, spoil.forces_of(t))), STOP, "all forces drive what brakes", {}),
+    "forces at the contact": (at_contact, "braked", "those between wheel and rail", {}),
+    # wheels
+    "wheels late": (plain(lambda t: spoil.shifted(t, spoil.wheels_of(t), 0.2)), "braked", "s earlier than the wheels", {}),
+    "counts 5 ms": (counts(0.005), STOP, "pulses", {"slips": 9}),
+    "counts 10 ms": (counts(0.01), STOP, "pulses", {"slips": 4}),
+    "counts 20 ms": (counts(0.02), "driven", "pulses", {"slips": 3}),
+    "held, counted": (
+        lambda c: spoil.counted(spoil.speed_held(c.table), c.train.radius, 0.02), STOP, "pulses", {"slips": 3},
+    ),
+    "rounded": (plain(lambda t: spoil.rounded_to(t, spoil.speeds_of(t), 0.1)), STOP, "", {}),
+    "every seventh missing": (plain(spoil.values_missing), "braked", "", {}),
+    "values that no wheel reaches": (
+        plain(lambda t: put(t, (400, 3, 90.0), (0, 4, 90.0), (-1, 5, 130.0), (400, 6, -9999.0))), STOP,
+        "to which no speed jumps", {},
+    ),
+    "radii": (lambda c: spoil.by_radius(c.table, {free(c)[0]: 0.98, free(c)[5]: 1.01}), "driven", "off by a radius", {}),
+    "a radius of a wheel that pulls": (
+        lambda c: spoil.by_radius(c.table, {(set(spoil.axles_of(c.table)) - set(free(c))).pop(): 1.03}), "driven",
+        "off by a radius", {"share": 0.05},
+    ),
+    "backwards": (plain(spoil.reversed_signs), STOP, "the direction is turned round", {}),
+    # recorders and clocks; where all wheels slide no one tells that half of them are late
+    "half of the axles late": (
+        plain(lambda t: spoil.rear_late(t, 0.3)), "driven", "axles 17 to 32 are recorded 0.3", {"share": 0.08},
+    ),
+    "half of the axles late in a slide": (plain(lambda t: spoil.rear_late(t, 0.15)), "long stop", "", {"slips": 14}),
+    "epoch": (plain(spoil.single_epoch), "driven", "", {}),
+    "past midnight": (plain(lambda t: t.assign(time_s=(86397.0 + t["time_s"]) % 86400.0)), "driven", "", {}),
+    "a row twice": (plain(spoil.repeated_row), "driven", "", {}),
+    "clock set back": (
+        plain(lambda t: t.assign(time_s=t["time_s"] - 0.3 * (t["time_s"] >= 5.0))), STOP, "set back by 0.", {},
+    ),
+}  # fmt: skip
+"""By name: the change, the runs that it spoils, what is said, and bounds that are not the usual ones."""
 
 
-def test_without_forces_the_wheels_tell_the_speed_between(logs):
-    table = spoil.speed_held(logs["driven"].table)
-    log, found = logs["driven"].found(table[[n for n in table if "force" not in n]])
-    assert log.run.speed_source == "followed"
-    assert len(found.events) == logs["driven"].slips
+def test_defects_are_made_up_for_and_said():
+    """And clean logs need no word."""
+    wrong = {}
+    for name in ("braked", "driven", STOP):
+        log, found = clean(name)
+        if said(log, found) or abs(found.total_damage / logged(name).damage - 1.0) > 1e-3:
+            wrong[name] = (said(log, found), found.total_damage, logged(name).damage)
+    for name, (change, runs, words, bounds) in DEFECTS.items():
+        for run in runs.split(", "):
+            if found := misread(run, change(logged(run)), words, **bounds):
+                wrong[f"{name}, {run}"] = found
+    assert not wrong, "\n" + "\n".join(f"{key}: {value}" for key, value in wrong.items())
 
 
-def test_small_slips_are_found_where_noise_allows(logs):
-    _, quiet = logs["braked"].found(logs["braked"].table)
-    _, loud = logs["braked"].found(spoil.noisy(logs["braked"].table, 0.4))
+def test_the_delay_of_a_rare_speed_is_found():
+    braked, wrong = logged("braked"), {}
+    for spoilt, late, period in (
+        (spoil.speed_held, 0.5, 1.0), (spoil.speed_interpolated, 0.23, 0.5), (spoil.speed_with_gaps, 1.1, 1.0),
+        (spoil.speed_held, 0.0, 1.0),
+    ):  # fmt: skip
+        log, found = braked.found(spoilt(braked.table, late, period))
+        delay, q = log.run.speed_delay, found.total_damage / braked.damage - 1.0
+        # 0.5 s at 0.75 m/s2 is more than Q allows, and no delay moves nothing
+        flagged = any(one.kind == "delay" for one in fit_remarks(log, found))
+        near = abs(delay.value - late) < max(0.003, 4.0 * delay.deviation)
+        if not (near and abs(q) < 0.02 and flagged == (late > 0.0)):
+            wrong[spoilt.__name__, late] = (delay, q, flagged)
+    assert not wrong
+
+
+def test_the_stated_error_of_damage_covers_what_noise_does():
+    braked, errors = logged("braked"), []
+    for seed in range(4):
+        _, found = braked.found(spoil.speed_held(spoil.noisy(braked.table, 0.1, seed)))
+        errors.append(abs(found.total_damage - braked.damage) / found.errors.total)
+    assert sorted(errors)[2] < 2.0, errors
+
+
+def test_small_slips_are_found_where_noise_allows():
+    table, quiet = logged("braked").table, clean("braked")[1]
+    _, loud = logged("braked").found(spoil.noisy(table, 0.4))
     assert quiet.least_slip.max() == SMALL.velocity
     assert loud.least_slip.min() > SMALL.velocity
     assert quiet.small_events
     assert all(event.slip_ratio < 0.051 for event in quiet.small_events)
     # wheels that roll have none, however loud
-    rolling = logs["braked"].table.assign(speed_kmh=60.0)
+    rolling = table.assign(speed_kmh=60.0)
     for name in [name for name in rolling if "axle" in name]:
         rolling[name] = 60.0 if "speed" in name else 0.0
-    _, nothing = logs["braked"].found(spoil.noisy(rolling, 0.4))
+    _, nothing = logged("braked").found(spoil.noisy(rolling, 0.4))
     assert (nothing.events, nothing.small_events) == ([], ())
 
 
-def test_a_climb_is_no_fault_of_the_wheels(logs):
-    train = logs["driven"].train
+def test_a_climb_is_no_fault_of_the_wheels():
+    train = logged("driven").train
     time = 0.01 * np.arange(3000)
     speed = 8.0 + 0.1 * time
     pull = train.car_mass.sum() * (0.1 + 9.81 * 0.03) / train.driven.sum()
@@ -137,54 +174,64 @@ def test_a_climb_is_no_fault_of_the_wheels(logs):
     for i, driven_axle in enumerate(train.driven, 1):
         table[f"axle{i}_speed_kmh"] = 3.6 * speed * (1.004 if driven_axle else 1.0)
         table[f"axle{i}_force_kn"] = 1e-3 * pull if driven_axle else 0.0
-    log = check_log(table, train, "climb")
-    assert not [remark for remark in log.remarks if remark.kind == "radius"]
-    (balance,) = (remark for remark in log.remarks if remark.kind == "balance")
-    assert "a gradient of +29 per mille" in balance.text
-    told = check_log(table.assign(gradient_permille=30.0), train, "climb")
-    assert not [remark for remark in told.remarks if remark.kind == "balance"]
+    for told in (table, table.assign(gradient_permille=30.0)):
+        log, found = logged("driven").found(told)
+        assert not [one for one in said(log, found) if one.startswith(("radius", "balance"))]
 
 
-def counter(axle, total):
+def counter(axle: int, total: np.ndarray) -> np.ndarray:
     """Of so many bits, since the row before, of three digits, set back in the middle, in turn."""
-    middle = total.size // 2
-    return (
-        total % 4096,
-        np.diff(total, prepend=0.0),
-        total % 1000,
-        np.where(np.arange(total.size) < middle, total, total - total[middle]),
-    )[axle % 4]
+    again = np.where(np.arange(total.size) < total.size // 2, total, total - total[total.size // 2])
+    return (total % 4096, np.diff(total, prepend=0.0), total % 1000, again)[axle % 4]
 
 
-def test_counts_since_the_start_or_the_row_before_are_speeds(logs):
-    clean = logs["braked"]
-    speeds = [name for name in clean.table if name.endswith("_speed_kmh")]
-    counts = clean.table.drop(columns=speeds)
-    time = clean.table["time_s"].to_numpy()
-    names = {"time_s": {"is": "time", "unit": "s"}, "speed_kmh": {"is": "speed", "unit": "km/h"}}
-    for i, radius in enumerate(clean.train.radius, 1):
-        rim = clean.table[f"axle{i}_speed_kmh"].to_numpy() / 3.6
+def mapped() -> dict[str, dict[str, object]]:
+    columns: dict[str, dict[str, object]] = {"time_s": {"is": "time", "unit": "s"}}
+    columns["speed_kmh"] = {"is": "speed", "unit": "km/h"}
+    for i in range(1, 13):
+        columns[f"axle{i}_force_kn"] = {"is": f"axle{i}_force", "unit": "kN"}
+        columns[f"axle{i}_speed_kmh"] = {"is": f"axle{i}_speed", "unit": "km/h"}
+    return columns
+
+
+def test_a_mapping_says_what_names_do_not():
+    """Counters of four kinds; motors behind a gear; forces at the contact."""
+    one = logged("braked")
+    time, radius = one.table["time_s"].to_numpy(), one.train.radius
+    wheels = spoil.wheels_of(one.table)
+    pulses, motors, gear = (
+        one.table.drop(columns=wheels),
+        one.table[["time_s", "speed_kmh"]].copy(),
+        5.83,
+    )
+    of_pulses, of_motors = mapped(), {name: mapped()[name] for name in motors}
+    for i, name in enumerate(wheels, 1):
+        rim = one.table[name].to_numpy() / 3.6
         way = np.concatenate([[0.0], np.cumsum(0.5 * (rim[1:] + rim[:-1]) * np.diff(time))])
-        total = np.floor(way / (2.0 * np.pi * radius) * 80.0)
-        counts[f"imp{i}"] = counter(i, total)
-        names[f"imp{i}"] = {"is": f"axle{i}_pulses", "pulses_per_turn": 80}
-        names[f"axle{i}_force_kn"] = {"is": f"axle{i}_force", "unit": "kN"}
-    log = check_log(counts, clean.train, "log", Mapping.model_validate({"columns": names}))
-    found = analyse_run(log.run, log.train)
-    assert found.total_damage == pytest.approx(clean.damage, rel=SHARE)
+        counted = counter(i, np.floor(way / (2.0 * np.pi * radius[i - 1]) * 80.0))
+        torque = 1e3 * one.table[f"axle{i}_force_kn"] * radius[i - 1] / gear
+        pulses[f"imp{i}"] = counted
+        del of_pulses[name]
+        of_pulses[f"imp{i}"] = {"is": f"axle{i}_pulses", "pulses_per_turn": 80}
+        motors[f"n{i}"], motors[f"M{i}"] = rim / radius[i - 1] * gear * 30.0 / np.pi, torque
+        of_motors[f"n{i}"] = {"is": f"axle{i}_speed", "unit": "rpm", "gear_ratio": gear}
+        of_motors[f"M{i}"] = {"is": f"axle{i}_torque", "unit": "N m", "gear_ratio": gear}
+    contact = {"columns": mapped(), "forces": {"at": "contact"}}
+    for table, told in (
+        (pulses, {"columns": of_pulses}), (motors, {"columns": of_motors}), (at_contact(one), contact)
+    ):  # fmt: skip
+        log, found = one.found(table, Mapping.model_validate(told))
+        assert found.total_damage == pytest.approx(one.damage, rel=0.02)
+        assert not [remark for remark in said(log, found) if remark.startswith("guess")]
 
 
-def test_a_time_of_day_goes_on_past_midnight(logs):
-    clean = logs["driven"]
-    first = 86400.0 - 0.5 * clean.table["time_s"].iloc[-1]
-    of_day = (first + clean.table["time_s"]) % 86400.0
-    words = pd.to_timedelta(of_day, unit="s").astype(str).str.removeprefix("0 days ")
-    for time in (of_day, words):
-        _, found = clean.found(clean.table.assign(time_s=time))
-        assert found.total_damage == pytest.approx(clean.damage, rel=1e-3)
-
-
-def test_a_clock_that_is_set_back_is_refused(logs):
-    table = logs["driven"].table
-    with pytest.raises(StudyError, match=r"time goes back: 0 s after 6 s; if these are two logs"):
-        logs["driven"].found(pd.concat([table, table]))
+def test_a_pulse_back_is_no_fault_and_a_speed_far_below_0_is():
+    counted = np.tile([1.0, 0.0], 200)
+    counted[300:] *= -1.0
+    speed, remarks = forwards("axle1_speed", 3.4 * counted, "log")
+    assert (np.isfinite(speed).all(), remarks) == (True, [])
+    smooth = np.linspace(20.0, 0.0, 400)
+    smooth[100:103] = -3.4
+    speed, remarks = forwards("axle1_speed", smooth, "log")
+    assert np.isnan(speed[100:103]).all()
+    assert "3 values that no train has" in remarks[0].text

@@ -9,12 +9,12 @@ import pytest
 from scipy.io import savemat
 
 from studies.files.study_error import StudyError
+from studies.logs.channels import open_channels
 from studies.logs.gradients import GradientLine
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping, draft_text, read_mapping
 from studies.logs.measured_log import check_log, read_log
 from studies.logs.measured_run import analyse_run
-from studies.logs.raw_channels import open_channels
 from studies.logs.recorder_files import READERS, read_recording
 from studies.logs.remarks import MOST, grouped
 from tests.studies.test_measured_log import TRAIN, make_table
@@ -289,33 +289,35 @@ def times() -> dict[str, pd.Series]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", times())
-def test_every_clock_gives_the_same_wheel_damage(tmp_path, kind):
-    table, path = TABLE.assign(time_s=times()[kind]), tmp_path / kind
-    path = path if path.suffix else path.with_suffix(".csv")
-    table.to_parquet(path) if path.suffix == ".parquet" else table.to_csv(path, index=False)
-    log = read_log(path, TRAIN)
+def test_every_clock_gives_the_same_wheel_damage(tmp_path):
     expected = analyse_run(check_log(TABLE, TRAIN, "log").run, TRAIN).total_damage
-    assert analyse_run(log.run, TRAIN).total_damage == pytest.approx(expected, rel=2e-3)
-    assert len(grouped(log.remarks)) <= MOST
+    wrong = {}
+    for kind, clock in times().items():
+        table, path = TABLE.assign(time_s=clock), tmp_path / kind
+        path = path if path.suffix else path.with_suffix(".csv")
+        table.to_parquet(path) if path.suffix == ".parquet" else table.to_csv(path, index=False)
+        log = read_log(path, TRAIN)
+        damage = analyse_run(log.run, TRAIN).total_damage
+        if abs(damage / expected - 1.0) > 2e-3 or len(grouped(log.remarks)) > MOST:
+            wrong[kind] = (damage, expected, log.remarks)
+    assert not wrong
 
 
 def test_pressure_position_and_a_line_take_part(tmp_path):
     table = TABLE.drop(columns=FORCES)
     way = np.cumsum(table["speed_kmh"] / 3.6 * 0.02)
-    table = table.assign(
-        km=(1000.0 + way) / 1e3, p1=np.maximum(-TABLE["axle1_force_kn"], 0.0) * 0.5
-    )
+    pressure = np.maximum(-TABLE["axle1_force_kn"], 0.0) * 0.5
+    table = table.assign(km=(1000.0 + way) / 1e3, p1=pressure, p2=pressure)
     names = {
         name: {"is": name.rsplit("_", 1)[0], "unit": "km/h"} for name in table if "speed" in name
     }
     names |= {"time_s": {"is": "time", "unit": "s"}, "km": {"is": "position", "unit": "km"}}
-    names["p1"] = {"is": "car1_pressure", "unit": "bar", "newton_per_kpa": 20.0}
+    for car in (1, 2):
+        names[f"p{car}"] = {"is": f"car{car}_pressure", "unit": "bar", "newton_per_kpa": 20.0}
     mapping = Mapping.model_validate({"columns": names})
-    line = GradientLine(np.array([0.0, 1100.0]), np.array([0.0, 0.02]))
+    line = GradientLine(np.array([0.0, 1100.0]), np.array([0.0, 1e-3]))
     log = check_log(table, TRAIN, "log", mapping, line)
     expected = np.minimum(1e3 * TABLE["axle1_force_kn"], 0.0)
-    for axle in (0, 1):  # of the first car
+    for axle in range(4):
         np.testing.assert_allclose(log.run.applied_force[:, axle], expected, atol=1e-6)
-    assert np.isnan(log.run.applied_force[:, 2:]).all()
-    np.testing.assert_array_equal(log.grade, np.where(log.position < 1100.0, 0.0, 0.02))
+    np.testing.assert_array_equal(log.grade, np.where(log.position < 1100.0, 0.0, 1e-3))

@@ -1,17 +1,19 @@
-"""The raw channels of a log: which column is what, the clock of its rows, and values on their own instants in SI units."""
+"""The channels of a log: which column is what, the clock of its rows, and each one's own samples in SI units."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.logs.channel_values import numbers
+from alloc.estimation.series import spans
+from studies.logs.channel_values import carried, forwards, numbers
 from studies.logs.clock import Clock, read_clock
 from studies.logs.columns import QUANTITIES, SHARED, Assigned, near_column
 from studies.logs.known_train import MeasuredTrain
 from studies.logs.mapping import Mapping, assigned, draft
+from studies.logs.own_samples import BRIDGED, WORDS, Samples, own_samples
 from studies.logs.recorder_files import Recording
-from studies.logs.remarks import Faulty, Remark, faulty
+from studies.logs.remarks import NAMED, Faulty, Remark, faulty
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +21,7 @@ FEWEST_ROWS = 10
 
 
 @dataclass(eq=False)
-class RawChannels:
+class Channels:
     """The channels of a log, which are read one after another; remarks grow with them."""
 
     recording: Recording
@@ -68,10 +70,84 @@ class RawChannels:
             scale *= float(self.train.radius[one.number - 1])
         return values if scale == 1.0 else values * scale
 
+    def note_missing(self, name: str, time: Floats, values: Floats, samples: Samples) -> None:
+        """Remark on what a channel lacks, and on how its samples are told; long stretches are named, short ones counted."""
+        missing = ~np.isfinite(values)
+        count = int(missing.sum())
+        if count == values.size:
+            self.remarks.append(Remark("missing", name, "no value at all"))
+            return
+        if samples.kind not in ("sampled", "counted"):
+            text = f"a value every {samples.period:.4g} s, {WORDS[samples.kind]}"
+            self.remarks.append(Remark("sampling", name, text))
+        if count == 0:
+            return
+        reach = max(BRIDGED, 1.5 * samples.period)
+        stretches = spans(missing)
+        first, last = (
+            np.maximum(stretches[:, 0] - 1, 0),
+            np.minimum(stretches[:, 1], values.size - 1),
+        )
+        far = stretches[time[last] - time[first] > reach * (1.0 + 1e-9)]
+        for begin, end in far[:NAMED].tolist():
+            rows = f"row {begin + 1}" if end == begin + 1 else f"rows {begin + 1} to {end}"
+            text = f"no value in {rows}, {time[begin]:.6g} s to {time[end - 1]:.6g} s"
+            self.remarks.append(Remark("missing", name, text, begin + 1, float(time[begin])))
+        if len(far) > NAMED:
+            text = f"no value in {len(far) - NAMED} more stretches"
+            self.remarks.append(Remark("missing", name, text))
+        if len(far) < len(stretches):
+            row = int(np.flatnonzero(missing)[0]) + 1
+            share = 100.0 * count / values.size
+            rows = (
+                f"{share:.0f} % of the rows" if share > 10.0 else f"{count} rows, the first {row}"
+            )
+            rows = f"row {row}" if count == 1 else rows
+            text = f"no value in {rows}, interpolated over up to {reach:.2g} s"
+            self.remarks.append(Remark("missing", name, text, row))
+
+    def speed(self, place: tuple[str, int]) -> Samples:
+        """Own samples of a speed [m/s] that counts forwards."""
+        time, values = self.series(place)
+        name = self.assigned[place].column
+        values = self.scaled(place, values)
+        values, found = forwards(name, values, self.source)
+        self.remarks += found
+        samples = own_samples(time, values, speed=True)
+        self.note_missing(name, time, values, samples)
+        return samples
+
+    def force(self, axle: int) -> Samples:
+        """Own samples of what acts on an axle, at the rim [N]."""
+        place = ("effort", axle)
+        one = self.assigned[place]
+        time, values = self.series(place)
+        if one.quantity == "axleN_pressure":
+            # a cylinder only brakes
+            values = -self.scaled(place, values) * (one.newton_per_pascal or 0.0)
+        else:
+            values = self.scaled(place, values)
+        if one.quantity == "axleN_torque":
+            values = values / float(self.train.radius[axle - 1])
+        load = float(self.train.axle_load[axle - 1])
+        values, found = carried(one.column, values, load)
+        self.remarks += found
+        samples = own_samples(time, values)
+        self.note_missing(one.column, time, values, samples)
+        return samples
+
+    def plain(self, place: tuple[str, int]) -> Samples:
+        """Own samples of any other channel."""
+        time, values = self.series(place)
+        values = self.scaled(place, values)
+        samples = own_samples(time, values)
+        self.note_missing(self.assigned[place].column, time, values, samples)
+        return samples
+
 
 def open_channels(
     recording: Recording, train: MeasuredTrain, mapping: Mapping | None, owner: str
-) -> RawChannels:
+) -> Channels:
     """Find out what the columns of a recording are and read its clock; `owner` names the mapping file in messages.
 
     Without a mapping the log is read by its draft. Raises `Faulty` for what the train does not have, is there twice, or is
@@ -123,7 +199,7 @@ def open_channels(
             raise faulty(source, time.column, None, text)
         clock = read_clock(raw, time.column, time.unit, source, period)
         remarks += clock.remarks
-    return RawChannels(recording, train, by_place, clock, remarks)
+    return Channels(recording, train, by_place, clock, remarks)
 
 
 def _by_place(
