@@ -198,7 +198,8 @@ def test_currents_and_what_is_learnt_equal_the_second_transcription(case, integr
         )
         speed += 1.7 * (110 <= k < 120)
         x += speed * PERIOD
-        assert control(SimpleNamespace(time=k * PERIOD, speed=speed, position=x), controls) is True
+        sense = SimpleNamespace(time=k * PERIOD, speed=speed, position=x, wheel_speed=np.zeros(0))
+        assert control(sense, controls) is True
         twin.drive(k * PERIOD, speed, x)
         np.testing.assert_allclose(controls.torque.sum(), twin.rows[-1][6], rtol=1e-9, atol=1e-9)
         signals.add(twin.rows[-1][-1])
@@ -224,7 +225,8 @@ def test_the_measured_speed_is_noisy_as_drawn():
     )
     controls = SimpleNamespace(torque=np.zeros(2))
     for k in range(3):
-        control(SimpleNamespace(time=k * PERIOD, speed=5.0, position=0.0), controls)
+        sense = SimpleNamespace(time=k * PERIOD, speed=5.0, position=0.0, wheel_speed=np.zeros(0))
+        control(sense, controls)
     expected = 5.0 + 0.2 * np.random.default_rng(4).standard_normal(3)
     np.testing.assert_allclose(control.log()["measured_speed"], expected)
 
