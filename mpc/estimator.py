@@ -44,7 +44,7 @@ ROUGHEST = 4.0
 """A reading counts as no noisier than this multiple of the known noise, because slip itself also jumps."""
 
 
-class AxleEstimates(NamedTuple):
+class Axles(NamedTuple):
     """Stored values of each axle, (axles,) each."""
 
     filtered: Floats
@@ -103,9 +103,9 @@ def constants_of(context: UnitContext, belief: PeakBelief) -> Any:
     )
 
 
-def axles_of(context: UnitContext, belief: PeakBelief) -> AxleEstimates:
+def axles_of(context: UnitContext, belief: PeakBelief) -> Axles:
     """Axles before any reading."""
-    axles = AxleEstimates(*(np.zeros(context.axles) for _ in AxleEstimates._fields))
+    axles = Axles(*(np.zeros(context.axles) for _ in Axles._fields))
     axles.noise[:] = FIRST_NOISE
     axles.peak[:] = belief.initial
     axles.variance[:] = (DOUBT * belief.initial) ** 2

@@ -37,7 +37,8 @@ class LineErrors:
 
     def __post_init__(self) -> None:
         names = [item.name for item in fields(self)]
-        OnboardError.check("line errors", self, nonnegative=names, infinite=())
+        OnboardError.check("line errors", self, nonnegative=names)
+        OnboardError.check_finite("line errors", self, names)
 
     @property
     def counts_wheels(self) -> bool:
