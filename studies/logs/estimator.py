@@ -27,7 +27,6 @@ from studies.logs.aligned_log import (
 from studies.logs.motion_fit import (
     CREEP_UNSURE,
     LEAST_RADIUS,
-    PLACE,
     WALKS,
     Fit,
     Posterior,
@@ -90,9 +89,8 @@ class Unsure(NamedTuple):
     """[m/s], (instants,)."""
     delay: float
     """Standard deviation of the delay [s]."""
-    creep_share: float
     scale: float
-    """Standard deviations of creep, relative, and of the scale of the speed."""
+    """Standard deviation of the scale of the speed."""
     noise: float
     """Of a measured speed [m/s]."""
 
@@ -100,7 +98,7 @@ class Unsure(NamedTuple):
         """Standard deviations of the integral of a `weight` (instants,) times the speed: of the speed, and of its delay."""
         model = 0.0 if self.posterior is None else self.posterior.deviation(weight)
         terms = (
-            model, self.creep_share * float(weight @ self.creep), self.scale * float(weight @ self.speed),
+            model, CREEP_UNSURE * float(weight @ self.creep), self.scale * float(weight @ self.speed),
             self.noise * float(np.sqrt(weight @ weight)),
         )  # fmt: skip
         return float(np.sqrt(np.square(terms).sum())), abs(float(weight @ self.rate)) * self.delay
@@ -129,9 +127,6 @@ class Estimate:
     unsure: Unsure
     delay: tuple[float, float] | None
     """Delay of the speed's channel and its standard deviation [s]."""
-
-    exact: bool = False
-    """Whether the speed's channel is used, and not only the model."""
 
 
 FAR_OFF = 0.5
@@ -222,29 +217,22 @@ def _readings(
         other = fit(log, use_speed=use, **start | {"drift": drift})
         if other.evidence < found.evidence - PRICE["drift"]:
             found, start = other, start | {"drift": drift}
-    best, wrong = found.cost + _early(found), np.count_nonzero(np.abs(found.radius) > 1e-3)
-    at_rims = (not at_contact) if at_contact is not None else _at_rims(log, found.speed)
+    best = found.cost + _early(found)
+    wrong = np.count_nonzero(np.abs(found.radius) > LEAST_RADIUS)
+    at_rims = _at_rims(log, found.speed) if at_contact is None else None
+    others: list[tuple[str, dict[str, Any]]] = []
+    # forces that no channel tells explain a change as well as the wheels' inertia
+    if at_contact is None and at_rims is not True and log.told.all():
+        others += [("contact", {"contact": True})]
+    if use:
+        others += [("scaled", {"scaled": True})]
+    if log.told.any():
+        others += [("force_late", {"force_late": late}) for late in (0.0, 0.15, -0.15)]
+    if log.told.any() and use:  # all else is early then
+        others += [("wheels_late", {"late": -late, "force_late": -late}) for late in (0.15, -0.15)]
     chosen = start
-    for name, value in (
-        ("contact", True),
-        ("scaled", True),
-        ("force_late", 0.0),
-        ("force_late", 0.15),
-        ("force_late", -0.15),
-        ("wheels_late", 0.15),
-        ("wheels_late", -0.15),
-    ):
-        if name == "contact" and not log.told.all() and not at_contact:
-            continue  # forces that no channel tells explain it as well
-        if (name == "contact" and at_rims is not None and (at_rims or at_contact)) or (
-            name in ("scaled", "wheels_late") and not use
-        ):
-            continue
-        if not log.told.any() and name != "scaled":
-            continue
-        begun = start | {name: value}
-        if name == "wheels_late":  # all else is early then
-            begun = start | {"late": -value, "force_late": -value}
+    for name, changes in others:
+        begun = start | changes
         if name == "force_late" and _early(found):
             begun["late"] = 0.0
         other = fit(log, use_speed=use, **begun)
@@ -312,15 +300,7 @@ def _corrected(log: Log, found: Fit, names: dict[int, str]) -> Estimate:
     delay = None
     deviation = 0.0
     if z is not None and z.time.size >= 3:
-        unit = np.zeros(found.posterior.corner.shape[0])
-        unit[PLACE["d"]] = 1.0
-        deviation = float(
-            np.sqrt(
-                found.posterior.solve(np.zeros(found.posterior.factor.shape[1]), unit)[1][
-                    PLACE["d"]
-                ]
-            )
-        )
+        deviation = found.posterior.deviation_of("d")
         delay = (x["d"], float(np.hypot(deviation, DELAY_FLOOR)))
     followed = not exact
     if exact and z is not None:
@@ -365,6 +345,6 @@ def _corrected(log: Log, found: Fit, names: dict[int, str]) -> Estimate:
     unsure = Unsure(
         None if exact else found.posterior, mean_creep if not exact else np.zeros(t.size), accelerated, v,
         float(np.hypot(deviation, DELAY_FLOOR)) if exact and followed else 0.0 if exact else DELAY_FLOOR,
-        CREEP_UNSURE, 0.0 if exact and not followed else SCALE_UNSURE, (z.noise if z is not None else 0.0) if exact else 0.0,
+        0.0 if exact and not followed else SCALE_UNSURE, (z.noise if z is not None else 0.0) if exact else 0.0,
     )  # fmt: skip
-    return Estimate(log, found, v, followed, unsure, delay, exact)
+    return Estimate(log, found, v, followed, unsure, delay)

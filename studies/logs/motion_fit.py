@@ -230,6 +230,12 @@ class Posterior:
         """Logarithm of the determinant of the matrix."""
         return float(2 * np.log(self.factor[-1]).sum() + np.linalg.slogdet(self.corner)[1])
 
+    def deviation_of(self, name: str) -> float:
+        """Standard deviation of a number of the border, see `PLACE`."""
+        unit = np.zeros(self.corner.shape[0])
+        unit[PLACE[name]] = 1.0
+        return float(np.sqrt(self.solve(np.zeros(self.factor.shape[1]), unit)[1][PLACE[name]]))
+
     def deviation(self, weight: Floats) -> float:
         """Standard deviation of the integral of a `weight` (instants,) times the speed."""
         assert self.hats is not None
