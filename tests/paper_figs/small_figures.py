@@ -113,12 +113,12 @@ def half_slips():
 
 @cache
 def logged():
-    """A log with a gap, of coupled cars that slide."""
+    """A log with a gap that is too long to be filled in, of coupled cars that slide."""
     train = TRAIN.coupled(Coupler())
     table = log_table(
-        braked(readhering, train=train, rail=DEMONSTRATION.rail(), duration=10.0), train, 5
+        braked(readhering, train=train, rail=DEMONSTRATION.rail(), duration=24.0), train, 5
     )
-    log = check_log(table.drop(index=range(60, 80)), MeasuredTrain.of(train), "log")
+    log = check_log(table.drop(index=range(60, 280)), MeasuredTrain.of(train), "log")
     return log, analyse_run(log.run, log.train)
 
 
