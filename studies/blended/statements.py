@@ -232,7 +232,7 @@ def _locked(events: pd.DataFrame, controller: str) -> Statement:
     own = locked[ESTIMATE]
     return decided(
         f"locked: {controller}", f"no driven wheel locks above 5 km/h under {controller}, with any rule",
-        {f"{int(own.sum())} of {len(events)} stops": not own.any()},
+        {f"in {int(own.sum())} of {len(events)} stops": not own.any()},
         {
             "share of stops with locked driven wheels": own,
             "share of stops with locked driven wheels, true speed": locked[TRUTH],

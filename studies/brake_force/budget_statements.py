@@ -45,7 +45,7 @@ def _survival(finding: Statement, arms: Mapping[str, Statement]) -> Statement:
         arms,
         AS_PLANT,
         f"verdict no worse than that of the estimator that believes as the plant is ({finding.verdict}); numbers are the "
-        "first of the finding; conditions are the errors that it does not survive",
+        "first of the finding; conditions are the errors with which it is worse",
     )
 
 
@@ -55,12 +55,15 @@ def _dry_stops(rows: pd.DataFrame) -> Statement:
     for belief, own in rows.groupby("belief", sort=False):
         lacking, every = own[own["missing"] > 0.0], own.groupby("event")["wrong"].mean()
         found = lacking.set_index("event")["found"].astype(float)
-        met[f"{belief}: a tenth missing is found"] = Bound("", found, least=SURE)
-        met[f"{belief}: sound cars accused"] = Bound("", every, most=RARE)
+        met[f"with {belief}: a tenth missing is found"] = Bound("", found, least=SURE)
+        met[f"with {belief}: sound cars accused seldom"] = Bound("", every, most=RARE)
     return over_cases(
         "budget: smallest shortfall found",
         "a tenth of one car's brake force is found, and nobody accused wrongly, also where the estimator errs",
         met,
-        {words: bound.values for words, bound in met.items()},
+        {
+            words.removeprefix("with ").removesuffix(" seldom"): bound.values
+            for words, bound in met.items()
+        },
         "dry stops; found in at least 95 % of them, sound cars accused in at most 5 %",
     )

@@ -41,12 +41,12 @@ def _statements(rows: pd.DataFrame, controller: str) -> list[Statement]:
     return [
         decided(
             f"slip: {controller}", f"on constant rail no axle slips by more than {SLIP:g} m/s",
-            {f"{int(beyond.sum())} of {len(rows)} rails": not beyond.any()}, slips,
+            {f"on {int(beyond.sum())} of {len(rows)} rails": not beyond.any()}, slips,
             "holds if it does on every rail", enough=len(rows) >= LEAST_EVENTS,
         ),
         decided(
             f"rest: {controller}", f"on constant rail torque does not cycle by {CYCLE:.1%} or more beside the swing",
-            {f"{int(cycling.sum())} of {len(limited)} rails": not cycling.any()},
+            {f"on {int(cycling.sum())} of {len(limited)} rails": not cycling.any()},
             {**swings, **_shares(limited, cycling, "that cycle")},
             "units that are limited through the last 3 s; holds if it does on every rail",
             enough=len(limited) >= LEAST_EVENTS,

@@ -21,6 +21,7 @@ from studies.core.verdict import (
     decide,
     intervals_of,
     side,
+    unmet,
 )
 
 Part = Callable[[pd.DataFrame], "pd.Series[bool]"]
@@ -168,9 +169,9 @@ def _statement(
     others = zip(claim.others, sides[parts.stop :], intervals[parts.stop - 1 :], strict=True)
     conditions = [
         *([] if sides[1] > 0 else shown[1]),
-        *(f"not {text}" for text in shown[-1]),
-        *(f"otherwise with {name}: {i.value:.3g} [{i.low:.3g}, {i.high:.3g}]" for (name, _), one, i in others if one < 0),
-        *(f"not shown {text}" for text in shown[0] if claim.every),
+        *(unmet(text) for text in shown[-1]),
+        *(unmet(f"besides, {name}: {i.value:.3g} [{i.low:.3g}, {i.high:.3g}]") for (name, _), one, i in others if one < 0),
+        *(unmet(text, None) for text in shown[0] if claim.every),
     ]  # fmt: skip
     return Statement(
         claim.name,

@@ -96,7 +96,7 @@ def _learnt(series: pd.DataFrame, arm: str) -> Statement:
         numbers[f"stations until then, {name}"] = until
         numbers[f"share learnt within {COARSE:g}, {name}"] = coarse.notna()
         numbers[f"stations until within {COARSE:g}, {name}"] = coarse
-        words = f"not with {name}: {until.notna().mean():.0%} of the series"
+        words = f"with {name}: {until.notna().mean():.0%} of the series"
         met[words] = Bound("", until.notna(), least=0.5)
     return over_cases(
         f"learnt-{LEARNERS[arm]}",
@@ -161,7 +161,7 @@ def _unbiased(series: pd.DataFrame) -> Statement:
             words = f"{reference} reference, {rail} rail"
             numbers[f"excess over the truth with true increments stored, {words}"] = interval
             if interval.count >= LEAST_EVENTS:
-                case = f"not with {words}: {COEFFICIENT(interval)}"
+                case = f"with {words}: {COEFFICIENT(interval)}"
                 met[case] = Bound("", excess, -TOLERANCE, TOLERANCE)
         for name, part in PARTS.items():
             words = f"with true increments stored, {reference} reference, {name}"

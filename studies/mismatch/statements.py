@@ -61,7 +61,7 @@ def _statement(
     """That no cell loses; `pairs`: words of a cell -> curve, noise and the two settings."""
     found = {words: difference(table, *pair, "utilisation_short") for words, pair in pairs.items()}
     essential: dict[str, Item] = {
-        words: Bound(words, values, least=-LOSS) for words, values in found.items()
+        f"with {words}": Bound("", values, least=-LOSS) for words, values in found.items()
     }
     numbers = {
         f"{text}, {words}": difference(table, *pair, metric)
@@ -105,6 +105,6 @@ def _believed(table: pd.DataFrame) -> Statement:
     same = all(bool((values == 0.0).all()) for values in numbers.values())
     return decided(
         "belief", "an MPC that seeks its slip does the same whatever curve it believes in",
-        {"not to the last digit": same}, MappingProxyType(numbers), "holds if no number of any event differs",
+        {"to the last digit": same}, MappingProxyType(numbers), "holds if no number of any event differs",
         enough=all(values.notna().any() for values in numbers.values()),
     )  # fmt: skip

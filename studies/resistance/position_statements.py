@@ -135,7 +135,7 @@ def _survivals(found: Sequence[Statement], arms: Sequence[str]) -> list[Statemen
         told.append(
             survives(
                 f"survives: {row.name}", f"with every error too: {row.reason}", clean, others, NONE,
-                f"no worse than without errors ({clean.verdict}); conditions are the errors that it does not survive",
+                f"no worse than without errors ({clean.verdict}); conditions are the errors with which it is worse",
             )
         )  # fmt: skip
     return told

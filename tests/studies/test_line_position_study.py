@@ -83,7 +83,7 @@ def test_an_error_that_breaks_a_claim_is_named_as_what_it_does_not_survive(broke
         assert survival.verdict == (
             FAILS if claim == "5: in use" else CONDITIONS
         )  # of one error, or of several
-        assert survival.conditions == (arm,)
+        assert survival.conditions == (f"not with {arm}",)
 
 
 def test_nothing_else_breaks_and_what_fails_without_errors_has_nothing_to_survive(broken):
