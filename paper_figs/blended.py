@@ -27,10 +27,20 @@ from paper_figs.style import (
     plain_ticks,
     rule_look,
 )
-from studies.blended.blended_thresholds import THRESHOLDS
 from studies.blended.events import CURVES, TRAINS
-from studies.blended.statements import CONTROLLERS, ESTIMATE, RULES, TRUTH, arm_name, less, pairs_of
+from studies.blended.statements import (
+    CONTROLLERS,
+    ERROR,
+    ESTIMATE,
+    LOST,
+    RULES,
+    TRUTH,
+    arm_name,
+    less,
+    pairs_of,
+)
 from studies.core.arms import Arm
+from studies.core.claims import quantity
 from studies.core.statement import column_interval, mean_interval
 
 FEW_EVENTS = 2
@@ -65,7 +75,7 @@ def blended(table: pd.DataFrame) -> Figure:
         events,
         "reference_error",
         "largest error of the\nreference speed [m/s]",
-        THRESHOLDS["error"].value,
+        ERROR,
     )
     _stops(ratio, events, "reference_ratio", "error over stated\ndeviation, rms [–]", 1.0)
     for one in upper:
@@ -101,11 +111,11 @@ def _lost(axes: Axes, events: pd.DataFrame) -> None:
     for y, controller in enumerate(CONTROLLERS):
         for rule, shift in zip(RULES, SHIFTS, strict=True):
             arm = Arm(rule, controller)
-            values = less("bound_use", arm_name(arm, TRUTH), arm_name(arm))(events)
+            values = quantity(events, less("bound_use", arm_name(arm, TRUTH), arm_name(arm)))
             look = {**rule_look(rule), "markersize": 4.0, "elinewidth": 0.9}
             interval_mark(axes, mean_interval(values), y + shift, 100.0, look)
     axes.axvline(0.0, color=ZERO, linewidth=0.8, zorder=0)
-    axes.axvline(100.0 * THRESHOLDS["estimate"].value, **BOUND)
+    axes.axvline(100.0 * LOST, **BOUND)
     axes.set_xlabel("lost to the estimate,\nof the bound [%]")
 
 

@@ -24,20 +24,23 @@ from paper_figs.style import (
     sides_of,
 )
 from paper_figs.verdicts import Strip, verdict_strips
-from studies.claims.measures import EXCESS_EDGES, excess_column
+from studies.claims.measures import EXCESS_EDGES, RANGES, excess_column
 from studies.claims.statements import (
     ARMS,
     PARTS,
     REACH_PARTS,
+    REACHED,
+    USED_LEAST,
+    USED_OVER,
+    WITHIN_REACH,
     claim_statements,
+    claims_of,
     pairs_of,
-    population,
     statement_name,
 )
-from studies.claims.thresholds import REACHED, THRESHOLDS, bears, threshold_test
-from studies.core.arms import COMPARED
+from studies.core.arms import COMPARED, Arm
+from studies.core.claims import Claim, number, quantity
 from studies.core.drawn_events import complete
-from studies.core.family import Part, Test
 from studies.core.statement import CONFIDENCE, mean_interval
 from studies.core.verdict import LEAST_EVENTS
 
@@ -47,6 +50,7 @@ FEW_EVENTS = 24
 CLAIM_TABLE = study("claims", FEW_EVENTS)
 RULE, CONTROLLER = "greedy-literal", "cut-and-ramp"
 """Of which these figures show the claims: the patent as printed."""
+OWN = claims_of(Arm(RULE, CONTROLLER))
 SEASON_MARKERS = {"summer": ("o", "#222222"), "winter": ("s", "#999999")}
 """Marker and colour of a season; greys, since colours represent rules."""
 SHARE_95 = 0.95
@@ -100,7 +104,7 @@ def claim_a(table: pd.DataFrame) -> Figure:
     """Left: effort under alone against other rules, one mark per event within reach. Right: the claim's mean by part."""
     rules = (RULE, "exact", "oracle")
     pairs, events = _bearing_on(table, "a")
-    reach = pairs[bears("a within reach", RULE, pairs)]
+    reach = pairs[quantity(pairs, WITHIN_REACH)]
     drawn, (left, right) = new_panels(PAGE, 3.7, 1, 2, **WIDTHS)
     alone = 100 * reach["held_effort@alone"]
     for rule in rules:
@@ -111,7 +115,7 @@ def claim_a(table: pd.DataFrame) -> Figure:
     left.set(xlabel="effort over plan, alone [%]", ylabel="effort over plan, other rules [%]")
     left.set_title(f"{len(reach)} of {len(pairs)} events within reach")
     left.legend(handles=rule_handles(rules), loc="lower right")
-    _forest(right, events, threshold_test("a", RULE), f"effort over plan, {RULE} [%]", 100.0)
+    _forest(right, events, OWN["a"], f"effort over plan, {RULE} [%]", 100.0)
     right.set_title("alone below the line")
     return drawn
 
@@ -132,10 +136,10 @@ def claim_b(table: pd.DataFrame) -> Figure:
             left.plot([x - 0.35, x + 0.35], 2 * [np.median(known)], color="black", linewidth=1.2)
     left.set_xticks(range(len(rules)), [rule.replace("-", "-\n") for rule in rules])
     left.grid(visible=False, axis="x")
-    left.axhline(100 * THRESHOLDS["b"].value, **BOUND)
+    left.axhline(100 * USED_LEAST, **BOUND)
     left.set_ylabel("adhesion used by the unit that uses least [%]")
     left.set_title(f"{len(events)} of {len(pairs)} events out of reach")
-    _forest(right, events, threshold_test("b", RULE), f"adhesion used, {RULE} [%]", 100.0)
+    _forest(right, events, OWN["b"], f"adhesion used, {RULE} [%]", 100.0)
     return drawn
 
 
@@ -158,13 +162,13 @@ def claim_c(table: pd.DataFrame) -> Figure:
                 error = sides_of(mean, 1.0)
                 left.errorbar(centre, mean.value, error, markersize=5.0, elinewidth=1.2, **look)
     left.axhline(100 * SHARE_95, color="black", linewidth=0.8, zorder=0)
-    left.axhline(100 * THRESHOLDS["c"].value, **BOUND)
+    left.axhline(100 * USED_OVER, **BOUND)
     left.set_xticks([100 * edge for edge in EXCESS_EDGES])
     left.set(xlabel="limit above the true adhesion by [%]", ylabel="adhesion used there [%]")
     left.set(ylim=(75.0, 101.0), title=f"{len(events)} of {len(pairs)} events")
     left.legend(handles=rule_handles(rules), loc="lower right")
     right.set_title("limit up to 15 % too high")
-    _forest(right, events, threshold_test("c", RULE), f"adhesion used, {RULE} [%]", 100.0)
+    _forest(right, events, OWN["c"], f"adhesion used, {RULE} [%]", 100.0)
     return drawn
 
 
@@ -179,7 +183,7 @@ def claim_d(table: pd.DataFrame) -> Figure:
     left.set(xlabel="jerk rms, sharing [m/s³]", ylabel=f"jerk rms, {RULE} [m/s³]")
     left.set_title(f"{len(events)} of {len(pairs)} events with slip")
     left.legend(loc="lower right")
-    _forest(right, events, threshold_test("d", RULE), "jerk rms less sharing [m/s³]")
+    _forest(right, events, OWN["d"], "jerk rms less sharing [m/s³]")
     return drawn
 
 
@@ -189,10 +193,10 @@ def claim_e(table: pd.DataFrame) -> Figure:
     """Left: paired difference of effort over the adhesion available, one mark per event. Right: effort and slip by part."""
     pairs, events = _bearing_on(table, "e")
     parts = {**PARTS, **REACH_PARTS}
-    effort = threshold_test("e", RULE)
-    slip = threshold_test("e besides", RULE)
+    effort = OWN["e"]
+    (slip,) = effort.besides
     drawn, (left, middle, right) = new_panels(PAGE, 3.7, 1, 3, width_ratios=(1.0, 0.55, 0.55))
-    _by_season(left, events, 100 * events["reach_low@oracle"], 100 * effort.quantity(events))
+    _by_season(left, events, 100 * events["reach_low@oracle"], 100 * effort.values(events))
     left.axhline(0.0, **BOUND)
     left.axvline(100.0, color=DARK, linewidth=0.8, zorder=0)
     left.set_xlabel("adhesion of all units over plan [%]")
@@ -211,7 +215,7 @@ def _bearing_on(table: pd.DataFrame, claim: str) -> tuple[pd.DataFrame, pd.DataF
     """All events of the sweep, one row each, and those that bear on a claim."""
     whole = complete(table)
     pairs = pairs_of(whole[whole["controller"] == CONTROLLER])
-    return pairs, population(pairs, claim, RULE)
+    return pairs, OWN[claim].bearing(pairs)
 
 
 def _points(axes: Axes, x: "pd.Series[float]", y: "pd.Series[float]", **look: str) -> None:
@@ -237,25 +241,26 @@ def _diagonal(axes: Axes) -> None:
 def _forest(
     axes: Axes,
     events: pd.DataFrame,
-    test: Test,
+    claim: Claim,
     label: str,
     factor: float = 1.0,
-    parts: Mapping[str, Part] = PARTS,
+    parts: Mapping[str, str] = PARTS,
 ) -> None:
     """The quantity of a claim over all its events, with its 95 % interval, and over each part, after Bonferroni.
 
     Parts of fewer than `LEAST_EVENTS` events are named, but have no mark. `factor`: to the label's unit.
     """
     confidence = 1.0 - (1.0 - CONFIDENCE) / len(parts)
-    found = {"all": test.interval(events)} | {
-        name: test.interval(events[part(events)], confidence) for name, part in parts.items()
+    found = {"all": number(events, claim.mean, RANGES)} | {
+        name: number(events[quantity(events, part)], claim.mean, RANGES, confidence)
+        for name, part in parts.items()
     }
     for y, interval in enumerate(found.values()):
         if interval.count >= LEAST_EVENTS:
             size = {"markersize": 3.5 if y else 5.5, "elinewidth": 0.8 if y else 1.3}
             interval_mark(axes, interval, y, factor, rule_look(RULE) | size)
     name_rows(axes, [f"{name} ({interval.count})" for name, interval in found.items()])
-    axes.axvline(factor * test.threshold, **BOUND)
+    axes.axvline(factor * claim.value, **BOUND)
     axes.axhline(0.5, color="#bbbbbb", linewidth=0.6)
     bare_rows(axes)
     axes.tick_params(axis="y", labelsize=NOTE)

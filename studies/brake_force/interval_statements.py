@@ -28,7 +28,10 @@ def stated_uncertainty(tests: Mapping[str, pd.DataFrame]) -> Statement:
     return decided(
         "stated uncertainty",
         "intervals of 95 %, of averaged and of smoothed forces, hold the truth in 93 to 97 %",
-        {f"within bounds: {words}": Bound("", values, *COVERAGE) for words, values in means.items()},
+        {
+            f"within bounds: {words}": Bound("", values, *COVERAGE)
+            for words, values in means.items()
+        },
         means
         | {
             "deviation of the smoother's changing errors over the stated one": rows[

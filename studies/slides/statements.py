@@ -132,9 +132,7 @@ def _no_lock(table: pd.DataFrame) -> Statement:
             "longest time at a stand, over the axles [s]": single(own["locked_time"].max()),
             "without slide protection [s]": single(without["locked_time"]),
         },
-        tuple(
-            f"not at sensitivity {x:.3g}" for x in own["sensitivity"][own["locked_time"] > 0.0]
-        ),
+        tuple(f"not at sensitivity {x:.3g}" for x in own["sensitivity"][own["locked_time"] > 0.0]),
     )
 
 

@@ -12,6 +12,7 @@ from scipy.stats import binomtest, bootstrap, ttest_rel
 from studies.claims.statements import PARTS
 from studies.claims.study import CLAIMS
 from studies.core.arms import Arm
+from studies.core.claims import quantity
 from studies.core.drawn_events import complete
 from studies.core.statement import (
     CONDITIONS,
@@ -193,4 +194,4 @@ def test_one_value_has_no_interval_and_missing_ones_do_not_count():
 def test_parts_cover_every_event():
     table = claim_table(60)
     for names in (("summer", "winter"), ("uniform rail", "a patch"), ("level line", "a gradient")):
-        assert sum(PARTS[name](table).astype(int) for name in names).eq(1).all()
+        assert sum(quantity(table, PARTS[name]).astype(int) for name in names).eq(1).all()
