@@ -323,7 +323,7 @@ def conjunction(
         unmet(word, one) for word, one in zip(words, all_met(rows[0]), strict=True) if word and not one
     ]  # fmt: skip
     beside = [leaf.numbers for leaf in leaves if leaf is not claim]
-    merged = {words: one for each in (claim.numbers, *beside, numbers) for words, one in each.items()}  # fmt: skip
+    merged = {words: one for each in (*beside, claim.numbers, numbers) for words, one in each.items()}  # fmt: skip
     random = any(not leaf.exact for leaf in leaves)
     return Statement(
         claim.name, claim.claim, verdict(rows[0]), numbers_of(events, merged), tuple(conditions), claim.method,
