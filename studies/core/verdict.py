@@ -188,51 +188,9 @@ def over_cases(
     return decided(name, claim, met, numbers, method, some=True, enough=enough)
 
 
-def survives(
-    name: str,
-    claim: str,
-    finding: Statement,
-    arms: Mapping[str, Statement],
-    without: str,
-    method: str,
-) -> Statement:
-    """Whether a finding also appears in other arms: its verdict there is no worse than the original one, `without`."""
-    return over_cases(
-        name,
-        claim,
-        {f"with {arm}": no_worse(one.verdict, finding.verdict) for arm, one in arms.items()},
-        {
-            f"{arm}: {quantity}": one.numbers[quantity]
-            for arm, one in ({without: finding} | dict(arms)).items()
-            for quantity in list(one.numbers)[:1]
-        },
-        method,
-        has_events(finding) and all(has_events(one) for one in arms.values()),
-    )
-
-
 def with_and_without(met: Mapping[str, bool]) -> tuple[str, ...]:
     """Conditions in words: the cases with which it holds, and then those with which it does not."""
     return (
         *(f"with {case}" for case, holds in met.items() if holds),
         *(unmet(f"with {case}") for case, holds in met.items() if not holds),
-    )
-
-
-BOUNDS_METHOD = (
-    "mean over days with its 95 % interval, which must lie wholly within the bound stated"
-)
-
-
-def judged(name: str, claim: str, bounds: Sequence[Bound], note: str = "") -> Statement:
-    """A statement over bounds: the first is essential, the others are conditions."""
-    words = {f"within its bound: {bound.text} ({bound.words})": bound for bound in bounds}
-    first = next(iter(words))
-    return decided(
-        name,
-        claim,
-        {first: words.pop(first)},
-        {b.text + (f" ({b.words})" if b.words else ""): b.values.astype(float) for b in bounds},
-        BOUNDS_METHOD + (f"; {note}" if note else ""),
-        words,
     )

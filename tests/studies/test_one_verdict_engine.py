@@ -1,6 +1,7 @@
 """Verdicts are decided in one place; studies state what is met."""
 
 import ast
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -9,13 +10,13 @@ import pandas as pd
 import pytest
 
 import studies
+from studies.core.claims import AT_MOST, Claim, conjunction
 from studies.core.statement import CONDITIONS, FAILS, HOLDS, TOO_FEW, UNDECIDED, VERDICTS
 from studies.core.verdict import (
     LEAST_EVENTS,
     Bound,
     decide,
     decided,
-    judged,
     over_cases,
     side,
     with_and_without,
@@ -84,11 +85,15 @@ def test_a_bound_is_decided_by_its_interval_and_judged_again_on_resamples():
         assert found.verdict == verdict
         assert found.agreement > 0.9
     assert found.conditions == ("not so",)
-    both = judged(
-        "x", "", [Bound("a", pd.Series(noise + 1.0), 0.0), Bound("b", pd.Series(noise), 0.0)]
-    )
-    assert both.verdict == CONDITIONS
-    assert both.conditions == ("not shown within its bound: b (at least 0)",)
+    events = pd.DataFrame({"a": noise + 1.0, "b": noise})
+    claim = Claim("x", cases=(Claim("a", mean="a"),), besides=(Claim("b", mean="b"),))
+    both = conjunction(events, claim)
+    assert (both.verdict, both.conditions) == (CONDITIONS, ("not shown b",))
+    twice = replace(claim, besides=(Claim("b", mean="b"), Claim("b", mean="a", side=AT_MOST)))
+    assert conjunction(events, twice).conditions == (
+        "not shown b",
+        "not b",
+    )  # equal words, two bounds
     few = Bound("", pd.Series(noise[: LEAST_EVENTS - 1]), least=0.0)
     assert decided("x", "", {"": few}, {}).verdict == TOO_FEW
     share = pd.Series([True] * 57 + [False] * 3)  # Wilson's interval of 0.95 is [0.863, 0.983]
