@@ -186,10 +186,12 @@ def pushed_over(events, claim, column, claimed):
         other = events.assign(**{column: new})
         return other, float(claim.values(other).astype(float).mean())
 
-    for more in (1.0 + 0.0 * old, old):  # shifted, or scaled: the mean follows in proportion
-        change = changed(old + more)[1] - mean
-        if change:
-            other, reached = changed(old + (target - mean) / change * more)
+    for more in (1.0 + 0.0 * old, old):  # shifted, or scaled
+        times, reached = 0.0, mean
+        for _ in range(6):  # sizes do not follow in proportion
+            slope = changed(old + (times + 1.0) * more)[1] - reached
+            times += (target - reached) / slope if slope else 0.0
+            other, reached = changed(old + times * more)
             if abs(reached - target) < 0.3 * margin:
                 return other
     other, reached = changed(1.0 + target + 0.0 * old)  # of what is a distance from 1
