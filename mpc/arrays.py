@@ -13,7 +13,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from alloc.compilation import FASTMATH, compiled
-from alloc.records import function_at
+from alloc.records import stored_at
 
 VECTOR, MATRIX = float64[::1], float64[:, ::1]
 INDEX = int64[::1]
@@ -51,8 +51,8 @@ def inlined(function: Any) -> Any:
     )
 
 
-prepare_at, slope_at, rate_at = function_at(PREPARE), function_at(SLOPE), function_at(RATE)
-tangent_at = function_at(TANGENT)
+prepare_at, slope_at, rate_at = stored_at(PREPARE), stored_at(SLOPE), stored_at(RATE)
+tangent_at = stored_at(TANGENT)
 
 
 @intrinsic(prefer_literal=True)

@@ -13,7 +13,7 @@ from paper_figs.registry import figure
 from paper_figs.source import made, study
 from paper_figs.style import COLUMN, PAGE, new_panels
 from studies.brake_force.accusations import driven_rows
-from studies.brake_force.faulty_car import Fault, Stop, allocated_stops
+from studies.brake_force.faulty_car import AllocatedStop, Fault, allocated_stops
 from studies.brake_force.findings import running_test_row
 from studies.brake_force.running_tests import BRAKED_AT, TestResult, estimate, run_test, smooth
 from studies.brake_force.statements import CUT_OUT
@@ -162,7 +162,7 @@ def _off_truth(axes: Axes, result: TestResult, error: np.ndarray, way: str, colo
 
 @figure("faulty-car", "which car did not deliver its allocated brake force (sweep brake-force)",
         made(allocated_stops, FAULT, DAY), study("brake-force", 1, lambda: pd.DataFrame(driven_rows(DAY))))  # fmt: skip
-def faulty_car(stops: Sequence[Stop], table: pd.DataFrame) -> Figure:
+def faulty_car(stops: Sequence[AllocatedStop], table: pd.DataFrame) -> Figure:
     """Left: shortfall of each car against its threshold, one bogie cut out; right: shares found over the shortfall."""
     drawn, (bars, shares) = new_panels(PAGE, 2.8, 1, 2, width_ratios=(1.4, 1.0))
     _stop(bars, stops[0])
@@ -171,7 +171,7 @@ def faulty_car(stops: Sequence[Stop], table: pd.DataFrame) -> Figure:
     return drawn
 
 
-def _stop(axes: Axes, stop: Stop) -> None:
+def _stop(axes: Axes, stop: AllocatedStop) -> None:
     """Bars of what was estimated to lack, a tick where a car is accused; one whose wheels slid has neither."""
     found = stop.shortfalls()
     allocated = stop.allocated[stop.window].mean(axis=0) / 1e3

@@ -31,7 +31,7 @@ from paper_figs.style import (
     sides_of,
     tint_better,
 )
-from studies.comparison.summary import REFERENCE, Line, summarise
+from studies.comparison.summary import REFERENCE, SummaryLine, summarise
 
 
 class Change(NamedTuple):
@@ -125,7 +125,7 @@ def _changes(table: pd.DataFrame, changes: Sequence[Change]) -> Figure:
 def _change(
     axes: Axes,
     change: Change,
-    lines: Sequence[Line],
+    lines: Sequence[SummaryLine],
     scenarios: Sequence[str],
     rules: Sequence[str],
 ) -> None:
@@ -152,7 +152,7 @@ def _rows(count: int) -> list[float]:
     return [(k + 0.5) / count - 0.5 for k in range(count)]
 
 
-def _limits(change: Change, lines: Sequence[Line]) -> tuple[float, float]:
+def _limits(change: Change, lines: Sequence[SummaryLine]) -> tuple[float, float]:
     """Ends of the axis: all intervals, and at least what is linear."""
     ends = [-1.5 * change.linear, 1.5 * change.linear]
     for line in lines:
@@ -226,7 +226,7 @@ def utilisation_damage(table: pd.DataFrame) -> Figure:
     return drawn
 
 
-def _marks(lines: Sequence[Line], scenario: str) -> list[Mark]:
+def _marks(lines: Sequence[SummaryLine], scenario: str) -> list[Mark]:
     """Marks of one event."""
     found = []
     for line in lines:
@@ -236,7 +236,7 @@ def _marks(lines: Sequence[Line], scenario: str) -> list[Mark]:
     return found
 
 
-def _look(line: Line) -> Look:
+def _look(line: SummaryLine) -> Look:
     """Mark of a rule under a controller."""
     fill = CONTROLLER_FILL.get(line.controller, "left")
     whose = {"gid": f"{line.rule} under {line.controller}"}

@@ -36,7 +36,7 @@ DARKEST = 0.45
 """Least brightness of a cell whose numbers are black."""
 
 
-class Quantity(NamedTuple):
+class MetricPanel(NamedTuple):
     """A metric's panel: title, factor to its unit, digits, what more of it is worth, the difference of full colour."""
 
     metric: str
@@ -47,7 +47,7 @@ class Quantity(NamedTuple):
     full: float
 
 
-class Column(NamedTuple):
+class CellColumn(NamedTuple):
     """A column of cells: the setting, its noise [km/h], and its name at the axis."""
 
     setting: str
@@ -56,16 +56,16 @@ class Column(NamedTuple):
 
 
 PANELS = (
-    Quantity("utilisation_short", "adhesion used where short [%]", 100.0, "{:.1f}", 1, 10.0),
-    Quantity("damage", "wheel damage Q [kJ]", 1.0, "{:.0f}", -1, 100.0),
-    Quantity("slip_time", "slip over axles [s]", 1.0, "{:.1f}", -1, 10.0),
+    MetricPanel("utilisation_short", "adhesion used where short [%]", 100.0, "{:.1f}", 1, 10.0),
+    MetricPanel("damage", "wheel damage Q [kJ]", 1.0, "{:.0f}", -1, 100.0),
+    MetricPanel("slip_time", "slip over axles [s]", 1.0, "{:.1f}", -1, 10.0),
 )
 WHOSE = ("½", "1", "1½", "piece-\nwise", "Pol.\nwet", "slip\nratio")
 """Names of the given slips at the axis: shares of that of the rail's own peak, then curves whose peak it is."""
 GIVEN_NAMES = tuple(zip(GIVEN, WHOSE, strict=True))
-GROUPS: dict[str, Sequence[Column]] = {
+GROUPS: dict[str, Sequence[CellColumn]] = {
     **{
-        title: [Column(one.name, noise, f"{noise:g}") for noise in NOISES]
+        title: [CellColumn(one.name, noise, f"{noise:g}") for noise in NOISES]
         for title, one in {
             REFERENCE.name: REFERENCE,
             SEARCHER.name: SEARCHER,
@@ -73,8 +73,8 @@ GROUPS: dict[str, Sequence[Column]] = {
             "mpc,\na period late": DELAYED,
         }.items()
     },
-    "mpc at\nown peak ×": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],
-    "mpc at\npeak of": [Column(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[3:]],
+    "mpc at\nown peak ×": [CellColumn(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[:3]],
+    "mpc at\npeak of": [CellColumn(one.name, MIDDLE, name) for one, name in GIVEN_NAMES[3:]],
 }
 """Groups of columns from left to right."""
 
@@ -131,7 +131,7 @@ def _places() -> list[float]:
     return [place for own in _grouped().values() for place in own]
 
 
-def _panel(axes: Axes, panel: Quantity, good: pd.DataFrame) -> None:
+def _panel(axes: Axes, panel: MetricPanel, good: pd.DataFrame) -> None:
     """A cell per curve and column: the mean as a number, its difference from the reference as a colour."""
     columns = [column for group in GROUPS.values() for column in group]
     scale = Normalize(-panel.full, panel.full)

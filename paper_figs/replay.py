@@ -44,7 +44,7 @@ Train = Mapping[str, Any]
 """What a train is drawn from, see `studies.report.replay.drawing`."""
 
 
-class Event(NamedTuple):
+class RecordedSeries(NamedTuple):
     """Series of a run at its recorded instants."""
 
     time: Floats
@@ -98,11 +98,11 @@ def slip_replay(train: Train, run: xr.Dataset) -> MovingFigure:
     return drawn
 
 
-def event_of(run: xr.Dataset) -> Event:
+def event_of(run: xr.Dataset) -> RecordedSeries:
     """The series that are shown of a recorded run."""
     units, axle_unit = range(run.sizes["unit"]), run["axle_unit"].values
     slip = np.abs(run["slip_velocity"].values)
-    return Event(
+    return RecordedSeries(
         run["time"].values,
         run["position"].values,
         run["speed"].values,
@@ -113,7 +113,7 @@ def event_of(run: xr.Dataset) -> Event:
     )
 
 
-def shown_instants(event: Event) -> NDArray[np.int64]:
+def shown_instants(event: RecordedSeries) -> NDArray[np.int64]:
     """Numbers of the instants that are shown: evenly from shortly before the first strong slip to the end."""
     strong = event.worst.max(axis=1) > 0.5 * event.worst.max()
     first = event.time[int(strong.argmax())] - BEFORE
@@ -122,7 +122,7 @@ def shown_instants(event: Event) -> NDArray[np.int64]:
     return np.linspace(begin, event.time.size - 1, count).round().astype(np.int64)
 
 
-def with_slip_since(event: Event, chosen: NDArray[np.int64]) -> Event:
+def with_slip_since(event: RecordedSeries, chosen: NDArray[np.int64]) -> RecordedSeries:
     """The same; slips at the chosen instants are the largest since the one before, so that no short slip is passed over."""
     slip, worst = event.slip.copy(), event.worst.copy()
     for before, now in pairwise(chosen.tolist()):
@@ -150,7 +150,7 @@ Mover = Callable[[int], object]
 """Makes a panel show the instant of this number of the run."""
 
 
-def _line(axes: Axes, event: Event, train: Train, rail: tuple[Floats, Floats]) -> Mover:
+def _line(axes: Axes, event: RecordedSeries, train: Train, rail: tuple[Floats, Floats]) -> Mover:
     """Cars and wheels stand still, the rail moves below them."""
     places, found = rail
     axle_unit, behind = np.asarray(train["axle_unit"]), -np.asarray(train["axles"])
@@ -208,7 +208,7 @@ def _centres(train: Train, units: int) -> tuple[Floats, Floats]:
     return np.array([-one.mean() for one in own]), np.array([max(np.ptp(one), 3.0) for one in own])
 
 
-def _forces(axes: Axes, event: Event, train: Train, colour: str) -> Mover:
+def _forces(axes: Axes, event: RecordedSeries, train: Train, colour: str) -> Mover:
     """Of each unit, below its cars: what there is, what is used, and the limit."""
     centre, width = _centres(train, len(event.units))
     there = axes.bar(centre, 0.0, width, color=AVAILABLE, label="available")
@@ -231,7 +231,7 @@ def _forces(axes: Axes, event: Event, train: Train, colour: str) -> Mover:
     return move
 
 
-def _slips(axes: Axes, event: Event, train: Train) -> Mover:
+def _slips(axes: Axes, event: RecordedSeries, train: Train) -> Mover:
     """Slip of the worst axle of each unit."""
     centre, width = _centres(train, len(event.units))
     top = _most(event.worst)
@@ -246,7 +246,7 @@ def _slips(axes: Axes, event: Event, train: Train) -> Mover:
     return move
 
 
-def _whole(axes: Axes, event: Event, colour: str, begin: float) -> Mover:
+def _whole(axes: Axes, event: RecordedSeries, colour: str, begin: float) -> Mover:
     """All units over time, up to now."""
     draw_use(axes, event.train, colour)
     end = float(event.time[-1])

@@ -52,7 +52,7 @@ AROUND: dict[str, Rows] = {
 """Name of a row below the table, and its stops."""
 
 
-class Quantity(NamedTuple):
+class Panel(NamedTuple):
     """What a panel shows: title, a cell's value and text, where it misses its aim, and how dark a value is."""
 
     title: str
@@ -96,17 +96,17 @@ def _both(rows: pd.DataFrame) -> str:
 
 LOCKED = "locked wheels [axle s]"
 TABLE = (
-    Quantity("(a) used (with true speed) [–]", _short, _both, _used_too_little, Normalize(0.0, 40.0)),
-    Quantity(f"(b) {LOCKED}", _locked, lambda r: _plain(_locked(r)), lambda r: _locked(r) > 0.0, LogNorm(0.3, 3e4)),
-    Quantity("(c) wheel damage Q [MJ]", _megajoules, lambda r: f"{_megajoules(r):.2f}",
+    Panel("(a) used (with true speed) [–]", _short, _both, _used_too_little, Normalize(0.0, 40.0)),
+    Panel(f"(b) {LOCKED}", _locked, lambda r: _plain(_locked(r)), lambda r: _locked(r) > 0.0, LogNorm(0.3, 3e4)),
+    Panel("(c) wheel damage Q [MJ]", _megajoules, lambda r: f"{_megajoules(r):.2f}",
              lambda r: _megajoules(r) > MOST_DAMAGE / 1e3, LogNorm(2.0, 60.0)),
 )  # fmt: skip
 WORST = (
-    Quantity("(d) short of true speed [points]", _short,
+    Panel("(d) short of true speed [points]", _short,
              lambda r: "–" if np.isnan(_short(r)) else _plain(_short(r)),
              lambda r: _short(r) > 100.0 * POINTS, Normalize(0.0, 40.0)),
-    Quantity(f"(e) {LOCKED}", _locked, lambda r: _plain(_locked(r)), lambda r: _locked(r) > 0.0, LogNorm(0.3, 3e4)),
-    Quantity("(f) Q per car [MJ]", _per_car, lambda r: f"{_per_car(r):.2f}", lambda _: False, LogNorm(0.7, 60.0)),
+    Panel(f"(e) {LOCKED}", _locked, lambda r: _plain(_locked(r)), lambda r: _locked(r) > 0.0, LogNorm(0.3, 3e4)),
+    Panel("(f) Q per car [MJ]", _per_car, lambda r: f"{_per_car(r):.2f}", lambda _: False, LogNorm(0.7, 60.0)),
 )  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def wsp_acceptance(table: pd.DataFrame) -> Figure:
     return drawn
 
 
-def _fill(axes: Axes, quantity: Quantity, rows: dict[str, pd.DataFrame]) -> None:
+def _fill(axes: Axes, quantity: Panel, rows: dict[str, pd.DataFrame]) -> None:
     """A cell per row and curve: its number on a shade, framed where it misses its aim."""
     name_rows(axes, list(rows))
     bare_rows(axes)
@@ -149,7 +149,7 @@ def _fill(axes: Axes, quantity: Quantity, rows: dict[str, pd.DataFrame]) -> None
                 _cell(axes, x, y, quantity, stops)
 
 
-def _cell(axes: Axes, x: int, y: int, quantity: Quantity, stops: pd.DataFrame) -> None:
+def _cell(axes: Axes, x: int, y: int, quantity: Panel, stops: pd.DataFrame) -> None:
     value, missed = quantity.value(stops), quantity.missed(stops)
     share = 0.0 if np.isnan(value) else float(np.clip(quantity.norm(max(value, 1e-9)), 0.0, 1.0))
     frame = {"edgecolor": VERMILION, "linewidth": 1.0} if missed else {"edgecolor": "none"}

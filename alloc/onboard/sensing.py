@@ -231,7 +231,7 @@ def _detect(st, m, j, sign, time, commanded):
 @inlined_jit
 def _limits(eq, m, j, sign, blended):
     """Torque limits of unit `j` at its speed, and the coefficient that they allow."""
-    place = limit_place(m.speed[j], 3.6, eq.drive_table.shape[1] - 1.000001)
+    place = limit_place(m.speed[j], 3.6, eq.drive_table.shape[1])
     m.drive_limit[j] = look_up(eq.drive_table[j], place)
     m.brake_limit[j] = look_up(eq.brake_table[j], place)
     bound = m.drive_limit[j] if sign > 0.0 else m.brake_limit[j]

@@ -52,7 +52,7 @@ ONE_AT_A_TIME = threading.Lock()
 parameters of cvxpy and Python's filters of warnings belong to the whole process too."""
 
 
-class Workspace:
+class OsqpProblem:
     """OSQP's problem for n units, for use by one thread at a time."""
 
     def __init__(self, n: int) -> None:
@@ -101,7 +101,7 @@ class Workspace:
         return result.x / self.root, result.y[1:] / self.root, status
 
 
-workspace = lru_cache(maxsize=256)(Workspace)
+workspace = lru_cache(maxsize=256)(OsqpProblem)
 """The workspace for n units, set up on first use."""
 
 
