@@ -18,22 +18,13 @@ from docstring_parser.attrdoc import AttributeDocstrings
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.typing.templates import (
-    AbstractTemplate,
-    AttributeTemplate,
-    infer,
-    infer_getattr,
-    signature,
-)
+from numba.core.types.npytypes import _RecordField
 from numba.extending import (
-    NativeValue,
     intrinsic,
-    lower_builtin,
     lower_getattr_generic,
     models,
     register_model,
     typeof_impl,
-    unbox,
 )
 from numba.np.numpy_support import from_dtype
 
@@ -51,14 +42,15 @@ _NUMBERS = {
 }
 
 
-class RecordType(types.Type):
-    """Numba's type of a record by its address; records of equal fields are of one type."""
+class RecordType(types.Record):
+    """Numba's type of a record of NumPy, whose fields may be arrays; records of equal fields are of one type."""
 
-    def __init__(self, name: str, fields: tuple[tuple[str, types.Type, int], ...]) -> None:
-        self.fields = {field: (kind, word) for field, kind, word in fields}
-        """Of each field its type, and its first word in the block."""
+    __repr__ = types.Type.__repr__
+
+    def __init__(self, name: str, fields: dict[str, _RecordField]) -> None:
+        self.fields = fields  # an offset is the first word in the block
         digest = hashlib.sha256(repr((name, fields)).encode()).hexdigest()[:12]
-        super().__init__(name=f"{name}_{digest}")
+        types.Type.__init__(self, f"{name}_{digest}")  # Numba's name would be as long as all fields
 
 
 class ByReference:
@@ -71,8 +63,8 @@ class ByReference:
         self._value = value
         words: list[int] = []
         self.kind = _type(_lay_out(value, words))
-        self._block = np.array(words, dtype=np.uint64)
-        self.address = self._block.ctypes.data
+        self.data = np.array(words, dtype=np.uint64)
+        self.address = self.data.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._value, name)
@@ -112,7 +104,10 @@ def _type(what: Any) -> types.Type:
     if isinstance(what, type):
         return _NUMBERS[what][1]
     if isinstance(what[0], str):
-        return RecordType(what[0], tuple((name, _type(one), word) for name, one, word in what[1]))
+        return RecordType(
+            what[0],
+            {name: _RecordField(_type(one), word, None, None) for name, one, word in what[1]},
+        )
     return types.Array(from_dtype(what[0]), what[1], "C")
 
 
@@ -127,42 +122,9 @@ def _typeof(value: ByReference, context: Any) -> types.Type:
     return value.kind
 
 
-@unbox(RecordType)
-def _unbox(kind: RecordType, value: Any, context: Any) -> NativeValue:
-    address = context.pyapi.object_getattr_string(value, "address")
-    number = context.pyapi.long_as_ulonglong(address)
-    context.pyapi.decref(address)
-    return NativeValue(context.builder.inttoptr(number, _WORD.as_pointer()))
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):
-    key = RecordType
-
-    def generic_resolve(self, kind: Any, name: Any) -> Any:  # type: ignore[override]
-        return kind.fields.get(name, (None,))[0]
-
-
-@infer
-class _Items(AbstractTemplate):
-    key = "static_getitem"
-
-    def generic(self, args: Any, kws: Any) -> Any:
-        kind, index = args
-        if isinstance(kind, RecordType) and isinstance(index, int):
-            return signature(list(kind.fields.values())[index][0], *args)
-        return None
-
-
-@lower_builtin("static_getitem", RecordType, types.IntegerLiteral)
-def _read_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    kind, (block, index) = sig.args[0], args
-    return _read(context, builder, kind, block, list(kind.fields)[index])
-
-
 @lower_getattr_generic(RecordType)
 def _read(context: Any, builder: Any, kind: RecordType, block: Any, name: str) -> Any:
-    of, word = kind.fields[name]
+    of, word = kind.fields[name][:2]
     place = builder.gep(block, [ir.Constant(_WORD, word)])
     if isinstance(of, RecordType):
         return place

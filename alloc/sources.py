@@ -166,7 +166,7 @@ class SourceFile(NamedTuple):
 
     digest: str
     imports: list[str]
-    """Modules named in import statements, wherever these stand, and the packages around them."""
+    """Modules named in import statements, wherever these stand; relative ones begin with their dots."""
     later: list[str]
     """Modules imported for annotations alone, or when a part or a name is asked for: those of a `Registry` (``package.*``)
     and of a facade."""
@@ -215,7 +215,7 @@ def closure(*modules: str, later: bool = True) -> frozenset[str]:
             waiting += (
                 [f"{within}.{file.stem}" for file in folder.glob("*.py")] if several else [one]
             )
-        waiting += source.named
+        waiting += [*source.named, *([] if os.sep in name else [name.rpartition(".")[0]])]
     return frozenset(found)
 
 
@@ -283,7 +283,8 @@ def _read(content: bytes, suffix: str) -> SourceFile:
     elif suffix == ".toml":
         with suppress(ValueError):  # a broken one counts as it stands
             text = repr(tomllib.loads(text))
-    named = sorted({files[word] for word in re.findall(r"'([\w.-]+)'", text) if word in files})
+    words = re.findall(r"value='([\w.-]+)'" if suffix == ".py" else r"'([\w.-]+)'", text)
+    named = sorted({files[word] for word in words if word in files})
     return SourceFile(hashlib.sha256(text.encode()).hexdigest(), imports, later, named)
 
 
@@ -302,9 +303,13 @@ def _imports(nodes: list[ast.AST]) -> tuple[list[str], list[str]]:
     later: list[str] = []
     for node in nodes:
         if isinstance(node, ast.Import | ast.ImportFrom):
+            module = "." * getattr(node, "level", 0) + (getattr(node, "module", "") or "")
             for one in node.names:
+                dot = "." if module.strip(".") else ""
                 for_types = id(node) in unneeded or (one.asname or one.name) in of_types
-                (later if for_types else now).extend(_imported(node, one.name))
+                (later if for_types else now).extend(
+                    (module or one.name, f"{module}{dot}{one.name}")
+                )
         elif isinstance(node, ast.Call) and _word(node.func) == "Registry":
             words = [_word(one) for one in (*node.args, *(key.value for key in node.keywords))]
             later += [f"{word}.*" for word in words if word.partition(".")[0] in PACKAGES]
@@ -314,15 +319,3 @@ def _imports(nodes: list[ast.AST]) -> tuple[list[str], list[str]]:
 def _word(node: ast.AST) -> str:
     """A name, or a string, which may be one: in `__all__`, or in an annotation that looks ahead."""
     return str(getattr(node, "id", "") or getattr(node, "value", ""))
-
-
-def _imported(node: ast.Import | ast.ImportFrom, name: str) -> list[str]:
-    """Modules that the import of `name` loads, and the packages around them; relative ones begin with their dots."""
-    names = [name]
-    if isinstance(node, ast.ImportFrom):
-        module = "." * node.level + (node.module or "")
-        names = [module, f"{module}{'' if module.endswith('.') else '.'}{name}"]
-        if node.level:
-            return names
-    parts = [one.split(".") for one in names]
-    return [".".join(part[:k]) for part in parts for k in range(1, len(part) + 1)]

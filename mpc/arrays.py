@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from llvmlite import ir
-from numba import float64, int64, types, void
+from numba import float64, types, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
@@ -16,7 +16,6 @@ from alloc.compilation import FASTMATH, compiled
 from alloc.records import stored_at
 
 VECTOR, MATRIX = float64[::1], float64[:, ::1]
-INDEX = int64[::1]
 PREPARE = types.FunctionType(void(VECTOR, VECTOR))
 """What follows from a model's parameters alone: (parameters, constants)."""
 SLOPE = types.FunctionType(void(VECTOR, VECTOR, VECTOR, VECTOR))
