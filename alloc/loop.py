@@ -137,8 +137,6 @@ def true_limits(plant, eq, time, sign, braking, truth, trailing):
         truth[j] = max(truth[j] + turning, 0.0) / (share * eq.axle_load[j])
 
 
-# The closed loop: a plant that runs control period by control period, with calls to parts in Python on the way.
-#
 # The loop is compiled. It returns to Python only where a part lives there (a driver, a rule with a QP solver, an MPC).
 # It states what it needs, and continues with the answer. So compiled and hosted parts work in exactly the same run.
 

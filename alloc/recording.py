@@ -346,9 +346,6 @@ def attributes_of(run: xr.Dataset) -> RunAttributes:
     return cast(RunAttributes, run.attrs)
 
 
-# A recorded run as an `xarray.Dataset`: made from the loop's record, saved and loaded.
-
-
 class Record(NamedTuple):
     """What the loop records of plant and computers; first dimension: instants."""
 

@@ -43,8 +43,6 @@ def load_module(name: str, text: str) -> ModuleType:
     return _loaded[name]
 
 
-# From CasADi expressions to Numba functions: CasADi differentiates, Numba executes, no C compiler needed.
-#
 # CasADi's own virtual machine takes several nanoseconds per operation and a call from Python near a microsecond; the
 # shooting sweep calls the model hundreds of times per control period. The expression's instructions are therefore
 # written out as Python source beside Numba's cache, once per model, and compiled there.

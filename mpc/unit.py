@@ -143,9 +143,6 @@ def pose(u, target, limit):
     terms.unit.target[0] = min(target, most * u.per_coefficient)
 
 
-# The readhesion MPC of one traction unit in Python, its solver exchangeable: the reference of `mpc.unit`.
-
-
 Iteration = Callable[[Units, MpcSettings], RealTimeIteration]
 """Makes the solver of a unit's problem; another solver derives from `RealTimeIteration` and has its own `solve`."""
 

@@ -344,9 +344,6 @@ def command_compiled(eq, m, c, torque, time, tick):
         m.unit.torque_factor[j] = share_of_target(m, j)
 
 
-# All readhesion controllers by name: built-in ones, those of installed packages, and those registered at run time.
-
-
 CONTROLLERS: Registry[type[BuiltInController] | HostedController] = Registry(
     "controller", "readhesion.controllers", OnboardError
 )

@@ -135,9 +135,6 @@ class ReferenceSpeed:
         return min(COMPARED if self.radii_compared else 1.0, self.radius_deviation)
 
 
-# Parameters of the equipment on board; what the train believes is kept apart from the truth.
-
-
 LARGEST_ERRORS = {"load_error": 1.0, "radius_error": 0.5}
 """As shares; wear takes less than a tenth of a wheel's radius."""
 

@@ -89,9 +89,6 @@ def compare_radii(eq, st, m, commanded, torque, pressure):
         m.differentiator[j] = m.observer[j] = np.nan
 
 
-# Sensing, once per control period: speeds, accelerations, slip signals, coefficient estimates.
-
-
 @inlined_jit
 def _lose_signals(eq, dropout, m, time):
     """Which axles' speeds are known now, and of how many axles each unit knows them.

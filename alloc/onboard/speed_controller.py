@@ -269,9 +269,6 @@ class Traction:
         return torques, float(self.rim_force @ torques) * self.current_per_force
 
 
-# The speed control as a driver of `alloc.driving.drive`: feedback, compensation, feedforward, learning.
-
-
 Mode = Literal["feedback", "compensation", "feedforward", "learn-then-use"]
 """Feedback alone (Fig. 8); compensation by position (claims 1, 2); feedforward from commanded values, with learning at the
 same time if there is a learner (claims 3, 4); learning on the feedback, then using the result (claim 5)."""

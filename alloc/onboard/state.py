@@ -164,9 +164,6 @@ def settings(onboard: Onboard, rule: RuleSettings, controller: str) -> Settings:
     )
 
 
-# What the train's computers remember in a run; nothing is allocated later.
-
-
 Counter = NDArray[np.int64]
 
 

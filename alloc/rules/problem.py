@@ -69,9 +69,6 @@ def lowest(values):
     return smallest
 
 
-# A rule's problem: adhesion caps along the train, the plan, and the other bounds of the limits.
-
-
 Floats = NDArray[np.float64]
 
 _ADVICE = {
@@ -254,9 +251,6 @@ def _coefficients(name: str, values: ArrayLike, n: int | None) -> Floats:
         bound = "greater than 0" if name == "mass" else "0 or greater"
         raise AllocationError(f"{name}[{j}] = {array[j]} must be {kind} {bound}: {_ADVICE[name]}")
     return _frozen(array)
-
-
-# A rule's answer: the limits, and what they deliver.
 
 
 CASE_NONE, CASE_A, CASE_B = 0, 1, 2

@@ -188,9 +188,6 @@ find_rule = RULES.find
 """The rule of a name; raises `AllocationError` with the nearest name for one that does not exist."""
 
 
-# No redistribution: every unit works alone.
-
-
 @jit
 def alone_law(units, expected, limit_out):
     """Every unit keeps the plan, within its torque limit; only its own readhesion control acts."""

@@ -10,9 +10,6 @@ from alloc.compilation import equation
 from alloc.display import displayed
 from alloc.records import numbers_of
 
-# Base class of the readhesion controllers that are compiled with the loop.
-
-
 Remembered = Mapping[str, Any]
 """What a law stores of every unit, and its value at the start of a run: a number, or nested tuples of numbers."""
 

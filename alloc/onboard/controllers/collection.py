@@ -15,8 +15,6 @@ from alloc.onboard.controllers.particle_swarm import SwarmSlip, SwarmTracking
 from alloc.onboard.controllers.search import FuzzyTracking, PerturbObserve, SteepestGradient
 from alloc.onboard.controllers.simple import CutAndRamp, NoControl, TorqueTable
 
-# The readhesion controllers that are built in: to add one, import it here and give it a field.
-
 
 @dataclass(frozen=True)
 class BuiltInControllers:

@@ -81,9 +81,6 @@ def move_reference(p, k, j, step, coefficient, slip):
     _start_interval(k, j)
 
 
-# Creep control: PI control of the slip velocity; its output is the coefficient from which the torque follows.
-
-
 @equation
 def hold_slip(allowed, slip, reference, ceiling, proportional, integral, period):
     """One period of the PI controller of slip: returns the integral's new value and the coefficient to pull with.
