@@ -176,7 +176,7 @@ def _memory(record: ByReference, functions: dict[int, str]) -> str:
         start = (start + content).ljust(end, b"\0") if any(content) else start
     words = [
         f"i64 ptrtoint (ptr {symbols[word]} to i64)" if word in symbols else f"i64 {word}"
-        for word in record._block.view(np.int64).tolist()
+        for word in record.data.view(np.int64).tolist()
     ]
     filled, text = len(start), "".join(f"\\{byte:02x}" for byte in start)
     lines = [
