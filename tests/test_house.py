@@ -79,6 +79,15 @@ def test_rooms_do_not_import_each_other_in_a_circle():
         pytest.fail(" -> ".join(error.args[1]))
 
 
+def test_modules_below_the_studies_do_not_import_each_other_in_a_circle_not_even_for_types():
+    modules = [name for name in TREES if name.split(".")[0] in LAYERS[:2]]
+    arrows = {name: set(imports(name)) for name in modules if not name.endswith("__init__")}
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
 def test_plant_knows_nothing_of_what_runs_on_board():
     below = (
         "alloc.plant",
