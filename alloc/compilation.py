@@ -10,6 +10,7 @@ import logging
 import pickle
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
 from numba.extending import register_jitable
 
 from alloc.sources import cache_folder, code_hash, keep, kept, path_of
@@ -54,10 +56,12 @@ class _Kernels(Cache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
         content = kept(self._key(sig, target_context.codegen()))
-        try:
-            return CompileResult._rebuild(target_context, *pickle.loads(content or b""))
-        except Exception:  # nothing is kept, or what another system's library made
-            _say_compiling()
+        with suppress(Exception):  # nothing is kept, or what another system's library made
+            found = CompileResult._rebuild(target_context, *pickle.loads(content or b""))
+            # types that look alike may be others: of a named tuple Numba shows neither fields nor module
+            if found.signature.args == normalize_signature(sig)[0]:
+                return found
+        _say_compiling()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -269,8 +269,10 @@ def _numeric(kind: type) -> dict[str, type]:
 
 
 @cache
-def _named_tuple(name: str, fields: tuple[str, ...]) -> Any:
-    return namedtuple(name, fields)
+def _named_tuple(kind: Any, fields: tuple[str, ...]) -> Any:
+    made = kind.Numbers = namedtuple(kind.__name__, fields, module=kind.__module__)  # type: ignore[misc]
+    made.__qualname__ = f"{kind.__qualname__}.Numbers"  # where Numba's cache looks for it
+    return made
 
 
 def numbers_of(record: Any, **others: Any) -> Any:
@@ -284,7 +286,7 @@ def numbers_of(record: Any, **others: Any) -> Any:
         for name, stated in _numeric(kind).items()
         if name not in others
     } | others  # fmt: skip
-    return _named_tuple(kind.__name__, tuple(values))(**values)
+    return _named_tuple(kind, tuple(values))(**values)
 
 
 def filled(kind: type[Filled], source: Any, **others: Any) -> Filled:

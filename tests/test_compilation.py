@@ -12,6 +12,7 @@ import sys
 import textwrap
 import threading
 import warnings
+from collections import namedtuple
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,8 @@ import mpc
 import studies.readhesion_paper.lanes
 from alloc import compilation, sources
 from alloc.onboard.controllers.base import BuiltInController
+from alloc.onboard.parameters import Onboard
+from alloc.onboard.state import RuleSettings, settings
 from alloc.plant import engine as compiled
 from alloc.sources import VARIABLES, cache_folder, closure, keep, path_of, private, write_whole
 from tests.test_sources import forget
@@ -148,6 +151,28 @@ def test_an_edit_elsewhere_compiles_again_and_a_comment_does_not(kernel, variabl
     assert kernel(variable, kernel=commented, law=commented) == (7.0, False)
     assert kernel(variable, factor=[("2.0", "5.0")]) == (16.0, True)
     assert kernel(variable) == (7.0, False)
+
+
+def difference(pair):
+    return pair.a - pair.b
+
+
+def test_a_kernel_is_not_taken_for_that_of_another_record_of_equal_look(tmp_path, monkeypatch):
+    monkeypatch.setenv("READHESION_CACHE", str(tmp_path))
+    for fields, expected in (("a b", 2.0), ("b a", -2.0)):  # Numba writes both as Pair(float64 x 2)
+        start_afresh()
+        pair = namedtuple("Pair", fields)(3.0, 1.0)
+        assert compilation.compiled(difference)(pair) == expected
+    start_afresh()
+
+
+def test_what_was_compiled_for_settings_by_value_is_found_again():
+    st = settings(Onboard(), RuleSettings(0), "pi-creep")
+    for name, value in st._asdict().items():
+        assert type(pickle.loads(pickle.dumps(value))) is type(value), name
+    assert pickle.loads(pickle.dumps(type(st.brakes.slide_protection))) is type(
+        st.brakes.slide_protection
+    )
 
 
 def test_who_waits_at_a_terminal_is_told_once_and_only_where_something_is_compiled(
