@@ -78,16 +78,16 @@ def test_every_rule_and_controller_has_a_look_of_its_own():
 
 
 def test_a_rule_has_the_same_colour_in_every_figure(drawn, source):
-    every = list(dict.fromkeys(source.table["rule"]))
-    for name, rules in (("rule-comparison", every[1:]),):
-        shown = {to_hex(line.get_color()) for axes in drawn[name].axes for line in lines_of(axes)}
-        assert {rule_colour(rule) for rule in rules} <= shown
-        (legend,) = drawn[name].legends
-        of_label = {
-            text.get_text(): to_hex(handle.get_color())
-            for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
-        }
-        assert {rule: of_label[rule] for rule in rules} == {r: rule_colour(r) for r in rules}
+    rules = list(dict.fromkeys(source.table["rule"]))[1:]
+    compared = drawn["rule-comparison"]
+    shown = {to_hex(line.get_color()) for axes in compared.axes for line in lines_of(axes)}
+    assert {rule_colour(rule) for rule in rules} <= shown
+    (legend,) = compared.legends
+    of_label = {
+        text.get_text(): to_hex(handle.get_color())
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+    assert of_label == {rule: rule_colour(rule) for rule in rules}
     columns = drawn["allocation-bars"].axes[: len(SHOWN)]
     for rule, axes in zip(SHOWN, columns, strict=True):
         assert axes.get_title().startswith(f"{rule}\n")
