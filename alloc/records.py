@@ -270,7 +270,7 @@ def _numeric(kind: type) -> dict[str, type]:
 
 @cache
 def _named_tuple(kind: Any, fields: tuple[str, ...]) -> Any:
-    made = kind.Numbers = namedtuple(kind.__name__, fields, module=kind.__module__)  # type: ignore[misc]
+    made = kind.Numbers = namedtuple(kind.__name__, fields, module=kind.__module__)
     made.__qualname__ = f"{kind.__qualname__}.Numbers"  # where Numba's cache looks for it
     return made
 

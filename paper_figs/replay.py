@@ -12,13 +12,21 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from alloc.recording import attributes_of
-from paper_figs.adhesion_use import AVAILABLE, LIMIT, ROOM, AdhesionUse, draw_use, use_of_units
-from paper_figs.axle_maps import ADHESION_SHADES, LEAST_SLIP, SLIP_SHADES, UNKNOWN
-from paper_figs.moving import Motion, MovingFigure
-from paper_figs.palette import BLACK, DARK
-from paper_figs.registry import figure
-from paper_figs.source import made, recorded
-from paper_figs.style import COLUMN, NOTE, rule_colour
+from paper_figs.drawing import figure, made, recorded
+from paper_figs.events import (
+    ADHESION_SHADES,
+    AVAILABLE,
+    LEAST_SLIP,
+    LIMIT,
+    ROOM,
+    SLIP_SHADES,
+    UNKNOWN,
+    AdhesionUse,
+    draw_use,
+    use_of_units,
+)
+from paper_figs.saving import Motion, MovingFigure
+from paper_figs.style import BLACK, COLUMN, DARK, NOTE, Look, rule_colour
 from studies.report.replay import drawing
 from studies.scenario.loading import load_scenario
 
@@ -163,15 +171,13 @@ def _line(axes: Axes, event: RecordedSeries, train: Train, rail: tuple[Floats, F
         own = axle_unit[(-behind > begin) & (-behind < end)]
         driven = own[own >= 0] + 1
         colour = MOTOR_CAR if driven.size else "white"
-        box = Rectangle(
-            (-end + 0.4, CAR[0]), end - begin - 0.8, CAR[1], facecolor=colour, edgecolor=DARK
-        )
-        axes.add_patch(box)
+        corner, length = (-end + 0.4, CAR[0]), end - begin - 0.8
+        axes.add_patch(Rectangle(corner, length, CAR[1], facecolor=colour, edgecolor=DARK))
         if driven.size and len(train["cars"]) <= MOST_NAMED:
-            axes.text(
-                -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1], _of_units(int(driven.min()), int(driven.max())), fontsize=NOTE,
-                ha="center", va="center_baseline",
-            )  # fmt: skip
+            first, last = int(driven.min()), int(driven.max())
+            name = f"unit {first}" if first == last else f"{first}–{last}"
+            place = -0.5 * (begin + end), CAR[0] + 0.5 * CAR[1]
+            axes.text(*place, name, fontsize=NOTE, ha="center", va="center_baseline")
     size = min(1.0, MOST_WHEELS / behind.size)
     wheels = axes.scatter(
         behind, np.full(behind.size, WHEEL), s=size * np.where(axle_unit >= 0, 13.0, 6.0), c=event.slip[0],
@@ -195,10 +201,6 @@ def _line(axes: Axes, event: RecordedSeries, train: Train, rail: tuple[Floats, F
 def _most(slip: Floats) -> float:
     """End of a scale of slip velocities [m/s]."""
     return max(LEAST_SLIP, float(slip.max()))
-
-
-def _of_units(first: int, last: int) -> str:
-    return f"unit {first}" if first == last else f"{first}–{last}"
 
 
 def _centres(train: Train, units: int) -> tuple[Floats, Floats]:
@@ -250,15 +252,8 @@ def _whole(axes: Axes, event: RecordedSeries, colour: str, begin: float) -> Move
     """All units over time, up to now."""
     draw_use(axes, event.train, colour)
     end = float(event.time[-1])
-    veil = Rectangle(
-        (0.0, 0.0),
-        0.0,
-        1.0,
-        transform=axes.get_xaxis_transform(),
-        facecolor="white",
-        alpha=0.85,
-        zorder=5,
-    )
+    look: Look = {"facecolor": "white", "alpha": 0.85, "zorder": 5}
+    veil = Rectangle((0.0, 0.0), 0.0, 1.0, transform=axes.get_xaxis_transform(), **look)
     axes.add_patch(veil)
     axes.set(
         xlim=(begin, end), ylim=(0.0, ROOM * float(np.nanmax(event.train.limit))),

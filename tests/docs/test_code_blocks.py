@@ -11,7 +11,7 @@ import pytest
 from alloc.metrics import METRICS
 from alloc.rules import RULES
 from alloc.simulation import CONTROLLERS
-from paper_figs.registry import FIGURES
+from paper_figs.drawing import FIGURES
 from studies.command_line.main import app, run
 from studies.core.collection import all_studies
 from studies.files.strict import parse

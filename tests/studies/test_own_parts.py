@@ -29,7 +29,7 @@ class Mine:
 CONTROLLERS.register("mine", {part})
 """
 FIGURE = """
-from paper_figs.registry import figure
+from paper_figs.drawing import figure
 @figure("mine", "one of mine")
 def mine():
     {answer}
@@ -119,7 +119,7 @@ def test_of_two_parts_of_one_name_both_files_are_named(tmp_path, capsys):
     ("answer", "words"), [("1 / 0", "ZeroDivisionError: division by zero in line 5"), ("pass", "returns a NoneType")]
 )  # fmt: skip
 def test_a_figure_that_cannot_be_drawn_is_named(answer, words, tmp_path, capsys, monkeypatch):
-    figures = importlib.import_module("paper_figs.registry").FIGURES
+    figures = importlib.import_module("paper_figs.drawing").FIGURES
     list(figures)
     monkeypatch.setattr(figures, "_parts", dict(figures._parts))
     monkeypatch.setattr(figures, "_origins", dict(figures._origins))
