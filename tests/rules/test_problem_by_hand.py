@@ -61,6 +61,15 @@ def test_rules_that_know_no_caps_say_whether_these_allow_more_than_the_plan(rule
     assert find_rule(rule)(heavy).case == "B"  # 9 (-0.001) + 0.01 > 0
 
 
+@pytest.mark.parametrize("rule", ["exact", "qp"])
+def test_lower_bounds_that_just_give_the_plan_are_the_answer(rule):
+    answer = find_rule(rule)(
+        AllocationProblem([0.5, 0.5], 0.125, previous=[0.25, 0.25], rate=0.125)
+    )
+    assert answer.limit.tolist() == [0.125, 0.125]
+    assert (answer.level, answer.case, answer.status) == (0.125, "B", "ok")
+
+
 def test_what_stands_at_no_bound_has_no_multiplier_to_be_wrong():
     problem = AllocationProblem([0.5, 0.5], 0.2)
     found = optimality(problem, find_rule("exact")(problem))
