@@ -261,7 +261,10 @@ CASES = ("none", "A", "B")
 @displayed
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """Limits of the tangential force coefficients, one per unit, and how the rule determined them."""
+    """Limits of the tangential force coefficients, one per unit, and how the rule determined them.
+
+    Raises `AllocationError` for a case that is none.
+    """
 
     limit: Floats
     """Limit of each unit, (n,), read-only."""
@@ -275,6 +278,9 @@ class Allocation:
     """"ok", which a rule with a solver states only for a certified optimum, or what happened instead."""
     solve_time: float = 0.0
     """Wall time that the rule took [s]."""
+
+    def __post_init__(self) -> None:
+        AllocationError.check_choice("allocation", "case", self.case, CASES)
 
     def effort(self, problem: AllocationProblem) -> float:
         """Mean limit weighted with mass: what the train would deliver if every unit reached its limit."""
@@ -297,7 +303,12 @@ def allocation(
     solve_time: float,
     status: str = "ok",
 ) -> Allocation:
-    """The answer with `limit` to `problem`; shortfalls within rounding count as none."""
+    """The answer with `limit` to `problem`; shortfalls within rounding count as none.
+
+    `case`: place in `CASES`. Raises `AllocationError` where there is not one limit per unit.
+    """
+    if limit.shape != (problem.n,):
+        raise AllocationError(f"limit has shape {limit.shape}, must be ({problem.n},) as cap has")
     shortfall = problem.expected - float(np.dot(problem.weight, limit) / problem.weight.sum())
     unmet = shortfall if shortfall > ROUNDING * problem.expected else 0.0
     limit.flags.writeable = False

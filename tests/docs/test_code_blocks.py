@@ -38,6 +38,7 @@ OTHER_PROGRAMS = ("dask ", "srun ")
 """Beginnings of lines that no test here understands: they need a cluster."""
 RUN = {
     "list",
+    "check greedy",
     "cite wet-patch --rule greedy --controller mpc",
     "simulate wet-patch --rule cooperative --controller perturb-observe --figure event.png",
     "compare --scenario wet-patch --rules alone cooperative --controllers perturb-observe --seeds 3",

@@ -10,7 +10,7 @@ from tests.studies.test_plugins import plain  # noqa: F401
 
 RULE = """
 import numpy as np
-from alloc.rules import RULES, Rule
+from alloc.rules import RULES, Allocation, Rule
 from alloc.rules.problem import CASE_A, allocation
 def answer(problem{more}):
     limit = np.clip(np.full(problem.n, problem.expected), *problem.box)
@@ -61,6 +61,8 @@ FAULTS = {
     "no answer": (rule("pass"), "returns None"),
     "an array": (rule("return limit"), "return allocation("),
     "no number": (rule(GOOD_RULE.replace("limit,", "limit * np.nan,")), "one finite limit each"),
+    "case C": (rule("return Allocation(limit, 0.0, 'C', 0.0)"), "case = 'C' must be one of none, A, B in line 7"),
+    "negative limits": (rule(GOOD_RULE.replace("limit,", "limit - 1.0,")), "none may be negative"),
     "raises": (rule("raise ValueError('no idea')"), "ValueError: no idea in line 7"),
     "ends the program": (rule("raise SystemExit(3)"), "SystemExit: 3"),
     "a function": (rule(part="answer"), "register Rule("),
