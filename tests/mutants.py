@@ -45,8 +45,8 @@ MAPS = ROOT / "build/mutants"
 """What was measured of each file of tests, by its content."""
 TEST_SECONDS, PLAIN_SECONDS, MUTANT_SECONDS, COMPILE_SECONDS = 60.0, 5.0, 150.0, 200.0
 """Processor time that a test may take, compiled and as plain Python, all tests of one fault, and compiling a faulty loop."""
-TOGETHER = 6
-"""Files of tests that are run in one process."""
+TOGETHER, QUICK = 6, 1.0
+"""Files of tests that are run in one process, and the time [s] of a test that comes before the slow ones."""
 LIBRARIES = "numba casadi scipy.optimize hypothesis pydantic daqp osqp cvxpy xarray matplotlib.figure cyclopts pandas"
 """Imported once, before the forks."""
 BINARY = "Add_Sub Sub_Add Mul_Div Mul_Add Div_Mul FloorDiv_Mul Mod_FloorDiv Pow_Mul BitAnd_BitOr BitOr_BitAnd BitXor_BitAnd"
@@ -318,7 +318,7 @@ def statement(fault: Mutant) -> set[str]:
 
 
 def candidates(fault: Mutant, files: list[str], uncompiled: bool) -> list[tuple]:
-    """Rank, place of the file, distance, time [s] and name of tests, the likeliest first.
+    """Rank, whether it is slow, place of the file, distance, time [s] and name of tests, the likeliest first.
 
     Rank 0 executes the fault, 1 is of a file of such tests, for what tests share the first alone executes; 2 is of others.
     """
@@ -330,7 +330,7 @@ def candidates(fault: Mutant, files: list[str], uncompiled: bool) -> list[tuple]
         near = set().union(*here.values())
         for k, (test, spent) in enumerate(seconds.items()):
             rank = 0 if k in executing else 1 if executing else 2
-            found.append((rank, files.index(file), k not in near, spent, test))
+            found.append((rank, spent > QUICK, files.index(file), k not in near, spent, test))
     return sorted(found)
 
 

@@ -18,13 +18,17 @@ from paper_figs.allocation import HIGH, LOW, SHOWN, allocate, caps
 from paper_figs.drawing import draw_comparison, draw_one, draw_run, save_figure
 from paper_figs.events import slip_event
 from paper_figs.moving import MovingFigure
+from paper_figs.palette import VERMILION
 from paper_figs.registry import FIGURES
 from paper_figs.style import CONTROLLER_FILL, rule_colour
+from paper_figs.wsp_acceptance import wsp_acceptance
 from studies.core.job import Job, simulate_job
 from studies.files.study_error import StudyError
 from studies.scenario.loading import load_scenario
 from studies.slides.jp4209318 import CALIBRATED as DEMONSTRATION
 from studies.slides.jp4209318 import brake, brake_event
+from studies.wsp_acceptance.stop_cases import LEVELS
+from tests.studies.acceptance_tables import acceptance_table
 
 
 def lines_of(axes):
@@ -133,10 +137,22 @@ def test_the_log_is_drawn_with_its_gap_and_what_was_found(drawn, logged):
     (rings,) = (line for line in slips.get_lines() if line.get_marker() == "o")
     assert sorted(rings.get_ydata()) == sorted(event.axle + 1 for event in found.events)
     assert coefficients.get_images()[0].get_array().shape[0] == log.train.radius.size
+    drawn["measured-log"].draw_without_rendering()
+    for one in (slips, coefficients, forces):  # the scale of each stands beside it
+        scale = one.get_images()[0].colorbar.ax.get_position()
+        assert scale.y0 == pytest.approx(one.get_position().y0, abs=0.01)
     force = forces.get_images()[0].get_array()
     assert force.max() == pytest.approx(1e-3 * np.nanmax(found.car_force))
     bars = next(one for one in axes if one.get_xlabel() == "Q [kJ]").containers[0]
     np.testing.assert_allclose([bar.get_width() for bar in bars], 1e-3 * found.axle_damage)
+
+
+def test_stops_that_use_too_little_are_framed_at_the_levels_of_the_table_alone():
+    little = {"adhesion_used": 0.8, "true_speed_adhesion_used": 0.8}
+    cells = wsp_acceptance(acceptance_table(lambda row: row | little)).axes[0].patches
+    framed = [one for one in cells if to_hex(one.get_edgecolor()) == to_hex(VERMILION)]
+    assert {round(one.get_y() + 0.42) for one in framed} == set(range(len(LEVELS)))
+    assert len(cells) > len(framed)
 
 
 def test_high_and_low_adhesion_are_the_cases_that_the_figure_names():
