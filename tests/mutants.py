@@ -344,8 +344,7 @@ def noticed_by(fault: Mutant) -> str:
         files = [file for file in files if module in _imported(file)]
         files.sort(key=lambda file: (module not in Path(file).read_text(), len(_imported(file))))
         left, asked = MUTANT_SECONDS, set()
-        # which lines of compiled code are executed is not known
-        ranks = (0, 1) if uncompiled else (2,) if recompiled else (0, 2)
+        ranks = (0, 1) if uncompiled else (2,) if recompiled else (0, 2)  # compiled: unseen
         for most, k in itertools.product(ranks, range(0, len(files), TOGETHER)):
             if left < 1.0:
                 break
@@ -425,7 +424,6 @@ def again(number: int, seed: int) -> int:
         test = row["noticed_by"]
         made = (mutant(*place) for place in sites(row["file"]) if place[1] == row["operator"])
         same = [one for one in made if one and key(one._asdict()) == key(row)]
-        # several lines may read alike
         fault = min(same, key=lambda one: abs(one.line - int(row["line"])), default=None)
         ways = [one for one in modes(row["file"]) if passes(test, one)] if fault else []
         if not ways:
